@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where standard messages carry covariances, and which fields their rows belong to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from kalman_ros.core import Array
+
+from .paths import ANGLES, Path, walk
+
+_XYZ = ('x', 'y', 'z')
+
+
+def _below(part: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f'{part}.{name}' for name in names)
+
+
+#: Message type -> its covariances: the attribute, and the field of each row.
+_CARRIED: dict[str, dict[str, tuple[str, ...]]] = {
+    'PoseWithCovariance': {
+        'covariance': _below('pose.position', _XYZ) + _below('pose.orientation', ANGLES)
+    },
+    'TwistWithCovariance': {
+        'covariance': _below('twist.linear', _XYZ) + _below('twist.angular', _XYZ)
+    },
+    'AccelWithCovariance': {
+        'covariance': _below('accel.linear', _XYZ) + _below('accel.angular', _XYZ)
+    },
+    'Imu': {
+        'orientation_covariance': _below('orientation', ANGLES),
+        'angular_velocity_covariance': _below('angular_velocity', _XYZ),
+        'linear_acceleration_covariance': _below('linear_acceleration', _XYZ),
+    },
+    'MagneticField': {'magnetic_field_covariance': _below('magnetic_field', _XYZ)},
+    'FluidPressure': {'variance': ('fluid_pressure',)},
+    'Temperature': {'variance': ('temperature',)},
+    'RelativeHumidity': {'variance': ('relative_humidity',)},
+    'Illuminance': {'variance': ('illuminance',)},
+}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A covariance array in a message, and which of its rows are which coordinates of a vector.
+
+    ``own`` are indices into the vector, ``rows`` into the array, ``size`` the array's width.
+    """
+
+    way: tuple[str, ...]
+    own: tuple[int, ...]
+    rows: tuple[int, ...]
+    size: int
+
+    def values(self, message: Any) -> Array:
+        """Return the numbers of the array (size * size,) in a message.
+
+        Raises
+        ------
+        ValueError
+            If there are more or fewer.
+        """
+        numbers = np.asarray(walk(message, self.way), dtype=float).ravel()
+        if numbers.size != self.size**2:
+            way = '.'.join(self.way)
+            raise ValueError(f'{way}: expected {self.size**2} numbers, got {numbers.size}')
+        return numbers
+
+
+def flat_indices(chosen: Sequence[int], size: int) -> npt.NDArray[np.intp]:
+    """Return where the block of the ``chosen`` rows stands in a (size, size) matrix, flat."""
+    index = np.asarray(chosen, dtype=np.intp)
+    return (index[:, np.newaxis] * size + index).ravel()
+
+
+def blocks(paths: Sequence[Path], sample: Any, explicit: str = '') -> tuple[Block, ...]:
+    """Return the covariance blocks of the fields ``paths`` of messages like ``sample``.
+
+    ``explicit`` is the path of an array that holds the covariance of exactly these fields.
+    """
+    if explicit:
+        everything = tuple(range(len(paths)))
+        return (Block(tuple(explicit.split('.')), everything, everything, len(paths)),)
+    found: dict[tuple[str, ...], list[tuple[int, int, int]]] = {}
+    for index, path in enumerate(paths):
+        place = _carried(path, sample)
+        if place is not None:
+            way, row, size = place
+            found.setdefault(way, []).append((index, row, size))
+    return tuple(
+        Block(way, tuple(i for i, _, _ in rows), tuple(row for _, row, _ in rows), rows[0][2])
+        for way, rows in found.items()
+    )
+
+
+def _carried(path: Path, sample: Any) -> tuple[tuple[str, ...], int, int] | None:
+    """Return the covariance array that has a row for ``path``, the row, and the array's width."""
+    for depth in range(len(path.way)):
+        owner = walk(sample, path.way[:depth])
+        rest = '.'.join(path.way[depth:])
+        for attribute, rows in _CARRIED.get(type(owner).__name__, {}).items():
+            if rest in rows:
+                return (*path.way[:depth], attribute), rows.index(rest), len(rows)
+    return None

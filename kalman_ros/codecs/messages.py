@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finding message types by name, and the stamps in their headers."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_NANOSECONDS = 1_000_000_000
+
+
+def message_type(name: str) -> Any:
+    """Return the class of ``package/Name`` (``package/msg/Name`` is the same).
+
+    Raises
+    ------
+    ValueError
+        If it is not installed or there is no such message.
+    """
+    package, _, kind = name.replace('/msg/', '/').partition('/')
+    if not package.isidentifier() or not kind.isidentifier():
+        raise ValueError(f"type: expected 'package/Name', got '{name}'")
+    try:
+        found = getattr(importlib.import_module(f'{package}.msg'), kind, None)
+    except ImportError:
+        raise ValueError(f"type: the message package '{package}' is not installed") from None
+    if found is None:
+        raise ValueError(f"type: the package '{package}' has no message '{kind}'")
+    return found
+
+
+def stamp_of(message: Any) -> int | None:
+    """Return the stamp of a message's header in nanoseconds; None if it has no header."""
+    header = getattr(message, 'header', None)
+    return None if header is None else nanoseconds(header.stamp)
+
+
+def nanoseconds(stamp: Any) -> int:
+    """Return a ``builtin_interfaces/Time`` as whole nanoseconds."""
+    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)
+
+
+def write_stamp(stamp: Any, time: int) -> None:
+    """Write ``time`` in nanoseconds into a ``builtin_interfaces/Time``, in place."""
+    stamp.sec, stamp.nanosec = divmod(time, _NANOSECONDS)

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one mechanism by which a vector of a model maps to fields of a message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, Signal
+
+from .covariances import Block, blocks, flat_indices
+from .messages import message_type, write_stamp
+from .paths import ANGLES, Path, is_quaternion, parse, reader, walk, write_euler
+
+
+class SignalCodec:
+    """Reads a vector, and its covariance, out of messages and writes them into one.
+
+    The message that `encode` returns is always the same object: publish it at once.
+
+    Parameters
+    ----------
+    signal
+        Topic, type and fields.
+    frame, child_frame
+        Written into ``header.frame_id`` and ``child_frame_id``, where there are such fields.
+
+    Raises
+    ------
+    ValueError
+        If the type is not installed or has no such field; the topic is named.
+    """
+
+    def __init__(self, signal: Signal, frame: str = '', child_frame: str = '') -> None:
+        try:
+            self.message_type = message_type(signal.type)
+            self._message = self.message_type()
+            self._paths = [parse(field, self._message) for field in signal.fields]
+        except ValueError as error:
+            raise ValueError(f"signal '{signal.topic}': {error}") from None
+        self.size = len(self._paths)
+        self._readers = [reader(path, self._message) for path in self._paths]
+        self._blocks = blocks(self._paths, self._message, signal.covariance)
+        covered = sum(len(block.own) for block in self._blocks)
+        self.carries_covariance = covered == self.size
+        self._reads = [
+            (block, flat_indices(block.own, self.size), flat_indices(block.rows, block.size))
+            for block in self._blocks
+        ]
+        _size_arrays(self._paths, self._message)
+        self._write = _writer(self._paths, self._message)
+        self._covariances = _covariance_views(self._blocks, self._message, self.size)
+        header = getattr(self._message, 'header', None)
+        self._stamp = None if header is None else header.stamp
+        if header is not None:
+            header.frame_id = frame
+        if hasattr(self._message, 'child_frame_id'):
+            self._message.child_frame_id = child_frame
+
+    def decode(self, message: Any) -> Array:
+        """Return the vector (n,) in a message.
+
+        Raises
+        ------
+        LookupError
+            If an array of the message is too short or lacks a name.
+        """
+        return np.array([read(message) for read in self._readers], dtype=float)
+
+    def decode_covariance(self, message: Any) -> Array | None:
+        """Return the covariance (n, n) in a message; None if it has none for every field.
+
+        Raises
+        ------
+        ValueError
+            If an array of the message has the wrong size.
+        """
+        if not self.carries_covariance:
+            return None
+        covariance = np.zeros(self.size**2)
+        for block, own, rows in self._reads:
+            covariance[own] = block.values(message)[rows]
+        return covariance.reshape(self.size, self.size)
+
+    def encode(self, time: int, values: Array, covariance: Array | None = None) -> Any:
+        """Return the message with these values (n,), stamped ``time`` in nanoseconds.
+
+        Parts of the covariance (n, n) for which the message has no room are left out.
+        """
+        if self._stamp is not None:
+            write_stamp(self._stamp, time)
+        self._write(values.tolist())
+        if covariance is not None:
+            flat = covariance.ravel()
+            for view, rows, own in self._covariances:
+                view[rows] = flat[own]
+        return self._message
+
+
+def named(values: Signal, names: tuple[str, ...]) -> Signal:
+    """Return the ``sensor_msgs/JointState`` signal of named values on the topic of ``values``."""
+    return Signal(values.topic, 'sensor_msgs/JointState', tuple(f'position[{n}]' for n in names))
+
+
+def _size_arrays(paths: list[Path], message: Any) -> None:
+    """Make every array that a path points into long enough, and write names beside it."""
+    for path in paths:
+        if path.index is None and path.name is None:
+            continue
+        owner, attribute = walk(message, path.parent), path.way[-1]
+        if path.name is not None and path.name not in owner.name:
+            owner.name = [*owner.name, path.name]
+        length = len(owner.name) if path.index is None else path.index + 1
+        values = getattr(owner, attribute)
+        if len(values) < length:
+            setattr(owner, attribute, [0.0] * length)
+
+
+def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
+    """Return a function that writes numbers into ``message`` in place."""
+    slots: list[tuple[Any, str | int]] = []
+    turns: dict[tuple[str, ...], dict[str, int]] = {}
+    for number, path in enumerate(paths):
+        owner = walk(message, path.parent)
+        if path.way[-1] in ANGLES and is_quaternion(owner):
+            turns.setdefault(path.parent, {})[path.way[-1]] = number
+            slots.append((_NOWHERE, 0))
+        elif path.index is not None:
+            slots.append((getattr(owner, path.way[-1]), path.index))
+        elif path.name is not None:
+            slots.append((getattr(owner, path.way[-1]), owner.name.index(path.name)))
+        else:
+            slots.append((owner, path.way[-1]))
+    quaternions = [
+        (walk(message, way), [which.get(angle) for angle in ANGLES])
+        for way, which in turns.items()
+    ]
+
+    def write(values: list[float]) -> None:
+        for (owner, place), value in zip(slots, values):
+            if isinstance(place, str):
+                setattr(owner, place, value)
+            else:
+                owner[place] = value
+        for quaternion, numbers in quaternions:
+            write_euler(quaternion, *(0.0 if n is None else values[n] for n in numbers))
+
+    return write
+
+
+#: Takes the angles, which are written together as a quaternion.
+_NOWHERE = [0.0]
+
+
+def _covariance_views(
+    blocks: tuple[Block, ...], message: Any, size: int
+) -> list[tuple[Any, Any, Any]]:
+    """Return, for each block, a flat view into the message, where to write and what."""
+    views: list[tuple[Any, Any, Any]] = []
+    for block in blocks:
+        owner, attribute = walk(message, block.way[:-1]), block.way[-1]
+        array = getattr(owner, attribute)
+        if isinstance(array, float):
+            views.append((_Scalar(owner, attribute), 0, block.own[0] * (size + 1)))
+            continue
+        if len(array) != block.size**2:
+            setattr(owner, attribute, [0.0] * block.size**2)
+            array = getattr(owner, attribute)
+        own = flat_indices(block.own, size)
+        views.append((np.frombuffer(array), flat_indices(block.rows, block.size), own))
+    return views
+
+
+class _Scalar:
+    """Writes a message's single variance as though it were an array."""
+
+    def __init__(self, owner: Any, attribute: str) -> None:
+        self._owner, self._attribute = owner, attribute
+
+    def __setitem__(self, _: int, value: float) -> None:
+        setattr(self._owner, self._attribute, float(value))

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which modes of a system the input can move and the readings can see."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+#: Below this, relative to the norm of the matrices, a singular value counts as zero.
+_RANK_TOLERANCE = 1e-9
+
+
+def uncontrollable_modes(A: Array, B: Array) -> Array:
+    """Return the eigenvalues of ``A`` (n, n) that the input through ``B`` (n, m) cannot move.
+
+    By the test of Popov, Belevitch and Hautus: s is uncontrollable where [A - s I, B] loses
+    rank. For the modes that readings C cannot see, call with A^T and C^T.
+    """
+    scale = max(1.0, float(np.linalg.norm(A)), float(np.linalg.norm(B)))
+    missed = [
+        s
+        for s in np.linalg.eigvals(A)
+        if np.linalg.svd(np.hstack((A - s * np.eye(len(A)), B)), compute_uv=False)[-1]
+        < _RANK_TOLERANCE * scale
+    ]
+    return np.array(missed, dtype=complex)
+
+
+def unstable(modes: Array, *, sampled: bool) -> Array:
+    """Return those of ``modes`` that do not decay: |z| >= 1 when sampled, else Re s >= 0."""
+    margin = np.abs(modes) - 1.0 if sampled else modes.real
+    return modes[margin >= -1e-12]
+
+
+def describe(modes: Array) -> str:
+    """Return eigenvalues as text, ``-1.00+2.00j, 0.50``."""
+    return ', '.join(f'{s.real:.3g}' if abs(s.imag) < 1e-12 else f'{s:.3g}' for s in modes)

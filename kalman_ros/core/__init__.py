@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The types that everything else is written in."""
+
+from .arrays import Array, ArrayLike, matrix, semidefinite, symmetric, variances, vector
+from .discretize import exponential, van_loan, zero_order_hold
+from .errors import DesignError
+from .gaussian import Gaussian
+from .linear_system import LinearSystem, linearize
+from .model import Model, Transition, numerical_jacobian
+from .options import About, Option, Value, build_with, options_of, refuse_unknown
+from .registry import find
+from .sensor import Sensor
+from .space import Space
+from .system import SensorSetup, Signal, System
+
+__all__ = [
+    'About',
+    'Array',
+    'ArrayLike',
+    'DesignError',
+    'Gaussian',
+    'LinearSystem',
+    'Model',
+    'Option',
+    'Sensor',
+    'SensorSetup',
+    'Signal',
+    'Space',
+    'System',
+    'Transition',
+    'Value',
+    'build_with',
+    'exponential',
+    'find',
+    'linearize',
+    'matrix',
+    'numerical_jacobian',
+    'options_of',
+    'refuse_unknown',
+    'semidefinite',
+    'symmetric',
+    'van_loan',
+    'variances',
+    'vector',
+    'zero_order_hold',
+]

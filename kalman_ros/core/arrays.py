@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Validation of vectors and matrices, where things are built (never in inner loops).
+
+Every function takes the argument's name first, so that the error can say it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Union
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+ArrayLike = Union[npt.ArrayLike, Sequence[float], Sequence[Sequence[float]]]
+
+#: An eigenvalue this far below zero, relative to the largest, is rounding and not a sign.
+_ROUNDING = 1e-10
+
+
+def _finite(name: str, value: ArrayLike) -> Array:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f'{name}: expected numbers, got {value!r}') from None
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f'{name}: expected finite numbers, got {array.tolist()}')
+    return array
+
+
+def vector(name: str, value: ArrayLike, size: int | None = None) -> Array:
+    """Return ``value`` as a finite vector (size,), or raise ValueError."""
+    array = _finite(name, value)
+    if array.ndim != 1:
+        raise ValueError(f'{name}: expected a vector, got an array of shape {array.shape}')
+    if size is not None and array.size != size:
+        raise ValueError(f'{name}: expected {size} numbers, got {array.size}')
+    return array
+
+
+def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    """Return ``value`` as a finite matrix of ``shape``; a flat row-major list is accepted."""
+    array = _finite(name, value)
+    if array.ndim == 1 and array.size == shape[0] * shape[1]:
+        array = array.reshape(shape)
+    if array.shape != shape:
+        got = f'{array.size} numbers' if array.ndim == 1 else f'shape {array.shape}'
+        raise ValueError(
+            f'{name}: expected {shape[0]} x {shape[1]} = {shape[0] * shape[1]} numbers, got {got}'
+        )
+    return array
+
+
+def symmetric(P: Array) -> Array:
+    """Return the symmetric part of ``P`` (..., n, n)."""
+    return np.asarray(0.5 * (P + P.swapaxes(-1, -2)))
+
+
+def semidefinite(name: str, value: ArrayLike, size: int, *, definite: bool = False) -> Array:
+    """Return a symmetric positive (semi-)definite matrix (size, size), or raise ValueError.
+
+    ``size`` numbers stand for the diagonal, ``size * size`` for the whole matrix, row by row.
+    """
+    array = _finite(name, value)
+    if array.ndim == 1 and array.size == size:
+        array = np.diag(array)
+    elif array.size == size * size and array.ndim in (1, 2):
+        array = array.reshape(size, size)
+    else:
+        options = f'{size} numbers (the diagonal) or {size * size} (the matrix, row by row)'
+        raise ValueError(f'{name}: expected {options}, got {array.size}')
+    largest = float(np.abs(array).max(initial=0.0))
+    if not np.allclose(array, array.T, rtol=0.0, atol=1e-9 * largest):
+        raise ValueError(f'{name}: expected a symmetric matrix, got {array.tolist()}')
+    array = symmetric(array)
+    smallest = float(np.linalg.eigvalsh(array)[0])
+    if smallest < -_ROUNDING * largest or (definite and smallest <= 0.0):
+        kind = 'definite' if definite else 'semi-definite'
+        raise ValueError(
+            f'{name}: expected a positive {kind} matrix, its smallest eigenvalue is {smallest:.3g}'
+        )
+    return array
+
+
+def variances(name: str, deviations: ArrayLike, size: int) -> Array:
+    """Return the diagonal covariance (size, size) of positive standard ``deviations``.
+
+    A zero deviation is refused too: no measurement and no belief is exact.
+    """
+    sigma = vector(name, deviations, size)
+    if not np.all(sigma > 0.0):
+        raise ValueError(f'{name}: expected positive standard deviations, got {sigma.tolist()}')
+    return np.diag(sigma**2)

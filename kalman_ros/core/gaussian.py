@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A belief about a state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Array
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """A mean (n,) and a covariance (n, n)."""
+
+    mean: Array
+    covariance: Array
+
+    @property
+    def std(self) -> Array:
+        """The standard deviation of each coordinate (n,)."""
+        return np.sqrt(self.covariance.diagonal())

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The linear model, for which every step is exact."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .arrays import Array, ArrayLike, matrix, semidefinite
+from .discretize import van_loan, zero_order_hold
+from .model import Model, Transition
+from .space import Space
+
+#: Steps of so many different lengths are remembered; sampled loops use one or a few.
+_REMEMBERED = 64
+
+
+class LinearSystem(Model):
+    """dx/dt = A x + B u + w, with w white noise of spectral density W.
+
+    Parameters
+    ----------
+    A, B
+        State matrix (n, n) and input matrix (n, m).
+    W
+        Spectral density of the process noise (n, n), symmetric positive semi-definite.
+    state, input
+        The spaces of x and u.
+
+    Raises
+    ------
+    ValueError
+        If a matrix has the wrong shape, is not finite, or W is not positive semi-definite.
+    """
+
+    def __init__(
+        self, A: ArrayLike, B: ArrayLike, W: ArrayLike, state: Space, input: Space
+    ) -> None:
+        n, m = state.size, input.size
+        self.state, self.input = state, input
+        self.A = matrix('A', A, (n, n))
+        self.B = matrix('B', B, (n, m))
+        self.W = semidefinite('W', W, n)
+        self._transitions: dict[float, Transition] = {}
+
+    def derivative(self, x: Array, u: Array) -> Array:
+        """Return A x + B u."""
+        return np.asarray(x @ self.A.T + u @ self.B.T)
+
+    def noise_density(self, x: Array) -> Array:
+        """Return W."""
+        return self.W
+
+    def state_jacobian(self, x: Array, u: Array) -> Array:
+        """Return A."""
+        return self.A
+
+    def input_jacobian(self, x: Array, u: Array) -> Array:
+        """Return B."""
+        return self.B
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the exact state after ``dt`` with ``u`` held."""
+        sampled = self.sampled(dt)
+        return self.state.wrap(x @ sampled.F.T + u @ sampled.G.T)
+
+    def transition(self, x: Array, u: Array, dt: float) -> Transition:
+        """Return the exact step; x and u do not matter."""
+        return self.sampled(dt)
+
+    def sampled(self, dt: float) -> Transition:
+        """Return the exact step of length ``dt``, remembered for the next call."""
+        known = self._transitions.get(dt)
+        if known is None:
+            if len(self._transitions) >= _REMEMBERED:
+                self._transitions.clear()
+            F, G = zero_order_hold(self.A, self.B, dt)
+            known = self._transitions[dt] = Transition(F, G, van_loan(self.A, self.W, dt))
+        return known
+
+
+def linearize(model: Model, x: Array, u: Array) -> LinearSystem:
+    """Return the linear system of small deviations from ``x`` (n,) and ``u`` (m,)."""
+    A, B = model.state_jacobian(x, u), model.input_jacobian(x, u)
+    return LinearSystem(A, B, model.noise_density(x), model.state, model.input)

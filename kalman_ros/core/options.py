@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a person may set: named values with a default, a meaning and a range.
+
+The options of a model, a sensor, a filter or a node are the keyword arguments of the callable
+that builds it. ``Annotated[float, About('mass of the body', 'kg', minimum=0.0)]`` says what one
+means; ROS parameters, their descriptions and their ranges follow from that.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import inf
+from typing import Any, Union, get_args
+
+Value = Union[bool, int, float, str, list[float], list[str]]
+
+
+@dataclass(frozen=True)
+class About:
+    """The meaning of an option: a sentence, a unit, a range, and whether it changes live."""
+
+    description: str
+    unit: str = ''
+    minimum: float = -inf
+    maximum: float = inf
+    live: bool = False
+
+
+@dataclass(frozen=True)
+class Option:
+    """A named value that a person may set."""
+
+    name: str
+    default: Value
+    about: About
+
+    @property
+    def description(self) -> str:
+        """The sentence for people, with the unit behind it."""
+        unit = f' [{self.about.unit}]' if self.about.unit else ''
+        return f'{self.about.description}{unit}'
+
+    def check(self, value: Any) -> Value:
+        """Return ``value`` in the type of the default, or raise ValueError that names it.
+
+        A whole number serves as a number, and a single item as a list of one.
+        """
+        if not isinstance(self.default, list):
+            item: Value = self._check_item(self.default, value)
+            return item
+        items = list(value) if isinstance(value, (list, tuple)) else [value]
+        sample = self.default[0] if self.default else 0.0
+        return [self._check_item(sample, item) for item in items]  # type: ignore[return-value]
+
+    def _check_item(self, sample: Any, value: Any) -> Any:
+        if isinstance(sample, float) and type(value) is int:
+            value = float(value)
+        if type(value) is not type(sample):
+            raise ValueError(f'{self.name}: expected {_KINDS[type(sample)]}, got {value!r}')
+        low, high = self.about.minimum, self.about.maximum
+        if isinstance(value, (int, float)) and not low <= value <= high:
+            wanted = f'at least {low:g}' if high == inf else f'{low:g} to {high:g}'
+            wanted = 'a number' if low == -inf else f'{wanted} {self.about.unit}'.rstrip()
+            raise ValueError(f'{self.name}: expected {wanted}, got {value:g}')
+        return value
+
+
+_KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a word'}
+
+
+def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...]:
+    """Return the options of a callable: its keyword arguments with a default.
+
+    ``prefix`` goes before each name. An argument without `About` has its name for a meaning.
+
+    Raises
+    ------
+    ValueError
+        If a default is of a type that a ROS parameter cannot hold.
+    """
+    found = []
+    for name, argument in inspect.signature(build, eval_str=True).parameters.items():
+        default = argument.default
+        if default is inspect.Parameter.empty:
+            continue
+        if isinstance(default, tuple):
+            default = list(default)
+        if not isinstance(default, (bool, int, float, str, list)):
+            raise ValueError(f'{name}: a default must be a number, a word or a list of them')
+        notes = [note for note in get_args(argument.annotation) if isinstance(note, About)]
+        about = notes[0] if notes else About(name.replace('_', ' '))
+        found.append(Option(prefix + name, default, about))
+    return tuple(found)
+
+
+def refuse_unknown(given: Iterable[str], known: Iterable[str], kind: str) -> None:
+    """Raise ValueError for the first of ``given`` that is not ``known``, with the nearest one."""
+    known = list(known)
+    for name in given:
+        if name not in known:
+            near = get_close_matches(name, known, n=1, cutoff=0.6)
+            hint = f"; did you mean '{near[0]}'?" if near else ''
+            raise ValueError(f"unknown {kind} '{name}'{hint}")
+
+
+def build_with(build: Callable[..., Any], given: Mapping[str, Value], *fixed: Any) -> Any:
+    """Call ``build(*fixed, **given)``, each value checked against its option first."""
+    options = {option.name: option for option in options_of(build)}
+    refuse_unknown(given, options, 'option')
+    return build(*fixed, **{name: options[name].check(value) for name, value in given.items()})

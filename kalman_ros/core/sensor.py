@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a state is seen."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from copy import copy
+from typing import TypeVar
+
+from .arrays import Array
+from .model import numerical_jacobian
+from .space import Space
+
+S = TypeVar('S', bound='Sensor')
+
+
+class Sensor(ABC):
+    """A reading y = measure(x) + v, with v ~ N(0, covariance).
+
+    A subclass sets ``output`` and ``covariance`` (k, k) and writes `measure`. Arrays may have
+    any leading axes: x (..., n).
+    """
+
+    output: Space
+    covariance: Array
+
+    @abstractmethod
+    def measure(self, x: Array) -> Array:
+        """Return the noise-free reading (..., k)."""
+
+    def jacobian(self, x: Array) -> Array:
+        """Return d measure / d x (k, n) at ``x`` (n,); numerical by default."""
+        return numerical_jacobian(self.measure, x, self.output.subtract)
+
+    def with_covariance(self: S, covariance: Array) -> S:
+        """Return the same sensor with another noise ``covariance`` (k, k), not checked."""
+        other = copy(self)
+        other.covariance = covariance
+        return other

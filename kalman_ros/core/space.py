@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the numbers of a vector mean: names, units, and which of them are angles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .arrays import Array
+
+
+@dataclass(frozen=True)
+class Space:
+    """The coordinates of a state, an input or a reading.
+
+    Differences and means of vectors go through the space, so that an angle near +pi and one
+    near -pi are neighbours everywhere and no caller has a special case for angles.
+
+    Parameters
+    ----------
+    names
+        One name a coordinate, unique.
+    units
+        One unit a coordinate, in SI (``'m'``, ``'m/s'``, ``'rad'``); ``''`` for a pure number.
+    angles
+        The names of the coordinates that wrap at +-pi.
+
+    Raises
+    ------
+    ValueError
+        If names repeat, units do not match them, or an angle is not among them.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    angles: tuple[str, ...] = ()
+    _wrapped: Array | None = field(init=False, repr=False, compare=False, default=None)
+
+    def __post_init__(self) -> None:
+        for attribute in ('names', 'units', 'angles'):
+            object.__setattr__(self, attribute, tuple(getattr(self, attribute)))
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f'names: expected unique names, got {self.names}')
+        if len(self.units) != len(self.names):
+            raise ValueError(f'units: expected {len(self.names)} units, got {self.units}')
+        self.indices(self.angles, 'angles')
+        if self.angles:
+            mask = np.array([name in self.angles for name in self.names])
+            object.__setattr__(self, '_wrapped', mask)
+
+    @property
+    def size(self) -> int:
+        """The number of coordinates."""
+        return len(self.names)
+
+    def indices(self, names: Iterable[str], argument: str = 'names') -> list[int]:
+        """Return the position of each of ``names``.
+
+        Raises
+        ------
+        ValueError
+            If one is not there; the message calls it by the ``argument`` that it came from.
+        """
+        found = []
+        for name in names:
+            if name not in self.names:
+                known = ', '.join(self.names)
+                raise ValueError(f"{argument}: expected names among ({known}), got '{name}'")
+            found.append(self.names.index(name))
+        return found
+
+    def select(self, names: Iterable[str]) -> Space:
+        """Return the space of some of the coordinates, in the order of ``names``."""
+        names = tuple(names)
+        units = tuple(self.units[index] for index in self.indices(names))
+        return Space(names, units, tuple(name for name in names if name in self.angles))
+
+    def wrap(self, x: Array) -> Array:
+        """Return ``x`` (..., n) with every angle in [-pi, pi)."""
+        if self._wrapped is None:
+            return x
+        return np.where(self._wrapped, (x + np.pi) % (2.0 * np.pi) - np.pi, x)
+
+    def subtract(self, a: Array, b: Array) -> Array:
+        """Return the shortest difference ``a - b`` (..., n)."""
+        return self.wrap(a - b)
+
+    def mean(self, points: Array, weights: Array) -> Array:
+        """Return the weighted mean (n,) of ``points`` (k, n); angles by their direction.
+
+        Of an angle the mean is the direction of the weighted sum of unit vectors (Mardia and
+        Jupp, Directional Statistics, section 2.2).
+        """
+        mean = weights @ points
+        if self._wrapped is None:
+            return mean
+        direction = np.arctan2(weights @ np.sin(points), weights @ np.cos(points))
+        return np.where(self._wrapped, direction, mean)
+
+    def label(self, name: str) -> str:
+        """Return ``'name [unit]'``, for the axis of a plot or the head of a column."""
+        unit = self.units[self.names.index(name)]
+        return f'{name} [{unit}]' if unit else name

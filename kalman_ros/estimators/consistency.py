@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether an estimator is as good as it says: NEES, NIS and their chi-square bounds.
+
+Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001),
+section 5.4.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import gammainccinv, gammaincinv
+
+from kalman_ros.core import Array
+
+
+def chi_square_bounds(mean: float, variance: float, miss: float) -> tuple[float, float]:
+    """Return the two-sided bounds that such a positive average leaves with probability ``miss``.
+
+    The average is taken for a scaled chi-square variable with this mean and variance (F. E.
+    Satterthwaite, 1946), which is exact for an average of independent chi-square variables and
+    close for the average of a quadratic form along a correlated Gaussian sequence.
+    """
+    shape = mean**2 / variance
+    low, high = gammaincinv(shape, miss / 2.0), gammainccinv(shape, miss / 2.0)
+    return float(low * mean / shape), float(high * mean / shape)
+
+
+def chi_square_gate(probability: float, degrees: int) -> float:
+    """Return the value that chi-square with ``degrees`` stays below with ``probability``."""
+    return float(2.0 * gammaincinv(degrees / 2.0, probability))
+
+
+def nees(error: Array, covariance: Array) -> Array:
+    """Return the normalised estimation errors squared (...,).
+
+    Parameters
+    ----------
+    error
+        Truth minus estimate (..., n).
+    covariance
+        The covariance that the estimator gave (..., n, n).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a covariance is singular.
+    """
+    solved = np.linalg.solve(covariance, error[..., np.newaxis])[..., 0]
+    return np.asarray(np.einsum('...i,...i->...', error, solved))
+
+
+@dataclass
+class ChiSquareWindow:
+    """The running average of a chi-square statistic over its last ``length`` values.
+
+    ``inside`` takes the values for independent, which successive NIS are and successive NEES
+    are not; for those it is a rough guide.
+    """
+
+    degrees: int
+    length: int = 500
+    _values: deque[float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._values = deque(maxlen=self.length)
+
+    def add(self, value: float) -> None:
+        """Take one value in."""
+        self._values.append(value)
+
+    @property
+    def count(self) -> int:
+        """The number of values in the window."""
+        return len(self._values)
+
+    @property
+    def mean(self) -> float:
+        """The average divided by its expectation: 1 for a consistent filter; NaN when empty."""
+        return float(np.mean(self._values)) / self.degrees if self._values else float('nan')
+
+    def bounds(self, miss: float = 0.001) -> tuple[float, float]:
+        """Return the bounds of `mean` for a consistent filter."""
+        return chi_square_bounds(1.0, 2.0 / (self.degrees * max(1, self.count)), miss)
+
+    def inside(self, miss: float = 0.001) -> bool:
+        """Tell whether the average is within its bounds; an empty window is."""
+        low, high = self.bounds(miss)
+        return not self._values or low <= self.mean <= high

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Kalman filter: R. E. Kalman, A New Approach to Linear Filtering and Prediction, 1960."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kalman_ros.core import Array, Gaussian, LinearSystem, Model, Sensor, symmetric
+
+from .filter import Correction
+from .update import joseph_update
+
+
+@dataclass(frozen=True)
+class KalmanFilter:
+    """The best estimator of a linear system with Gaussian noise.
+
+    Every step is discretised exactly for its own length, so readings may come at any time.
+    """
+
+    system: LinearSystem
+
+    def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
+        """Return x = F x + G u, P = F P F' + Q."""
+        step = self.system.sampled(dt)
+        F, G, Q = step.F, step.G, step.Q
+        x, P = belief.mean, belief.covariance
+        return Gaussian(F @ x + G @ u, symmetric(F @ P @ F.T + Q))
+
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Fuse a reading; the sensor must be linear in the state."""
+        return joseph_update(belief, y, sensor)
+
+
+def build(model: Model) -> KalmanFilter:
+    """Return the Kalman filter of a linear model.
+
+    Raises
+    ------
+    ValueError
+        If the model is not linear.
+    """
+    if not isinstance(model, LinearSystem):
+        raise ValueError(f'filter: kf needs a linear model, got {type(model).__name__}')
+    return KalmanFilter(model)

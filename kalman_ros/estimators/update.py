@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The measurement update that the linear and linearised filters share."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg.lapack import dposv
+
+from kalman_ros.core import Array, Gaussian, Sensor, symmetric
+
+from .filter import Correction
+
+
+def joseph_update(belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+    """Fuse the reading ``y`` (k,), with the sensor linearised about the mean.
+
+    The covariance is in the form of Bucy and Joseph, a sum of two positive semi-definite terms
+    for any gain (Bar-Shalom et al., equation 5.2.3-18). One Cholesky solve gives the gain and
+    the normalised innovation squared.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the innovation covariance is not positive definite.
+    """
+    x, P = belief.mean, belief.covariance
+    H, R = sensor.jacobian(x), sensor.covariance
+    innovation = sensor.output.subtract(y, sensor.measure(x))
+    HP = H @ P
+    S = HP @ H.T + R
+    _, solved, info = dposv(S, np.column_stack((HP, innovation)))
+    if info != 0:
+        raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
+    K = solved[:, :-1].T
+    I_KH = np.eye(len(x)) - K @ H
+    posterior = Gaussian(x + K @ innovation, symmetric(I_KH @ P @ I_KH.T + K @ R @ K.T))
+    return Correction(posterior, innovation, S, float(innovation @ solved[:, -1]))

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller: an estimate in, the force that answers it out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from std_srvs.srv import SetBool
+
+from kalman_ros.codecs.messages import stamp_of
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.control.lqr import LqrDesign, cost, sampled_lqr
+from kalman_ros.core import linearize
+from kalman_ros.simulation.scenario import Scenario
+
+from . import runtime
+from .diagnostics import Diagnostics, Level, Report
+from .options import ControllerOptions
+from .topics import QUEUE
+
+
+def design(scenario: Scenario) -> LqrDesign:
+    """Return the sampled LQR of a scenario, about its equilibrium at the origin.
+
+    Raises
+    ------
+    DesignError
+        If no gain stabilises the system.
+    """
+    model = scenario.model
+    n, m = model.state.size, model.input.size
+    system = linearize(model, np.zeros(n), np.zeros(m))
+    weights = cost(scenario.state_cost, scenario.input_cost, (n, m))
+    return sampled_lqr(system, weights, 1.0 / scenario.rate)
+
+
+class ControllerNode(runtime.ScenarioNode):
+    """Answers every estimate with the force u = -K x."""
+
+    def __init__(self) -> None:
+        super().__init__('controller', ControllerOptions)
+        scenario, options = self.scenario, self.options
+        self._design = design(scenario)
+        self._enabled = options.enabled
+        self._answered = self._refused = 0
+        self._zero = np.zeros(scenario.model.input.size)
+        self._state = SignalCodec(scenario.state)
+        self._input = SignalCodec(scenario.input, options.frame)
+        kind = self._input.message_type
+        self._publisher = self.create_publisher(kind, scenario.input.topic, QUEUE)
+        kind = self._state.message_type
+        self.create_subscription(kind, scenario.state.topic, self._on_estimate, QUEUE)
+        self.create_service(SetBool, '~/enable', self._on_enable)
+        self.diagnostics = Diagnostics(self, self._report)
+
+    def _on_estimate(self, message: Any) -> None:
+        time = stamp_of(message)
+        if time is None:
+            time = self.get_clock().now().nanoseconds
+        force = self._zero
+        if self._enabled:
+            force = -(self._design.gain @ self._decode(message))
+            if not np.isfinite(force).all():
+                force = self._zero
+                self._refused += 1
+                self.get_logger().error(
+                    'the estimate is not finite: the force is zero', throttle_duration_sec=1.0
+                )
+        self._publisher.publish(self._input.encode(time, force))
+        self._answered += 1
+
+    def _decode(self, message: Any) -> Any:
+        try:
+            return self._state.decode(message)
+        except LookupError:
+            return np.full(self._state.size, np.nan)
+
+    def _on_enable(self, request: Any, response: Any) -> Any:
+        self._enabled = request.data
+        response.success = True
+        response.message = 'forces are computed' if self._enabled else 'forces are zero'
+        return response
+
+    def prepare(self, scenario: Scenario, options: ControllerOptions) -> Callable[[], None]:
+        """Design the gain again, for other weights or another model."""
+        found = design(scenario)
+
+        def apply() -> None:
+            self._design = found
+
+        return apply
+
+    def _report(self) -> Report:
+        values = {
+            'estimates answered': self._answered,
+            'estimates not finite': self._refused,
+            'gain': np.array2string(self._design.gain, precision=4),
+            'poles': np.array2string(self._design.poles, precision=4),
+        }
+        if not self._enabled:
+            return Level.WARN, 'disabled: the force is zero', values
+        if not self._answered:
+            return Level.WARN, f'no {self.scenario.state.topic} has come', values
+        return Level.OK, 'running', values
+
+
+def main() -> None:
+    """Run the controller."""
+    runtime.main(ControllerNode)

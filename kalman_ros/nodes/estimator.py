@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The estimator: readings and forces in, the state with its covariance out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Optional
+
+import numpy as np
+from sensor_msgs.msg import TimeReference
+from std_srvs.srv import Trigger
+
+from kalman_ros.codecs.messages import nanoseconds, stamp_of
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.core import Array
+from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.consistency import ChiSquareWindow, chi_square_gate
+from kalman_ros.estimators.online import OnlineEstimator, Outcome
+from kalman_ros.simulation.scenario import Scenario
+
+from . import runtime
+from .diagnostics import Diagnostics, Level, Report
+from .estimates import EstimatePublisher, InnovationPublisher
+from .options import EstimatorOptions
+from .readings import Reading, ReadingDecoder
+from .topics import QUEUE, sensor_queue
+from .turns import Turns
+
+
+class EstimatorNode(runtime.ScenarioNode):
+    """Feeds an `OnlineEstimator` from topics and publishes what it believes."""
+
+    def __init__(self) -> None:
+        super().__init__('estimator', EstimatorOptions)
+        scenario, options = self.scenario, self.options
+        self._online = OnlineEstimator(
+            build_filter(options.filter, scenario.model),
+            {name: source.sensor for name, source in scenario.sensors.items()},
+            scenario.initial_belief,
+            np.zeros(scenario.model.input.size),
+            window=options.window,
+            gates=_gates(scenario, options),
+        )
+        self._publish = EstimatePublisher(self, scenario, options.frame, options.child_frame)
+        self._input_codec = SignalCodec(scenario.input)
+        self._decoders: dict[str, ReadingDecoder] = {}
+        self._innovations: dict[str, InnovationPublisher] = {}
+        self._nis: dict[str, ChiSquareWindow] = {}
+        self._inputs: Counter[Outcome] = Counter()
+        for name, source in scenario.sensors.items():
+            output, signal = source.sensor.output, source.signal
+            self._decoders[name] = ReadingDecoder(signal)
+            self._innovations[name] = InnovationPublisher(self, scenario.state.topic, name, output)
+            self._nis[name] = ChiSquareWindow(output.size)
+            queue = QUEUE if options.lockstep else sensor_queue(reliable=source.reliable)
+            callback = partial(self._on_reading, name)
+            kind = self._decoders[name].message_type
+            self.create_subscription(kind, signal.topic, callback, queue)
+        kind = self._input_codec.message_type
+        self.create_subscription(kind, scenario.input.topic, self._on_input, QUEUE)
+        self._turns: Optional[Turns] = None
+        if options.lockstep:
+            self._turns = Turns({source.signal.topic: n for n, source in scenario.sensors.items()})
+            self.create_subscription(TimeReference, 'tick', self._on_tick, QUEUE)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.diagnostics = Diagnostics(self, self._report)
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+    def _on_reading(self, name: str, message: Any) -> None:
+        source = self.scenario.sensors[name]
+        if not source.timed.enabled:
+            return
+        reading = self._decoders[name](message, source)
+        time = stamp_of(message) or self._now()
+        if self._turns is not None:
+            self._turns.reading(name, time, reading)
+            self._take_turns(self._turns)
+        elif self._fuse(name, time, reading) and self._online.time is not None:
+            self._publish(self._online.time, self._online.belief)
+
+    def _fuse(self, name: str, time: int, reading: Reading) -> bool:
+        outcome, correction = self._online.add_reading(name, time, *reading)
+        if correction is not None:
+            self._innovations[name](time, correction)
+            self._nis[name].add(correction.nis)
+        if outcome is not Outcome.FUSED:
+            self._warn(f'reading of {name} {outcome.value}')
+        return outcome is Outcome.FUSED
+
+    def _on_input(self, message: Any) -> None:
+        time = stamp_of(message) or self._now()
+        try:
+            u = self._input_codec.decode(message)
+        except LookupError as error:
+            self._warn(f'{self.scenario.input.topic}: {error}')
+            return
+        if self._turns is not None:
+            self._turns.input(time, u)
+            self._take_turns(self._turns)
+        else:
+            self._add_input(time, u)
+
+    def _add_input(self, time: int, u: Array) -> None:
+        outcome = self._online.add_input(time, u)
+        self._inputs[outcome] += 1
+        if outcome is not Outcome.FUSED:
+            self._warn(f'{self.scenario.input.topic} {outcome.value}')
+
+    def _on_tick(self, tick: TimeReference) -> None:
+        if self._turns is None:
+            return
+        if self._turns.tick(nanoseconds(tick.header.stamp), tick.source):
+            self.get_logger().info('time went back: starting anew')
+            self._online.reset(self.scenario.initial_belief)
+        self._take_turns(self._turns)
+
+    def _take_turns(self, turns: Turns) -> None:
+        for turn in turns.complete():
+            if turn.input is not None:
+                self._add_input(*turn.input)
+            for name, reading in turn.readings:
+                self._fuse(name, turn.time, reading)
+            self._publish(turn.time, self._online.predicted(turn.time))
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        self._online.reset(self.scenario.initial_belief)
+        response.success, response.message = True, 'back at the initial belief'
+        return response
+
+    def _warn(self, message: str) -> None:
+        self.get_logger().warning(message, throttle_duration_sec=1.0)
+
+    def prepare(self, scenario: Scenario, options: EstimatorOptions) -> Callable[[], None]:
+        """Change the model's parameters, noise or gates; the belief stays."""
+        filter = build_filter(options.filter, scenario.model)
+        sensors = {name: source.sensor for name, source in scenario.sensors.items()}
+        gates = _gates(scenario, options)
+        return lambda: self._online.configure(filter, sensors, gates)
+
+    def _report(self) -> Report:
+        values: dict[str, Any] = {}
+        doubtful = []
+        for name, counts in self._online.counts.items():
+            nis = self._nis[name]
+            values[f'{name}: readings'] = sum(counts.values())
+            for outcome, count in counts.items():
+                values[f'{name}: {outcome.value}'] = count
+            values[f'{name}: NIS / expected'] = nis.mean
+            if not nis.inside():
+                doubtful.append(name)
+        values[f'{self.scenario.input.topic}: used'] = self._inputs[Outcome.FUSED]
+        if self._online.time is None:
+            return Level.WARN, 'no reading has come', values
+        if doubtful:
+            which = ' and '.join(doubtful)
+            return Level.WARN, f'innovations of {which} do not scatter as expected', values
+        return Level.OK, 'consistent', values
+
+
+def _gates(scenario: Scenario, options: EstimatorOptions) -> dict[str, float]:
+    """Return the gate of every sensor; none where every reading is to pass."""
+    if options.gate >= 1.0:
+        return {}
+    return {
+        name: chi_square_gate(options.gate, source.sensor.output.size)
+        for name, source in scenario.sensors.items()
+    }
+
+
+def main() -> None:
+    """Run the estimator."""
+    runtime.main(EstimatorNode)

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What makes a simulated plant step: a clock, or the answers of the other nodes."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+#: Simulated time starts here: ROS takes a stamp of zero for "not set".
+FIRST_STAMP = 1_000_000_000
+#: A plant that fell behind by more steps than this drops them rather than hurry after them.
+MOST_BEHIND = 100
+
+
+class Stepped(Protocol):
+    """What paces, as far as the pacers know it."""
+
+    period: float
+    run_until: float
+    steady: Any
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds since the start."""
+
+    def publish_step(self) -> None:
+        """Publish what this step has to say."""
+
+    def step(self) -> None:
+        """Go on to the next step, with the input that is held."""
+
+
+class RealTime:
+    """Steps on a steady clock, and counts the steps that came late.
+
+    A step is taken when it ends: its input is the one that came during it, as an answer to the
+    readings at its beginning. It counts as missed when it is taken later than the next one
+    should have been.
+    """
+
+    def __init__(self, plant: Any) -> None:
+        self.first_stamp: int = plant.get_clock().now().nanoseconds
+        self.missed = 0
+        self._plant: Stepped = plant
+        self._next: int | None = None
+        self._timer = plant.create_timer(plant.period, self._fire, clock=plant.steady)
+
+    def _fire(self) -> None:
+        plant = self._plant
+        now = plant.steady.now().nanoseconds
+        period = round(plant.period * 1e9)
+        if self._next is None:
+            if plant.elapsed <= plant.run_until:
+                plant.publish_step()
+                self._next = now + period
+            return
+        behind = (now - self._next) // period
+        self.missed += max(0, behind)
+        if behind > MOST_BEHIND:
+            self._next += behind * period
+        # the timer itself may be early by a little
+        while self._next <= now + period // 2:
+            plant.step()
+            self._next += period
+            if plant.elapsed > plant.run_until + 1e-9:
+                self._next = None
+                return
+            plant.publish_step()
+
+    def answered(self, time: int | None) -> None:
+        """Take note of an input; the clock does not wait for it."""
+
+    def changed(self) -> None:
+        """Take note of a new ``run_until``; the timer looks at it by itself."""
+
+    def trouble(self) -> str:
+        """Return nothing: nobody is waited for."""
+        return ''
+
+
+class Lockstep:
+    """Steps when the input of this step has come; says who did not answer in time.
+
+    Parameters
+    ----------
+    plant
+        The plant's node.
+    estimate
+        Topic and message type of the estimate, watched only to tell who is silent.
+    timeout
+        Seconds after which to say so, and to ask again.
+    """
+
+    first_stamp = FIRST_STAMP
+    missed = 0
+
+    def __init__(self, plant: Any, estimate: tuple[str, Any], timeout: float) -> None:
+        self._plant: Any = plant
+        self._timeout = timeout
+        self._asked_at: int | None = None
+        self._estimated = False
+        self._silent = 0
+        topic, kind = estimate
+        plant.create_subscription(kind, topic, self._on_estimate, 10, raw=True)
+        self._timer = plant.create_timer(0.05, self._watch, clock=plant.steady)
+        self._matching_since: int | None = None
+
+    def _on_estimate(self, _: bytes) -> None:
+        self._estimated = True
+
+    def _ask(self) -> None:
+        """Publish the step, unless the plant is to pause before it."""
+        plant = self._plant
+        if plant.elapsed > plant.run_until + 1e-9:
+            self._asked_at = None
+            return
+        self._estimated = False
+        self._asked_at = plant.steady.now().nanoseconds
+        plant.publish_step()
+
+    def answered(self, time: int | None) -> None:
+        """Step, if this is the input of the step that waits for one."""
+        plant = self._plant
+        if self._asked_at is None or time not in (None, plant.stamp):
+            return
+        if self._silent:
+            plant.get_logger().info('lockstep goes on')
+            self._silent = 0
+        plant.step()
+        self._ask()
+
+    def changed(self) -> None:
+        """Go on if ``run_until`` now allows it."""
+        if self._asked_at is None and self._matching_since is not None:
+            self._ask()
+
+    def _watch(self) -> None:
+        plant = self._plant
+        now = plant.steady.now().nanoseconds
+        if self._asked_at is None:
+            if plant.elapsed <= plant.run_until + 1e-9 and self._matched(now):
+                self._ask()
+        elif now - self._asked_at > self._timeout * 1e9:
+            self._silent += 1
+            plant.get_logger().error(self.trouble())
+            plant.diagnostics.publish()
+            self._ask()
+
+    def _matched(self, now: int) -> bool:
+        """Tell whether all who must answer are there, or at least those who surely must."""
+        if not self._plant.endpoints_matched(every_sensor=False):
+            self._matching_since = None
+            return False
+        if self._matching_since is None:
+            self._matching_since = now
+        return self._plant.endpoints_matched(every_sensor=True) or (
+            now - self._matching_since > 1_000_000_000
+        )
+
+    def trouble(self) -> str:
+        """Return who did not answer, or nothing."""
+        if not self._silent:
+            return ''
+        who = 'controller' if self._estimated else 'estimator'
+        what = 'force' if self._estimated else 'estimate'
+        waited = self._silent * self._timeout
+        return (
+            f'no {what} for step {self._plant.steps} within {waited:g} s: '
+            f'the {who} did not answer; asking again'
+        )

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor that reads some of the states as they are: GNSS, a tachometer, a joint encoder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, Array, Sensor, Space, variances
+
+
+class States(Sensor):
+    """y = some of the states, by name.
+
+    Parameters
+    ----------
+    state
+        The space of the state.
+    noise
+        Standard deviation of each coordinate read, in its unit.
+    measures
+        The names of the states that are read.
+    """
+
+    def __init__(
+        self,
+        state: Space,
+        noise: Sequence[float],
+        measures: Annotated[Sequence[str], About('names of the states that it reads')] = ('',),
+    ) -> None:
+        self._indices = state.indices(measures, 'measures')
+        self.output = state.select(measures)
+        self.covariance = variances('noise', noise, self.output.size)
+        self._jacobian = np.eye(state.size)[self._indices]
+
+    def measure(self, x: Array) -> Array:
+        """Return the states that are read."""
+        return np.asarray(x[..., self._indices])
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the rows of the identity that select them."""
+        return self._jacobian
+
+
+SENSOR = States

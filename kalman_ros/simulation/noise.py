@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise that reproduces: every source has a stream of its own, named, from one seed."""
+
+from __future__ import annotations
+
+from zlib import crc32
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+
+class NoiseSource:
+    """Draws from N(0, covariance).
+
+    The stream depends on the seed and the source's name alone, so that adding, dropping or
+    changing one source leaves every other as it was.
+    """
+
+    def __init__(self, seed: int, name: str) -> None:
+        sequence = np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()),))
+        self._generator = np.random.Generator(np.random.PCG64(sequence))
+        self._covariance: Array | None = None
+        self._factor: Array
+
+    def draw(self, covariance: Array) -> Array:
+        """Return one draw (n,) from a positive semi-definite ``covariance`` (n, n)."""
+        if covariance is not self._covariance:
+            self._covariance, self._factor = covariance, _root(covariance)
+        return np.asarray(self._factor @ self._generator.standard_normal(len(self._factor)))
+
+
+def _root(covariance: Array) -> Array:
+    """Return a matrix M with M M' = covariance; zero variances are allowed."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From named values, as a parameter file has them, to the objects of one scenario.
+
+The same values serve every node, the harness and runs without ROS, so all of them speak of the
+same system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from kalman_ros import models, sensors
+from kalman_ros.core import (
+    About,
+    Array,
+    Gaussian,
+    Model,
+    Option,
+    Sensor,
+    SensorSetup,
+    Signal,
+    System,
+    Value,
+    build_with,
+    options_of,
+    refuse_unknown,
+    semidefinite,
+    variances,
+    vector,
+)
+from kalman_ros.core.registry import find
+
+from .plant import TimedSensor, ratio
+
+POLICIES = ('message', 'configuration', 'larger')
+
+
+@dataclass(frozen=True)
+class SensorSource:
+    """A sensor of a scenario with the topic that it is read from."""
+
+    timed: TimedSensor
+    signal: Signal
+    covariance_from: str
+    reliable: bool
+
+    @property
+    def sensor(self) -> Sensor:
+        """How the state is seen."""
+        return self.timed.sensor
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A model, its sensors, its signals and its rate, built and checked as a whole."""
+
+    model: Model
+    sensors: Mapping[str, SensorSource]
+    state: Signal
+    input: Signal
+    rate: float
+    initial_state: Array
+    initial_belief: Gaussian
+    state_cost: Array
+    input_cost: Array
+
+    @property
+    def enabled(self) -> dict[str, SensorSource]:
+        """The sensors that are on."""
+        return {name: source for name, source in self.sensors.items() if source.timed.enabled}
+
+
+def _shared(
+    rate: Annotated[
+        float, About('steps of the loop a second', 'Hz', minimum=1e-3, maximum=1e4)
+    ] = 100.0,
+) -> None:
+    """Carry the options that do not depend on the model."""
+
+
+def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
+    signal = setup.signal
+    own: dict[str, tuple[Value, About]] = {
+        'kind': (setup.kind, About('kind of sensor, or package.module:Class of your own')),
+        'noise': (
+            list(setup.noise),
+            About('standard deviation of each coordinate that it reads', live=True),
+        ),
+        'rate': (setup.rate, About('readings a second', 'Hz', minimum=1e-6, live=True)),
+        'enabled': (setup.enabled, About('whether it is read at all', live=True)),
+        'topic': (signal.topic, About('topic of the readings')),
+        'type': (signal.type, About('message type of the readings')),
+        'fields': (list(signal.fields), About('field of the message for each coordinate')),
+        'covariance': (
+            signal.covariance,
+            About("path of a covariance array in the message; '' for that of the type"),
+        ),
+        'covariance_from': (
+            'message',
+            About(
+                "noise taken from the 'message' where it carries one, from the "
+                "'configuration', or the 'larger' of both",
+                live=True,
+            ),
+        ),
+        'reliable': (
+            False,
+            About('subscribe reliably; drivers of real sensors often publish best effort'),
+        ),
+    }
+    found = {key: Option(f'{name}.{key}', default, about) for key, (default, about) in own.items()}
+    for option in options_of(find('kind', setup.kind, sensors.__name__, 'SENSOR')):
+        default = setup.options.get(option.name, option.default)
+        found[option.name] = Option(f'{name}.{option.name}', default, option.about)
+    return {option.name: option for option in found.values()}
+
+
+def _signal_options(section: str, signal: Signal, meaning: str) -> dict[str, Option]:
+    options = (
+        Option(f'{section}.topic', signal.topic, About(f'topic of {meaning}')),
+        Option(f'{section}.type', signal.type, About(f'message type of {meaning}')),
+        Option(
+            f'{section}.fields',
+            list(signal.fields),
+            About(f'field of the message for each coordinate of {meaning}'),
+        ),
+    )
+    return {option.name: option for option in options}
+
+
+def options(values: Mapping[str, Any]) -> dict[str, Option]:
+    """Return every option of the scenario that ``values`` speaks of, by name.
+
+    Which there are depends on the model, on the list of sensors and on their kinds.
+
+    Raises
+    ------
+    ValueError
+        If the model, a sensor or a kind is unknown.
+    """
+    model = Option('model', models.DEFAULT, About('name of the model of the plant'))
+    system = models.system(str(model.check(values.get('model', model.default))))
+    listed = Option('sensors', list(system.sensors), About('names of the sensors'))
+    found = {model.name: model, listed.name: listed}
+    found.update({option.name: option for option in options_of(_shared)})
+    for option in options_of(system.build, 'model_parameters.'):
+        about = About(**{**option.about.__dict__, 'live': True})
+        found[option.name] = Option(option.name, option.default, about)
+    for name in _names(listed.check(values.get('sensors', listed.default))):
+        setup = _setup(system, name, values)
+        found.update(_sensor_options(name, setup))
+    found.update(_signal_options('state', system.state, 'the estimate, truth and reference'))
+    found.update(_signal_options('input', system.input, 'the input'))
+    vectors = {
+        'initial_state': (system.initial_state, 'state in which the plant starts'),
+        'initial_estimate': (
+            (0.0,) * len(system.initial_std),
+            'state that the estimator believes in before the first reading',
+        ),
+        'initial_std': (system.initial_std, 'standard deviations of that belief'),
+    }
+    for name, (default, meaning) in vectors.items():
+        found[name] = Option(name, list(default), About(meaning))
+    weights = {
+        'state_cost': (system.state_cost, 'weight of the state'),
+        'input_cost': (system.input_cost, 'weight of the input'),
+    }
+    for name, (default, meaning) in weights.items():
+        about = About(f'{meaning} in the LQR cost: the diagonal, or all rows', live=True)
+        found[name] = Option(name, list(default), about)
+    return found
+
+
+def _names(value: Value) -> list[str]:
+    return [str(name) for name in value] if isinstance(value, list) else []
+
+
+def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
+    setup = system.sensors.get(name)
+    if setup is None:
+        refuse_unknown([name], system.sensors, 'sensor')
+        raise AssertionError
+    kind = str(values.get(f'{name}.kind', setup.kind))
+    if kind == setup.kind:
+        return setup
+    return SensorSetup(kind, setup.signal, setup.noise, setup.rate)
+
+
+def complete(values: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, Value]:
+    """Return a value for every known option: the given one, checked, or its default."""
+    return {
+        name: option.check(values[name]) if name in values else option.default
+        for name, option in known.items()
+    }
+
+
+def build(values: Mapping[str, Any]) -> Scenario:
+    """Return the scenario of ``values``; what is not given has its default.
+
+    Names that a scenario does not know are passed over: they may be a node's own.
+
+    Raises
+    ------
+    ValueError
+        If anything is wrong, with the name of the option at fault.
+    """
+    full: dict[str, Any] = complete(values, options(values))
+    system = models.system(full['model'])
+    model: Model = build_with(system.build, _section(full, 'model_parameters'))
+    rate = full['rate']
+    n, m = model.state.size, model.input.size
+    mean = vector('initial_estimate', full['initial_estimate'], n)
+    return Scenario(
+        model=model,
+        sensors={
+            name: _source(name, _section(full, name), model, rate) for name in full['sensors']
+        },
+        state=_signal('state', _section(full, 'state'), n),
+        input=_signal('input', _section(full, 'input'), m),
+        rate=rate,
+        initial_state=vector('initial_state', full['initial_state'], n),
+        initial_belief=Gaussian(mean, variances('initial_std', full['initial_std'], n)),
+        state_cost=semidefinite('state_cost', full['state_cost'], n),
+        input_cost=semidefinite('input_cost', full['input_cost'], m, definite=True),
+    )
+
+
+def _section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
+    start = f'{name}.'
+    return {key[len(start) :]: value for key, value in values.items() if key.startswith(start)}
+
+
+def _source(name: str, section: dict[str, Any], model: Model, loop_rate: float) -> SensorSource:
+    own = {key: section.pop(key) for key in ('kind', 'noise', 'rate', 'enabled')}
+    policy, reliable = section.pop('covariance_from'), section.pop('reliable')
+    wire = {key: section.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
+    try:
+        if policy not in POLICIES:
+            raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
+        sensor = sensors.build(own['kind'], model.state, own['noise'], section)
+        ratio(own['rate'], loop_rate)
+    except ValueError as error:
+        raise ValueError(f'{name}.{error}') from None
+    signal = _signal(name, wire, sensor.output.size)
+    return SensorSource(TimedSensor(sensor, own['rate'], own['enabled']), signal, policy, reliable)
+
+
+def _signal(name: str, section: Mapping[str, Any], size: int) -> Signal:
+    signal = Signal(**{**section, 'fields': tuple(section['fields'])})
+    if len(signal.fields) != size:
+        raise ValueError(f'{name}.fields: expected {size} fields, got {len(signal.fields)}')
+    return signal

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Theory and measurement side by side: whether a recorded LQG loop does what it should."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, log
+
+import numpy as np
+
+from kalman_ros.control.identification import FittedPoles, continuous_poles, fit_poles
+from kalman_ros.control.lqr import Cost, LqrDesign, cost, sampled_cost, sampled_lqr
+from kalman_ros.control.separation import LqgLoop, Readings, optimal_cost
+from kalman_ros.core import Array, Model, Space, linearize
+from kalman_ros.estimators.consistency import chi_square_bounds, nees
+
+from .plant import is_due, period, ratio
+from .scenario import Scenario
+from .trajectory import Trajectory
+
+#: A right system fails a run with at most this probability, over all of its checks together.
+MISS = 5e-4
+
+
+@dataclass(frozen=True)
+class Check:
+    """One measured number beside what theory expects of it, and the bounds that follow."""
+
+    name: str
+    unit: str
+    expected: complex
+    measured: complex
+    low: float
+    high: float
+    passed: bool
+
+
+@dataclass(frozen=True)
+class LqgTheory:
+    """A scenario's design and what theory says of the loop that it makes."""
+
+    design: LqrDesign
+    cost: Cost
+    loop: LqgLoop
+    dt: float
+
+    @property
+    def expected_cost(self) -> float:
+        """The cost per second of the best loop, tr(S Q) + tr(K'(R + G'S G) K P), over dt."""
+        S, K = self.design.cost_to_go, self.design.gain
+        sample = optimal_cost(self.loop.step, K, S, self.cost, self.loop.posterior)
+        return sample / self.dt
+
+    @property
+    def settling_time(self) -> float:
+        """Seconds after which a thousandth is left of the start."""
+        poles = np.concatenate((self.loop.regulator_poles, self.loop.estimator_poles))
+        slowest = float(np.max(np.abs(poles)))
+        return log(1e-3) / log(slowest) * self.dt
+
+
+def lqr_design(scenario: Scenario) -> tuple[LqrDesign, Cost]:
+    """Return the sampled LQR of a scenario about the origin, and the cost of a sample.
+
+    Raises
+    ------
+    DesignError
+        If no gain stabilises the system.
+    """
+    model = scenario.model
+    n, m = model.state.size, model.input.size
+    system = linearize(model, np.zeros(n), np.zeros(m))
+    weights = cost(scenario.state_cost, scenario.input_cost, (n, m))
+    dt = 1.0 / scenario.rate
+    return sampled_lqr(system, weights, dt), sampled_cost(system, weights, dt)
+
+
+def schedule(scenario: Scenario) -> list[Readings]:
+    """Return what is read at each step of a period, linearised about the origin."""
+    sources = list(scenario.enabled.values())
+    shares = [ratio(source.timed.rate, scenario.rate) for source in sources]
+    x = np.zeros(scenario.model.state.size)
+    phases = []
+    # the pattern repeats from its second period on; step 0 reads everything
+    for step in range(period(shares), 2 * period(shares)):
+        due = [s.sensor for s, share in zip(sources, shares) if is_due(step, share)]
+        C = np.vstack([np.empty((0, x.size)), *(sensor.jacobian(x) for sensor in due)])
+        R = np.zeros((len(C), len(C)))
+        at = 0
+        for sensor in due:
+            k = len(sensor.covariance)
+            R[at : at + k, at : at + k] = sensor.covariance
+            at += k
+        phases.append(Readings(C, R))
+    return phases
+
+
+def theory(scenario: Scenario) -> LqgTheory:
+    """Return the design of a scenario's loop and its statistics in steady state.
+
+    Raises
+    ------
+    DesignError
+        If the loop cannot be stabilised, or the sensors do not keep the error bounded.
+    """
+    design, sample = lqr_design(scenario)
+    model: Model = scenario.model
+    n, m = model.state.size, model.input.size
+    dt = 1.0 / scenario.rate
+    step = model.transition(np.zeros(n), np.zeros(m), dt)
+    return LqgTheory(design, sample, LqgLoop(step, schedule(scenario), design.gain), dt)
+
+
+def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check]:
+    """Return every comparison of a run with theory, over the part after the start has settled.
+
+    Raises
+    ------
+    ValueError
+        If the run is too short to judge.
+    """
+    loop, dt = theory.loop, theory.dt
+    p = len(loop.schedule)
+    settled = p * ceil(theory.settling_time / dt / p)
+    steps = (len(run.time) - settled) // p * p
+    least = max(200, 20 * p)
+    if steps < least:
+        needed = (settled + least) * dt
+        raise ValueError(f'duration: expected at least {needed:.0f} s to judge the run')
+    part = slice(settled, settled + steps)
+    x, u, P = run.truth[part], run.input[part], run.covariance[part]
+    e = scenario.model.state.subtract(x, run.estimate[part])
+    weights, measured, labels = _averages(scenario, theory, x, e, u, P)
+    expectations = loop.average(np.stack(weights), steps)
+    poles = _fitted(loop, run, settled, scenario.model.state)
+    count = len(labels) + len(scenario.enabled) + 2 * len(x[0])
+    miss = MISS / count
+    found = []
+    for (name, unit, scale), expected, value in zip(labels, expectations, measured):
+        low, high = chi_square_bounds(expected.mean, expected.std**2, miss)
+        root = unit not in ('', '1/s')
+        numbers = np.array([expected.mean, value, low, high]) * scale
+        numbers = np.sqrt(numbers) if root else numbers
+        mean, value_, low_, high_ = numbers.tolist()
+        found.append(Check(name, unit, mean, value_, low_, high_, low <= value <= high))
+    for name in scenario.enabled:
+        nis = run.innovations[name].nis
+        nis = nis[run.innovations[name].time >= run.time[settled] - 0.5 * dt]
+        k = scenario.sensors[name].sensor.output.size
+        low, high = chi_square_bounds(1.0, 2.0 / (k * len(nis)), miss)
+        value = float(nis.mean()) / k
+        found.append(
+            Check(f'NIS of {name} / {k}', '', 1.0, value, low, high, low <= value <= high)
+        )
+    for name, fitted, exact, length in poles:
+        found += _pole_checks(name, fitted, exact, length * dt, miss)
+    return found
+
+
+def _averages(
+    scenario: Scenario, theory: LqgTheory, x: Array, e: Array, u: Array, P: Array
+) -> tuple[list[Array], list[float], list[tuple[str, str, float]]]:
+    """Return weights, measured means and labels of all quadratic averages of a run."""
+    loop, space = theory.loop, scenario.model.state
+    n = space.size
+    weights, measured, labels = [], [], []
+    for index, (name, unit) in enumerate(zip(space.names, space.units)):
+        weights.append(loop.error_weight(index))
+        measured.append(float(np.mean(e[:, index] ** 2)))
+        labels.append((f'error of {name}, RMS', unit, 1.0))
+    for index, (name, unit) in enumerate(zip(space.names, space.units)):
+        weights.append(np.roll(loop.error_weight(index), (-n, -n), axis=(1, 2)))
+        measured.append(float(np.mean(x[:, index] ** 2)))
+        labels.append((f'{name}, RMS', unit, 1.0))
+    weights.append(loop.nees_weight)
+    measured.append(float(np.mean(nees(e, P))))
+    labels.append((f'NEES / {n}', '', 1.0 / n))
+    z = np.concatenate((x, u), axis=1)
+    weights.append(loop.cost_weight(theory.cost))
+    measured.append(float(np.mean(np.einsum('ki,ij,kj->k', z, theory.cost.weight, z))))
+    labels.append(('cost J', '1/s', 1.0 / theory.dt))
+    return weights, measured, labels
+
+
+def _fitted(
+    loop: LqgLoop, run: Trajectory, settled: int, space: Space
+) -> list[tuple[str, FittedPoles, Array, int]]:
+    """Return fitted poles beside exact ones, and over how many steps they reach.
+
+    The regulator's hold from the first step on; the filter's gain, and so its poles, settle.
+    """
+    p = len(loop.schedule)
+    x, e = run.truth, space.subtract(run.truth, run.estimate)
+    regulator = fit_poles(np.concatenate((x, e), axis=1)[:-1], x[1:])
+    e = e[settled:]
+    estimator = fit_poles(e[:-p:p], e[p::p])
+    return [
+        ('regulator pole', regulator, loop.regulator_poles, 1),
+        ('estimator pole', estimator, loop.estimator_poles**p, p),
+    ]
+
+
+def _pole_checks(
+    name: str, fitted: FittedPoles, exact: Array, length: float, miss: float
+) -> list[Check]:
+    """Match each exact pole with the nearest fitted one that is left."""
+    left = list(range(len(exact)))
+    found = []
+    reach = float(np.sqrt(-2.0 * log(miss)))  # a normal deviate beyond this is rarer than miss
+    for pole in sorted(exact, key=lambda s: (-abs(s), s.imag)):
+        near = min(left, key=lambda index: abs(fitted.poles[index] - pole))
+        left.remove(near)
+        distance, std = abs(fitted.poles[near] - pole), float(fitted.std[near])
+        s, measured = continuous_poles(np.array([pole, fitted.poles[near]]), length)
+        bound = reach * std / (abs(pole) * length)
+        found.append(
+            Check(name, '1/s', complex(s), complex(measured), 0.0, bound, distance <= reach * std)
+        )
+    return found

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one place of the package's metadata: colcon and pip both read it."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'kalman_ros'
+NODES = ('plant', 'estimator', 'controller', 'monitor')
+COMMANDS = ('demo',)
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={PACKAGE: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/config', sorted(glob('config/*.yaml'))),
+    ],
+    python_requires='>=3.10',
+    install_requires=['setuptools', 'numpy', 'scipy', 'pyyaml', 'rich', 'matplotlib'],
+    extras_require={'test': ['pytest', 'pytest-timeout', 'hypothesis', 'filterpy']},
+    zip_safe=False,
+    maintainer='The kalman_ros authors',
+    maintainer_email='kalman_ros@users.noreply.github.com',
+    description='State estimation and optimal control for ROS 2: any model, any topic.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            *(f'{name} = {PACKAGE}.nodes.{name}:main' for name in NODES),
+            *(f'{name} = {PACKAGE}.commands.{name}:main' for name in COMMANDS),
+        ],
+    },
+)
