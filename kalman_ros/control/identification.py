@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poles from recorded data, with how sure one can be of them."""
+"""Dynamics from recorded data: the matrix of a linear recursion, its poles, and how far off."""
 
 from __future__ import annotations
 
@@ -11,40 +11,41 @@ from kalman_ros.core import Array
 
 
 @dataclass(frozen=True)
-class FittedPoles:
-    """Eigenvalues fitted to data (n,), and the standard deviation of their distance (n,)."""
-
-    poles: Array
-    std: Array
-
-
-def fit_poles(before: Array, after: Array) -> FittedPoles:
-    """Fit after = M before + noise by least squares and return the eigenvalues of M's front.
-
-    The deviations follow from those of the fit, cov(M) = noise covariance x (before before')^-1
-    (Lutkepohl, New Introduction to Multiple Time Series Analysis, section 3.2), carried to the
-    eigenvalues to first order.
+class Fit:
+    """A least-squares fit of after = M before + noise.
 
     Parameters
     ----------
-    before
-        Regressors (N, r), the first n of which are the vector whose poles are sought.
-    after
-        That vector one step later (N, n).
+    matrix
+        M (n, r).
+    gram
+        The sum of before before' (r, r), which weighs the errors of M.
     """
-    n = after.shape[1]
+
+    matrix: Array
+    gram: Array
+
+    @property
+    def poles(self) -> Array:
+        """Eigenvalues of the front of M, the part that takes the vector into itself (n,)."""
+        return np.linalg.eigvals(self.matrix[:, : len(self.matrix)])
+
+    def distance(self, exact: Array, noise: Array) -> float:
+        """Return how far M is from an ``exact`` one (n, r): chi-square with n r degrees.
+
+        With D the difference this is tr(N^-1 D G D'), N the ``noise`` covariance (n, n) and G
+        the gram matrix (Lutkepohl, New Introduction to Multiple Time Series Analysis, 2005,
+        section 3.2.2). Poles themselves have no such simple distribution: two that lie close
+        scatter along the root of the error.
+        """
+        D = self.matrix - exact
+        return float(np.trace(np.linalg.solve(noise, D @ self.gram @ D.T)))
+
+
+def fit(before: Array, after: Array) -> Fit:
+    """Fit after (N, n) = M before (N, r) + noise; the front of ``before`` is the same vector."""
     gram = before.T @ before
-    M = np.linalg.solve(gram, before.T @ after).T
-    residual = after - before @ M.T
-    noise = residual.T @ residual / max(1, len(after) - before.shape[1])
-    poles, right = np.linalg.eig(M[:, :n])
-    left = np.linalg.inv(right)  # rows, scaled so that left @ right = 1
-    spread = np.linalg.inv(gram)[:n, :n]
-    std = np.sqrt(
-        np.einsum('ij,jk,ik->i', left, noise, left.conj()).real
-        * np.einsum('ji,jk,ki->i', right.conj(), spread, right).real
-    )
-    return FittedPoles(poles, std)
+    return Fit(np.linalg.solve(gram, before.T @ after).T, gram)
 
 
 def continuous_poles(poles: Array, dt: float) -> Array:

@@ -95,13 +95,30 @@ class LqgLoop:
         return np.linalg.eigvals(self.step.F - self.step.G @ self.gain)
 
     @property
-    def estimator_poles(self) -> Array:
-        """Eigenvalues of the error over one step (n,); with a period, their p-th roots."""
-        n, p = len(self.step.F), len(self.schedule)
+    def regulator_matrix(self) -> Array:
+        """[F - G K, G K] (n, 2n), which takes (x, e) to the next x."""
+        return np.asarray(self._transitions[0, : len(self.step.F)])
+
+    @property
+    def error_matrix(self) -> Array:
+        """The matrix (n, n) that takes the error over one period, to the last of its phases."""
+        n = len(self.step.F)
         over = np.eye(n)
         for transition in self._transitions:
             over = transition[n:, n:] @ over
-        return np.linalg.eigvals(over).astype(complex) ** (1.0 / p)
+        return over
+
+    @property
+    def error_noise(self) -> Array:
+        """The covariance (n, n) that one period of noise adds to the error."""
+        P, M = self.posterior[-1], self.error_matrix
+        return symmetric(P - M @ P @ M.T)
+
+    @property
+    def estimator_poles(self) -> Array:
+        """Eigenvalues of the error over one step (n,); with a period, their p-th roots."""
+        over = np.linalg.eigvals(self.error_matrix).astype(complex)
+        return np.asarray(over ** (1.0 / len(self.schedule)))
 
     @cached_property
     def _transitions(self) -> Array:

@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, log
+from math import ceil, log, nan
 
 import numpy as np
 
-from kalman_ros.control.identification import FittedPoles, continuous_poles, fit_poles
+from kalman_ros.control.identification import continuous_poles, fit
 from kalman_ros.control.lqr import Cost, LqrDesign, cost, sampled_cost, sampled_lqr
 from kalman_ros.control.separation import LqgLoop, Readings, optimal_cost
 from kalman_ros.core import Array, Model, Space, linearize
@@ -24,7 +24,10 @@ MISS = 5e-4
 
 @dataclass(frozen=True)
 class Check:
-    """One measured number beside what theory expects of it, and the bounds that follow."""
+    """One measured number beside what theory expects of it, and the bounds that follow.
+
+    Poles have no bounds of their own (NaN): their verdict is that of the dynamics they are of.
+    """
 
     name: str
     unit: str
@@ -132,8 +135,7 @@ def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check
     e = scenario.model.state.subtract(x, run.estimate[part])
     weights, measured, labels = _averages(scenario, theory, x, e, u, P)
     expectations = loop.average(np.stack(weights), steps)
-    poles = _fitted(loop, run, settled, scenario.model.state)
-    count = len(labels) + len(scenario.enabled) + 2 * len(x[0])
+    count = len(labels) + len(scenario.enabled) + 2
     miss = MISS / count
     found = []
     for (name, unit, scale), expected, value in zip(labels, expectations, measured):
@@ -152,8 +154,7 @@ def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check
         found.append(
             Check(f'NIS of {name} / {k}', '', 1.0, value, low, high, low <= value <= high)
         )
-    for name, fitted, exact, length in poles:
-        found += _pole_checks(name, fitted, exact, length * dt, miss)
+    found += _dynamics(loop, run, settled, scenario.model.state, miss)
     return found
 
 
@@ -182,38 +183,43 @@ def _averages(
     return weights, measured, labels
 
 
-def _fitted(
-    loop: LqgLoop, run: Trajectory, settled: int, space: Space
-) -> list[tuple[str, FittedPoles, Array, int]]:
-    """Return fitted poles beside exact ones, and over how many steps they reach.
+def _dynamics(
+    loop: LqgLoop, run: Trajectory, settled: int, space: Space, miss: float
+) -> list[Check]:
+    """Compare the dynamics fitted to a run, and their poles, with exact ones.
 
     The regulator's hold from the first step on; the filter's gain, and so its poles, settle.
     """
     p = len(loop.schedule)
     x, e = run.truth, space.subtract(run.truth, run.estimate)
-    regulator = fit_poles(np.concatenate((x, e), axis=1)[:-1], x[1:])
-    e = e[settled:]
-    estimator = fit_poles(e[:-p:p], e[p::p])
-    return [
-        ('regulator pole', regulator, loop.regulator_poles, 1),
-        ('estimator pole', estimator, loop.estimator_poles**p, p),
-    ]
-
-
-def _pole_checks(
-    name: str, fitted: FittedPoles, exact: Array, length: float, miss: float
-) -> list[Check]:
-    """Match each exact pole with the nearest fitted one that is left."""
-    left = list(range(len(exact)))
+    regulator = fit(np.concatenate((x, e), axis=1)[:-1], x[1:])
+    last = e[settled + p - 1 :: p]  # the last phase of each period
+    estimator = fit(last[:-1], last[1:])
+    dt = run.time[1] - run.time[0]
+    cases = (
+        ('regulator', regulator, loop.regulator_matrix, loop.step.Q, dt),
+        ('estimator', estimator, loop.error_matrix, loop.error_noise, p * dt),
+    )
     found = []
-    reach = float(np.sqrt(-2.0 * log(miss)))  # a normal deviate beyond this is rarer than miss
-    for pole in sorted(exact, key=lambda s: (-abs(s), s.imag)):
-        near = min(left, key=lambda index: abs(fitted.poles[index] - pole))
-        left.remove(near)
-        distance, std = abs(fitted.poles[near] - pole), float(fitted.std[near])
-        s, measured = continuous_poles(np.array([pole, fitted.poles[near]]), length)
-        bound = reach * std / (abs(pole) * length)
-        found.append(
-            Check(name, '1/s', complex(s), complex(measured), 0.0, bound, distance <= reach * std)
-        )
+    for name, fitted, exact, noise, length in cases:
+        measured = fitted.distance(exact, noise) / exact.size
+        low, high = chi_square_bounds(1.0, 2.0 / exact.size, miss)
+        passed = low <= measured <= high
+        poles = np.linalg.eigvals(exact[:, : len(exact)])
+        for pole, nearest in zip(*_paired(poles, fitted.poles)):
+            s, near = continuous_poles(np.array([pole, nearest]), length).tolist()
+            found.append(Check(f'{name} pole', '1/s', s, near, nan, nan, passed))
+        label = f'{name} dynamics, chi2 / {exact.size}'
+        found.append(Check(label, '', 1.0, measured, low, high, passed))
     return found
+
+
+def _paired(exact: Array, fitted: Array) -> tuple[list[complex], list[complex]]:
+    """Return the exact poles, slowest first, and with each the nearest fitted one left."""
+    left = list(fitted)
+    ordered = sorted(exact, key=lambda z: (-abs(z), z.imag))
+    near = []
+    for pole in ordered:
+        near.append(min(left, key=lambda z: abs(z - pole)))
+        left.remove(near[-1])
+    return ordered, near

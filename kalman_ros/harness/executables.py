@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the installed executables and parameter files of the package are."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+PACKAGE = 'kalman_ros'
+
+
+def prefix() -> Path:
+    """Return the prefix that the package is installed in.
+
+    Raises
+    ------
+    RuntimeError
+        If it is not installed, with what to do.
+    """
+    try:
+        return Path(get_package_prefix(PACKAGE))
+    except (PackageNotFoundError, LookupError):
+        beside = Path(sys.argv[0]).resolve().parent
+        if (beside / 'plant').exists() and beside.parent.name == 'lib':
+            return beside.parent.parent
+    raise RuntimeError(
+        f'{PACKAGE} is not installed: build it with colcon and source install/setup.bash'
+    )
+
+
+def executable(name: str) -> Path:
+    """Return the path of an executable, where ``ros2 run`` looks for it; RuntimeError if none."""
+    path = prefix() / 'lib' / PACKAGE / name
+    if not path.exists():
+        raise RuntimeError(f"there is no executable '{name}' in {path.parent}")
+    return path
+
+
+def config(scenario: str) -> Path:
+    """Return the parameter file of a scenario: a name of ours, or the path of a YAML file.
+
+    Raises
+    ------
+    ValueError
+        If there is none, with the names that there are.
+    """
+    if scenario.endswith(('.yaml', '.yml')):
+        path = Path(scenario)
+        if not path.is_file():
+            raise ValueError(f"scenario: no file '{scenario}'")
+        return path.resolve()
+    folder = prefix() / 'share' / PACKAGE / 'config'
+    path = folder / f'{scenario}.yaml'
+    if not path.is_file():
+        known = ', '.join(sorted(file.stem for file in folder.glob('*.yaml')))
+        raise ValueError(f"scenario: unknown scenario '{scenario}'; known are {known}")
+    return path

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which topics a run of the loop has, and how they make up a trajectory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.codecs.signal_codec import named
+from kalman_ros.core import Array, Signal
+from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.simulation.trajectory import Innovations, Series, Trajectory
+
+from .recorder import Recorder
+
+
+def signals(scenario: Scenario) -> dict[str, Signal]:
+    """Return the signals of the plant, the estimator and the controller, by topic."""
+    state = scenario.state
+    names = scenario.model.state.names
+    n = len(names)
+    matrix = tuple(f'data[{index}]' for index in range(n * n))
+    found = {
+        'ground_truth': state,
+        state.topic: state,
+        f'{state.topic}/state': named(Signal('', '', ()), names),
+        f'{state.topic}/covariance': Signal('', 'std_msgs/Float64MultiArray', matrix),
+        scenario.input.topic: scenario.input,
+    }
+    for name, source in scenario.enabled.items():
+        output = source.sensor.output.names
+        found[source.signal.topic] = source.signal
+        columns = (*output, *(f'{o}_std' for o in output), 'nis')
+        found[f'{state.topic}/innovation/{name}'] = named(Signal('', '', ()), columns)
+    return found
+
+
+def trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Trajectory:
+    """Return what a recorder gathered, joined by stamps; time is counted from ``first``."""
+    estimate, n = scenario.state.topic, scenario.model.state.size
+    truth, state = recorder['ground_truth'], recorder[f'{estimate}/state']
+    force = recorder[scenario.input.topic]
+    covariance = recorder[f'{estimate}/covariance'].values.reshape(-1, n, n)
+    # the covariance has no stamp: the k-th belongs to the k-th state
+    length = min(len(state.stamp), len(covariance))
+    stamps = np.intersect1d(truth.stamp, state.stamp[:length])
+    stamps = np.intersect1d(stamps, force.stamp)
+    believed = _last_at(state.stamp[:length], stamps)
+    return Trajectory(
+        time=(stamps - first) * 1e-9,
+        truth=truth.values[_last_at(truth.stamp, stamps)],
+        estimate=state.values[believed],
+        covariance=covariance[believed],
+        input=force.values[_last_at(force.stamp, stamps)],
+        readings={
+            name: _series(recorder[source.signal.topic], first)
+            for name, source in scenario.enabled.items()
+        },
+        innovations={
+            name: _innovations(_series(recorder[f'{estimate}/innovation/{name}'], first))
+            for name in scenario.enabled
+        },
+    )
+
+
+def _series(recorded: Any, first: int) -> Series:
+    return Series((recorded.stamp - first) * 1e-9, recorded.values)
+
+
+def _innovations(series: Series) -> Innovations:
+    k = series.values.shape[1] // 2
+    columns: list[Array] = np.split(series.values, [k, 2 * k], axis=1)
+    return Innovations(series.time, columns[0], columns[1], columns[2][:, 0])
+
+
+def _last_at(stamps: Any, wanted: Any) -> Any:
+    """Return the index of the last message with each wanted stamp; ``stamps`` do not decrease."""
+    return np.searchsorted(stamps, wanted, side='right') - 1

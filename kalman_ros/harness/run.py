@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run of the nodes, from start to stop."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import rclpy
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+
+from kalman_ros.core import Signal
+from kalman_ros.simulation import scenario as scenarios
+from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.simulation.trajectory import Trajectory
+
+from . import executables
+from .domain import Domain
+from .gather import signals, trajectory
+from .process import NodeProcess
+from .recorder import Recorder, leading_stamp
+
+NODES = ('estimator', 'controller', 'monitor', 'plant')
+
+
+class NodeError(RuntimeError):
+    """A node died, would not start, or did not answer; the message names it and says why."""
+
+
+class Run:
+    """The nodes of a scenario as processes, and their topics as arrays.
+
+    Use as a context manager: the nodes start on entry and are gone after exit.
+
+    Parameters
+    ----------
+    scenario
+        The name of a scenario in ``config/``, or the path of a parameter file.
+    overrides
+        Parameters for every node, over those of the file: ``{'input_cost': [2.0, 2.0]}``.
+    only
+        Parameters for one node: ``{'estimator': {'initial_std': [...]}}``.
+    seed
+        Of all noise.
+    lockstep
+        Step in turns, reproducibly and as fast as it goes; else in real time.
+    nodes
+        Which nodes to start, in this order.
+    record
+        Further signals to gather, by topic.
+    """
+
+    def __init__(
+        self,
+        scenario: str = 'mass_spring_damper_2d',
+        overrides: Mapping[str, Any] | None = None,
+        *,
+        only: Mapping[str, Mapping[str, Any]] | None = None,
+        seed: int = 0,
+        lockstep: bool = True,
+        nodes: Sequence[str] = NODES,
+        record: Mapping[str, Signal] | None = None,
+    ) -> None:
+        self.file = executables.config(scenario)
+        shared = {'seed': seed, 'lockstep': lockstep, 'run_until': -1.0, **(overrides or {})}
+        self._parameters = {name: {**shared, **(only or {}).get(name, {})} for name in NODES}
+        self.scenario: Scenario = scenarios.build(
+            {**from_file(self.file, 'plant'), **self._parameters['plant']}
+        )
+        self.lockstep = lockstep
+        self._names = tuple(nodes)
+        self._record = {**signals(self.scenario), **(record or {})}
+        self.processes: dict[str, NodeProcess] = {}
+        self.diagnostics: dict[str, DiagnosticStatus] = {}
+        self._until = -1.0
+        self._last = self._first = -1
+
+    def __enter__(self) -> Run:
+        self._domain = Domain()
+        self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        self._environment = {**os.environ, 'ROS_DOMAIN_ID': str(self._domain.id)}
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=self._domain.id)
+        try:
+            self._listen()
+            for name in self._names:
+                self.start(name)
+            self._until_ready()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def domain(self) -> int:
+        """The ROS domain that the nodes run in."""
+        return self._domain.id
+
+    def _listen(self) -> None:
+        self._node = rclpy.create_node(
+            'harness', context=self._context, start_parameter_services=False
+        )
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self.recorder = Recorder(self._node, self._record)
+        self.recorder.on_message = self._on_message
+        self._progress = self.scenario.input.topic if self.lockstep else 'ground_truth'
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
+        self._parameter_client = AsyncParameterClient(self._node, 'plant')
+
+    def _on_message(self, topic: str, data: bytes) -> None:
+        if topic == self._progress:
+            self._last = leading_stamp(data)
+            if self._first < 0:
+                self._first = self._last
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.diagnostics[status.name] = status
+
+    def start(self, name: str) -> None:
+        """Start a node; one that was killed may be started again."""
+        command = [str(executables.executable(name)), '--ros-args']
+        command += ['--params-file', str(self.file)]
+        for key, value in self._parameters[name].items():
+            command += ['-p', f'{key}:={yaml_value(value)}']
+        log = Path(self._folder.name) / f'{name}.log'
+        self.processes[name] = NodeProcess(name, command, self._environment, log)
+
+    def kill(self, name: str, number: int = 9) -> None:
+        """Send a signal to a node, SIGKILL unless told otherwise, and wait for its end."""
+        process = self.processes.pop(name)
+        process.signal(number)
+        if not process.wait(10.0):
+            raise NodeError(f'the {name} did not end within 10 s of signal {number}')
+
+    def spin(self, seconds: float = 0.05) -> None:
+        """Take in what comes for so long, and see whether every node is still there."""
+        self._executor.spin_until_future_complete(Future(), seconds)
+        for name, process in self.processes.items():
+            if process.exit_code is not None:
+                raise NodeError(f'the {name} died: {process.last_words()}')
+
+    def wait(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
+        """Take in what comes until ``condition`` holds; NodeError after so many seconds."""
+        end = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > end:
+                raise NodeError(f'{what} within {seconds:g} s')
+            self.spin(0.02)
+
+    def _until_ready(self) -> None:
+        if set(self._names) != set(NODES):
+            return
+        self.wait(lambda: not self.recorder.unmatched(), 20.0, 'not every topic was published')
+        self.wait(self._parameter_client.services_are_ready, 20.0, 'the plant was not reached')
+
+    def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
+        """Let the plant go on for so many simulated seconds and gather all that comes of it.
+
+        Parameters
+        ----------
+        seconds
+            How long; in real time it takes as long.
+        progress
+            Called now and then with the simulated seconds of this call that are done.
+
+        Raises
+        ------
+        NodeError
+            If a node dies, or one does not answer.
+        """
+        start = max(self._until, 0.0)
+        self._until = start + seconds
+        self.set_parameter('run_until', self._until)
+        last_news = time.monotonic()
+        seen = self._last
+        while self.elapsed < self._until - 0.5 / self.scenario.rate:
+            self.spin()
+            if self._last != seen:
+                seen, last_news = self._last, time.monotonic()
+            elif time.monotonic() - last_news > 1.0:
+                self._complain(time.monotonic() - last_news)
+            if progress is not None:
+                progress(max(0.0, self.elapsed - start))
+        self._drain()
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds since the first step."""
+        return (self._last - self._first) * 1e-9
+
+    def _complain(self, silence: float) -> None:
+        plant = self.diagnostics.get('plant')
+        if plant is not None and plant.level == DiagnosticStatus.ERROR:
+            raise NodeError(plant.message)
+        if silence > 20.0:
+            raise NodeError(f'nothing came from the loop for {silence:.0f} s')
+
+    def _drain(self) -> None:
+        """Take in what is still under way: until nothing comes for a while."""
+        count = -1
+        while count != self.recorder.count():
+            count = self.recorder.count()
+            self.spin(0.1)
+
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Change a parameter of the plant; ValueError with the reason if it is refused."""
+        future = self._parameter_client.set_parameters([Parameter(name, value=value)])
+        self.wait(future.done, 10.0, 'the plant did not take a parameter')
+        result = future.result().results[0]
+        if not result.successful:
+            raise ValueError(result.reason)
+
+    def trajectory(self) -> Trajectory:
+        """Return the run so far as arrays, step by step."""
+        return trajectory(self.scenario, self.recorder, self._first)
+
+    def close(self) -> None:
+        """Stop every node and give everything back."""
+        for process in self.processes.values():
+            process.signal(2)
+        for process in self.processes.values():
+            process.wait(3.0)
+            process.stop()
+        if hasattr(self, '_node'):
+            self._executor.shutdown()
+            self._node.destroy_node()
+        self._context.try_shutdown()
+        self._folder.cleanup()
+        self._domain.close()
+
+
+def from_file(path: Path, node: str) -> dict[str, Any]:
+    """Return the parameters that a ROS parameter file has for a node, flat.
+
+    Raises
+    ------
+    ValueError
+        If the file is not a ROS parameter file.
+    """
+    try:
+        document = yaml.safe_load(path.read_text()) or {}
+        sections = [document.get(key, {}) for key in ('/**', f'/**/{node}', node, f'/{node}')]
+        merged: dict[str, Any] = {}
+        for section in sections:
+            merged.update(_flat(section.get('ros__parameters', {})))
+    except (yaml.YAMLError, AttributeError) as error:
+        first = str(error).partition('\n')[0]
+        raise ValueError(f'{path.name}: not a ROS parameter file: {first}') from None
+    return merged
+
+
+def _flat(section: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in section.items():
+        if isinstance(value, Mapping):
+            found.update(_flat(value, f'{prefix}{key}.'))
+        else:
+            found[f'{prefix}{key}'] = value
+    return found
+
+
+def yaml_value(value: Any) -> str:
+    """Return a parameter's value as the command line of a node takes it."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return f'[{", ".join(yaml_value(item) for item in value)}]'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(float(value))
+    return str(value)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of one run of the loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from kalman_ros.core import Array
+from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.simulation.trajectory import Trajectory
+
+from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, legend_below, picture
+
+SIGMAS = 3.0
+
+
+def draw_all(scenario: Scenario, run: Trajectory, folder: Path) -> list[Path]:
+    """Draw every picture of a run into ``folder`` and return their paths."""
+    pictures = {
+        'states.png': states,
+        'errors.png': errors,
+        'innovations.png': innovations,
+        'force.png': force,
+    }
+    paths = []
+    for name, draw in pictures.items():
+        path = folder / name
+        draw(scenario, run, path)
+        paths.append(path)
+    return paths
+
+
+def _read_states(scenario: Scenario, run: Trajectory) -> dict[str, tuple[Array, Array]]:
+    """Return, for each state that some sensor reads as it is, times and values."""
+    found = {}
+    for name, source in scenario.enabled.items():
+        series = run.readings[name]
+        for column, output in enumerate(source.sensor.output.names):
+            if output in scenario.model.state.names and len(series.time):
+                found[output] = (series.time, series.values[:, column])
+    return found
+
+
+def states(scenario: Scenario, run: Trajectory, path: Path) -> None:
+    """Draw truth, readings and estimate with its band, of every state."""
+    space = scenario.model.state
+    read = _read_states(scenario, run)
+    std = np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))
+    with picture(path, space.size, 1, (8.0, 1.6 * space.size + 0.6)) as (figure, axes):
+        for index, name in enumerate(space.names):
+            axis = axes[index, 0]
+            mean, band = run.estimate[:, index], SIGMAS * std[:, index]
+            if name in read:
+                axis.plot(*read[name], '.', ms=2.0, color=READING, alpha=0.5, label='reading')
+            axis.fill_between(
+                run.time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
+                label=f'estimate, {SIGMAS:g} sigma',
+            )  # fmt: skip
+            axis.plot(run.time, mean, color=ESTIMATE, lw=1.0, label='estimate')
+            axis.plot(run.time, run.truth[:, index], color=TRUTH, lw=0.8, label='truth')
+            axis.set_ylabel(space.label(name))
+            axis.set_ylim(*_limits(run.truth[:, index], read.get(name)))
+        axes[0, 0].set_title('What happened, what was read, what was believed')
+        legend_below(figure, axes[0, 0])
+
+
+def _limits(truth: Array, read: tuple[Array, Array] | None) -> tuple[float, float]:
+    """Return limits that show the truth whole and nearly all of the readings."""
+    low, high = float(np.min(truth)), float(np.max(truth))
+    if read is not None:
+        few, most = np.quantile(read[1], (0.001, 0.999))
+        low, high = min(low, float(few)), max(high, float(most))
+    margin = 0.08 * (high - low)
+    return low - margin, high + margin
+
+
+def errors(scenario: Scenario, run: Trajectory, path: Path) -> None:
+    """Draw the estimation error of every state inside its band."""
+    space = scenario.model.state
+    error = space.subtract(run.truth, run.estimate)
+    std = np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))
+    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6)) as (figure, axes):
+        for index, name in enumerate(space.names):
+            axis = axes[index, 0]
+            axis.plot(run.time, error[:, index], color=TRUTH, lw=0.8, label='truth - estimate')
+            for sign in (-SIGMAS, SIGMAS):
+                axis.plot(
+                    run.time, sign * std[:, index], color=ESTIMATE, lw=1.0,
+                    label=f'{SIGMAS:g} sigma of the filter' if sign > 0 else None,
+                )  # fmt: skip
+            settled = SIGMAS * float(np.max(std[len(std) // 2 :, index]))
+            axis.set_ylim(-2.5 * settled, 2.5 * settled)
+            outside = float(np.mean(np.abs(error[:, index]) > SIGMAS * std[:, index]))
+            axis.set_title(f'{100 * outside:.2f}% outside', loc='right', fontweight='normal')
+            axis.set_ylabel(f'error of {space.label(name)}')
+        axes[0, 0].set_title('The error stays in the band that the filter gives')
+        legend_below(figure, axes[0, 0])
+
+
+def innovations(scenario: Scenario, run: Trajectory, path: Path) -> None:
+    """Draw the innovations of every sensor inside their bounds."""
+    rows = [
+        (name, column)
+        for name, source in scenario.enabled.items()
+        for column in range(source.sensor.output.size)
+        if len(run.innovations[name].time)
+    ]
+    with picture(path, len(rows), 1, (8.0, 1.5 * len(rows) + 0.6)) as (figure, axes):
+        for axis, (name, column) in zip(axes[:, 0], rows):
+            of = run.innovations[name]
+            output = scenario.sensors[name].sensor.output
+            axis.plot(of.time, of.values[:, column], '.', ms=2.0, color=TRUTH, label='innovation')
+            for sign in (-SIGMAS, SIGMAS):
+                axis.plot(
+                    of.time, sign * of.std[:, column], color=ESTIMATE, lw=1.0,
+                    label=f'{SIGMAS:g} sigma expected' if sign > 0 else None,
+                )  # fmt: skip
+            settled = SIGMAS * float(np.max(of.std[len(of.std) // 2 :, column]))
+            axis.set_ylim(-1.8 * settled, 1.8 * settled)
+            axis.set_ylabel(f'{name}\n{output.label(output.names[column])}')
+        axes[0, 0].set_title('Readings minus their predictions: white, and as wide as expected')
+        legend_below(figure, axes[0, 0])
+
+
+def force(scenario: Scenario, run: Trajectory, path: Path) -> None:
+    """Draw the input that the controller gave."""
+    space = scenario.model.input
+    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.4)) as (_, axes):
+        for index, name in enumerate(space.names):
+            axes[index, 0].step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)
+            axes[index, 0].set_ylabel(space.label(name))
+        axes[0, 0].set_title('The force that answers each estimate')

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One look for all pictures: what is true is black, what is believed blue, what is read grey."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use('Agg')
+
+from matplotlib import pyplot as plt
+
+TRUTH = '#1a1a1a'
+ESTIMATE = '#0b6fb8'
+READING = '#9aa3ab'
+INPUT = '#b8500b'
+BOUND = '#5a9bd0'
+
+_STYLE = {
+    'figure.dpi': 110,
+    'font.size': 9,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.grid': True,
+    'grid.color': '#e6e8ea',
+    'axes.titlesize': 10,
+    'axes.titleweight': 'bold',
+    'axes.titlelocation': 'left',
+    'legend.frameon': False,
+    'savefig.bbox': 'tight',
+}
+
+
+@contextmanager
+def picture(path: Path, rows: int, columns: int, size: tuple[float, float]) -> Iterator[Any]:
+    """Give a figure and its axes (rows, columns) that share time; save it to ``path``."""
+    with plt.rc_context(_STYLE):
+        figure, axes = plt.subplots(
+            rows, columns, figsize=size, sharex=True, squeeze=False, layout='constrained'
+        )
+        yield figure, axes
+        for axis in axes[-1]:
+            axis.set_xlabel('time [s]')
+        figure.savefig(path)
+        plt.close(figure)
+
+
+def legend_below(figure: Any, axis: Any) -> None:
+    """Put the legend of ``axis`` under the figure, where it covers no data."""
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside lower center', ncols=len(labels))
