@@ -48,27 +48,24 @@ class Recorder:
     def __init__(self, node: Any, signals: Mapping[str, Signal]) -> None:
         self._codecs: dict[str, SignalCodec] = {}
         self.raw: dict[str, list[bytes]] = {}
-        self._subscriptions = {}
+        self._subscriptions: list[Any] = []
         self.on_message: Callable[[str, bytes], None] = lambda topic, data: None
         for topic, signal in signals.items():
             codec = self._codecs[topic] = SignalCodec(signal)
             self.raw[topic] = []
             keep = partial(self._keep, topic, self.raw[topic])
-            self._subscriptions[topic] = node.create_subscription(
-                codec.message_type, topic, keep, _QUEUE, raw=True
+            self._subscriptions.append(
+                node.create_subscription(codec.message_type, topic, keep, _QUEUE, raw=True)
             )
 
     def _keep(self, topic: str, messages: list[bytes], data: bytes) -> None:
         messages.append(data)
         self.on_message(topic, data)
 
-    def unmatched(self) -> list[str]:
-        """Return the topics that nobody publishes yet."""
-        return [
-            topic
-            for topic, subscription in self._subscriptions.items()
-            if subscription.get_publisher_count() == 0
-        ]
+    @property
+    def topics(self) -> list[str]:
+        """The full names of the topics that it listens to."""
+        return [subscription.topic_name for subscription in self._subscriptions]
 
     def count(self) -> int:
         """Return how many messages have come, of all topics."""

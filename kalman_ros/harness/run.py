@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +22,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
 from kalman_ros.core import Signal
+from kalman_ros.nodes.diagnostics import HEARD_BY, HEARS
 from kalman_ros.simulation import scenario as scenarios
 from kalman_ros.simulation.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
@@ -161,19 +163,41 @@ class Run:
             if process.exit_code is not None:
                 raise NodeError(f'the {name} died: {process.last_words()}')
 
-    def wait(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
+    def wait(
+        self, condition: Callable[[], bool], seconds: float, trouble: Callable[[], str]
+    ) -> None:
         """Take in what comes until ``condition`` holds; NodeError after so many seconds."""
         end = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > end:
-                raise NodeError(f'{what} within {seconds:g} s')
+                raise NodeError(f'{trouble()} within {seconds:g} s')
             self.spin(0.02)
 
     def _until_ready(self) -> None:
-        if set(self._names) != set(NODES):
-            return
-        self.wait(lambda: not self.recorder.unmatched(), 20.0, 'not every topic was published')
-        self.wait(self._parameter_client.services_are_ready, 20.0, 'the plant was not reached')
+        """Wait until every publisher has found all who listen: what comes earlier is lost."""
+        self.wait(lambda: not self._unready(), 30.0, lambda: f'not ready: {self._unready()}')
+        if 'plant' in self._names:
+            ready = self._parameter_client.services_are_ready
+            self.wait(ready, 20.0, lambda: 'the plant was not reached')
+
+    def _unready(self) -> str:
+        """Return what is still missing; nothing if every connection is there."""
+        silent = [name for name in self._names if name not in self.diagnostics]
+        if silent:
+            return f'no word from {", ".join(silent)}'
+        connections = [
+            (value.key, int(value.value))
+            for name in self._names
+            for value in self.diagnostics[name].values
+            if value.key.startswith((HEARD_BY, HEARS))
+        ]
+        listeners = Counter(self.recorder.topics)
+        listeners.update(key[len(HEARS) :] for key, _ in connections if key.startswith(HEARS))
+        for key, count in connections:
+            topic = key[len(HEARD_BY) :]
+            if key.startswith(HEARD_BY) and count < listeners[topic]:
+                return f'{count} of {listeners[topic]} hear {topic}'
+        return ''
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
         """Let the plant go on for so many simulated seconds and gather all that comes of it.
@@ -215,7 +239,10 @@ class Run:
         if plant is not None and plant.level == DiagnosticStatus.ERROR:
             raise NodeError(plant.message)
         if silence > 20.0:
-            raise NodeError(f'nothing came from the loop for {silence:.0f} s')
+            said = '; '.join(
+                f'{name}: {status.message}' for name, status in sorted(self.diagnostics.items())
+            )
+            raise NodeError(f'nothing came from the loop for {silence:.0f} s ({said})')
 
     def _drain(self) -> None:
         """Take in what is still under way: until nothing comes for a while."""
@@ -227,7 +254,7 @@ class Run:
     def set_parameter(self, name: str, value: Any) -> None:
         """Change a parameter of the plant; ValueError with the reason if it is refused."""
         future = self._parameter_client.set_parameters([Parameter(name, value=value)])
-        self.wait(future.done, 10.0, 'the plant did not take a parameter')
+        self.wait(future.done, 10.0, lambda: f'the plant did not take {name}')
         result = future.result().results[0]
         if not result.successful:
             raise ValueError(result.reason)

@@ -19,22 +19,54 @@ class Level(Enum):
     ERROR = DiagnosticStatus.ERROR
 
 
+HEARD_BY = 'heard by: '
+HEARS = 'hears: '
+
 #: A level, a sentence, and what is behind it.
 Report = tuple[Level, str, Mapping[str, Any]]
 
 
+#: How often the connections are looked at, and after how many looks there is news anyway.
+_LOOK = 0.1
+_LOOKS = 10
+_NOT_OURS = ('/rosout', '/parameter_events', '/diagnostics')
+
+
 class Diagnostics:
-    """Publishes what ``report`` returns every second of steady time, and whenever asked."""
+    """Publishes what ``report`` returns every second, whenever asked, and on new connections.
+
+    To the report it adds how many subscribers each of the node's topics has, ``heard by:
+    TOPIC``, and how many publishers each topic that it listens to, ``hears: TOPIC``.
+    """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
         self._node: Node = node
         self._report = report
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._timer = node.create_timer(1.0, self.publish, clock=node.steady)
+        self._connections: dict[str, int] = {}
+        self._looks = 0
+        self._timer = node.create_timer(_LOOK, self._look, clock=node.steady)
+
+    def _look(self) -> None:
+        connections = self._count_connections()
+        self._looks += 1
+        if connections != self._connections or self._looks >= _LOOKS:
+            self._connections = connections
+            self.publish()
+
+    def _count_connections(self) -> dict[str, int]:
+        found = {}
+        for publisher in self._node.publishers:
+            found[f'{HEARD_BY}{publisher.topic_name}'] = publisher.get_subscription_count()
+        for subscription in self._node.subscriptions:
+            found[f'{HEARS}{subscription.topic_name}'] = subscription.get_publisher_count()
+        return {key: count for key, count in found.items() if not key.endswith(_NOT_OURS)}
 
     def publish(self) -> None:
         """Publish now."""
+        self._looks = 0
         level, message, values = self._report()
+        values = {**values, **self._connections}
         status = DiagnosticStatus(
             level=level.value,
             name=self._node.get_fully_qualified_name().lstrip('/'),
