@@ -54,7 +54,8 @@ def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
 
 def symmetric(P: Array) -> Array:
     """Return the symmetric part of ``P`` (..., n, n)."""
-    return np.asarray(0.5 * (P + P.swapaxes(-1, -2)))
+    half: Array = 0.5 * (P + P.swapaxes(-1, -2))
+    return half
 
 
 def semidefinite(name: str, value: ArrayLike, size: int, *, definite: bool = False) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, LinearSystem, Model, Sensor, symmetric
+from kalman_ros.core import Array, Gaussian, LinearSystem, Model, Sensor
 
 from .filter import Correction
 from .update import joseph_update
@@ -25,7 +25,7 @@ class KalmanFilter:
         step = self.system.sampled(dt)
         F, G, Q = step.F, step.G, step.Q
         x, P = belief.mean, belief.covariance
-        return Gaussian(F @ x + G @ u, symmetric(F @ P @ F.T + Q))
+        return Gaussian(F @ x + G @ u, F @ P @ F.T + Q)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading; the sensor must be linear in the state."""

@@ -28,10 +28,13 @@ def joseph_update(belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
     innovation = sensor.output.subtract(y, sensor.measure(x))
     HP = H @ P
     S = HP @ H.T + R
-    _, solved, info = dposv(S, np.column_stack((HP, innovation)))
+    k, n = H.shape
+    right = np.empty((k, n + 1))
+    right[:, :n], right[:, n] = HP, innovation
+    _, solved, info = dposv(S, right)
     if info != 0:
         raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
-    K = solved[:, :-1].T
-    I_KH = np.eye(len(x)) - K @ H
+    K = solved[:, :n].T
+    I_KH = np.eye(n) - K @ H
     posterior = Gaussian(x + K @ innovation, symmetric(I_KH @ P @ I_KH.T + K @ R @ K.T))
-    return Correction(posterior, innovation, S, float(innovation @ solved[:, -1]))
+    return Correction(posterior, innovation, S, float(innovation @ solved[:, n]))

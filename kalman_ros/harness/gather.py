@@ -18,13 +18,11 @@ from .recorder import Recorder
 def signals(scenario: Scenario) -> dict[str, Signal]:
     """Return the signals of the plant, the estimator and the controller, by topic."""
     state = scenario.state
-    names = scenario.model.state.names
-    n = len(names)
+    n = scenario.model.state.size
     matrix = tuple(f'data[{index}]' for index in range(n * n))
     found = {
         'ground_truth': state,
         state.topic: state,
-        f'{state.topic}/state': named(Signal('', '', ()), names),
         f'{state.topic}/covariance': Signal('', 'std_msgs/Float64MultiArray', matrix),
         scenario.input.topic: scenario.input,
     }
@@ -39,10 +37,10 @@ def signals(scenario: Scenario) -> dict[str, Signal]:
 def trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Trajectory:
     """Return what a recorder gathered, joined by stamps; time is counted from ``first``."""
     estimate, n = scenario.state.topic, scenario.model.state.size
-    truth, state = recorder['ground_truth'], recorder[f'{estimate}/state']
+    truth, state = recorder['ground_truth'], recorder[estimate]
     force = recorder[scenario.input.topic]
     covariance = recorder[f'{estimate}/covariance'].values.reshape(-1, n, n)
-    # the covariance has no stamp: the k-th belongs to the k-th state
+    # the covariance has no stamp: the k-th belongs to the k-th estimate
     length = min(len(state.stamp), len(covariance))
     stamps = np.intersect1d(truth.stamp, state.stamp[:length])
     stamps = np.intersect1d(stamps, force.stamp)

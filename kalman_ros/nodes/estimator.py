@@ -17,6 +17,7 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.core import Array
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import ChiSquareWindow, chi_square_gate
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.online import OnlineEstimator, Outcome
 from kalman_ros.simulation.scenario import Scenario
 
@@ -79,17 +80,19 @@ class EstimatorNode(runtime.ScenarioNode):
         if self._turns is not None:
             self._turns.reading(name, time, reading)
             self._take_turns(self._turns)
-        elif self._fuse(name, time, reading) and self._online.time is not None:
-            self._publish(self._online.time, self._online.belief)
+        else:
+            correction = self._fuse(name, time, reading)
+            if correction is not None and self._online.time is not None:
+                self._publish(self._online.time, self._online.belief)
+                self._innovations[name](time, correction)
 
-    def _fuse(self, name: str, time: int, reading: Reading) -> bool:
+    def _fuse(self, name: str, time: int, reading: Reading) -> Optional[Correction]:
         outcome, correction = self._online.add_reading(name, time, *reading)
         if correction is not None:
-            self._innovations[name](time, correction)
             self._nis[name].add(correction.nis)
         if outcome is not Outcome.FUSED:
             self._warn(f'reading of {name} {outcome.value}')
-        return outcome is Outcome.FUSED
+        return correction
 
     def _on_input(self, message: Any) -> None:
         time = stamp_of(message) or self._now()
@@ -122,9 +125,11 @@ class EstimatorNode(runtime.ScenarioNode):
         for turn in turns.complete():
             if turn.input is not None:
                 self._add_input(*turn.input)
-            for name, reading in turn.readings:
-                self._fuse(name, turn.time, reading)
+            corrections = [(name, self._fuse(name, turn.time, y)) for name, y in turn.readings]
             self._publish(turn.time, self._online.predicted(turn.time))
+            for name, correction in corrections:
+                if correction is not None:
+                    self._innovations[name](turn.time, correction)
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._online.reset(self.scenario.initial_belief)

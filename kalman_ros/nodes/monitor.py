@@ -23,7 +23,7 @@ from kalman_ros.simulation.scenario import Scenario
 from . import runtime
 from .diagnostics import Diagnostics, Level, Report
 from .options import MonitorOptions
-from .topics import QUEUE, sensor_queue
+from .topics import WATCH
 
 #: So many covariances are kept for the estimate that they belong to.
 _KEPT = 50
@@ -47,12 +47,12 @@ class MonitorNode(runtime.ScenarioNode):
         scenario = self.scenario
         self._state, self._input = SignalCodec(scenario.state), SignalCodec(scenario.input)
         kind, topic = self._state.message_type, scenario.state.topic
-        self.create_subscription(kind, 'ground_truth', self._on_truth, QUEUE)
-        self.create_subscription(kind, topic, self._on_estimate, QUEUE)
+        self.create_subscription(kind, 'ground_truth', self._on_truth, WATCH)
+        self.create_subscription(kind, topic, self._on_estimate, WATCH)
         kind, force = self._input.message_type, scenario.input.topic
-        self.create_subscription(kind, force, self._on_input, QUEUE)
+        self.create_subscription(kind, force, self._on_input, WATCH)
         self._whole = self.create_subscription(
-            Float64MultiArray, f'{topic}/covariance', self._on_covariance, QUEUE
+            Float64MultiArray, f'{topic}/covariance', self._on_covariance, WATCH
         )
         self._beliefs: deque[tuple[int, Gaussian]] = deque(maxlen=_KEPT)
         self._covariances: deque[Array] = deque(maxlen=_KEPT)
@@ -62,11 +62,10 @@ class MonitorNode(runtime.ScenarioNode):
             codec = self._readings[name] = SignalCodec(source.signal)
             self._nis[name] = ChiSquareWindow(codec.size, self.options.monitor_window)
             on_reading = partial(self._on_reading, name)
-            queue = sensor_queue(reliable=source.reliable)
-            self.create_subscription(codec.message_type, source.signal.topic, on_reading, queue)
+            self.create_subscription(codec.message_type, source.signal.topic, on_reading, WATCH)
             on_innovation = partial(self._on_innovation, name)
             innovation = f'{topic}/innovation/{name}'
-            self.create_subscription(JointState, innovation, on_innovation, QUEUE)
+            self.create_subscription(JointState, innovation, on_innovation, WATCH)
         self.diagnostics = Diagnostics(self, self._report)
 
     def _fresh_comparison(self, scenario: Scenario, options: MonitorOptions) -> Comparison:

@@ -80,14 +80,17 @@ class RealTime:
 class Lockstep:
     """Steps when the input of this step has come; says who did not answer in time.
 
+    After half of the timeout it asks again, and listens to the estimate from then on, to know
+    who is silent.
+
     Parameters
     ----------
     plant
         The plant's node.
     estimate
-        Topic and message type of the estimate, watched only to tell who is silent.
+        Topic and message type of the estimate.
     timeout
-        Seconds after which to say so, and to ask again.
+        Seconds after which to say so, again and again.
     """
 
     first_stamp = FIRST_STAMP
@@ -95,17 +98,15 @@ class Lockstep:
 
     def __init__(self, plant: Any, estimate: tuple[str, Any], timeout: float) -> None:
         self._plant: Any = plant
+        self._estimate = estimate
         self._timeout = timeout
         self._asked_at: int | None = None
+        self._silent_since: int | None = None
+        self._said = 0
+        self._listener: Any = None
         self._estimated = False
-        self._silent = 0
-        topic, kind = estimate
-        plant.create_subscription(kind, topic, self._on_estimate, 10, raw=True)
         self._timer = plant.create_timer(0.05, self._watch, clock=plant.steady)
         self._matching_since: int | None = None
-
-    def _on_estimate(self, _: bytes) -> None:
-        self._estimated = True
 
     def _ask(self) -> None:
         """Publish the step, unless the plant is to pause before it."""
@@ -113,7 +114,6 @@ class Lockstep:
         if plant.elapsed > plant.run_until + 1e-9:
             self._asked_at = None
             return
-        self._estimated = False
         self._asked_at = plant.steady.now().nanoseconds
         plant.publish_step()
 
@@ -122,9 +122,8 @@ class Lockstep:
         plant = self._plant
         if self._asked_at is None or time not in (None, plant.stamp):
             return
-        if self._silent:
-            plant.get_logger().info('lockstep goes on')
-            self._silent = 0
+        if self._silent_since is not None:
+            self._resume()
         plant.step()
         self._ask()
 
@@ -139,11 +138,27 @@ class Lockstep:
         if self._asked_at is None:
             if plant.elapsed <= plant.run_until + 1e-9 and self._matched(now):
                 self._ask()
-        elif now - self._asked_at > self._timeout * 1e9:
-            self._silent += 1
+            return
+        if now - self._asked_at < 0.5e9 * self._timeout:
+            return
+        if self._silent_since is None:
+            self._silent_since = self._asked_at
+            topic, kind = self._estimate
+            self._listener = plant.create_subscription(kind, topic, self._on_estimate, 10)
+        if now - self._silent_since > (self._said + 1) * self._timeout * 1e9:
+            self._said += 1
             plant.get_logger().error(self.trouble())
             plant.diagnostics.publish()
-            self._ask()
+        self._ask()
+
+    def _on_estimate(self, _: Any) -> None:
+        self._estimated = True
+
+    def _resume(self) -> None:
+        if self._said:
+            self._plant.get_logger().info('lockstep goes on')
+        self._plant.destroy_subscription(self._listener)
+        self._silent_since, self._said, self._estimated = None, 0, False
 
     def _matched(self, now: int) -> bool:
         """Tell whether all who must answer are there, or at least those who surely must."""
@@ -158,12 +173,10 @@ class Lockstep:
 
     def trouble(self) -> str:
         """Return who did not answer, or nothing."""
-        if not self._silent:
+        if not self._said:
             return ''
-        who = 'controller' if self._estimated else 'estimator'
-        what = 'force' if self._estimated else 'estimate'
-        waited = self._silent * self._timeout
+        who, what = ('controller', 'force') if self._estimated else ('estimator', 'estimate')
         return (
-            f'no {what} for step {self._plant.steps} within {waited:g} s: '
+            f'no {what} for step {self._plant.steps} within {self._said * self._timeout:g} s: '
             f'the {who} did not answer; asking again'
         )

@@ -19,6 +19,10 @@ def sensor_queue(*, reliable: bool) -> QoSProfile:
     return QoSProfile(depth=50, reliability=policy)
 
 
+#: For those who only watch: what they lose costs the others nothing.
+WATCH = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
 def on_topic(signal: Signal, topic: str) -> Signal:
     """Return the same fields on another topic."""
     return replace(signal, topic=topic)
