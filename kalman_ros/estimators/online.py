@@ -111,7 +111,7 @@ class OnlineEstimator:
         self._filter = filter
         self._sensors = dict(sensors)
         self._gates = {self._order[name]: gate for name, gate in gates.items()}
-        self._with_covariance: dict[str, Sensor] = {}
+        self._with_covariance: dict[str, tuple[bytes, Sensor]] = {}
 
     def reset(self, belief: Gaussian) -> None:
         """Forget what came; the belief holds at the next stamp that comes. Counts go on."""
@@ -169,14 +169,16 @@ class OnlineEstimator:
 
     def _noisy(self, name: str, covariance: Array) -> Sensor | None:
         """Return the sensor with this noise, None if it is no covariance; the last is kept."""
+        key = covariance.tobytes()
         last = self._with_covariance.get(name)
-        if last is not None and np.array_equal(last.covariance, covariance):
-            return last
+        if last is not None and last[0] == key:
+            return last[1]
         sensor = self._sensors[name]
         if not _is_covariance(covariance, len(sensor.covariance)):
             return None
-        last = self._with_covariance[name] = sensor.with_covariance(covariance)
-        return last
+        sensor = sensor.with_covariance(covariance)
+        self._with_covariance[name] = (key, sensor)
+        return sensor
 
     def _insert(self, item: _Item) -> Outcome:
         items = self._items

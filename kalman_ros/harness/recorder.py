@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -11,16 +10,13 @@ from typing import Any
 
 import numpy as np
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 
-from kalman_ros.codecs.messages import stamp_of
 from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
 
 #: Deep enough for whatever comes while nobody looks.
 _QUEUE = QoSProfile(depth=100_000)
-#: A serialised message with a header begins with a CDR header and the stamp: seconds, rest.
-_STAMP = struct.Struct('<4xiI')
 
 
 @dataclass(frozen=True)
@@ -74,18 +70,12 @@ class Recorder:
     def __getitem__(self, topic: str) -> Recorded:
         """Return what came on ``topic``; KeyError if it was not recorded."""
         codec = self._codecs[topic]
-        messages = [deserialize_message(data, codec.message_type) for data in self.raw[topic]]
-        values = [codec.decode(message) for message in messages]
-        covariances = [codec.decode_covariance(message) for message in messages]
-        stamps = [stamp for message in messages if (stamp := stamp_of(message)) is not None]
+        read = WireReader(codec)
+        samples = [read(data) for data in self.raw[topic]]
+        stamps = [sample.time for sample in samples if sample.time is not None]
+        covariances = [sample.covariance for sample in samples]
         return Recorded(
             np.array(stamps, dtype=np.int64),
-            np.array(values).reshape(-1, codec.size),
+            np.array([sample.values for sample in samples]).reshape(-1, codec.size),
             np.array(covariances) if codec.carries_covariance else None,
         )
-
-
-def leading_stamp(data: bytes) -> int:
-    """Return the stamp of a serialised message whose type begins with a header, in ns."""
-    seconds, rest = _STAMP.unpack_from(data)
-    return int(seconds) * 1_000_000_000 + int(rest)

@@ -21,6 +21,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
+from kalman_ros.codecs.wire import leading_stamp
 from kalman_ros.core import Signal
 from kalman_ros.nodes.diagnostics import HEARD_BY, HEARS
 from kalman_ros.simulation import scenario as scenarios
@@ -31,7 +32,7 @@ from . import executables
 from .domain import Domain
 from .gather import signals, trajectory
 from .process import NodeProcess
-from .recorder import Recorder, leading_stamp
+from .recorder import Recorder
 
 NODES = ('estimator', 'controller', 'monitor', 'plant')
 

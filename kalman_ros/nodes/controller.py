@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import SetBool
 
-from kalman_ros.codecs.messages import stamp_of
 from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireReader
 from kalman_ros.control.lqr import LqrDesign, cost, sampled_lqr
 from kalman_ros.core import linearize
 from kalman_ros.simulation.scenario import Scenario
@@ -46,22 +46,26 @@ class ControllerNode(runtime.ScenarioNode):
         self._enabled = options.enabled
         self._answered = self._refused = 0
         self._zero = np.zeros(scenario.model.input.size)
-        self._state = SignalCodec(scenario.state)
+        self._unknown = np.full(scenario.model.state.size, np.nan)
+        self._read_state = WireReader(SignalCodec(scenario.state))
         self._input = SignalCodec(scenario.input, options.frame)
         kind = self._input.message_type
         self._publisher = self.create_publisher(kind, scenario.input.topic, QUEUE)
-        kind = self._state.message_type
-        self.create_subscription(kind, scenario.state.topic, self._on_estimate, QUEUE)
+        kind = self._read_state.message_type
+        self.create_subscription(kind, scenario.state.topic, self._on_estimate, QUEUE, raw=True)
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.diagnostics = Diagnostics(self, self._report)
 
-    def _on_estimate(self, message: Any) -> None:
-        time = stamp_of(message)
+    def _on_estimate(self, data: bytes) -> None:
+        try:
+            time, x, _ = self._read_state(data)
+        except LookupError:
+            time, x = None, self._unknown
         if time is None:
             time = self.get_clock().now().nanoseconds
         force = self._zero
         if self._enabled:
-            force = -(self._design.gain @ self._decode(message))
+            force = -(self._design.gain @ x)
             if not np.isfinite(force).all():
                 force = self._zero
                 self._refused += 1
@@ -70,12 +74,6 @@ class ControllerNode(runtime.ScenarioNode):
                 )
         self._publisher.publish(self._input.encode(time, force))
         self._answered += 1
-
-    def _decode(self, message: Any) -> Any:
-        try:
-            return self._state.decode(message)
-        except LookupError:
-            return np.full(self._state.size, np.nan)
 
     def _on_enable(self, request: Any, response: Any) -> Any:
         self._enabled = request.data

@@ -12,8 +12,9 @@ import numpy as np
 from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
-from kalman_ros.codecs.messages import nanoseconds, stamp_of
+from kalman_ros.codecs.messages import nanoseconds
 from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import Sample, WireReader
 from kalman_ros.core import Array
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import ChiSquareWindow, chi_square_gate
@@ -25,7 +26,7 @@ from . import runtime
 from .diagnostics import Diagnostics, Level, Report
 from .estimates import EstimatePublisher, InnovationPublisher
 from .options import EstimatorOptions
-from .readings import Reading, ReadingDecoder
+from .readings import ReadingReader
 from .topics import QUEUE, sensor_queue
 from .turns import Turns
 
@@ -45,22 +46,22 @@ class EstimatorNode(runtime.ScenarioNode):
             gates=_gates(scenario, options),
         )
         self._publish = EstimatePublisher(self, scenario, options.frame, options.child_frame)
-        self._input_codec = SignalCodec(scenario.input)
-        self._decoders: dict[str, ReadingDecoder] = {}
+        self._read_input = WireReader(SignalCodec(scenario.input))
+        self._readers: dict[str, ReadingReader] = {}
         self._innovations: dict[str, InnovationPublisher] = {}
         self._nis: dict[str, ChiSquareWindow] = {}
         self._inputs: Counter[Outcome] = Counter()
         for name, source in scenario.sensors.items():
             output, signal = source.sensor.output, source.signal
-            self._decoders[name] = ReadingDecoder(signal)
+            self._readers[name] = ReadingReader(signal)
             self._innovations[name] = InnovationPublisher(self, scenario.state.topic, name, output)
             self._nis[name] = ChiSquareWindow(output.size)
             queue = QUEUE if options.lockstep else sensor_queue(reliable=source.reliable)
             callback = partial(self._on_reading, name)
-            kind = self._decoders[name].message_type
-            self.create_subscription(kind, signal.topic, callback, queue)
-        kind = self._input_codec.message_type
-        self.create_subscription(kind, scenario.input.topic, self._on_input, QUEUE)
+            kind = self._readers[name].message_type
+            self.create_subscription(kind, signal.topic, callback, queue, raw=True)
+        kind = self._read_input.message_type
+        self.create_subscription(kind, scenario.input.topic, self._on_input, QUEUE, raw=True)
         self._turns: Optional[Turns] = None
         if options.lockstep:
             self._turns = Turns({source.signal.topic: n for n, source in scenario.sensors.items()})
@@ -71,12 +72,12 @@ class EstimatorNode(runtime.ScenarioNode):
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    def _on_reading(self, name: str, message: Any) -> None:
+    def _on_reading(self, name: str, data: bytes) -> None:
         source = self.scenario.sensors[name]
         if not source.timed.enabled:
             return
-        reading = self._decoders[name](message, source)
-        time = stamp_of(message) or self._now()
+        reading = self._readers[name](data, source)
+        time = reading.time or self._now()
         if self._turns is not None:
             self._turns.reading(name, time, reading)
             self._take_turns(self._turns)
@@ -86,26 +87,28 @@ class EstimatorNode(runtime.ScenarioNode):
                 self._publish(self._online.time, self._online.belief)
                 self._innovations[name](time, correction)
 
-    def _fuse(self, name: str, time: int, reading: Reading) -> Optional[Correction]:
-        outcome, correction = self._online.add_reading(name, time, *reading)
+    def _fuse(self, name: str, time: int, reading: Sample) -> Optional[Correction]:
+        outcome, correction = self._online.add_reading(
+            name, time, reading.values, reading.covariance
+        )
         if correction is not None:
             self._nis[name].add(correction.nis)
         if outcome is not Outcome.FUSED:
             self._warn(f'reading of {name} {outcome.value}')
         return correction
 
-    def _on_input(self, message: Any) -> None:
-        time = stamp_of(message) or self._now()
+    def _on_input(self, data: bytes) -> None:
         try:
-            u = self._input_codec.decode(message)
+            input = self._read_input(data)
         except LookupError as error:
             self._warn(f'{self.scenario.input.topic}: {error}')
             return
+        time = input.time or self._now()
         if self._turns is not None:
-            self._turns.input(time, u)
+            self._turns.input(time, input.values)
             self._take_turns(self._turns)
         else:
-            self._add_input(time, u)
+            self._add_input(time, input.values)
 
     def _add_input(self, time: int, u: Array) -> None:
         outcome = self._online.add_input(time, u)

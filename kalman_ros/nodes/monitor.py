@@ -9,13 +9,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
-from kalman_ros.codecs.messages import stamp_of
-from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.signal_codec import SignalCodec, named
+from kalman_ros.codecs.wire import Sample, WireReader
 from kalman_ros.control.lqr import Cost, cost, sampled_cost
-from kalman_ros.core import Array, Gaussian, linearize
+from kalman_ros.core import Array, Gaussian, Signal, linearize
 from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.simulation.scenario import Scenario
@@ -23,7 +21,7 @@ from kalman_ros.simulation.scenario import Scenario
 from . import runtime
 from .diagnostics import Diagnostics, Level, Report
 from .options import MonitorOptions
-from .topics import WATCH
+from .topics import WATCH, on_topic
 
 #: So many covariances are kept for the estimate that they belong to.
 _KEPT = 50
@@ -45,27 +43,22 @@ class MonitorNode(runtime.ScenarioNode):
         super().__init__('monitor', MonitorOptions)
         self._comparison = self._fresh_comparison(self.scenario, self.options)
         scenario = self.scenario
-        self._state, self._input = SignalCodec(scenario.state), SignalCodec(scenario.input)
-        kind, topic = self._state.message_type, scenario.state.topic
-        self.create_subscription(kind, 'ground_truth', self._on_truth, WATCH)
-        self.create_subscription(kind, topic, self._on_estimate, WATCH)
-        kind, force = self._input.message_type, scenario.input.topic
-        self.create_subscription(kind, force, self._on_input, WATCH)
-        self._whole = self.create_subscription(
-            Float64MultiArray, f'{topic}/covariance', self._on_covariance, WATCH
-        )
+        estimate, n = scenario.state.topic, scenario.model.state.size
+        matrix = tuple(f'data[{index}]' for index in range(n * n))
+        whole = Signal(f'{estimate}/covariance', 'std_msgs/Float64MultiArray', matrix)
+        self._watch(on_topic(scenario.state, 'ground_truth'), self._on_truth)
+        self._watch(scenario.state, self._on_estimate)
+        self._watch(scenario.input, self._on_input)
+        self._whole = self._watch(whole, self._on_covariance)
         self._beliefs: deque[tuple[int, Gaussian]] = deque(maxlen=_KEPT)
         self._covariances: deque[Array] = deque(maxlen=_KEPT)
-        self._readings: dict[str, SignalCodec] = {}
         self._nis: dict[str, ChiSquareWindow] = {}
         for name, source in scenario.sensors.items():
-            codec = self._readings[name] = SignalCodec(source.signal)
-            self._nis[name] = ChiSquareWindow(codec.size, self.options.monitor_window)
-            on_reading = partial(self._on_reading, name)
-            self.create_subscription(codec.message_type, source.signal.topic, on_reading, WATCH)
-            on_innovation = partial(self._on_innovation, name)
-            innovation = f'{topic}/innovation/{name}'
-            self.create_subscription(JointState, innovation, on_innovation, WATCH)
+            k = source.sensor.output.size
+            self._nis[name] = ChiSquareWindow(k, self.options.monitor_window)
+            self._watch(source.signal, partial(self._on_reading, name))
+            nis = named(Signal(f'{estimate}/innovation/{name}', '', ()), ('nis',))
+            self._watch(nis, partial(self._on_nis, name))
         self.diagnostics = Diagnostics(self, self._report)
 
     def _fresh_comparison(self, scenario: Scenario, options: MonitorOptions) -> Comparison:
@@ -73,40 +66,49 @@ class MonitorNode(runtime.ScenarioNode):
         weight = sample_cost(scenario).weight
         return Comparison(scenario.model.state, sensors, weight, options.monitor_window)
 
-    def _on_truth(self, message: Any) -> None:
-        self._comparison.truth(stamp_of(message) or 0, self._state.decode(message))
+    def _watch(self, signal: Signal, take: Callable[[Sample], None]) -> Any:
+        """Subscribe to a signal; messages that cannot be read are passed over."""
+        read = WireReader(SignalCodec(signal))
 
-    def _on_input(self, message: Any) -> None:
-        time = stamp_of(message)
-        if time is not None:
-            self._comparison.input(time, self._input.decode(message))
+        def on_message(data: bytes) -> None:
+            try:
+                take(read(data))
+            except (LookupError, ValueError):
+                self.get_logger().warning(
+                    f'{signal.topic}: a message cannot be read', throttle_duration_sec=1.0
+                )
 
-    def _on_reading(self, name: str, message: Any) -> None:
-        y = self._readings[name].decode(message)
-        time = stamp_of(message)
-        if time is not None and np.isfinite(y).all():
-            self._comparison.reading(name, time, y)
+        kind, topic = read.message_type, signal.topic
+        return self.create_subscription(kind, topic, on_message, WATCH, raw=True)
 
-    def _on_innovation(self, name: str, message: JointState) -> None:
-        self._nis[name].add(message.position[-1])
+    def _on_truth(self, sample: Sample) -> None:
+        self._comparison.truth(sample.time or 0, sample.values)
 
-    def _on_estimate(self, message: Any) -> None:
+    def _on_input(self, sample: Sample) -> None:
+        if sample.time is not None:
+            self._comparison.input(sample.time, sample.values)
+
+    def _on_reading(self, name: str, sample: Sample) -> None:
+        if sample.time is not None and np.isfinite(sample.values).all():
+            self._comparison.reading(name, sample.time, sample.values)
+
+    def _on_nis(self, name: str, sample: Sample) -> None:
+        self._nis[name].add(float(sample.values[0]))
+
+    def _on_estimate(self, sample: Sample) -> None:
         """Take the estimate at once, or when its whole covariance has come, if one will."""
-        P = self._state.decode_covariance(message)
-        n = self._state.size
-        belief = Gaussian(self._state.decode(message), np.zeros((n, n)) if P is None else P)
-        time = stamp_of(message) or 0
+        n, P = sample.values.size, sample.covariance
+        belief = Gaussian(sample.values, np.zeros((n, n)) if P is None else P)
         if self._whole.get_publisher_count():
-            self._beliefs.append((time, belief))
+            self._beliefs.append((sample.time or 0, belief))
             self._pair()
         else:
-            self._comparison.estimate(time, belief)
+            self._comparison.estimate(sample.time or 0, belief)
 
-    def _on_covariance(self, message: Float64MultiArray) -> None:
-        n = self._state.size
-        if len(message.data) == n * n:
-            self._covariances.append(np.array(message.data).reshape(n, n))
-            self._pair()
+    def _on_covariance(self, sample: Sample) -> None:
+        n = self.scenario.model.state.size
+        self._covariances.append(sample.values.reshape(n, n))
+        self._pair()
 
     def _pair(self) -> None:
         """Give each estimate its whole covariance: the first that agrees with its own part."""

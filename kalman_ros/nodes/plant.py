@@ -12,8 +12,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
-from kalman_ros.codecs.messages import message_type, stamp_of, write_stamp
+from kalman_ros.codecs.messages import message_type, write_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import Sample, WireReader
 from kalman_ros.simulation.plant import SimulatedPlant
 from kalman_ros.simulation.scenario import Scenario
 
@@ -42,10 +43,10 @@ class PlantNode(runtime.ScenarioNode):
         }
         self._truth = self._publisher(on_topic(self.scenario.state, 'ground_truth'))
         input = self.scenario.input
-        self._input_codec = SignalCodec(input)
-        kind = self._input_codec.message_type
-        self._input = self.create_subscription(kind, input.topic, self._on_force, QUEUE)
-        self.create_subscription(kind, 'disturbance', self._on_disturbance, QUEUE)
+        self._read_input = WireReader(SignalCodec(input))
+        kind = self._read_input.message_type
+        self._input = self.create_subscription(kind, input.topic, self._on_force, QUEUE, raw=True)
+        self.create_subscription(kind, 'disturbance', self._on_disturbance, QUEUE, raw=True)
         self._tick = TimeReference()
         self._clock_message = Clock()
         if options.lockstep:
@@ -132,28 +133,28 @@ class PlantNode(runtime.ScenarioNode):
             self.get_logger().warning(f'no {topic} for {age:.2f} s: it is zero now')
             self.diagnostics.publish()
 
-    def _on_force(self, message: Any) -> None:
-        force = self._vector(message)
+    def _on_force(self, data: bytes) -> None:
+        force = self._input_in(data)
         if force is None:
             return
         if self._force_came is None:
             self.get_logger().info(f'{self.scenario.input.topic} has come')
-        self._force, self._force_came = force, self.steady.now().nanoseconds
-        self._pacer.answered(stamp_of(message))
+        self._force, self._force_came = force.values, self.steady.now().nanoseconds
+        self._pacer.answered(force.time)
 
-    def _on_disturbance(self, message: Any) -> None:
-        disturbance = self._vector(message)
+    def _on_disturbance(self, data: bytes) -> None:
+        disturbance = self._input_in(data)
         if disturbance is not None:
-            self._disturbance = disturbance
+            self._disturbance = disturbance.values
 
-    def _vector(self, message: Any) -> Any:
-        """Return the finite vector in a message, or None and count it."""
+    def _input_in(self, data: bytes) -> Sample | None:
+        """Return the finite input in a message, or None and count it."""
         try:
-            vector = self._input_codec.decode(message)
+            sample = self._read_input(data)
+            if np.isfinite(sample.values).all():
+                return sample
         except LookupError:
-            vector = np.array([np.nan])
-        if np.isfinite(vector).all():
-            return vector
+            pass
         self._bad_forces += 1
         return None
 

@@ -3,35 +3,33 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional
-
 import numpy as np
 
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.core import Array, Signal
+from kalman_ros.codecs.wire import Sample, WireReader
+from kalman_ros.core import Signal
 from kalman_ros.simulation.scenario import SensorSource
 
-#: The values (k,), and their covariance (k, k) unless it is the configured one.
-Reading = tuple[Array, Optional[Array]]
 
-
-class ReadingDecoder:
+class ReadingReader:
     """Decodes the messages of one sensor."""
 
     def __init__(self, signal: Signal) -> None:
-        self._codec = SignalCodec(signal)
-        self.message_type = self._codec.message_type
+        self._read = WireReader(SignalCodec(signal))
+        self.message_type = self._read.message_type
 
-    def __call__(self, message: Any, source: SensorSource) -> Reading:
-        """Return the reading; a message that cannot be read gives one of no values."""
+    def __call__(self, data: bytes, source: SensorSource) -> Sample:
+        """Return the reading; its covariance is None if the configured one is to be used.
+
+        A message that cannot be read gives a reading of no values, which no filter takes.
+        """
         try:
-            y = self._codec.decode(message)
-            if source.covariance_from == 'configuration':
-                return y, None
-            R = self._codec.decode_covariance(message)
+            sample = self._read(data)
         except (LookupError, ValueError):
-            return np.empty(0), None
-        own = source.sensor.covariance
-        if R is None or (source.covariance_from == 'larger' and np.trace(R) <= np.trace(own)):
-            return y, None
-        return y, R
+            return Sample(None, np.empty(0), None)
+        policy, R = source.covariance_from, sample.covariance
+        if policy == 'message' or R is None:
+            return sample
+        if policy == 'larger' and np.trace(R) > np.trace(source.sensor.covariance):
+            return sample
+        return sample._replace(covariance=None)
