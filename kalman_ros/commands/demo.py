@@ -63,8 +63,8 @@ def overrides(given: Sequence[str]) -> dict[str, Any]:
     return found
 
 
-def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajectory, float]:
-    """Run the nodes and return the run, its trajectory, and the wall time it took."""
+def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajectory, float, int]:
+    """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
     run = Run(
         options.scenario,
         overrides(options.parameters),
@@ -87,7 +87,8 @@ def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajecto
             wall = time.monotonic() - start
             bar.update(task, completed=options.duration, description='stopping')
             trajectory = run.trajectory()
-    return run, trajectory, wall
+            missed = int(run.diagnostic('plant', 'missed steps'))
+    return run, trajectory, wall, missed
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -96,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(argv)
     console = Console()
     try:
-        run, trajectory, wall = gather(options, console)
+        run, trajectory, wall, missed = gather(options, console)
         theory = verdicts.theory(run.scenario)
         checks = verdicts.checks(run.scenario, theory, trajectory)
     except (ValueError, NodeError, RuntimeError) as error:
@@ -116,13 +117,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     title = f'{name}, {mode}, seed {options.seed}: theory and measurement'
     console.print(tables.checks_table(title, checks))
     console.print(
-        f'{options.duration:g} simulated seconds took {wall:.1f} s; the first '
-        f'{theory.settling_time:.1f} s settle and do not count. LQG optimum of J: '
-        f'{theory.expected_cost:.4g} per second.'
+        f'{options.duration:g} simulated seconds took {wall:.1f} s, with {missed} of '
+        f'{len(trajectory.time)} steps late; the first {theory.settling_time:.1f} s settle and '
+        f"do not count. The theory of J is the LQG optimum tr(S Q) + tr(K'(R + G'S G) K P)."
     )
     _write(folder, trajectory, {
         'scenario': name, 'mode': mode, 'seed': options.seed, 'duration': options.duration,
-        'wall': wall, 'settling_time': theory.settling_time, 'passed': not failed,
+        'wall': wall, 'missed_steps': missed, 'settling_time': theory.settling_time,
+        'passed': not failed,
         'checks': tables.checks_json(checks),
     })  # fmt: skip
     drawn = pictures.draw_all(run.scenario, trajectory, folder)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, solve
+
+from .structure import ComplexArray, eigenvalues
 
 
 @dataclass(frozen=True)
@@ -26,9 +28,9 @@ class Fit:
     gram: Array
 
     @property
-    def poles(self) -> Array:
+    def poles(self) -> ComplexArray:
         """Eigenvalues of the front of M, the part that takes the vector into itself (n,)."""
-        return np.linalg.eigvals(self.matrix[:, : len(self.matrix)])
+        return eigenvalues(self.matrix[:, : len(self.matrix)])
 
     def distance(self, exact: Array, noise: Array) -> float:
         """Return how far M is from an ``exact`` one (n, r): chi-square with n r degrees.
@@ -39,16 +41,16 @@ class Fit:
         scatter along the root of the error.
         """
         D = self.matrix - exact
-        return float(np.trace(np.linalg.solve(noise, D @ self.gram @ D.T)))
+        return float(np.trace(solve(noise, D @ self.gram @ D.T)))
 
 
 def fit(before: Array, after: Array) -> Fit:
     """Fit after (N, n) = M before (N, r) + noise; the front of ``before`` is the same vector."""
     gram = before.T @ before
-    return Fit(np.linalg.solve(gram, before.T @ after).T, gram)
+    return Fit(solve(gram, before.T @ after).T, gram)
 
 
-def continuous_poles(poles: Array, dt: float) -> Array:
+def continuous_poles(poles: ComplexArray, dt: float) -> ComplexArray:
     """Return s = log(z) / dt of sampled poles z; a pole at zero becomes minus infinity."""
     with np.errstate(divide='ignore'):
-        return np.log(np.asarray(poles, dtype=complex)) / dt
+        return np.asarray(np.log(poles.astype(complex)) / dt, dtype=np.complex128)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, solve
 
 from . import riccati
+from .structure import ComplexArray, eigenvalues
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class LqeDesign:
     gain: Array
     covariance: Array
     prior: Array
-    poles: Array
+    poles: ComplexArray
 
 
 def lqe(A: Array, C: Array, W: Array, V: Array) -> LqeDesign:
@@ -43,8 +44,8 @@ def lqe(A: Array, C: Array, W: Array, V: Array) -> LqeDesign:
         If the readings cannot keep the error of some mode bounded.
     """
     P = riccati.continuous(A.T, C.T, W, V, np.zeros(C.T.shape))
-    L = np.linalg.solve(V, C @ P).T
-    return LqeDesign(L, P, P, np.linalg.eigvals(A - L @ C))
+    L = solve(V, C @ P).T
+    return LqeDesign(L, P, P, eigenvalues(A - L @ C))
 
 
 def dlqe(F: Array, C: Array, Q: Array, R: Array) -> LqeDesign:
@@ -56,6 +57,6 @@ def dlqe(F: Array, C: Array, Q: Array, R: Array) -> LqeDesign:
         If the readings cannot keep the error of some mode bounded.
     """
     P = riccati.discrete(F.T, C.T, Q, R, np.zeros(C.T.shape))
-    L = np.linalg.solve(C @ P @ C.T + R, C @ P).T
+    L = solve(C @ P @ C.T + R, C @ P).T
     I_LC = np.eye(len(F)) - L @ C
-    return LqeDesign(L, I_LC @ P, P, np.linalg.eigvals(I_LC @ F))
+    return LqeDesign(L, I_LC @ P, P, eigenvalues(I_LC @ F))

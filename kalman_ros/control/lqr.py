@@ -7,10 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, DesignError, LinearSystem, matrix, semidefinite
+from kalman_ros.core import (
+    Array,
+    ArrayLike,
+    DesignError,
+    LinearSystem,
+    matrix,
+    semidefinite,
+    solve,
+)
 from kalman_ros.core import van_loan as integral
 
 from . import riccati
+from .structure import ComplexArray, eigenvalues
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ class LqrDesign:
 
     gain: Array
     cost_to_go: Array
-    poles: Array
+    poles: ComplexArray
 
 
 def cost(
@@ -82,8 +91,8 @@ def lqr(A: Array, B: Array, weights: Cost) -> LqrDesign:
     """
     Q, R, N = weights.state, weights.input, weights.cross
     S = riccati.continuous(A, B, Q, R, N)
-    K = np.linalg.solve(R, B.T @ S + N.T)
-    return _checked(K, S, np.linalg.eigvals(A - B @ K), sampled=False)
+    K = solve(R, B.T @ S + N.T)
+    return _checked(K, S, eigenvalues(A - B @ K), sampled=False)
 
 
 def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
@@ -99,12 +108,12 @@ def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
     """
     Q, R, N = weights.state, weights.input, weights.cross
     S = riccati.discrete(F, G, Q, R, N)
-    K = np.linalg.solve(R + G.T @ S @ G, G.T @ S @ F + N.T)
-    return _checked(K, S, np.linalg.eigvals(F - G @ K), sampled=True)
+    K = solve(R + G.T @ S @ G, G.T @ S @ F + N.T)
+    return _checked(K, S, eigenvalues(F - G @ K), sampled=True)
 
 
-def _checked(K: Array, S: Array, poles: Array, *, sampled: bool) -> LqrDesign:
-    largest = np.abs(poles).max() - 1.0 if sampled else poles.real.max()
+def _checked(K: Array, S: Array, poles: ComplexArray, *, sampled: bool) -> LqrDesign:
+    largest = np.max(np.abs(poles)) - 1.0 if sampled else np.max(poles.real)
     if not largest < 0.0:
         raise DesignError(
             'the least-cost gain does not stabilise the system: some mode that does not decay '

@@ -20,12 +20,14 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from kalman_ros.core import Array, DesignError, Transition, symmetric
+from kalman_ros.core import Array, DesignError, Transition, solve, symmetric
 
 from .lqr import Cost
+from .structure import ComplexArray, eigenvalues
 
 #: So many periods without convergence mean that the error covariance grows without bound.
 _MOST_PERIODS = 100_000
+_UNBOUNDED = 1e100
 
 
 @dataclass(frozen=True)
@@ -70,18 +72,20 @@ class LqgLoop:
         after = eye * max(1.0, float(np.trace(Q)))
         p = len(self.schedule)
         prior, posterior = np.zeros((p, *F.shape)), np.zeros((p, *F.shape))
-        gains = [np.zeros((len(F), len(readings.C))) for readings in self.schedule]
+        gains: list[Array] = [np.zeros((len(F), len(readings.C))) for readings in self.schedule]
         for _ in range(_MOST_PERIODS):
             start = after
             for phase, readings in enumerate(self.schedule):
                 C, R = readings.C, readings.R
                 P = symmetric(F @ after @ F.T + Q)
-                L = np.linalg.solve(C @ P @ C.T + R, C @ P).T
+                L = solve(C @ P @ C.T + R, C @ P).T
                 I_LC = eye - L @ C
                 after = symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
                 prior[phase], posterior[phase], gains[phase] = P, after, L
             if np.allclose(after, start, rtol=1e-12, atol=0.0):
                 return prior, posterior, gains
+            if np.trace(after) > _UNBOUNDED:
+                break
         raise DesignError('the error covariance has no steady state with these sensors')
 
     @property
@@ -90,9 +94,9 @@ class LqgLoop:
         return self._filter[1]
 
     @property
-    def regulator_poles(self) -> Array:
+    def regulator_poles(self) -> ComplexArray:
         """Eigenvalues of F - G K (n,)."""
-        return np.linalg.eigvals(self.step.F - self.step.G @ self.gain)
+        return eigenvalues(self.step.F - self.step.G @ self.gain)
 
     @property
     def regulator_matrix(self) -> Array:
@@ -115,10 +119,9 @@ class LqgLoop:
         return symmetric(P - M @ P @ M.T)
 
     @property
-    def estimator_poles(self) -> Array:
+    def estimator_poles(self) -> ComplexArray:
         """Eigenvalues of the error over one step (n,); with a period, their p-th roots."""
-        over = np.linalg.eigvals(self.error_matrix).astype(complex)
-        return np.asarray(over ** (1.0 / len(self.schedule)))
+        return np.asarray(eigenvalues(self.error_matrix) ** (1.0 / len(self.schedule)))
 
     @cached_property
     def _transitions(self) -> Array:
@@ -206,7 +209,7 @@ class LqgLoop:
         """The M of e'P^-1 e (p, 2n, 2n), for `average`."""
         n = len(self.step.F)
         M = np.zeros((len(self.schedule), 2 * n, 2 * n))
-        M[:, n:, n:] = symmetric(np.linalg.inv(self.posterior))
+        M[:, n:, n:] = symmetric(np.asarray(np.linalg.inv(self.posterior), dtype=float))
         return M
 
     def cost_weight(self, cost: Cost) -> Array:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from kalman_ros.core import Array
 
@@ -11,7 +12,15 @@ from kalman_ros.core import Array
 _RANK_TOLERANCE = 1e-9
 
 
-def uncontrollable_modes(A: Array, B: Array) -> Array:
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def eigenvalues(A: Array) -> ComplexArray:
+    """Return the eigenvalues of ``A`` (n, n), complex also where they are all real."""
+    return np.asarray(np.linalg.eigvals(A), dtype=np.complex128)
+
+
+def uncontrollable_modes(A: Array, B: Array) -> ComplexArray:
     """Return the eigenvalues of ``A`` (n, n) that the input through ``B`` (n, m) cannot move.
 
     By the test of Popov, Belevitch and Hautus: s is uncontrollable where [A - s I, B] loses
@@ -20,19 +29,19 @@ def uncontrollable_modes(A: Array, B: Array) -> Array:
     scale = max(1.0, float(np.linalg.norm(A)), float(np.linalg.norm(B)))
     missed = [
         s
-        for s in np.linalg.eigvals(A)
+        for s in eigenvalues(A)
         if np.linalg.svd(np.hstack((A - s * np.eye(len(A)), B)), compute_uv=False)[-1]
         < _RANK_TOLERANCE * scale
     ]
     return np.array(missed, dtype=complex)
 
 
-def unstable(modes: Array, *, sampled: bool) -> Array:
+def unstable(modes: ComplexArray, *, sampled: bool) -> ComplexArray:
     """Return those of ``modes`` that do not decay: |z| >= 1 when sampled, else Re s >= 0."""
     margin = np.abs(modes) - 1.0 if sampled else modes.real
     return modes[margin >= -1e-12]
 
 
-def describe(modes: Array) -> str:
+def describe(modes: ComplexArray) -> str:
     """Return eigenvalues as text, ``-1.00+2.00j, 0.50``."""
     return ', '.join(f'{s.real:.3g}' if abs(s.imag) < 1e-12 else f'{s:.3g}' for s in modes)

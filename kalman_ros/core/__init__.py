@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The types that everything else is written in."""
 
-from .arrays import Array, ArrayLike, matrix, semidefinite, symmetric, variances, vector
+from .arrays import Array, ArrayLike, matrix, semidefinite, solve, symmetric, variances, vector
 from .discretize import exponential, van_loan, zero_order_hold
 from .errors import DesignError
 from .gaussian import Gaussian
@@ -38,6 +38,7 @@ __all__ = [
     'options_of',
     'refuse_unknown',
     'semidefinite',
+    'solve',
     'symmetric',
     'van_loan',
     'variances',

@@ -58,6 +58,11 @@ def symmetric(P: Array) -> Array:
     return half
 
 
+def solve(A: Array, B: Array) -> Array:
+    """Return A^-1 B (n, k) for a square ``A`` (n, n); LinAlgError if it is singular."""
+    return np.asarray(np.linalg.solve(A, B), dtype=float)
+
+
 def semidefinite(name: str, value: ArrayLike, size: int, *, definite: bool = False) -> Array:
     """Return a symmetric positive (semi-)definite matrix (size, size), or raise ValueError.
 

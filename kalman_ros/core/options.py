@@ -71,6 +71,10 @@ class Option:
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a word'}
 
 
+#: So many names are listed in a message when none is near.
+_FEW = 8
+
+
 def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...]:
     """Return the options of a callable: its keyword arguments with a default.
 
@@ -101,8 +105,10 @@ def refuse_unknown(given: Iterable[str], known: Iterable[str], kind: str) -> Non
     known = list(known)
     for name in given:
         if name not in known:
-            near = get_close_matches(name, known, n=1, cutoff=0.6)
+            near = get_close_matches(name, known, n=1)
             hint = f"; did you mean '{near[0]}'?" if near else ''
+            if not near and len(known) <= _FEW:
+                hint = f'; known are {", ".join(known)}'
             raise ValueError(f"unknown {kind} '{name}'{hint}")
 
 

@@ -12,9 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 import rclpy
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.parameter import Parameter
@@ -31,6 +29,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 from . import executables
 from .domain import Domain
 from .gather import signals, trajectory
+from .parameters import from_file, yaml_value
 from .process import NodeProcess
 from .recorder import Recorder
 
@@ -260,6 +259,11 @@ class Run:
         if not result.successful:
             raise ValueError(result.reason)
 
+    def diagnostic(self, node: str, key: str) -> str:
+        """Return a value that a node last said of itself on ``/diagnostics``; KeyError if none."""
+        values = {value.key: value.value for value in self.diagnostics[node].values}
+        return str(values[key])
+
     def trajectory(self) -> Trajectory:
         """Return the run so far as arrays, step by step."""
         return trajectory(self.scenario, self.recorder, self._first)
@@ -277,46 +281,3 @@ class Run:
         self._context.try_shutdown()
         self._folder.cleanup()
         self._domain.close()
-
-
-def from_file(path: Path, node: str) -> dict[str, Any]:
-    """Return the parameters that a ROS parameter file has for a node, flat.
-
-    Raises
-    ------
-    ValueError
-        If the file is not a ROS parameter file.
-    """
-    try:
-        document = yaml.safe_load(path.read_text()) or {}
-        sections = [document.get(key, {}) for key in ('/**', f'/**/{node}', node, f'/{node}')]
-        merged: dict[str, Any] = {}
-        for section in sections:
-            merged.update(_flat(section.get('ros__parameters', {})))
-    except (yaml.YAMLError, AttributeError) as error:
-        first = str(error).partition('\n')[0]
-        raise ValueError(f'{path.name}: not a ROS parameter file: {first}') from None
-    return merged
-
-
-def _flat(section: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in section.items():
-        if isinstance(value, Mapping):
-            found.update(_flat(value, f'{prefix}{key}.'))
-        else:
-            found[f'{prefix}{key}'] = value
-    return found
-
-
-def yaml_value(value: Any) -> str:
-    """Return a parameter's value as the command line of a node takes it."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return f'[{", ".join(yaml_value(item) for item in value)}]'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(float(value))
-    return str(value)

@@ -11,8 +11,8 @@ from std_srvs.srv import SetBool
 
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
-from kalman_ros.control.lqr import LqrDesign, cost, sampled_lqr
-from kalman_ros.core import linearize
+from kalman_ros.core import Array
+from kalman_ros.simulation.regulator import regulator
 from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
@@ -21,31 +21,16 @@ from .options import ControllerOptions
 from .topics import QUEUE
 
 
-def design(scenario: Scenario) -> LqrDesign:
-    """Return the sampled LQR of a scenario, about its equilibrium at the origin.
-
-    Raises
-    ------
-    DesignError
-        If no gain stabilises the system.
-    """
-    model = scenario.model
-    n, m = model.state.size, model.input.size
-    system = linearize(model, np.zeros(n), np.zeros(m))
-    weights = cost(scenario.state_cost, scenario.input_cost, (n, m))
-    return sampled_lqr(system, weights, 1.0 / scenario.rate)
-
-
 class ControllerNode(runtime.ScenarioNode):
     """Answers every estimate with the force u = -K x."""
 
     def __init__(self) -> None:
         super().__init__('controller', ControllerOptions)
         scenario, options = self.scenario, self.options
-        self._design = design(scenario)
+        self._design, _ = regulator(scenario)
         self._enabled = options.enabled
         self._answered = self._refused = 0
-        self._zero = np.zeros(scenario.model.input.size)
+        self._zero: Array = np.zeros(scenario.model.input.size)
         self._unknown = np.full(scenario.model.state.size, np.nan)
         self._read_state = WireReader(SignalCodec(scenario.state))
         self._input = SignalCodec(scenario.input, options.frame)
@@ -83,7 +68,7 @@ class ControllerNode(runtime.ScenarioNode):
 
     def prepare(self, scenario: Scenario, options: ControllerOptions) -> Callable[[], None]:
         """Design the gain again, for other weights or another model."""
-        found = design(scenario)
+        found, _ = regulator(scenario)
 
         def apply() -> None:
             self._design = found

@@ -12,10 +12,10 @@ import numpy as np
 
 from kalman_ros.codecs.signal_codec import SignalCodec, named
 from kalman_ros.codecs.wire import Sample, WireReader
-from kalman_ros.control.lqr import Cost, cost, sampled_cost
-from kalman_ros.core import Array, Gaussian, Signal, linearize
+from kalman_ros.core import Array, Gaussian, Signal
 from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import ChiSquareWindow
+from kalman_ros.simulation.regulator import regulator
 from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
@@ -25,15 +25,6 @@ from .topics import WATCH, on_topic
 
 #: So many covariances are kept for the estimate that they belong to.
 _KEPT = 50
-
-
-def sample_cost(scenario: Scenario) -> Cost:
-    """Return the cost of one sample of a scenario."""
-    model = scenario.model
-    n, m = model.state.size, model.input.size
-    system = linearize(model, np.zeros(n), np.zeros(m))
-    weights = cost(scenario.state_cost, scenario.input_cost, (n, m))
-    return sampled_cost(system, weights, 1.0 / scenario.rate)
 
 
 class MonitorNode(runtime.ScenarioNode):
@@ -63,8 +54,8 @@ class MonitorNode(runtime.ScenarioNode):
 
     def _fresh_comparison(self, scenario: Scenario, options: MonitorOptions) -> Comparison:
         sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-        weight = sample_cost(scenario).weight
-        return Comparison(scenario.model.state, sensors, weight, options.monitor_window)
+        _, cost = regulator(scenario)
+        return Comparison(scenario.model.state, sensors, cost.weight, options.monitor_window)
 
     def _watch(self, signal: Signal, take: Callable[[Sample], None]) -> Any:
         """Subscribe to a signal; messages that cannot be read are passed over."""

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from kalman_ros.codecs.messages import message_type, write_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import Sample, WireReader
+from kalman_ros.core import Array, Signal
 from kalman_ros.simulation.plant import SimulatedPlant
 from kalman_ros.simulation.scenario import Scenario
 
@@ -34,7 +35,7 @@ class PlantNode(runtime.ScenarioNode):
         self.run_until = options.run_until
         self.period = 1.0 / self.scenario.rate
         self._plant = self._fresh_plant()
-        self._zero = np.zeros(self.scenario.model.input.size)
+        self._zero: Array = np.zeros(self.scenario.model.input.size)
         self._force = self._disturbance = self._zero
         self._force_came: int | None = None
         self._bad_forces = 0
@@ -72,7 +73,7 @@ class PlantNode(runtime.ScenarioNode):
             scenario.model, timed, scenario.rate, scenario.initial_state, self.options.seed
         )
 
-    def _publisher(self, signal: Any) -> tuple[SignalCodec, Any]:
+    def _publisher(self, signal: Signal) -> tuple[SignalCodec, Any]:
         codec = SignalCodec(signal, self.options.frame, self.options.child_frame)
         return codec, self.create_publisher(codec.message_type, signal.topic, QoSProfile(depth=50))
 

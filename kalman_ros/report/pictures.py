@@ -14,6 +14,8 @@ from kalman_ros.simulation.trajectory import Trajectory
 from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, legend_below, picture
 
 SIGMAS = 3.0
+#: The length of the close-up of the states, in seconds.
+CLOSE_UP = 4.0
 
 
 def draw_all(scenario: Scenario, run: Trajectory, folder: Path) -> list[Path]:
@@ -48,21 +50,27 @@ def states(scenario: Scenario, run: Trajectory, path: Path) -> None:
     space = scenario.model.state
     read = _read_states(scenario, run)
     std = np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))
-    with picture(path, space.size, 1, (8.0, 1.6 * space.size + 0.6)) as (figure, axes):
+    with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.6)) as (figure, axes):
         for index, name in enumerate(space.names):
-            axis = axes[index, 0]
             mean, band = run.estimate[:, index], SIGMAS * std[:, index]
-            if name in read:
-                axis.plot(*read[name], '.', ms=2.0, color=READING, alpha=0.5, label='reading')
-            axis.fill_between(
-                run.time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
-                label=f'estimate, {SIGMAS:g} sigma',
-            )  # fmt: skip
-            axis.plot(run.time, mean, color=ESTIMATE, lw=1.0, label='estimate')
-            axis.plot(run.time, run.truth[:, index], color=TRUTH, lw=0.8, label='truth')
-            axis.set_ylabel(space.label(name))
-            axis.set_ylim(*_limits(run.truth[:, index], read.get(name)))
+            for axis in axes[index]:
+                if name in read:
+                    axis.plot(*read[name], '.', ms=2.0, color=READING, alpha=0.6, label='reading')
+                axis.fill_between(
+                    run.time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
+                    label=f'estimate, {SIGMAS:g} sigma',
+                )  # fmt: skip
+                axis.plot(run.time, mean, color=ESTIMATE, lw=1.0, label='estimate')
+                axis.plot(run.time, run.truth[:, index], color=TRUTH, lw=0.8, label='truth')
+            axes[index, 0].set_ylabel(space.label(name))
+            axes[index, 0].set_ylim(*_limits(run.truth[:, index], read.get(name)))
+            late = run.time > run.time[-1] - CLOSE_UP
+            seen = read.get(name)
+            seen = None if seen is None else (seen[0], seen[1][seen[0] > run.time[-1] - CLOSE_UP])
+            axes[index, 1].set_ylim(*_limits(run.truth[late, index], seen))
         axes[0, 0].set_title('What happened, what was read, what was believed')
+        axes[0, 1].set_title(f'The last {CLOSE_UP:g} s')
+        axes[0, 1].set_xlim(run.time[-1] - CLOSE_UP, run.time[-1])
         legend_below(figure, axes[0, 0])
 
 

@@ -36,11 +36,13 @@ _STYLE = {
 
 
 @contextmanager
-def picture(path: Path, rows: int, columns: int, size: tuple[float, float]) -> Iterator[Any]:
-    """Give a figure and its axes (rows, columns) that share time; save it to ``path``."""
+def picture(
+    path: Path, rows: int, columns: int, size: tuple[float, float]
+) -> Iterator[tuple[Any, Any]]:
+    """Give a figure and its axes (rows, columns), with time across; save it to ``path``."""
     with plt.rc_context(_STYLE):
         figure, axes = plt.subplots(
-            rows, columns, figsize=size, sharex=True, squeeze=False, layout='constrained'
+            rows, columns, figsize=size, sharex='col', squeeze=False, layout='constrained'
         )
         yield figure, axes
         for axis in axes[-1]:
@@ -52,4 +54,4 @@ def picture(path: Path, rows: int, columns: int, size: tuple[float, float]) -> I
 def legend_below(figure: Any, axis: Any) -> None:
     """Put the legend of ``axis`` under the figure, where it covers no data."""
     handles, labels = axis.get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', ncols=len(labels))
+    figure.legend(handles, labels, loc='outside lower center', ncols=len(labels), markerscale=3)

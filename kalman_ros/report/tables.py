@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from math import isfinite, isnan
 from typing import Any
 
+from rich import box
 from rich.table import Table
 
 from kalman_ros.simulation.verdicts import Check
@@ -14,14 +15,22 @@ from kalman_ros.simulation.verdicts import Check
 
 def checks_table(title: str, checks: Sequence[Check]) -> Table:
     """Return a table of theory beside measurement."""
-    table = Table(title=title, title_justify='left', title_style='bold')
-    table.add_column('quantity')
-    table.add_column('theory', justify='right')
-    table.add_column('measured', justify='right')
-    table.add_column('allowed', justify='right')
+    table = Table(
+        title=title,
+        title_justify='left',
+        title_style='bold',
+        box=box.HORIZONTALS,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column('', no_wrap=True)
+    for column in ('theory', 'measured', 'allowed'):
+        table.add_column(column, justify='right', no_wrap=True)
     table.add_column('')
     for check in checks:
-        allowed = '' if isnan(check.low) else f'{check.low:.4g} to {check.high:.4g}'
+        if isinstance(check.expected, complex) and check.expected.imag < 0.0:
+            continue  # its conjugate is shown
+        allowed = '' if isnan(check.low) else f'{check.low:.3g} to {check.high:.3g}'
         verdict = '[green]ok[/]' if check.passed else '[bold red]FAILS[/]'
         table.add_row(
             f'{check.name} \\[{check.unit}]' if check.unit else check.name,
@@ -34,11 +43,11 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
 
 
 def number(value: complex) -> str:
-    """Return a real or complex number with four digits."""
+    """Return a real number, or a complex one for itself and its conjugate, with four digits."""
     if isinstance(value, complex):
         if abs(value.imag) < 1e-9:
-            return f'{value.real:.4g}'
-        return f'{value.real:.3f} {"+" if value.imag > 0 else "-"} {abs(value.imag):.3f}j'
+            return f'{value.real:.2f}'
+        return f'{value.real:.2f} ± {abs(value.imag):.2f}j'
     return f'{value:.4g}'
 
 

@@ -28,7 +28,13 @@ class _Log:
 
 
 def run(
-    scenario: Scenario, gain: Array, seconds: float, seed: int, filter: str = 'kf'
+    scenario: Scenario,
+    gain: Array,
+    seconds: float,
+    seed: int,
+    *,
+    filter: str = 'kf',
+    believed: Scenario | None = None,
 ) -> Trajectory:
     """Return what happens when u = -K x_hat drives the plant of a scenario.
 
@@ -44,14 +50,17 @@ def run(
         Of all noise.
     filter
         The name of the filter.
+    believed
+        The system that the estimator believes in, if it is another one.
     """
+    believed = believed or scenario
     timed = {name: source.timed for name, source in scenario.sensors.items()}
     plant = SimulatedPlant(scenario.model, timed, scenario.rate, scenario.initial_state, seed)
-    sensors = {name: source.sensor for name, source in scenario.sensors.items()}
+    sensors = {name: source.sensor for name, source in believed.sensors.items()}
     estimator = OnlineEstimator(
-        build_filter(filter, scenario.model),
+        build_filter(filter, believed.model),
         sensors,
-        scenario.initial_belief,
+        believed.initial_belief,
         np.zeros(scenario.model.input.size),
     )
     logs = {name: _Log() for name in sensors}

@@ -9,12 +9,14 @@ from math import ceil, log, nan
 import numpy as np
 
 from kalman_ros.control.identification import continuous_poles, fit
-from kalman_ros.control.lqr import Cost, LqrDesign, cost, sampled_cost, sampled_lqr
+from kalman_ros.control.lqr import Cost, LqrDesign
 from kalman_ros.control.separation import LqgLoop, Readings, optimal_cost
-from kalman_ros.core import Array, Model, Space, linearize
+from kalman_ros.control.structure import ComplexArray, eigenvalues
+from kalman_ros.core import Array, Model, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 
 from .plant import is_due, period, ratio
+from .regulator import regulator
 from .scenario import Scenario
 from .trajectory import Trajectory
 
@@ -62,22 +64,6 @@ class LqgTheory:
         return log(1e-3) / log(slowest) * self.dt
 
 
-def lqr_design(scenario: Scenario) -> tuple[LqrDesign, Cost]:
-    """Return the sampled LQR of a scenario about the origin, and the cost of a sample.
-
-    Raises
-    ------
-    DesignError
-        If no gain stabilises the system.
-    """
-    model = scenario.model
-    n, m = model.state.size, model.input.size
-    system = linearize(model, np.zeros(n), np.zeros(m))
-    weights = cost(scenario.state_cost, scenario.input_cost, (n, m))
-    dt = 1.0 / scenario.rate
-    return sampled_lqr(system, weights, dt), sampled_cost(system, weights, dt)
-
-
 def schedule(scenario: Scenario) -> list[Readings]:
     """Return what is read at each step of a period, linearised about the origin."""
     sources = list(scenario.enabled.values())
@@ -106,7 +92,7 @@ def theory(scenario: Scenario) -> LqgTheory:
     DesignError
         If the loop cannot be stabilised, or the sensors do not keep the error bounded.
     """
-    design, sample = lqr_design(scenario)
+    design, sample = regulator(scenario)
     model: Model = scenario.model
     n, m = model.state.size, model.input.size
     dt = 1.0 / scenario.rate
@@ -168,11 +154,11 @@ def _averages(
     for index, (name, unit) in enumerate(zip(space.names, space.units)):
         weights.append(loop.error_weight(index))
         measured.append(float(np.mean(e[:, index] ** 2)))
-        labels.append((f'error of {name}, RMS', unit, 1.0))
+        labels.append((f'RMS error of {name}', unit, 1.0))
     for index, (name, unit) in enumerate(zip(space.names, space.units)):
         weights.append(np.roll(loop.error_weight(index), (-n, -n), axis=(1, 2)))
         measured.append(float(np.mean(x[:, index] ** 2)))
-        labels.append((f'{name}, RMS', unit, 1.0))
+        labels.append((f'RMS of {name}', unit, 1.0))
     weights.append(loop.nees_weight)
     measured.append(float(np.mean(nees(e, P))))
     labels.append((f'NEES / {n}', '', 1.0 / n))
@@ -205,16 +191,16 @@ def _dynamics(
         measured = fitted.distance(exact, noise) / exact.size
         low, high = chi_square_bounds(1.0, 2.0 / exact.size, miss)
         passed = low <= measured <= high
-        poles = np.linalg.eigvals(exact[:, : len(exact)])
+        poles = eigenvalues(exact[:, : len(exact)])
         for pole, nearest in zip(*_paired(poles, fitted.poles)):
             s, near = continuous_poles(np.array([pole, nearest]), length).tolist()
             found.append(Check(f'{name} pole', '1/s', s, near, nan, nan, passed))
-        label = f'{name} dynamics, chi2 / {exact.size}'
+        label = f'{name} dynamics, chi2/{exact.size}'
         found.append(Check(label, '', 1.0, measured, low, high, passed))
     return found
 
 
-def _paired(exact: Array, fitted: Array) -> tuple[list[complex], list[complex]]:
+def _paired(exact: ComplexArray, fitted: ComplexArray) -> tuple[list[complex], list[complex]]:
     """Return the exact poles, slowest first, and with each the nearest fitted one left."""
     left = list(fitted)
     ordered = sorted(exact, key=lambda z: (-abs(z), z.imag))

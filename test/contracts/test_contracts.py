@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every registered model, sensor and filter keeps to."""
+
+import numpy as np
+import pytest
+import yaml
+
+from kalman_ros import models, sensors
+from kalman_ros.core import Gaussian, Model, Sensor, numerical_jacobian
+from kalman_ros.estimators import FILTERS, build_filter
+from kalman_ros.simulation import scenario
+
+MODELS = models.names()
+CASES = [(m, s) for m in MODELS for s in models.system(m).sensors]
+PAIRS = [(m, f) for m in MODELS for f in FILTERS]
+
+
+def points(model, count=5):
+    rng = np.random.default_rng(0)
+    return rng.normal(size=(count, model.state.size)), rng.normal(size=(count, model.input.size))
+
+
+def sensor_of(name, sensor):
+    system = models.system(name)
+    setup = system.sensors[sensor]
+    return sensors.build(setup.kind, system.build().state, setup.noise, setup.options)
+
+
+def symmetric_positive(P):
+    np.testing.assert_array_equal(P, P.T)
+    assert np.linalg.eigvalsh(P)[0] >= -1e-12 * np.abs(P).max()
+
+
+@pytest.mark.parametrize('name', MODELS)
+class TestModel:
+    def test_dimensions_match_the_spaces(self, name):
+        model = models.default_model(name)
+        xs, us = points(model)
+        n, m = model.state.size, model.input.size
+        assert isinstance(model, Model)
+        assert model.derivative(xs, us).shape == xs.shape
+        assert model.step(xs, us, 0.01).shape == xs.shape
+        assert model.noise_density(xs[0]).shape == (n, n)
+        assert model.state_jacobian(xs[0], us[0]).shape == (n, n)
+        assert model.input_jacobian(xs[0], us[0]).shape == (n, m)
+
+    def test_many_points_are_as_one_by_one(self, name):
+        model = models.default_model(name)
+        xs, us = points(model)
+        for function in (model.derivative, lambda x, u: model.step(x, u, 0.02)):
+            together = function(xs, us)
+            one_by_one = [function(x, u) for x, u in zip(xs, us)]
+            np.testing.assert_allclose(together, one_by_one, atol=1e-12)
+
+    def test_analytic_jacobians_are_the_numerical_ones(self, name):
+        model = models.default_model(name)
+        for x, u in zip(*points(model)):
+            A = numerical_jacobian(lambda p, u=u: model.derivative(p, u), x)
+            B = numerical_jacobian(lambda p, x=x: model.derivative(x, p), u)
+            np.testing.assert_allclose(model.state_jacobian(x, u), A, atol=1e-6)
+            np.testing.assert_allclose(model.input_jacobian(x, u), B, atol=1e-6)
+
+    def test_a_short_step_follows_the_derivative(self, name):
+        model = models.default_model(name)
+        xs, us = points(model)
+        dt = 1e-6
+        slope = model.state.subtract(model.step(xs, us, dt), xs) / dt
+        np.testing.assert_allclose(slope, model.derivative(xs, us), atol=1e-4)
+
+    def test_noise_is_a_covariance_and_grows_with_time(self, name):
+        model = models.default_model(name)
+        x, u = (p[0] for p in points(model))
+        symmetric_positive(model.noise_density(x))
+        short, long = (model.transition(x, u, dt).Q for dt in (0.01, 0.1))
+        symmetric_positive(short)
+        symmetric_positive(long)
+        assert np.trace(long) > np.trace(short)
+
+    def test_inputs_are_not_changed(self, name):
+        model = models.default_model(name)
+        xs, us = points(model)
+        before = xs.copy(), us.copy()
+        model.derivative(xs, us)
+        model.step(xs, us, 0.1)
+        model.transition(xs[0], us[0], 0.1)
+        np.testing.assert_array_equal(xs, before[0])
+        np.testing.assert_array_equal(us, before[1])
+
+    def test_the_built_in_wiring_is_whole(self, name):
+        built = scenario.build({'model': name})
+        system = models.system(name)
+        assert len(system.state.fields) == built.model.state.size
+        assert built.enabled
+        assert all(
+            len(option.description) > 5 for option in scenario.options({'model': name}).values()
+        )
+
+    def test_the_parameter_file_is_the_built_in_wiring(self, name):
+        from pathlib import Path
+
+        from kalman_ros.harness.parameters import from_file
+
+        path = Path(__file__).parents[2] / 'config' / f'{name}.yaml'
+        values = from_file(path, 'plant')
+        known = scenario.options({'model': name})
+        assert set(values) <= set(known)
+        assert values.pop('model') == name
+        for key, value in values.items():
+            assert known[key].check(value) == known[key].default, key
+        assert yaml.safe_load(path.read_text())
+
+
+@pytest.mark.parametrize(('name', 'sensor'), CASES)
+class TestSensor:
+    def test_dimensions_match_the_space(self, name, sensor):
+        found = sensor_of(name, sensor)
+        xs, _ = points(models.default_model(name))
+        assert isinstance(found, Sensor)
+        assert found.measure(xs).shape == (len(xs), found.output.size)
+        symmetric_positive(found.covariance)
+        assert found.covariance.shape == (found.output.size,) * 2
+
+    def test_the_analytic_jacobian_is_the_numerical_one(self, name, sensor):
+        found = sensor_of(name, sensor)
+        for x in points(models.default_model(name))[0]:
+            expected = numerical_jacobian(found.measure, x, found.output.subtract)
+            np.testing.assert_allclose(found.jacobian(x), expected, atol=1e-7)
+
+    def test_another_covariance_leaves_the_sensor_as_it_was(self, name, sensor):
+        found = sensor_of(name, sensor)
+        before = found.covariance.copy()
+        other = found.with_covariance(2.0 * before)
+        np.testing.assert_array_equal(found.covariance, before)
+        np.testing.assert_array_equal(other.covariance, 2.0 * before)
+
+
+@pytest.mark.parametrize(('name', 'kind'), PAIRS)
+class TestFilter:
+    def run(self, name, kind, steps=200):
+        system = models.system(name)
+        model = system.build()
+        filter = build_filter(kind, model)
+        rng = np.random.default_rng(0)
+        belief = Gaussian(np.zeros(model.state.size), np.diag(np.square(system.initial_std)))
+        for _ in range(steps):
+            dt, u = rng.uniform(0.0, 0.05), rng.normal(size=model.input.size)
+            belief = filter.predict(belief, u, dt)
+            yield belief
+            for sensor_name in system.sensors:
+                sensor = sensor_of(name, sensor_name)
+                y = sensor.measure(belief.mean) + 0.1 * rng.normal(size=sensor.output.size)
+                correction = filter.correct(belief, y, sensor)
+                assert correction.innovation.shape == (sensor.output.size,)
+                assert correction.nis >= 0.0
+                belief = correction.posterior
+                yield belief
+
+    def test_the_covariance_stays_a_covariance(self, name, kind):
+        for belief in self.run(name, kind):
+            assert np.isfinite(belief.mean).all()
+            np.testing.assert_allclose(
+                belief.covariance, belief.covariance.T, rtol=0.0,
+                atol=1e-15 * np.abs(belief.covariance).max(),
+            )  # fmt: skip
+            assert np.linalg.eigvalsh(belief.covariance)[0] > -1e-13
+
+    def test_beliefs_are_not_changed(self, name, kind):
+        system = models.system(name)
+        model = system.build()
+        filter = build_filter(kind, model)
+        n = model.state.size
+        belief = Gaussian(np.full(n, 0.1), np.eye(n))
+        sensor = sensor_of(name, next(iter(system.sensors)))
+        filter.predict(belief, np.zeros(model.input.size), 0.1)
+        filter.correct(belief, np.zeros(sensor.output.size), sensor)
+        np.testing.assert_array_equal(belief.mean, np.full(n, 0.1))
+        np.testing.assert_array_equal(belief.covariance, np.eye(n))

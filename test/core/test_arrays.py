@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from kalman_ros.core import matrix, semidefinite, variances, vector
+
+
+@pytest.mark.parametrize(
+    ('call', 'says'),
+    [
+        (lambda: vector('x', [1.0, 2.0], 3), 'x: expected 3 numbers, got 2'),
+        (lambda: vector('x', [1.0, float('nan')]), 'x: expected finite numbers'),
+        (lambda: vector('x', 'abc'), 'x: expected numbers'),
+        (lambda: matrix('A', [1.0] * 5, (2, 2)), 'A: expected 2 x 2 = 4 numbers, got 5 numbers'),
+        (lambda: semidefinite('Q', [1.0] * 3, 2), 'Q: expected 2 numbers .* got 3'),
+        (lambda: semidefinite('Q', [1.0, -1.0], 2), 'smallest eigenvalue is -1'),
+        (lambda: semidefinite('Q', [1.0, 0.0], 2, definite=True), 'positive definite'),
+        (lambda: semidefinite('Q', [1.0, 2.0, 0.0, 1.0], 2), 'symmetric'),
+        (lambda: variances('noise', [0.1, 0.0], 2), 'noise: expected positive standard'),
+    ],
+)
+def test_bad_arrays_are_named(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+def test_a_diagonal_or_a_whole_matrix():
+    np.testing.assert_array_equal(semidefinite('Q', [1, 2], 2), np.diag([1.0, 2.0]))
+    np.testing.assert_array_equal(
+        semidefinite('Q', [2, 1, 1, 2], 2), np.array([[2.0, 1.0], [1.0, 2.0]])
+    )
+
+
+def test_negative_off_diagonals_are_fine():
+    semidefinite('Q', [[1.0, -0.9], [-0.9, 1.0]], 2, definite=True)
+
+
+def test_the_input_is_copied():
+    given = np.ones(2)
+    vector('x', given)[0] = 5.0
+    assert given[0] == 1.0

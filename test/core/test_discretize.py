@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from kalman_ros.core import LinearSystem, Space, exponential, van_loan, zero_order_hold
+
+
+@pytest.mark.parametrize('scale', [1e-6, 0.1, 1.0, 30.0])
+@pytest.mark.parametrize('n', [1, 2, 5, 12])
+def test_exponential_equals_scipy(n, scale):
+    A = scale * np.random.default_rng(n).normal(size=(n, n))
+    expected = expm(A)
+    np.testing.assert_allclose(exponential(A), expected, atol=1e-11 * np.abs(expected).max())
+
+
+def test_zero_order_hold_of_a_double_integrator():
+    F, G = zero_order_hold(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), 0.5)
+    np.testing.assert_allclose(F, [[1.0, 0.5], [0.0, 1.0]])
+    np.testing.assert_allclose(G, [[0.125], [0.5]])
+
+
+def test_van_loan_of_a_double_integrator():
+    # white acceleration: Bar-Shalom, Li and Kirubarajan, equation 6.2.2-12
+    T, q = 0.3, 2.0
+    Q = van_loan(np.array([[0.0, 1.0], [0.0, 0.0]]), np.diag([0.0, q]), T)
+    np.testing.assert_allclose(Q, q * np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]]))
+
+
+def test_van_loan_equals_quadrature():
+    rng = np.random.default_rng(1)
+    A, root = rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
+    W, dt = root @ root.T, 0.7
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    times, weights = 0.5 * dt * (nodes + 1.0), 0.5 * dt * weights
+    expected = sum(w * expm(A * t) @ W @ expm(A * t).T for t, w in zip(times, weights))
+    np.testing.assert_allclose(van_loan(A, W, dt), expected, rtol=1e-10)
+
+
+def test_two_half_steps_are_one_step():
+    system = LinearSystem(
+        [[0.0, 1.0], [-2.0, -0.3]],
+        [[0.0], [1.0]],
+        np.diag([0.0, 0.4]),
+        Space(('x', 'v'), ('m', 'm/s')),
+        Space(('f',), ('N',)),
+    )
+    half, whole = system.sampled(0.05), system.sampled(0.1)
+    np.testing.assert_allclose(half.F @ half.F, whole.F, atol=1e-14)
+    np.testing.assert_allclose(half.F @ half.Q @ half.F.T + half.Q, whole.Q, atol=1e-15)
+    np.testing.assert_allclose(half.F @ half.G + half.G, whole.G, atol=1e-14)
+
+
+def test_a_step_of_no_length_changes_nothing():
+    F, G = zero_order_hold(np.array([[-1.0]]), np.array([[2.0]]), 0.0)
+    np.testing.assert_allclose(F, 1.0, rtol=1e-15)
+    np.testing.assert_array_equal(G, 0.0)

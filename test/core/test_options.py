@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+from typing import Annotated
+
+import pytest
+
+from kalman_ros.core import About, build_with, options_of
+
+
+def thing(
+    size: Annotated[float, About('its size', 'm', minimum=0.0)] = 1.0,
+    count: Annotated[int, About('how many', minimum=1, maximum=5)] = 2,
+    name: str = 'a',
+    on: bool = True,
+    gains: tuple[float, ...] = (1.0, 2.0),
+    words: tuple[str, ...] = ('a',),
+):
+    return size, count, name, on, gains, words
+
+
+def test_options_are_the_keyword_arguments():
+    options = {option.name: option for option in options_of(thing, 'thing.')}
+    assert list(options) == [
+        f'thing.{n}' for n in ('size', 'count', 'name', 'on', 'gains', 'words')
+    ]
+    assert options['thing.size'].description == 'its size [m]'
+    assert options['thing.name'].description == 'name'
+
+
+def test_whole_numbers_serve_as_numbers_and_an_item_as_a_list():
+    size, *_, gains, words = build_with(thing, {'size': 3, 'gains': [1, 2.5], 'words': 'b'})
+    assert size == 3.0
+    assert isinstance(size, float)
+    assert gains == [1.0, 2.5]
+    assert words == ['b']
+
+
+@pytest.mark.parametrize(
+    ('given', 'says'),
+    [
+        ({'size': 'x'}, "size: expected a number, got 'x'"),
+        ({'size': True}, 'size: expected a number, got True'),
+        ({'size': -1.0}, 'size: expected at least 0 m, got -1'),
+        ({'size': float('nan')}, 'size: expected at least 0 m, got nan'),
+        ({'count': 2.5}, 'count: expected a whole number, got 2.5'),
+        ({'count': 9}, 'count: expected 1 to 5, got 9'),
+        ({'on': 1}, 'on: expected true or false, got 1'),
+        ({'gains': ['a']}, "gains: expected a number, got 'a'"),
+        ({'siez': 1.0}, "unknown option 'siez'; did you mean 'size'\\?"),
+    ],
+)
+def test_a_wrong_value_is_named(given, says):
+    with pytest.raises(ValueError, match=says):
+        build_with(thing, given)
+
+
+def test_a_default_that_no_parameter_can_hold_is_refused():
+    def odd(x=None):
+        return x
+
+    with pytest.raises(ValueError, match='x: a default must be'):
+        options_of(odd)

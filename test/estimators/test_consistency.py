@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from kalman_ros.estimators.consistency import (
+    ChiSquareWindow,
+    chi_square_bounds,
+    chi_square_gate,
+    nees,
+)
+
+
+@pytest.mark.parametrize('degrees', [1, 3, 40])
+def test_bounds_of_independent_values_are_those_of_chi_square(degrees):
+    low, high = chi_square_bounds(1.0, 2.0 / degrees, 0.01)
+    expected = chi2.ppf([0.005, 0.995], degrees) / degrees
+    np.testing.assert_allclose([low, high], expected, rtol=1e-9)
+
+
+def test_a_gate_passes_with_its_probability():
+    np.testing.assert_allclose(chi_square_gate(0.99, 2), chi2.ppf(0.99, 2))
+
+
+def test_nees_of_many():
+    P = np.array([[2.0, 0.5], [0.5, 1.0]])
+    errors = np.random.default_rng(0).multivariate_normal([0, 0], P, 20_000)
+    values = nees(errors, np.tile(P, (20_000, 1, 1)))
+    np.testing.assert_allclose(values[0], errors[0] @ np.linalg.inv(P) @ errors[0])
+    assert abs(values.mean() - 2.0) < 4.5 * 2.0 / np.sqrt(20_000)
+
+
+def test_a_window_judges_what_it_holds():
+    window = ChiSquareWindow(degrees=2, length=200)
+    assert window.inside()
+    rng = np.random.default_rng(0)
+    for value in rng.chisquare(2, 200):
+        window.add(value)
+    assert window.inside()
+    for value in 1.6 * rng.chisquare(2, 200):
+        window.add(value)
+    assert window.count == 200
+    assert not window.inside()

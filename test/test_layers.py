@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Imports run downward only, and what is slow is loaded only by those who use it."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1] / 'kalman_ros'
+BELOW = {
+    'core': set(),
+    'models': {'core'},
+    'sensors': {'core'},
+    'estimators': {'core'},
+    'control': {'core'},
+    'codecs': {'core'},
+    'simulation': {'core', 'models', 'sensors', 'estimators', 'control'},
+}
+BELOW['nodes'] = {*BELOW, 'simulation'}
+BELOW['harness'] = {*BELOW, 'nodes'}
+BELOW['report'] = {*BELOW['simulation'], 'simulation'}
+BELOW['commands'] = {*BELOW, 'harness', 'report'}
+ROS = ('rclpy', '_msgs', 'std_srvs', 'builtin_interfaces', 'ament_index_python')
+WITH_ROS = {'codecs', 'nodes', 'harness', 'commands'}
+FILES = sorted(ROOT.rglob('*.py'))
+
+
+def imports(path):
+    """Yield the full name of everything that a file imports."""
+    package = ('kalman_ros', *path.relative_to(ROOT).parent.parts)
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            module = '.'.join((*base, *filter(None, [node.module])))
+            yield module
+            if module == 'kalman_ros':
+                yield from (f'kalman_ros.{alias.name}' for alias in node.names)
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_imports_run_downward(path):
+    layer = path.relative_to(ROOT).parts[0]
+    if layer.endswith('.py'):
+        return
+    for name in imports(path):
+        parts = name.split('.')
+        if parts[0] == 'kalman_ros' and len(parts) > 1:
+            assert parts[1] == layer or parts[1] in BELOW[layer], f'{layer} imports {name}'
+        if any(word in parts[0] for word in ROS):
+            assert layer in WITH_ROS, f'{layer} imports {name}'
+        if layer == 'core':
+            assert parts[0] not in ('scipy', 'matplotlib'), f'core imports {name}'
+
+
+def test_every_layer_is_known():
+    folders = {path.name for path in ROOT.iterdir() if (path / '__init__.py').exists()}
+    assert folders == set(BELOW)
+
+
+@pytest.mark.parametrize('node', ['plant', 'estimator', 'controller', 'monitor'])
+def test_a_node_loads_nothing_slow(node):
+    pytest.importorskip('rclpy')
+    slow = ['matplotlib', 'scipy.signal', 'scipy.stats', 'filterpy', 'control', 'rich']
+    code = (
+        f'import sys, kalman_ros.nodes.{node}; '
+        f'print([name for name in {slow} if name in sys.modules])'
+    )
+    out = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
+    assert out.stdout.strip() == '[]', out.stdout + out.stderr
