@@ -87,7 +87,7 @@ def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajecto
             wall = time.monotonic() - start
             bar.update(task, completed=options.duration, description='stopping')
             trajectory = run.trajectory()
-            missed = int(run.diagnostic('plant', 'missed steps'))
+            missed = int(run.reported('plant', 'missed steps'))
     return run, trajectory, wall, missed
 
 

@@ -51,7 +51,8 @@ class Option:
         if not isinstance(self.default, list):
             item: Value = self._check_item(self.default, value)
             return item
-        items = list(value) if isinstance(value, (list, tuple)) else [value]
+        several = hasattr(value, '__iter__') and not isinstance(value, str)
+        items = list(value) if several else [value]
         sample = self.default[0] if self.default else 0.0
         return [self._check_item(sample, item) for item in items]  # type: ignore[return-value]
 

@@ -86,7 +86,7 @@ class Run:
         self.processes: dict[str, NodeProcess] = {}
         self.diagnostics: dict[str, DiagnosticStatus] = {}
         self._until = -1.0
-        self._last = self._first = -1
+        self._last = self._first = self._answered = -1
 
     def __enter__(self) -> Run:
         self._domain = Domain()
@@ -126,12 +126,13 @@ class Run:
         self._executor.add_node(self._node)
         self.recorder = Recorder(self._node, self._record)
         self.recorder.on_message = self._on_message
-        self._progress = self.scenario.input.topic if self.lockstep else 'ground_truth'
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
-        self._parameter_client = AsyncParameterClient(self._node, 'plant')
+        self._parameter_clients: dict[str, AsyncParameterClient] = {}
 
     def _on_message(self, topic: str, data: bytes) -> None:
-        if topic == self._progress:
+        if topic == self.scenario.input.topic:
+            self._answered = leading_stamp(data)
+        elif topic == 'ground_truth':
             self._last = leading_stamp(data)
             if self._first < 0:
                 self._first = self._last
@@ -176,9 +177,6 @@ class Run:
     def _until_ready(self) -> None:
         """Wait until every publisher has found all who listen: what comes earlier is lost."""
         self.wait(lambda: not self._unready(), 30.0, lambda: f'not ready: {self._unready()}')
-        if 'plant' in self._names:
-            ready = self._parameter_client.services_are_ready
-            self.wait(ready, 20.0, lambda: 'the plant was not reached')
 
     def _unready(self) -> str:
         """Return what is still missing; nothing if every connection is there."""
@@ -245,24 +243,35 @@ class Run:
             raise NodeError(f'nothing came from the loop for {silence:.0f} s ({said})')
 
     def _drain(self) -> None:
-        """Take in what is still under way: until nothing comes for a while."""
+        """Take in what is still under way: the last answer, and all until nothing comes."""
+        end = time.monotonic() + 2.0
+        while self.lockstep and self._answered < self._last and time.monotonic() < end:
+            self.spin()
         count = -1
         while count != self.recorder.count():
             count = self.recorder.count()
             self.spin(0.1)
 
-    def set_parameter(self, name: str, value: Any) -> None:
-        """Change a parameter of the plant; ValueError with the reason if it is refused."""
-        future = self._parameter_client.set_parameters([Parameter(name, value=value)])
-        self.wait(future.done, 10.0, lambda: f'the plant did not take {name}')
+    @property
+    def node(self) -> Any:
+        """The `rclpy` node of this process in the run's domain, to publish and subscribe with."""
+        return self._node
+
+    def set_parameter(self, name: str, value: Any, node: str = 'plant') -> None:
+        """Change a parameter of a node; ValueError with the reason if it is refused."""
+        client = self._parameter_clients.setdefault(node, AsyncParameterClient(self._node, node))
+        self.wait(client.services_are_ready, 20.0, lambda: f'the {node} was not reached')
+        future = client.set_parameters([Parameter(name, value=value)])
+        self.wait(future.done, 10.0, lambda: f'the {node} did not take {name}')
         result = future.result().results[0]
         if not result.successful:
             raise ValueError(result.reason)
 
-    def diagnostic(self, node: str, key: str) -> str:
-        """Return a value that a node last said of itself on ``/diagnostics``; KeyError if none."""
-        values = {value.key: value.value for value in self.diagnostics[node].values}
-        return str(values[key])
+    def reported(self, node: str, key: str) -> str:
+        """Return a value that a node last said of itself on ``/diagnostics``, '' if it did not."""
+        status = self.diagnostics.get(node)
+        values = [] if status is None else status.values
+        return next((str(value.value) for value in values if value.key == key), '')
 
     def trajectory(self) -> Trajectory:
         """Return the run so far as arrays, step by step."""

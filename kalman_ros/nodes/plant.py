@@ -36,7 +36,8 @@ class PlantNode(runtime.ScenarioNode):
         self.period = 1.0 / self.scenario.rate
         self._plant = self._fresh_plant()
         self._zero: Array = np.zeros(self.scenario.model.input.size)
-        self._force = self._disturbance = self._zero
+        self._force: Array = self._zero
+        self._disturbance: Array = self._zero
         self._force_came: int | None = None
         self._bad_forces = 0
         self._sensors = {

@@ -12,6 +12,7 @@ import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -87,7 +88,10 @@ def main(build: Callable[[], Node]) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set_result(None))
     try:
+        # what rcl logs when a parameter file cannot be read is said below, once
+        set_logger_level('rcl', LoggingSeverity.FATAL)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        set_logger_level('rcl', LoggingSeverity.INFO)
         node = build()
     except ValueError as error:
         sys.exit(f'{_program()}: {error}')

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every field that is written is read back, through the bytes that go over the wire."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+
+from kalman_ros import models
+from kalman_ros.codecs.messages import message_type, nanoseconds, write_stamp
+from kalman_ros.codecs.signal_codec import SignalCodec, named
+from kalman_ros.codecs.wire import WireReader, leading_stamp
+from kalman_ros.core import Signal
+
+STATE = models.system('mass_spring_damper_2d').state
+PLAIN = {
+    'odometry': STATE,
+    'wrench': Signal('a', 'geometry_msgs/WrenchStamped', ('wrench.force.x', 'wrench.torque.z')),
+    'pose': Signal(
+        'a',
+        'geometry_msgs/PoseWithCovarianceStamped',
+        ('pose.pose.position.y', 'pose.pose.position.x'),
+    ),
+    'joints': Signal('a', 'sensor_msgs/JointState', ('position[hip]', 'velocity[knee]')),
+    'array': Signal('a', 'std_msgs/Float64MultiArray', ('data[2]', 'data[0]')),
+    'imu': Signal('a', 'sensor_msgs/msg/Imu', ('angular_velocity.z', 'linear_acceleration.x')),
+    'pressure': Signal('a', 'sensor_msgs/FluidPressure', ('fluid_pressure',)),
+    'twist': Signal('a', 'geometry_msgs/Twist', ('linear.x', 'angular.z')),
+}
+TURNED = {
+    'attitude': Signal('a', 'sensor_msgs/Imu', ('orientation.roll', 'orientation.yaw')),
+    'heading': Signal(
+        'a', 'nav_msgs/Odometry', ('pose.pose.position.x', 'pose.pose.orientation.yaw')
+    ),
+}
+numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
+times = st.integers(0, 2**31 * 10**9 - 1)
+
+
+def over_the_wire(codec, time, values, covariance=None):
+    return bytes(serialize_message(codec.encode(time, np.array(values), covariance)))
+
+
+@pytest.mark.parametrize('name', PLAIN)
+@settings(max_examples=30, deadline=None)
+@given(data=st.data())
+def test_numbers_come_back_to_the_bit(name, data):
+    codec = SignalCodec(PLAIN[name], 'map', 'base_link')
+    reader = WireReader(codec)
+    for _ in range(3):
+        time = data.draw(times)
+        values = np.array(data.draw(st.lists(numbers, min_size=codec.size, max_size=codec.size)))
+        raw = over_the_wire(codec, time, values)
+        message = deserialize_message(raw, codec.message_type)
+        np.testing.assert_array_equal(codec.decode(message), values)
+        sample = reader(raw)
+        np.testing.assert_array_equal(sample.values, values)
+        if hasattr(message, 'header'):
+            assert sample.time == time == leading_stamp(raw)
+        else:
+            assert sample.time is None
+
+
+@pytest.mark.parametrize('name', TURNED)
+@settings(max_examples=50, deadline=None)
+@given(angle=st.floats(-3.1, 3.1), other=st.floats(-3.1, 3.1))
+def test_angles_come_back_through_the_quaternion(name, angle, other):
+    codec = SignalCodec(TURNED[name])
+    raw = over_the_wire(codec, 0, [other, angle])
+    np.testing.assert_allclose(WireReader(codec)(raw).values, [other, angle], atol=1e-12)
+
+
+@pytest.mark.parametrize('name', ['odometry', 'pose', 'imu', 'attitude', 'heading', 'pressure'])
+def test_covariance_blocks_come_back(name):
+    codec = SignalCodec({**PLAIN, **TURNED}[name])
+    reader = WireReader(codec)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        root = rng.normal(size=(codec.size, codec.size))
+        P = root @ root.T
+        raw = over_the_wire(codec, 5, rng.uniform(-1.0, 1.0, codec.size), P)
+        found = codec.decode_covariance(deserialize_message(raw, codec.message_type))
+        np.testing.assert_array_equal(found[found != 0.0], P[found != 0.0])
+        np.testing.assert_array_equal(np.diag(found), np.diag(P))
+        np.testing.assert_array_equal(reader(raw).covariance, found)
+
+
+def test_the_covariance_of_odometry_is_where_the_standard_says():
+    codec = SignalCodec(STATE)
+    P = np.arange(16.0).reshape(4, 4)
+    P = P + P.T
+    raw = over_the_wire(codec, 0, np.zeros(4), P)
+    message = deserialize_message(raw, codec.message_type)
+    pose, twist = (part.covariance.reshape(6, 6) for part in (message.pose, message.twist))
+    np.testing.assert_array_equal(pose[:2, :2], P[np.ix_([0, 2], [0, 2])])
+    np.testing.assert_array_equal(twist[:2, :2], P[np.ix_([1, 3], [1, 3])])
+    assert np.count_nonzero(pose) + np.count_nonzero(twist) == np.count_nonzero(pose[:2, :2]) + 4
+
+
+def test_frames_are_filled_in():
+    message = SignalCodec(STATE, 'map', 'base_link').encode(1_500_000_000, np.zeros(4))
+    assert message.header.frame_id == 'map'
+    assert message.child_frame_id == 'base_link'
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 500_000_000)
+    assert message.pose.pose.orientation.w == 1.0
+
+
+def test_a_reader_follows_when_names_or_lengths_change():
+    one = SignalCodec(PLAIN['joints'])
+    reader = WireReader(one)
+    np.testing.assert_array_equal(reader(over_the_wire(one, 1, [1.0, 2.0])).values, [1.0, 2.0])
+    message = one.encode(2, np.array([3.0, 4.0]))
+    other = type(message)(
+        name=['wheel', 'knee', 'hip'], position=[7.0, 8.0, 9.0], velocity=[4.0, 5.0, 6.0]
+    )
+    np.testing.assert_array_equal(reader(bytes(serialize_message(other))).values, [9.0, 5.0])
+    np.testing.assert_array_equal(reader(over_the_wire(one, 3, [1.0, 2.0])).values, [1.0, 2.0])
+
+
+def test_a_name_or_element_that_is_not_there_is_a_lookup_error():
+    joints = message_type('sensor_msgs/JointState')(name=['wheel'], position=[1.0])
+    with pytest.raises(LookupError, match="no 'hip' among \\(wheel\\)"):
+        WireReader(SignalCodec(PLAIN['joints']))(bytes(serialize_message(joints)))
+    array = message_type('std_msgs/Float64MultiArray')(data=[1.0])
+    with pytest.raises(LookupError):
+        WireReader(SignalCodec(PLAIN['array']))(bytes(serialize_message(array)))
+
+
+def test_an_explicit_covariance_path():
+    signal = Signal('a', 'sensor_msgs/JointState', ('position[x]', 'position[v]'), 'effort')
+    codec = SignalCodec(signal)
+    P = np.array([[2.0, 0.5], [0.5, 1.0]])
+    raw = over_the_wire(codec, 0, [1.0, 2.0], P)
+    np.testing.assert_array_equal(WireReader(codec)(raw).covariance, P)
+
+
+@pytest.mark.parametrize(
+    ('type_', 'field', 'says'),
+    [
+        ('geometry_msgs/PoseStamped', 'pose.positon.x', "no 'positon' in Pose .* it has position"),
+        ('geometry_msgs/PoseStamped', 'pose.position', "'pose.position' is not a number"),
+        ('geometry_msgs/PoseStamped', 'header.frame_id', 'is not a number'),
+        ('geometry_msgs/PoseStamped', 'pose..x', 'expected a path such as'),
+        ('geometry_msgs/PoseStamped', 'pose.position.x[hip]', 'needs a message with an array'),
+        ('sensor_msgs/JointState', 'position', 'is not a number'),
+        ('geometry_msgs/Nothing', 'x', "has no message 'Nothing'"),
+        ('nowhere_msgs/Thing', 'x', "'nowhere_msgs' is not installed"),
+        ('Pose', 'x', "expected 'package/Name', got 'Pose'"),
+        ('os/../path', 'x', "expected 'package/Name'"),
+    ],
+)
+def test_a_wrong_signal_says_what_and_where(type_, field, says):
+    with pytest.raises(ValueError, match=says) as error:
+        SignalCodec(Signal('somewhere', type_, (field,)))
+    assert "signal 'somewhere'" in str(error.value)
+
+
+def test_named_values():
+    signal = named(Signal('state', '', ()), ('x', 'v'))
+    message = SignalCodec(signal).encode(0, np.array([1.0, 2.0]))
+    assert list(message.name) == ['x', 'v']
+    assert list(message.position) == [1.0, 2.0]
+
+
+@given(times)
+def test_stamps_come_back(time):
+    stamp = message_type('geometry_msgs/PoseStamped')().header.stamp
+    write_stamp(stamp, time)
+    assert nanoseconds(stamp) == time

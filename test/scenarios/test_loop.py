@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The real nodes as processes, over real topics."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.harness import NodeError, Run
+from kalman_ros.simulation import closed_loop, verdicts
+
+SECONDS = 2.0
+
+
+def record(*args, **kwargs):
+    """Return the bytes of ``estimate`` and the trajectory of a short run."""
+    with Run(*args, **kwargs) as run:
+        run.advance(SECONDS)
+        return b''.join(run.recorder.raw['estimate']), run.trajectory(), run.scenario
+
+
+@pytest.fixture(scope='module')
+def default_run():
+    return record(seed=3)
+
+
+@pytest.mark.parametrize(
+    'order',
+    [
+        ('controller', 'plant', 'monitor', 'estimator'),
+        ('plant', 'monitor', 'estimator', 'controller'),
+    ],
+)
+def test_the_same_seed_gives_the_same_bytes_in_any_order_of_start(default_run, order):
+    estimate, trajectory, _ = default_run
+    again, same, _ = record(seed=3, nodes=order)
+    assert len(trajectory.time) == round(SECONDS * 100) + 1
+    assert again == estimate
+    np.testing.assert_array_equal(same.truth, trajectory.truth)
+
+
+def test_another_seed_gives_other_bytes(default_run):
+    assert record(seed=4)[0] != default_run[0]
+
+
+def test_separation_over_topics(default_run):
+    _, one, _ = default_run
+    _, two, _ = record(overrides={'input_cost': [0.05, 0.05]}, seed=3)
+    assert np.abs(one.truth - two.truth).max() > 0.05
+    assert np.abs(one.input - two.input).max() > 1.0
+    np.testing.assert_allclose(
+        one.truth - one.estimate, two.truth - two.estimate, rtol=0.0, atol=1e-9
+    )
+
+
+def test_the_nodes_do_what_the_loop_in_one_process_does(default_run):
+    _, run, scenario = default_run
+    gain = verdicts.theory(scenario).design.gain
+    alone = closed_loop.run(scenario, gain, SECONDS, 3)
+    np.testing.assert_allclose(run.truth, alone.truth, atol=1e-12)
+    np.testing.assert_allclose(run.estimate, alone.estimate, atol=1e-12)
+    np.testing.assert_allclose(run.covariance, alone.covariance, atol=1e-12)
+    np.testing.assert_allclose(run.input, alone.input, atol=1e-11)
+    for name, series in run.readings.items():
+        np.testing.assert_allclose(series.values, alone.readings[name].values, atol=1e-12)
+        np.testing.assert_allclose(
+            run.innovations[name].nis, alone.innovations[name].nis, rtol=1e-9
+        )
+
+
+def test_a_sensor_can_be_switched_off_and_the_model_changed():
+    only = {'plant': {'position.enabled': False, 'model': 'mass_spring_damper'}}
+    only['estimator'] = only['plant']
+    overrides = {'model': 'mass_spring_damper'}
+    with Run('mass_spring_damper', overrides, only=only) as run:
+        run.advance(1.0)
+        found = run.trajectory()
+    assert list(found.readings) == ['velocity']
+    assert len(found.time) == 101
+    assert found.covariance[-1, 0, 0] > 0.05**2
+
+
+def test_a_plant_that_differs_from_what_is_believed_shows_in_the_nis():
+    with Run(only={'plant': {'velocity.noise': [1.5, 1.5]}, 'estimator': {
+        'velocity.covariance_from': 'configuration'}}) as run:  # fmt: skip
+        run.advance(5.0)
+        run.wait(
+            lambda: 'NIS of velocity' in run.diagnostics['monitor'].message, 10.0, lambda: 'quiet'
+        )
+        nis = run.trajectory().innovations['velocity'].nis
+    assert nis.mean() / 2 > 3.0
+
+
+def test_a_run_goes_on_where_it_paused():
+    with Run(seed=3) as run:
+        for _ in range(4):
+            run.advance(SECONDS / 4)
+        pieces = b''.join(run.recorder.raw['estimate'])
+    assert pieces == record(seed=3)[0]
+
+
+def test_a_dead_node_is_named():
+    with pytest.raises(NodeError, match='the estimator died'), Run() as run:
+        run.advance(0.5)
+        run.processes['estimator'].signal(9)
+        run.advance(30.0)
+
+
+@pytest.mark.parametrize(('node', 'what'), [('controller', 'force'), ('estimator', 'estimate')])
+def test_who_does_not_answer_is_named_and_may_come_back(node, what):
+    with Run(overrides={'lockstep_timeout': 0.4}) as run:
+        run.advance(0.5)
+        run.kill(node)
+        with pytest.raises(NodeError, match=f'no {what} for step .*: the {node} did not answer'):
+            run.advance(1.0)
+        run.start(node)
+        run.set_parameter('run_until', 2.0)
+        run.wait(lambda: run.elapsed > 1.995, 30.0, lambda: f'lockstep stands at {run.elapsed}')
+        found = run.trajectory()
+    assert np.abs(found.truth[-1]).max() < 1.5
+
+
+def test_real_time_pauses_for_nobody_and_resumes():
+    """The controller dies: the force goes to zero; it comes back: the loop is closed again."""
+    with Run(lockstep=False, overrides={'force_timeout': 0.3}) as run:
+        run.advance(1.0)
+        assert run.diagnostics['plant'].message == 'running'
+        run.kill('controller')
+        run.set_parameter('run_until', 1e6)
+        quiet = 'no force comes: it is zero'
+        run.wait(lambda: run.diagnostics['plant'].message == quiet, 5.0, lambda: 'still a force')
+        run.start('controller')
+        run.wait(
+            lambda: run.diagnostics['plant'].message == 'running', 20.0, lambda: 'no force again'
+        )
+
+
+def test_real_time_keeps_its_statistics():
+    with Run(lockstep=False, seed=1) as run:
+        run.advance(14.0)
+        found = run.trajectory()
+        missed = int(run.reported('plant', 'missed steps'))
+        checks = verdicts.checks(run.scenario, verdicts.theory(run.scenario), found)
+    assert missed <= 14
+    assert len(found.time) >= 1400
+    assert not [check for check in checks if not check.passed]
+
+
+def test_a_nan_reading_is_refused_and_nothing_good_is_lost():
+    with Run(lockstep=False) as run:
+        codec = SignalCodec(run.scenario.sensors['position'].signal)
+        publisher = run.node.create_publisher(codec.message_type, 'position', 10)
+        run.advance(1.0)
+        run.wait(lambda: publisher.get_subscription_count() > 0, 10.0, lambda: 'not heard')
+        for value in (np.nan, np.inf):
+            now = run.node.get_clock().now().nanoseconds
+            publisher.publish(codec.encode(now, np.array([value, 0.0]), np.eye(2)))
+        run.advance(1.0)
+        key = 'position: dropped: not finite'
+        run.wait(lambda: run.reported('estimator', key) == '2', 5.0, lambda: 'not counted')
+        assert 'reading of position dropped: not finite' in run.processes['estimator'].output()
+        found = run.trajectory()
+        fused = int(run.reported('estimator', 'position: fused'))
+        total = int(run.reported('estimator', 'position: readings'))
+    assert total == fused + 2
+    assert np.isfinite(found.estimate).all()
+    assert np.abs(found.truth[-1] - found.estimate[-1]).max() < 0.6
+
+
+def test_parameters_change_live_as_a_whole_or_not_at_all():
+    with Run() as run:
+        run.advance(0.5)
+        with pytest.raises(ValueError, match=r'position\.noise: expected 2 numbers, got 1'):
+            run.set_parameter('position.noise', [1.0])
+        with pytest.raises(ValueError, match='read-only'):
+            run.set_parameter('seed', 5)
+        with pytest.raises(ValueError, match='input_cost: expected a positive def'):
+            run.set_parameter('input_cost', [-1.0, 1.0], node='controller')
+        before = run.reported('controller', 'gain')
+        run.set_parameter('input_cost', [100, 100], node='controller')  # whole numbers will do
+        run.set_parameter('velocity.noise', [5.0, 5.0])
+        run.wait(
+            lambda: run.reported('controller', 'gain') != before, 5.0, lambda: 'the same gain'
+        )
+        run.advance(2.0)
+        readings = run.trajectory().readings['velocity']
+    late = readings.values[readings.time > 1.0]
+    assert late.std() > 3.0
+
+
+def test_parameters_explain_themselves():
+    from rcl_interfaces.srv import DescribeParameters
+
+    with Run() as run:
+        client = run.node.create_client(DescribeParameters, 'plant/describe_parameters')
+        run.wait(client.service_is_ready, 10.0, lambda: 'no service')
+        names = ['model_parameters.mass', 'seed', 'velocity.noise']
+        future = client.call_async(DescribeParameters.Request(names=names))
+        run.wait(future.done, 10.0, lambda: 'no answer')
+        mass, seed, noise = future.result().descriptors
+    assert mass.description == 'mass of the body [kg]'
+    assert mass.floating_point_range[0].from_value == 1e-9
+    assert not mass.read_only
+    assert seed.read_only
+    assert seed.integer_range[0].from_value == 0
+    assert 'standard deviation' in noise.description

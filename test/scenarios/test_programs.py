@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The executables as a person meets them: what they say, how they end, what they leave."""
+
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from kalman_ros.harness import executables
+from kalman_ros.harness.domain import Domain
+
+NODES = ('plant', 'estimator', 'controller', 'monitor')
+
+
+@pytest.fixture
+def environment():
+    domain = Domain()
+    yield {**os.environ, 'ROS_DOMAIN_ID': str(domain.id)}
+    domain.close()
+
+
+def start(environment, name, *arguments):
+    return subprocess.Popen(
+        [str(executables.executable(name)), *arguments],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def finish(process, seconds=30):
+    try:
+        output, _ = process.communicate(timeout=seconds)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    return process.returncode, output
+
+
+MISTAKES = [
+    ('controller', ['-p', 'state_cost:=[1.0, 2.0]'], 'state_cost: expected 4 numbers'),
+    ('estimator', ['-p', 'state_cost:=[1.0, 2.0]'], 'state_cost: expected 4 numbers'),
+    ('plant', ['-p', 'position.noise:=[-0.1, 0.1]'], 'position.noise: expected positive'),
+    ('estimator', ['-p', 'model:=mass_sprin_damper'], "did you mean 'mass_spring_damper'?"),
+    ('plant', ['-p', 'sede:=1'], "unknown parameter 'sede'; did you mean 'seed'?"),
+    ('monitor', ['-p', 'position.nois:=[1.0, 1.0]'], "did you mean 'position.noise'?"),
+    ('plant', ['-p', 'seed:=one'], "seed: expected a whole number, got 'one'"),
+    ('estimator', ['-p', 'filter:=magic'], "unknown filter 'magic'"),
+    ('estimator', ['-p', 'position.type:=geometry_msgs/Pos'], "has no message 'Pos'"),
+    (
+        'controller',
+        ['-p', 'model_parameters.mass:=0.0'],
+        'model_parameters.mass: expected at least',
+    ),
+    ('plant', ['--params-file', '/nowhere.yaml'], 'nowhere.yaml'),
+]
+
+
+@pytest.mark.parametrize(('node', 'arguments', 'says'), MISTAKES)
+def test_a_mistake_is_one_line_and_an_exit_code(environment, node, arguments, says):
+    code, output = finish(start(environment, node, '--ros-args', *arguments))
+    assert code == 1
+    assert says in output
+    assert len(output.strip().splitlines()) == 1, output
+
+
+def test_a_parameter_file_serves_every_node_and_a_typo_in_it_none(environment, tmp_path):
+    path = tmp_path / 'robot.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    position:\n      niose: [0.1, 0.1]\n')
+    for node in NODES:
+        code, output = finish(start(environment, node, '--ros-args', '--params-file', str(path)))
+        assert code == 1
+        assert "unknown parameter 'position.niose'; did you mean 'position.noise'?" in output
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('node', NODES)
+def test_a_signal_ends_a_node_cleanly_also_twice(environment, node, number):
+    process = start(environment, node)
+    _wait_for_node(environment, process)
+    os.killpg(process.pid, number)
+    os.killpg(process.pid, number)
+    code, output = finish(process)
+    assert code == 0, output
+    assert 'Traceback' not in output
+
+
+def _wait_for_node(environment, process):
+    """Wait until the node is up: until its parameter services answer the graph."""
+    import rclpy
+
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=int(environment['ROS_DOMAIN_ID']))
+    node = rclpy.create_node('watcher', context=context)
+    try:
+        for _ in range(600):
+            if any(name != 'watcher' for name in node.get_node_names()):
+                return
+            assert process.poll() is None
+            rclpy.spin_once(node, executor=_executor(context), timeout_sec=0.05)
+        raise AssertionError('the node did not come up')
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+
+
+def _executor(context):
+    from rclpy.executors import SingleThreadedExecutor
+
+    return SingleThreadedExecutor(context=context)
+
+
+def left_behind(name):
+    """Return the command lines of processes that run an executable with this argument."""
+    found = []
+    for entry in Path('/proc').iterdir():
+        if entry.name.isdigit():
+            try:
+                line = (entry / 'cmdline').read_bytes().replace(b'\0', b' ').decode()
+            except OSError:
+                continue
+            if name in line and '--params-file' in line:
+                found.append(line)
+    return found
+
+
+def demo(environment, tmp_path, *arguments):
+    return start(environment, 'demo', '--out', str(tmp_path / 'out'), *arguments)
+
+
+def test_the_demo_passes_and_writes_its_results(environment, tmp_path):
+    code, output = finish(demo(environment, tmp_path, '--duration', '12', '--seed', '1'), 90)
+    assert code == 0, output
+    assert 'The loop is stable and its statistics hold.' in output
+    summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
+    assert summary['passed']
+    assert {check['name'] for check in summary['checks']} >= {'NEES / 4', 'cost J'}
+    for name in ('states', 'errors', 'innovations', 'force'):
+        assert (tmp_path / 'out' / f'{name}.png').stat().st_size > 10_000
+
+
+def test_the_demo_fails_when_the_statistics_do_not_hold(environment, tmp_path):
+    """The plant's tachometer is noisier than it says, by the plant's own section of the file."""
+    path = tmp_path / 'liar.yaml'
+    path.write_text(
+        '/**:\n  ros__parameters:\n    velocity.covariance_from: configuration\n'
+        'estimator:\n  ros__parameters:\n    velocity.noise: [0.2, 0.2]\n'
+    )
+    code, output = finish(demo(environment, tmp_path, str(path), '--duration', '12'), 90)
+    assert code == 1, output
+    assert 'Theory and measurement disagree' in output
+    assert 'NIS of velocity' in output
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'says'),
+    [
+        (['mass_spring'], "demo: scenario: unknown scenario 'mass_spring'; known are"),
+        (['-p', 'input_cost:=[0.0, 1.0]'], 'demo: input_cost: expected a positive definite'),
+        (['-p', 'input_cost'], "demo: -p: expected NAME:=VALUE, got 'input_cost'"),
+        (['-p', 'inptu_cost:=[1.0, 1.0]'], "unknown parameter 'inptu_cost'"),
+        (['--duration', '1'], 'demo: duration: expected at least'),
+    ],
+)
+def test_the_demo_says_what_is_wrong(environment, tmp_path, arguments, says):
+    code, output = finish(demo(environment, tmp_path, *arguments), 60)
+    assert code == 2
+    assert says in output
+    assert 'Traceback' not in output
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_nothing_is_left_running(environment, tmp_path, number):
+    path = tmp_path / f'only_here_{number}.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    rate: 100.0\n')
+    process = demo(environment, tmp_path, str(path), '--duration', '1000')
+    for _ in range(3000):
+        if len(left_behind(path.name)) >= 4:
+            break
+        assert process.poll() is None
+    process.send_signal(number)
+    code, output = finish(process)
+    assert code in (130, 143, -9), output
+    assert 'Traceback' not in output
+    for _ in range(2000):
+        if not left_behind(path.name):
+            break
+    assert left_behind(path.name) == []
