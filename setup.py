@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor')
-COMMANDS = ('demo',)
+COMMANDS = ('demo', 'bench')
 
 setup(
     name=PACKAGE,

@@ -83,6 +83,7 @@ class _Layout:
     def __init__(
         self,
         data: bytes,
+        marked: bytes,
         offsets: dict[float, int],
         values: Array,
         covariance: Array | None,
@@ -98,10 +99,7 @@ class _Layout:
             # what stands between two blocks of a covariance is zero and not in the message
             there = np.flatnonzero(covariance)
             self._covariance = (there, self._places(offsets, covariance.ravel()[there]))
-        starts = sorted(offsets.values())
-        ends = [_STAMP_END if stamped else _HEADLESS_END, *(start + 8 for start in starts)]
-        gaps = [slice(0, 4), *(slice(a, b) for a, b in zip(ends, [*starts, len(data)]) if a < b)]
-        self._fixed = [(gap, data[gap]) for gap in gaps]
+        self._fixed = [(run, data[run]) for run in _fixed_runs(data, marked, offsets, stamped)]
 
     def _places(self, offsets: dict[float, int], marks: Array) -> npt.NDArray[np.intp]:
         return np.array([(offsets[mark] - self._base) // 8 for mark in marks.tolist()], np.intp)
@@ -123,6 +121,23 @@ class _Layout:
         return len(data) == self._length and all(data[gap] == same for gap, same in self._fixed)
 
 
+def _fixed_runs(
+    data: bytes, marked: bytes, offsets: dict[float, int], stamped: bool
+) -> list[slice]:
+    """Return where bytes must stay the same: all but numbers, the stamp, and padding.
+
+    ``marked`` says the same as ``data`` but for its numbers; what differs besides is padding,
+    which may be anything.
+    """
+    fixed = np.frombuffer(data, np.uint8) == np.frombuffer(marked, np.uint8)
+    for offset in offsets.values():
+        fixed[offset : offset + 8] = False
+    if stamped:
+        fixed[_HEADLESS_END:_STAMP_END] = False
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], fixed, [False]))))
+    return [slice(start, end) for start, end in zip(edges[::2].tolist(), edges[1::2].tolist())]
+
+
 def _learn(codec: SignalCodec, message: Any, data: bytes) -> _Layout | None:
     """Return the layout of messages like this one; None if its fields cannot be read so.
 
@@ -131,18 +146,19 @@ def _learn(codec: SignalCodec, message: Any, data: bytes) -> _Layout | None:
     """
     marks: list[float] = []
     _mark(message, marks, count(_FIRST_MARK))
-    marked = bytes(serialize_message(message))
+    # a serialised message may be longer than what goes over the wire, by zeros
+    marked = bytes(serialize_message(message))[: len(data)]
     offsets = {mark: marked.find(struct.pack('<d', mark)) for mark in marks}
     values, covariance = codec.decode(message), codec.decode_covariance(message)
     wanted = values if covariance is None else np.append(values, covariance[covariance != 0.0])
-    if len(marked) != len(data) or any(offsets.get(mark, -1) < 0 for mark in wanted.tolist()):
+    if any(offsets.get(mark, -1) < 0 for mark in wanted.tolist()) or len(marked) < len(data):
         return None
     kinds = message.get_fields_and_field_types()
     stamped = next(iter(kinds.values())) == 'std_msgs/Header'
     if hasattr(message, 'header') and not stamped:
         return None
-    layout = _Layout(data, offsets, values, covariance, stamped)
-    return layout if layout.fits(data) else None
+    offsets = {mark: offset for mark, offset in offsets.items() if offset >= 0}
+    return _Layout(data, marked, offsets, values, covariance, stamped)
 
 
 def _mark(message: Any, marks: list[float], bits: Any) -> None:

@@ -88,6 +88,12 @@ class NodeProcess:
         return lines[-1] if lines else f'exit code {self.exit_code}'
 
 
+def isolated(domain: int) -> dict[str, str]:
+    """Return this process's environment with a ROS domain that stays on this machine."""
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    return {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
+
+
 def _die_with_parent() -> None:
     if sys.platform == 'linux':
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGTERM)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import time
 from collections import Counter
@@ -30,7 +29,7 @@ from . import executables
 from .domain import Domain
 from .gather import signals, trajectory
 from .parameters import from_file, yaml_value
-from .process import NodeProcess
+from .process import NodeProcess, isolated
 from .recorder import Recorder
 
 NODES = ('estimator', 'controller', 'monitor', 'plant')
@@ -86,13 +85,13 @@ class Run:
         self.processes: dict[str, NodeProcess] = {}
         self.diagnostics: dict[str, DiagnosticStatus] = {}
         self._until = -1.0
+        self.drained = 0.0
         self._last = self._first = self._answered = -1
 
     def __enter__(self) -> Run:
         self._domain = Domain()
         self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
-        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-        self._environment = {**os.environ, 'ROS_DOMAIN_ID': str(self._domain.id)}
+        self._environment = isolated(self._domain.id)
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=self._domain.id)
         try:
@@ -244,13 +243,15 @@ class Run:
 
     def _drain(self) -> None:
         """Take in what is still under way: the last answer, and all until nothing comes."""
-        end = time.monotonic() + 2.0
+        start = time.monotonic()
+        end = start + 2.0
         while self.lockstep and self._answered < self._last and time.monotonic() < end:
             self.spin()
         count = -1
         while count != self.recorder.count():
             count = self.recorder.count()
             self.spin(0.1)
+        self.drained = time.monotonic() - start
 
     @property
     def node(self) -> Any:
