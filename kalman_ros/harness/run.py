@@ -85,6 +85,8 @@ class Run:
         self.processes: dict[str, NodeProcess] = {}
         self.diagnostics: dict[str, DiagnosticStatus] = {}
         self._until = -1.0
+        self._goal = 0
+        self._reached = Future()
         self.drained = 0.0
         self._last = self._first = self._answered = -1
 
@@ -135,6 +137,9 @@ class Run:
             self._last = leading_stamp(data)
             if self._first < 0:
                 self._first = self._last
+                self._goal += self._first
+            if self._last >= self._goal and not self._reached.done():
+                self._reached.set_result(None)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -156,9 +161,12 @@ class Run:
         if not process.wait(10.0):
             raise NodeError(f'the {name} did not end within 10 s of signal {number}')
 
-    def spin(self, seconds: float = 0.05) -> None:
-        """Take in what comes for so long, and see whether every node is still there."""
-        self._executor.spin_until_future_complete(Future(), seconds)
+    def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
+        """Take in what comes for so long, and see whether every node is still there.
+
+        It ends sooner when the future ``until`` is done.
+        """
+        self._executor.spin_until_future_complete(until or Future(), seconds)
         for name, process in self.processes.items():
             if process.exit_code is not None:
                 raise NodeError(f'the {name} died: {process.last_words()}')
@@ -214,10 +222,12 @@ class Run:
         start = max(self._until, 0.0)
         self._until = start + seconds
         self.set_parameter('run_until', self._until)
+        self._goal = max(self._first, 0) + round((self._until - 0.5 / self.scenario.rate) * 1e9)
+        self._reached = Future()
         last_news = time.monotonic()
         seen = self._last
         while self.elapsed < self._until - 0.5 / self.scenario.rate:
-            self.spin()
+            self.spin(until=self._reached)
             if self._last != seen:
                 seen, last_news = self._last, time.monotonic()
             elif time.monotonic() - last_news > 1.0:
@@ -263,6 +273,7 @@ class Run:
         client = self._parameter_clients.setdefault(node, AsyncParameterClient(self._node, node))
         self.wait(client.services_are_ready, 20.0, lambda: f'the {node} was not reached')
         future = client.set_parameters([Parameter(name, value=value)])
+        self.spin(1.0, until=future)
         self.wait(future.done, 10.0, lambda: f'the {node} did not take {name}')
         result = future.result().results[0]
         if not result.successful:
