@@ -36,6 +36,22 @@ def uncontrollable_modes(A: Array, B: Array) -> ComplexArray:
     return np.array(missed, dtype=complex)
 
 
+def observed(A: Array, C: Array) -> npt.NDArray[np.bool_]:
+    """Tell of each state (n,) whether readings C (k, n) of dx/dt = A x determine it.
+
+    A state is determined if no vector in the kernel of the observability matrix
+    [C; C A; ...; C A^(n-1)] moves it (Kalman, 1960).
+    """
+    n = len(A)
+    A = A / max(1.0, float(np.linalg.norm(A, 2)))
+    rows = [C]
+    for _ in range(n - 1):
+        rows.append(rows[-1] @ A)
+    _, sizes, directions = np.linalg.svd(np.vstack([*rows, np.zeros((n, n))]))
+    kernel = directions[sizes[:n] <= _RANK_TOLERANCE * max(1.0, float(sizes[0]))]
+    return np.asarray(np.abs(kernel).max(axis=0, initial=0.0) < 1e-6)
+
+
 def unstable(modes: ComplexArray, *, sampled: bool) -> ComplexArray:
     """Return those of ``modes`` that do not decay: |z| >= 1 when sampled, else Re s >= 0."""
     margin = np.abs(modes) - 1.0 if sampled else modes.real

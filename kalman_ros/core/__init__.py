@@ -12,6 +12,7 @@ from .registry import find
 from .sensor import Sensor
 from .space import Space
 from .system import SensorSetup, Signal, System
+from .timing import TimedSensor, is_due, period, ratio
 
 __all__ = [
     'About',
@@ -27,15 +28,19 @@ __all__ = [
     'Signal',
     'Space',
     'System',
+    'TimedSensor',
     'Transition',
     'Value',
     'build_with',
     'exponential',
     'find',
+    'is_due',
     'linearize',
     'matrix',
     'numerical_jacobian',
     'options_of',
+    'period',
+    'ratio',
     'refuse_unknown',
     'semidefinite',
     'solve',

@@ -12,10 +12,15 @@ from .arrays import Array
 
 @dataclass(frozen=True)
 class Gaussian:
-    """A mean (n,) and a covariance (n, n)."""
+    """A mean (n,) and a covariance (n, n).
+
+    ``repairs`` counts how often, on the way to this belief, a covariance lost its definiteness
+    to rounding and was given it back.
+    """
 
     mean: Array
     covariance: Array
+    repairs: int = 0
 
     @property
     def std(self) -> Array:

@@ -41,6 +41,13 @@ def numerical_jacobian(
     return np.asarray((change / (2.0 * step[:, np.newaxis])).T)
 
 
+def _like(values: Array, points: Array) -> Array:
+    """Repeat ``values`` (..., k) along the leading axes of ``points``."""
+    if values.ndim >= points.ndim:
+        return values
+    return np.broadcast_to(values, (*points.shape[:-1], values.shape[-1]))
+
+
 class Model(ABC):
     """A system dx/dt = derivative(x, u) + w, with w white noise.
 
@@ -67,14 +74,15 @@ class Model(ABC):
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return A = d derivative / d x (n, n) at x (n,) and u (m,); numerical by default."""
-        return numerical_jacobian(lambda points: self.derivative(points, u), x)
+        return numerical_jacobian(lambda points: self.derivative(points, _like(u, points)), x)
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return B = d derivative / d u (n, m) at x (n,) and u (m,); numerical by default."""
-        return numerical_jacobian(lambda points: self.derivative(x, points), u)
+        return numerical_jacobian(lambda points: self.derivative(_like(x, points), points), u)
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
+        u = _like(u, x)
         substeps = max(1, ceil(dt / self.max_step))
         h = dt / substeps
         for _ in range(substeps):

@@ -23,6 +23,8 @@ class Sensor(ABC):
 
     output: Space
     covariance: Array
+    #: What it is called in its scenario.
+    name: str = ''
 
     @abstractmethod
     def measure(self, x: Array) -> Array:

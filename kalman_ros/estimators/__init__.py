@@ -3,24 +3,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from importlib import import_module
+from typing import Any
 
-from kalman_ros.core import Model, refuse_unknown
+from kalman_ros.core import Option, Value, build_with, options_of, refuse_unknown
 
-from .filter import Filter
+from .filter import Filter, Plan
 
-#: The filters that there are, each a module with ``build(model)``; imported when asked for.
-FILTERS = ('kf',)
+#: The filters that there are, each a module with ``build(plan)``; imported when asked for.
+FILTERS = ('kf', 'ekf', 'ukf', 'steady_state', 'luenberger')
+#: Who does the work: our own code, or filterpy's for the filters that it has.
+IMPLEMENTATIONS = ('native', 'filterpy')
 
 
-def build_filter(name: str, model: Model) -> Filter:
-    """Return the filter ``name`` for a model.
+def _builder(name: str, implementation: str) -> Callable[..., Any]:
+    refuse_unknown([name], FILTERS, 'filter')
+    refuse_unknown([implementation], IMPLEMENTATIONS, 'implementation')
+    builder: Callable[..., Any] = import_module(f'{__name__}.{name}').build
+    if implementation == 'filterpy':
+        peers = import_module(f'{__name__}.peers').BUILDERS
+        refuse_unknown([name], peers, 'filter of filterpy')
+        builder = peers[name]
+    return builder
+
+
+def filter_options(name: str, implementation: str = 'native') -> tuple[Option, ...]:
+    """Return the options of a filter; ValueError if there is no such filter."""
+    return options_of(_builder(name, implementation))
+
+
+def build_filter(
+    name: str,
+    plan: Plan,
+    options: Mapping[str, Value] | None = None,
+    implementation: str = 'native',
+) -> Filter:
+    """Return the filter ``name`` for a plan.
 
     Raises
     ------
     ValueError
-        If there is no such filter, or it cannot serve this model.
+        If there is no such filter, or it cannot serve this model; DesignError if it has no
+        solution.
     """
-    refuse_unknown([name], FILTERS, 'filter')
-    built: Filter = import_module(f'{__name__}.{name}').build(model)
+    built: Filter = build_with(_builder(name, implementation), options or {}, plan)
     return built

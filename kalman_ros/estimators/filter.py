@@ -3,10 +3,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from kalman_ros.core import Array, Gaussian, Sensor
+from kalman_ros.core import (
+    Array,
+    Gaussian,
+    LinearSystem,
+    Model,
+    Sensor,
+    TimedSensor,
+    is_due,
+    period,
+    ratio,
+)
 
 
 @dataclass(frozen=True)
@@ -49,3 +60,37 @@ class Filter(Protocol):
             If the innovation covariance is not positive definite.
         """
         ...
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a filter is built for: a model, and its sensors with their rates in a loop's."""
+
+    model: Model
+    sensors: Mapping[str, TimedSensor]
+    rate: float
+
+    @property
+    def dt(self) -> float:
+        """The length of a step in seconds."""
+        return 1.0 / self.rate
+
+    @property
+    def period(self) -> int:
+        """After how many steps the pattern of readings repeats."""
+        return period([ratio(timed.rate, self.rate) for timed in self.sensors.values()])
+
+    def due(self, step: int) -> list[str]:
+        """Return the names of the sensors that read at ``step`` of a period."""
+        return [
+            name
+            for name, timed in self.sensors.items()
+            if is_due(step + self.period, ratio(timed.rate, self.rate))
+        ]
+
+
+def linear_system(filter: str, model: Model) -> LinearSystem:
+    """Return the model, which the ``filter`` needs to be linear; ValueError if it is not."""
+    if not isinstance(model, LinearSystem):
+        raise ValueError(f'filter: {filter} needs a linear model, got {type(model).__name__}')
+    return model

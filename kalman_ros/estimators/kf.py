@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, LinearSystem, Model, Sensor
+from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor
 
-from .filter import Correction
+from .filter import Correction, Plan, linear_system
 from .update import joseph_update
 
 
@@ -25,14 +25,14 @@ class KalmanFilter:
         step = self.system.sampled(dt)
         F, G, Q = step.F, step.G, step.Q
         x, P = belief.mean, belief.covariance
-        return Gaussian(F @ x + G @ u, F @ P @ F.T + Q)
+        return Gaussian(F @ x + G @ u, F @ P @ F.T + Q, belief.repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading; the sensor must be linear in the state."""
-        return joseph_update(belief, y, sensor)
+        return joseph_update(belief, y, sensor, self.system.state)
 
 
-def build(model: Model) -> KalmanFilter:
+def build(plan: Plan) -> KalmanFilter:
     """Return the Kalman filter of a linear model.
 
     Raises
@@ -40,6 +40,4 @@ def build(model: Model) -> KalmanFilter:
     ValueError
         If the model is not linear.
     """
-    if not isinstance(model, LinearSystem):
-        raise ValueError(f'filter: kf needs a linear model, got {type(model).__name__}')
-    return KalmanFilter(model)
+    return KalmanFilter(linear_system('kf', plan.model))

@@ -15,14 +15,15 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import isfinite
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor
+from kalman_ros.core import Array, Gaussian, Sensor, solve, symmetric
 
+from .factor import cholesky
 from .filter import Correction, Filter
 
 
@@ -30,6 +31,7 @@ class Outcome(Enum):
     """What became of a reading. Every reading has exactly one."""
 
     FUSED = 'fused'
+    RECOVERED = 'fused: covariance widened after too many rejections'
     REJECTED = 'rejected: outside the gate'
     INDEFINITE = 'rejected: the update has no finite positive result'
     NOT_FINITE = 'dropped: not finite'
@@ -37,20 +39,57 @@ class Outcome(Enum):
     BAD_COVARIANCE = 'dropped: covariance not positive definite'
     DUPLICATE = 'dropped: a reading with this stamp was there'
     TOO_OLD = 'dropped: older than the window'
+    FUTURE = 'dropped: stamped in the future'
 
     @property
     def accepted(self) -> bool:
         """Whether the reading moved the estimate."""
-        return self is Outcome.FUSED
+        return self in (Outcome.FUSED, Outcome.RECOVERED)
+
+
+@dataclass(frozen=True)
+class Policy:
+    """How an `OnlineEstimator` treats what is late, doubtful or missing.
+
+    Parameters
+    ----------
+    window
+        Seconds for which late items are taken in; 0 takes only what comes in order.
+    gates
+        For some sensors, the largest normalised innovation squared that is fused.
+    recover_after
+        So many readings of a sensor rejected in a row widen the covariance until the next one
+        passes: a filter that is wrong and sure of it finds back. 0 never does.
+    restart_after
+        So many readings in a row that are older than the window mean that the clock went back:
+        the estimator starts anew. 0 never does.
+    max_gap
+        Seconds without anything after which the old belief is worth nothing: the estimator
+        starts anew. 0 never does.
+    future_tolerance
+        Seconds by which a stamp may be ahead of the time at which it comes.
+    from_reading
+        Start from the first reading, taken at its word, instead of from the initial belief
+        alone; what that reading does not see keeps the initial belief.
+    """
+
+    window: float = 1.0
+    gates: Mapping[str, float] | None = None
+    recover_after: int = 20
+    restart_after: int = 10
+    max_gap: float = 60.0
+    future_tolerance: float = 1.0
+    from_reading: bool = False
 
 
 @dataclass(frozen=True)
 class _State:
-    """The belief at a time, and the input in effect from then on."""
+    """The belief at a time, the input in effect from then on, and rejections in a row."""
 
     time: int | None
     belief: Gaussian
     u: Array
+    rejections: tuple[int, ...]
 
 
 class _Item:
@@ -77,13 +116,11 @@ class OnlineEstimator:
     sensors
         By name, in the order in which readings with one stamp are fused.
     initial
-        The belief at the first stamp that comes.
+        The belief at the first stamp that comes, and whenever the estimator starts anew.
     input
         The input (m,) in effect until the first one arrives.
-    window
-        Seconds for which late items are taken in; 0 takes only what comes in order.
-    gates
-        For some sensors, the largest normalised innovation squared that is fused.
+    policy
+        How to treat what is late, doubtful or missing.
     """
 
     def __init__(
@@ -92,31 +129,32 @@ class OnlineEstimator:
         sensors: Mapping[str, Sensor],
         initial: Gaussian,
         input: Array,
-        *,
-        window: float = 1.0,
-        gates: Mapping[str, float] | None = None,
+        policy: Policy | None = None,
     ) -> None:
         self._order = {name: index for index, name in enumerate(sensors)}
         self._names = list(sensors)
-        self._window = round(window * 1e9)
         self.counts: dict[str, Counter[Outcome]] = {name: Counter() for name in sensors}
+        self.restarts = 0
         self._first_input = input
-        self.configure(filter, sensors, gates or {})
+        self.configure(filter, sensors, policy or Policy())
         self.reset(initial)
 
-    def configure(
-        self, filter: Filter, sensors: Mapping[str, Sensor], gates: Mapping[str, float]
-    ) -> None:
-        """Use another filter, sensors of the same names and other gates from now on."""
+    def configure(self, filter: Filter, sensors: Mapping[str, Sensor], policy: Policy) -> None:
+        """Use another filter, sensors of the same names and another policy from now on."""
         self._filter = filter
         self._sensors = dict(sensors)
-        self._gates = {self._order[name]: gate for name, gate in gates.items()}
+        self._policy = policy
+        self._window = round(policy.window * 1e9)
+        self._max_gap = round(policy.max_gap * 1e9)
+        self._gates = {self._order[name]: gate for name, gate in (policy.gates or {}).items()}
         self._with_covariance: dict[str, tuple[bytes, Sensor]] = {}
 
     def reset(self, belief: Gaussian) -> None:
         """Forget what came; the belief holds at the next stamp that comes. Counts go on."""
-        self._base = _State(None, belief, self._first_input)
+        self._initial = belief
+        self._base = _State(None, belief, self._first_input, (0,) * len(self._order))
         self._items: list[_Item] = []
+        self._old_in_a_row = 0
 
     @property
     def _head(self) -> _State:
@@ -135,7 +173,7 @@ class OnlineEstimator:
     def predicted(self, time: int) -> Gaussian:
         """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
         head = self._head
-        return self._predict(head, time) if head.time is not None else head.belief
+        return head.belief if head.time is None else self._predict(head, time)
 
     def add_input(self, time: int, u: Array) -> Outcome:
         """Take the input that is in effect from ``time`` on."""
@@ -146,26 +184,48 @@ class OnlineEstimator:
         return self._insert(_Item((time, len(self._order)), u, None))
 
     def add_reading(
-        self, name: str, time: int, y: Array, covariance: Array | None = None
+        self,
+        name: str,
+        time: int,
+        y: Array,
+        covariance: Array | None = None,
+        now: int | None = None,
     ) -> tuple[Outcome, Correction | None]:
         """Take a reading of the sensor ``name``, with its own covariance if it came with one.
 
         Returns what became of it, and the correction when there was one to compute (also when
-        the gate rejected it).
+        the gate rejected it). ``now`` is when it came, if stamps in the future are to be
+        refused.
         """
-        sensor: Sensor | None = self._sensors[name]
-        item: _Item | None
-        if y.shape != self._sensors[name].covariance.shape[:1]:
-            outcome, item = Outcome.WRONG_SIZE, None
-        elif not np.isfinite(y).all():
-            outcome, item = Outcome.NOT_FINITE, None
-        elif covariance is not None and (sensor := self._noisy(name, covariance)) is None:
-            outcome, item = Outcome.BAD_COVARIANCE, None
-        else:
-            item = _Item((time, self._order[name]), y, sensor)
-            outcome = self._insert(item)
+        outcome, item = self._add_reading(name, time, y, covariance, now)
         self.counts[name][outcome] += 1
-        return outcome, item.correction if item is not None else None
+        return outcome, None if item is None else item.correction
+
+    def _add_reading(
+        self, name: str, time: int, y: Array, covariance: Array | None, now: int | None
+    ) -> tuple[Outcome, _Item | None]:
+        sensor: Sensor | None = self._sensors[name]
+        if y.shape != self._sensors[name].covariance.shape[:1]:
+            return Outcome.WRONG_SIZE, None
+        if not np.isfinite(y).all():
+            return Outcome.NOT_FINITE, None
+        if covariance is not None:
+            sensor = self._noisy(name, covariance)
+            if sensor is None:
+                return Outcome.BAD_COVARIANCE, None
+        if now is not None and time - now > self._policy.future_tolerance * 1e9:
+            return Outcome.FUTURE, None
+        item = _Item((time, self._order[name]), y, sensor)
+        outcome = self._insert(item)
+        if outcome is not Outcome.TOO_OLD:
+            self._old_in_a_row = 0
+            return outcome, item
+        self._old_in_a_row += 1
+        if self._old_in_a_row != self._policy.restart_after:
+            return outcome, item
+        self.restarts += 1
+        self.reset(self._initial)
+        return self._insert(item), item
 
     def _noisy(self, name: str, covariance: Array) -> Sensor | None:
         """Return the sensor with this noise, None if it is no covariance; the last is kept."""
@@ -182,19 +242,16 @@ class OnlineEstimator:
 
     def _insert(self, item: _Item) -> Outcome:
         items = self._items
-        if not items or item.key > items[-1].key:
-            if self._base.time is not None and item.key[0] < self._base.time:
-                return Outcome.TOO_OLD
-            items.append(item)
-            self._process(item, items[-2].after if len(items) > 1 else self._base)
-            self._forget()
-            return item.outcome
-        return self._insert_late(item)
+        if items and item.key <= items[-1].key:
+            return self._insert_late(item)
+        items.append(item)
+        self._process(item, items[-2].after if len(items) > 1 else self._base)
+        self._forget()
+        return item.outcome
 
     def _insert_late(self, item: _Item) -> Outcome:
         items = self._items
-        oldest = items[-1].key[0] - self._window
-        if item.key[0] < max(oldest, self._base.time or oldest):
+        if item.key[0] < items[-1].key[0] - self._window:
             return Outcome.TOO_OLD
         index = bisect_left(items, item.key, key=lambda other: other.key)
         if items[index].key == item.key:
@@ -222,32 +279,56 @@ class OnlineEstimator:
             del items[:gone]
 
     def _predict(self, state: _State, time: int) -> Gaussian:
+        """Return the belief at ``time``: the initial one if the old is worth nothing by then."""
         if state.time is None or time == state.time:
             return state.belief
-        return self._filter.predict(state.belief, state.u, (time - state.time) * 1e-9)
+        if self._max_gap and time - state.time > self._max_gap:
+            return self._initial
+        predicted = self._filter.predict(state.belief, state.u, (time - state.time) * 1e-9)
+        return predicted if _is_finite(predicted) else self._initial
 
     def _process(self, item: _Item, state: _State) -> _State:
         """Bring ``state`` to the item's time and take the item in."""
         time, order = item.key
         belief = self._predict(state, time)
         if item.sensor is None:
-            item.after = _State(time, belief, item.value)
+            item.after = _State(time, belief, item.value, state.rejections)
             return item.after
+        if state.time is None and self._policy.from_reading:
+            belief = _at_its_word(belief, item.value, item.sensor)
+        streak = state.rejections[order]
         try:
-            correction = self._filter.correct(belief, item.value, item.sensor)
+            item.outcome, item.correction = self._correct(belief, item, streak)
+            if item.outcome.accepted:
+                belief = _committed(item.correction.posterior)
         except np.linalg.LinAlgError:
             item.outcome, item.correction = Outcome.INDEFINITE, None
-        else:
-            item.correction = correction
-            gate = self._gates.get(order)
-            if gate is not None and not correction.nis <= gate:
-                item.outcome = Outcome.REJECTED
-            elif not _is_belief(correction.posterior):
-                item.outcome = Outcome.INDEFINITE
-            else:
-                item.outcome, belief = Outcome.FUSED, correction.posterior
-        item.after = _State(time, belief, state.u)
+        rejections = state.rejections
+        streak = streak + 1 if item.outcome is Outcome.REJECTED else 0
+        if streak != rejections[order]:
+            rejections = (*rejections[:order], streak, *rejections[order + 1 :])
+        item.after = _State(time, belief, state.u, rejections)
         return item.after
+
+    def _correct(self, belief: Gaussian, item: _Item, streak: int) -> tuple[Outcome, Correction]:
+        """Correct by a reading, or reject it; after too many rejections, make it pass."""
+        assert item.sensor is not None
+        correction = self._filter.correct(belief, item.value, item.sensor)
+        gate = self._gates.get(item.key[1])
+        if gate is None or correction.nis <= gate:
+            return Outcome.FUSED, correction
+        if not self._policy.recover_after or streak + 1 < self._policy.recover_after:
+            return Outcome.REJECTED, correction
+        for _ in range(_MOST_WIDENINGS):
+            belief = replace(belief, covariance=4.0 * belief.covariance)
+            correction = self._filter.correct(belief, item.value, item.sensor)
+            if correction.nis <= gate:
+                return Outcome.RECOVERED, correction
+        return Outcome.REJECTED, correction
+
+
+#: Fourfold each time, this widens standard deviations by up to a million.
+_MOST_WIDENINGS = 20
 
 
 def _is_covariance(R: Array, size: int) -> bool:
@@ -257,8 +338,35 @@ def _is_covariance(R: Array, size: int) -> bool:
     return bool(np.linalg.eigvalsh(R)[0] > 0.0)
 
 
-def _is_belief(belief: Gaussian) -> bool:
-    """Tell whether a belief is finite with non-negative variances."""
-    x, P = belief.mean, belief.covariance
+def _is_finite(belief: Gaussian) -> bool:
+    """Tell whether every number of a belief is finite."""
     # a sum is finite only if every term is, and cheaper to test
-    return isfinite(x.sum() + P.sum()) and float(np.min(P.diagonal())) >= 0.0
+    return isfinite(belief.mean.sum() + belief.covariance.sum())
+
+
+def _committed(belief: Gaussian) -> Gaussian:
+    """Return a belief that may be kept: finite, its covariance definite, repaired if need be.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If it is neither.
+    """
+    if not isfinite(belief.mean.sum()):
+        raise np.linalg.LinAlgError('the estimate is not finite')
+    _, P, repairs = cholesky(belief.covariance)
+    if not repairs:
+        return belief
+    return Gaussian(belief.mean, P, belief.repairs + repairs)
+
+
+def _at_its_word(belief: Gaussian, y: Array, sensor: Sensor) -> Gaussian:
+    """Return the belief with what ``sensor`` sees moved to where the reading puts it.
+
+    This is the update without measurement noise, for the mean alone: the reading itself is
+    fused afterwards, with its noise.
+    """
+    x, P = belief.mean, belief.covariance
+    H = sensor.jacobian(x)
+    K = solve(symmetric(H @ P @ H.T), H @ P).T
+    return replace(belief, mean=x + K @ sensor.output.subtract(y, sensor.measure(x)))

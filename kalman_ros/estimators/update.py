@@ -6,13 +6,15 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from kalman_ros.core import Array, Gaussian, Sensor, symmetric
+from kalman_ros.core import Array, Gaussian, Sensor, Space, symmetric
 
 from .filter import Correction
 
 
-def joseph_update(belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+def joseph_update(belief: Gaussian, y: Array, sensor: Sensor, state: Space) -> Correction:
     """Fuse the reading ``y`` (k,), with the sensor linearised about the mean.
+
+    ``state`` is the space of the mean, which has its angles wrapped.
 
     The covariance is in the form of Bucy and Joseph, a sum of two positive semi-definite terms
     for any gain (Bar-Shalom et al., equation 5.2.3-18). One Cholesky solve gives the gain and
@@ -36,5 +38,6 @@ def joseph_update(belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
     K = solved[:, :n].T
     I_KH = np.eye(n) - K @ H
-    posterior = Gaussian(x + K @ innovation, symmetric(I_KH @ P @ I_KH.T + K @ R @ K.T))
+    covariance = symmetric(I_KH @ P @ I_KH.T + K @ R @ K.T)
+    posterior = Gaussian(state.wrap(x + K @ innovation), covariance, belief.repairs)
     return Correction(posterior, innovation, S, float(innovation @ solved[:, n]))

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
-from kalman_ros.core import Model, System, find
+from collections.abc import Callable
+
+from kalman_ros.core import Model, Signal, System, find
 from kalman_ros.core.registry import names as _names
 
 #: What the nodes run when they are told nothing.
@@ -16,13 +18,51 @@ def names() -> list[str]:
 
 
 def system(name: str) -> System:
-    """Return the system that the built-in model ``name`` registers; ValueError if unknown."""
+    """Return the system of ``name``: what a built-in model registers, or one's own.
+
+    ``package.module:Name`` may name a `System`, or a callable that returns a `Model`, such as a
+    subclass; that is then wired by the names of its states and inputs.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or it is neither of the two.
+    """
     found = find('model', name, __name__, 'SYSTEM')
-    if not isinstance(found, System):
-        raise ValueError(f"model: '{name}' is not a System but a {type(found).__name__}")
-    return found
+    if isinstance(found, System):
+        return found
+    if not callable(found):
+        raise ValueError(f"model: '{name}' is no System and returns no Model")
+    try:
+        model = found()
+    except TypeError as error:
+        raise ValueError(f"model: '{name}' needs a default for every argument: {error}") from None
+    if not isinstance(model, Model):
+        raise ValueError(f"model: '{name}' gives a {type(model).__name__}, not a Model")
+    return by_name(found, model)
+
+
+def by_name(build: Callable[..., Model], model: Model) -> System:
+    """Return the wiring of a model by the names of its states and inputs, without sensors.
+
+    States go by ``sensor_msgs/JointState``, inputs by ``std_msgs/Float64MultiArray``; costs and
+    initial deviations are ones, and the equilibrium is the origin.
+    """
+    n, m = model.state.size, model.input.size
+    positions = tuple(f'position[{name}]' for name in model.state.names)
+    elements = tuple(f'data[{index}]' for index in range(m))
+    return System(
+        build=build,
+        sensors={},
+        state=Signal('estimate', 'sensor_msgs/JointState', positions),
+        input=Signal('command', 'std_msgs/Float64MultiArray', elements),
+        state_cost=(1.0,) * n,
+        input_cost=(1.0,) * m,
+        initial_state=(0.0,) * n,
+        initial_std=(1.0,) * n,
+    )
 
 
 def default_model(name: str) -> Model:
-    """Return the built-in model ``name`` with its default parameters."""
+    """Return the model ``name`` with its default parameters."""
     return system(name).build()

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, Optional
 
@@ -15,16 +15,18 @@ from std_srvs.srv import Trigger
 from kalman_ros.codecs.messages import nanoseconds
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import Sample, WireReader
-from kalman_ros.core import Array
-from kalman_ros.estimators import build_filter
+from kalman_ros.core import Array, Option, Sensor, Value
+from kalman_ros.estimators import build_filter, filter_options
 from kalman_ros.estimators.consistency import ChiSquareWindow, chi_square_gate
-from kalman_ros.estimators.filter import Correction
-from kalman_ros.estimators.online import OnlineEstimator, Outcome
+from kalman_ros.estimators.filter import Correction, Filter
+from kalman_ros.estimators.online import OnlineEstimator, Outcome, Policy
+from kalman_ros.simulation.observability import observability
 from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Diagnostics, Level, Report
 from .estimates import EstimatePublisher, InnovationPublisher
+from .initial_pose import PoseReader
 from .options import EstimatorOptions
 from .readings import ReadingReader
 from .topics import QUEUE, sensor_queue
@@ -37,14 +39,10 @@ class EstimatorNode(runtime.ScenarioNode):
     def __init__(self) -> None:
         super().__init__('estimator', EstimatorOptions)
         scenario, options = self.scenario, self.options
-        self._online = OnlineEstimator(
-            build_filter(options.filter, scenario.model),
-            {name: source.sensor for name, source in scenario.sensors.items()},
-            scenario.initial_belief,
-            np.zeros(scenario.model.input.size),
-            window=options.window,
-            gates=_gates(scenario, options),
-        )
+        filter, sensors, policy = self._design(scenario, options)
+        zero = np.zeros(scenario.model.input.size)
+        self.get_logger().info(str(observability(scenario)))
+        self._online = OnlineEstimator(filter, sensors, scenario.initial_belief, zero, policy)
         self._publish = EstimatePublisher(self, scenario, options.frame, options.child_frame)
         self._read_input = WireReader(SignalCodec(scenario.input))
         self._readers: dict[str, ReadingReader] = {}
@@ -66,8 +64,18 @@ class EstimatorNode(runtime.ScenarioNode):
         if options.lockstep:
             self._turns = Turns({source.signal.topic: n for n, source in scenario.sensors.items()})
             self.create_subscription(TimeReference, 'tick', self._on_tick, QUEUE)
+        elif options.publish_rate:
+            self.create_timer(1.0 / options.publish_rate, self._publish_now)
+        self._read_pose = PoseReader(scenario)
+        kind = self._read_pose.message_type
+        self.create_subscription(kind, 'initialpose', self._on_initial_pose, QUEUE, raw=True)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.diagnostics = Diagnostics(self, self._report)
+
+    def extra_options(self, given: Mapping[str, Value]) -> Iterable[Option]:
+        """Return the options of the filter."""
+        filter, implementation = given.get('filter', 'kf'), given.get('implementation', 'native')
+        return filter_options(str(filter), str(implementation))
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -82,14 +90,17 @@ class EstimatorNode(runtime.ScenarioNode):
             self._turns.reading(name, time, reading)
             self._take_turns(self._turns)
         else:
-            correction = self._fuse(name, time, reading)
-            if correction is not None and self._online.time is not None:
-                self._publish(self._online.time, self._online.belief)
+            correction = self._fuse(name, time, reading, self._now() or None)
+            if correction is not None:
+                if self._online.time is not None and not self.options.publish_rate:
+                    self._publish(self._online.time, self._online.belief)
                 self._innovations[name](time, correction)
 
-    def _fuse(self, name: str, time: int, reading: Sample) -> Optional[Correction]:
+    def _fuse(
+        self, name: str, time: int, reading: Sample, now: Optional[int] = None
+    ) -> Optional[Correction]:
         outcome, correction = self._online.add_reading(
-            name, time, reading.values, reading.covariance
+            name, time, reading.values, reading.covariance, now
         )
         if correction is not None:
             self._nis[name].add(correction.nis)
@@ -134,6 +145,21 @@ class EstimatorNode(runtime.ScenarioNode):
                 if correction is not None:
                     self._innovations[name](turn.time, correction)
 
+    def _publish_now(self) -> None:
+        now = self._now()
+        if self._online.time is not None:
+            time = max(now, self._online.time)
+            self._publish(time, self._online.predicted(time))
+
+    def _on_initial_pose(self, data: bytes) -> None:
+        try:
+            belief = self._read_pose(data, self.scenario.initial_belief)
+        except ValueError as error:
+            self._warn(f'initialpose: {error}')
+            return
+        self._online.reset(belief)
+        self.get_logger().info('started anew from initialpose')
+
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._online.reset(self.scenario.initial_belief)
         response.success, response.message = True, 'back at the initial belief'
@@ -144,10 +170,30 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def prepare(self, scenario: Scenario, options: EstimatorOptions) -> Callable[[], None]:
         """Change the model's parameters, noise or gates; the belief stays."""
-        filter = build_filter(options.filter, scenario.model)
+        filter, sensors, policy = self._design(scenario, options)
+        return lambda: self._online.configure(filter, sensors, policy)
+
+    def _design(
+        self, scenario: Scenario, options: EstimatorOptions
+    ) -> tuple[Filter, dict[str, Sensor], Policy]:
+        """Return the filter, the sensors by name and the policy; ValueError if there is none."""
+        filter = build_filter(options.filter, scenario.plan, self.extra, options.implementation)
         sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-        gates = _gates(scenario, options)
-        return lambda: self._online.configure(filter, sensors, gates)
+        if options.initialize not in ('belief', 'reading'):
+            raise ValueError(f"initialize: expected belief or reading, got '{options.initialize}'")
+        gates = {}
+        if options.gate < 1.0:
+            gates = {n: chi_square_gate(options.gate, s.output.size) for n, s in sensors.items()}
+        policy = Policy(
+            options.window,
+            gates,
+            options.gate_recover_after,
+            options.restart_after,
+            options.max_gap,
+            options.future_tolerance,
+            options.initialize == 'reading',
+        )
+        return filter, sensors, policy
 
     def _report(self) -> Report:
         values: dict[str, Any] = {}
@@ -161,22 +207,14 @@ class EstimatorNode(runtime.ScenarioNode):
             if not nis.inside():
                 doubtful.append(name)
         values[f'{self.scenario.input.topic}: used'] = self._inputs[Outcome.FUSED]
+        values['restarts'] = self._online.restarts
+        values['repairs of the covariance'] = self._online.belief.repairs
         if self._online.time is None:
             return Level.WARN, 'no reading has come', values
         if doubtful:
             which = ' and '.join(doubtful)
             return Level.WARN, f'innovations of {which} do not scatter as expected', values
         return Level.OK, 'consistent', values
-
-
-def _gates(scenario: Scenario, options: EstimatorOptions) -> dict[str, float]:
-    """Return the gate of every sensor; none where every reading is to pass."""
-    if options.gate >= 1.0:
-        return {}
-    return {
-        name: chi_square_gate(options.gate, source.sensor.output.size)
-        for name, source in scenario.sensors.items()
-    }
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from kalman_ros.core import Option, Value, refuse_unknown
+from kalman_ros.core import Option, Value
 
 #: Parameters that rclpy itself reads from the same files.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
@@ -122,8 +122,3 @@ class LiveParameters:
         if self._ready is not None:
             self._ready()
             self._values, self._ready = self._candidate, None
-
-
-def refuse_typos(given: Iterable[str], known: Iterable[str]) -> None:
-    """Raise ValueError for a parameter that no node of the family knows."""
-    refuse_unknown(given, known, 'parameter')

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import rclpy
@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from kalman_ros.core import Value, options_of
+from kalman_ros.core import Option, Value, options_of, refuse_unknown
 from kalman_ros.simulation import scenario
 from kalman_ros.simulation.scenario import Scenario
 
@@ -49,24 +49,30 @@ class ScenarioNode(Node):  # type: ignore[misc]
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         given = parameters.given(self)
         self._own = {option.name: option for option in options_of(options)}
+        self._extra = {option.name: option for option in self.extra_options(given)}
         self._build_options = options
-        known = {**scenario.options(given), **self._own}
-        parameters.refuse_typos(given, {*known, *node_options.names()})
+        known = {**scenario.options(given), **self._own, **self._extra}
+        refuse_unknown(given, {*known, *node_options.names()}, 'parameter')
         values = scenario.complete(given, known)
         parameters.declare(self, known.values(), values)
-        self.scenario, self.options = self._build(values)
+        self.scenario, self.options, self.extra = self._build(values)
         self._live = parameters.LiveParameters(self, known, self._prepare)
 
-    def _build(self, values: dict[str, Value]) -> tuple[Scenario, Any]:
+    def extra_options(self, given: Mapping[str, Value]) -> Iterable[Option]:
+        """Return further options, which depend on what is ``given``; none by default."""
+        return ()
+
+    def _build(self, values: Mapping[str, Value]) -> tuple[Scenario, Any, dict[str, Value]]:
         own = {name: values[name] for name in self._own}
-        return scenario.build(values), self._build_options(**own)
+        extra = {name: values[name] for name in self._extra}
+        return scenario.build(values), self._build_options(**own), extra
 
     def _prepare(self, values: dict[str, Value]) -> Callable[[], None]:
-        built, options = self._build(values)
+        built, options, extra = self._build(values)
         apply = self.prepare(built, options)
 
         def put_in_place() -> None:
-            self.scenario, self.options = built, options
+            self.scenario, self.options, self.extra = built, options, extra
             apply()
 
         return put_in_place

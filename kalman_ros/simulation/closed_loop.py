@@ -58,7 +58,7 @@ def run(
     plant = SimulatedPlant(scenario.model, timed, scenario.rate, scenario.initial_state, seed)
     sensors = {name: source.sensor for name, source in believed.sensors.items()}
     estimator = OnlineEstimator(
-        build_filter(filter, believed.model),
+        build_filter(filter, believed.plan),
         sensors,
         believed.initial_belief,
         np.zeros(scenario.model.input.size),

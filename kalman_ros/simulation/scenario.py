@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Annotated, Any
 
 from kalman_ros import models, sensors
@@ -22,17 +23,17 @@ from kalman_ros.core import (
     SensorSetup,
     Signal,
     System,
+    TimedSensor,
     Value,
     build_with,
     options_of,
-    refuse_unknown,
+    ratio,
     semidefinite,
     variances,
     vector,
 )
 from kalman_ros.core.registry import find
-
-from .plant import TimedSensor, ratio
+from kalman_ros.estimators.filter import Plan
 
 POLICIES = ('message', 'configuration', 'larger')
 
@@ -65,6 +66,12 @@ class Scenario:
     initial_belief: Gaussian
     state_cost: Array
     input_cost: Array
+
+    @property
+    def plan(self) -> Plan:
+        """What a filter for this scenario is built for: the model and the sensors that are on."""
+        timed = {name: source.timed for name, source in self.enabled.items()}
+        return Plan(self.model, timed, self.rate)
 
     @property
     def enabled(self) -> dict[str, SensorSource]:
@@ -140,9 +147,9 @@ def options(values: Mapping[str, Any]) -> dict[str, Option]:
     ValueError
         If the model, a sensor or a kind is unknown.
     """
-    model = Option('model', models.DEFAULT, About('name of the model of the plant'))
-    system = models.system(str(model.check(values.get('model', model.default))))
-    listed = Option('sensors', list(system.sensors), About('names of the sensors'))
+    model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
+    system = _system(values)
+    listed = Option('sensors', list(system.sensors) or [''], About('names of the sensors'))
     found = {model.name: model, listed.name: listed}
     found.update({option.name: option for option in options_of(_shared)})
     for option in options_of(system.build, 'model_parameters.'):
@@ -174,18 +181,43 @@ def options(values: Mapping[str, Any]) -> dict[str, Option]:
 
 
 def _names(value: Value) -> list[str]:
-    return [str(name) for name in value] if isinstance(value, list) else []
+    return [str(name) for name in value if name] if isinstance(value, list) else []
 
 
 def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
+    """Return what is known of a sensor: from the system, or from the values if it is a new one."""
     setup = system.sensors.get(name)
     if setup is None:
-        refuse_unknown([name], system.sensors, 'sensor')
-        raise AssertionError
+        missing = [key for key in ('type', 'fields', 'noise') if f'{name}.{key}' not in values]
+        if missing:
+            near = get_close_matches(name, system.sensors, n=1)
+            hint = f"did you mean '{near[0]}'? " if near else ''
+            needs = ', '.join(f'{name}.{key}' for key in missing)
+            raise ValueError(f"sensors: unknown sensor '{name}'; {hint}a new one needs {needs}")
+        setup = SensorSetup('states', Signal(name, '', ('',)), (1.0,), 10.0)
     kind = str(values.get(f'{name}.kind', setup.kind))
     if kind == setup.kind:
         return setup
     return SensorSetup(kind, setup.signal, setup.noise, setup.rate)
+
+
+def _system(values: Mapping[str, Any]) -> System:
+    """Return the system that is spoken of, wired by name if its parameters change its states."""
+    model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
+    system = models.system(str(model.check(values.get('model', model.default))))
+    built = _model(system, _section(values, 'model_parameters'))
+    sizes = len(system.state.fields), len(system.input.fields)
+    if sizes == (built.state.size, built.input.size):
+        return system
+    return models.by_name(system.build, built)
+
+
+def _model(system: System, parameters: Mapping[str, Any]) -> Model:
+    try:
+        model: Model = build_with(system.build, parameters)
+    except ValueError as error:
+        raise ValueError(f'model_parameters.{error}') from None
+    return model
 
 
 def complete(values: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, Value]:
@@ -207,15 +239,15 @@ def build(values: Mapping[str, Any]) -> Scenario:
         If anything is wrong, with the name of the option at fault.
     """
     full: dict[str, Any] = complete(values, options(values))
-    system = models.system(full['model'])
-    model: Model = build_with(system.build, _section(full, 'model_parameters'))
+    model = _model(models.system(full['model']), _section(full, 'model_parameters'))
     rate = full['rate']
     n, m = model.state.size, model.input.size
     mean = vector('initial_estimate', full['initial_estimate'], n)
     return Scenario(
         model=model,
         sensors={
-            name: _source(name, _section(full, name), model, rate) for name in full['sensors']
+            name: _source(name, _section(full, name), model, rate)
+            for name in _names(full['sensors'])
         },
         state=_signal('state', _section(full, 'state'), n),
         input=_signal('input', _section(full, 'input'), m),
@@ -240,6 +272,7 @@ def _source(name: str, section: dict[str, Any], model: Model, loop_rate: float) 
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
         sensor = sensors.build(own['kind'], model.state, own['noise'], section)
+        sensor.name = name
         ratio(own['rate'], loop_rate)
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None

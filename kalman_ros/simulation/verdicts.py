@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, log, nan
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from kalman_ros.control.identification import continuous_poles, fit
 from kalman_ros.control.lqr import Cost, LqrDesign
@@ -15,7 +17,6 @@ from kalman_ros.control.structure import ComplexArray, eigenvalues
 from kalman_ros.core import Array, Model, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 
-from .plant import is_due, period, ratio
 from .regulator import regulator
 from .scenario import Scenario
 from .trajectory import Trajectory
@@ -66,22 +67,18 @@ class LqgTheory:
 
 def schedule(scenario: Scenario) -> list[Readings]:
     """Return what is read at each step of a period, linearised about the origin."""
-    sources = list(scenario.enabled.values())
-    shares = [ratio(source.timed.rate, scenario.rate) for source in sources]
-    x = np.zeros(scenario.model.state.size)
+    plan, x = scenario.plan, np.zeros(scenario.model.state.size)
     phases = []
-    # the pattern repeats from its second period on; step 0 reads everything
-    for step in range(period(shares), 2 * period(shares)):
-        due = [s.sensor for s, share in zip(sources, shares) if is_due(step, share)]
+    for step in range(plan.period):
+        due = [plan.sensors[name].sensor for name in plan.due(step)]
         C = np.vstack([np.empty((0, x.size)), *(sensor.jacobian(x) for sensor in due)])
-        R = np.zeros((len(C), len(C)))
-        at = 0
-        for sensor in due:
-            k = len(sensor.covariance)
-            R[at : at + k, at : at + k] = sensor.covariance
-            at += k
-        phases.append(Readings(C, R))
+        phases.append(Readings(C, _together(sensor.covariance for sensor in due)))
     return phases
+
+
+def _together(covariances: Iterable[Array]) -> Array:
+    """Return independent covariances as one (k, k); k may be 0."""
+    return np.asarray(block_diag(np.empty((0, 0)), *covariances), dtype=float)
 
 
 def theory(scenario: Scenario) -> LqgTheory:

@@ -23,7 +23,9 @@ def points(model, count=5):
 def sensor_of(name, sensor):
     system = models.system(name)
     setup = system.sensors[sensor]
-    return sensors.build(setup.kind, system.build().state, setup.noise, setup.options)
+    built = sensors.build(setup.kind, system.build().state, setup.noise, setup.options)
+    built.name = sensor
+    return built
 
 
 def symmetric_positive(P):
@@ -139,7 +141,7 @@ class TestFilter:
     def run(self, name, kind, steps=200):
         system = models.system(name)
         model = system.build()
-        filter = build_filter(kind, model)
+        filter = build_filter(kind, scenario.build({'model': name}).plan)
         rng = np.random.default_rng(0)
         belief = Gaussian(np.zeros(model.state.size), np.diag(np.square(system.initial_std)))
         for _ in range(steps):
@@ -167,7 +169,7 @@ class TestFilter:
     def test_beliefs_are_not_changed(self, name, kind):
         system = models.system(name)
         model = system.build()
-        filter = build_filter(kind, model)
+        filter = build_filter(kind, scenario.build({'model': name}).plan)
         n = model.state.size
         belief = Gaussian(np.full(n, 0.1), np.eye(n))
         sensor = sensor_of(name, next(iter(system.sensors)))

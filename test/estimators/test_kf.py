@@ -4,7 +4,6 @@ import pytest
 
 from kalman_ros import models
 from kalman_ros.core import Gaussian, LinearSystem, Sensor, Space
-from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.sensors.states import States
 
@@ -113,8 +112,3 @@ def test_an_innovation_covariance_that_is_none_is_an_error():
     broken = sensor.with_covariance(-100.0 * np.eye(2))
     with pytest.raises(np.linalg.LinAlgError, match='not positive definite'):
         KalmanFilter(system).correct(prior, np.zeros(2), broken)
-
-
-def test_an_unknown_filter_is_refused():
-    with pytest.raises(ValueError, match="unknown filter 'kv'; known are kf"):
-        build_filter('kv', models.default_model('mass_spring_damper'))

@@ -1,33 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Order, late data and the account of every reading."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kalman_ros import models, sensors
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.online import OnlineEstimator, Outcome
+from kalman_ros.estimators.online import OnlineEstimator, Outcome, Policy
+from kalman_ros.simulation import scenario
 
 SECOND = 1_000_000_000
 
 
-def estimator(window=10.0, gates=None):
-    system = models.system('mass_spring_damper')
-    model = system.build()
-    built = {
-        name: sensors.build(setup.kind, model.state, setup.noise, setup.options)
-        for name, setup in system.sensors.items()
-    }
+def estimator(window=10.0, gates=None, filter='kf', **options):
+    plan = scenario.build({'model': 'mass_spring_damper'}).plan
     return OnlineEstimator(
-        build_filter('kf', model),
-        built,
+        build_filter(filter, plan),
+        {name: timed.sensor for name, timed in plan.sensors.items()},
         Gaussian(np.zeros(2), np.eye(2)),
         np.zeros(1),
-        window=window,
-        gates=gates,
+        Policy(window=window, gates=gates, **options),
     )
 
 
@@ -173,3 +169,110 @@ def test_a_microsecond_moves_the_estimate_by_less_than_a_thousandth_sigma():
         feed(shifted, ('position', time + (1000 if k == 30 else 0), 0.3))
     difference = np.abs(shifted.belief.mean - exact.belief.mean)
     assert np.all(difference < 1e-3 * exact.belief.std)
+
+
+@pytest.mark.parametrize('filter', ['ekf', 'ukf', 'steady_state', 'luenberger'])
+def test_late_readings_are_fused_again_by_every_filter(filter):
+    rng = np.random.default_rng(0)
+    given_items = [
+        (kind, SECOND + 20_000_000 * k, rng.normal())
+        for k in range(40)
+        for kind in ('position', 'velocity', 'input')
+    ]
+    in_order, shuffled = estimator(filter=filter), estimator(filter=filter)
+    for item in given_items:
+        feed(in_order, item)
+    for index in rng.permutation(len(given_items)):
+        feed(shuffled, given_items[index])
+    np.testing.assert_allclose(shuffled.belief.mean, in_order.belief.mean, atol=1e-9)
+    np.testing.assert_allclose(shuffled.belief.covariance, in_order.belief.covariance, atol=1e-9)
+
+
+def wrong_and_sure(**options):
+    """An estimator that is sure of being elsewhere, behind a gate."""
+    online = estimator(gates={'position': 9.0}, **options)
+    online.reset(Gaussian(np.array([50.0, 0.0]), 1e-6 * np.eye(2)))
+    return online
+
+
+def test_a_filter_that_is_wrong_and_sure_is_locked_out_without_recovery():
+    online = wrong_and_sure(recover_after=0)
+    for k in range(60):
+        assert feed(online, ('position', SECOND + k * 20_000_000, 0.0)) is Outcome.REJECTED
+
+
+def test_a_filter_that_is_wrong_and_sure_recovers():
+    online = wrong_and_sure(recover_after=10)
+    outcomes = [feed(online, ('position', SECOND + k * 20_000_000, 0.0)) for k in range(60)]
+    assert outcomes[:9] == [Outcome.REJECTED] * 9
+    assert outcomes[9] is Outcome.RECOVERED
+    assert Outcome.REJECTED not in outcomes[12:]
+    assert abs(online.belief.mean[0]) < 4.0 * online.belief.std[0]
+
+
+def test_a_clock_that_goes_back_starts_anew_but_one_stray_stamp_does_not():
+    online = estimator(window=0.5, restart_after=5)
+    for k in range(100):
+        feed(online, ('position', 100 * SECOND + k * 20_000_000, 0.0))
+    assert feed(online, ('position', SECOND, 0.0)) is Outcome.TOO_OLD
+    feed(online, ('position', 103 * SECOND, 0.0))
+    outcomes = [feed(online, ('position', SECOND + k * 20_000_000, 3.0)) for k in range(8)]
+    assert outcomes == [Outcome.TOO_OLD] * 4 + [Outcome.FUSED] * 4
+    assert online.restarts == 1
+    assert online.time == SECOND + 7 * 20_000_000
+
+
+def test_after_a_long_gap_the_old_belief_is_worth_nothing():
+    online = estimator(max_gap=60.0)
+    for k in range(100):
+        feed(online, ('position', SECOND + k * 20_000_000, 0.0))
+    feed(online, ('velocity', 7200 * SECOND, 0.0))
+    assert online.belief.std[0] == 1.0
+    assert np.isfinite(online.belief.mean).all()
+
+
+def test_stamps_in_the_future_are_refused():
+    online = estimator(future_tolerance=0.5)
+    ok, _ = online.add_reading('position', SECOND + 400_000_000, np.array([0.0]), now=SECOND)
+    ahead, _ = online.add_reading('position', 3 * SECOND, np.array([0.0]), now=SECOND)
+    assert (ok, ahead) == (Outcome.FUSED, Outcome.FUTURE)
+
+
+def test_starting_from_the_first_reading():
+    online = estimator(from_reading=True)
+    online.add_reading('position', SECOND, np.array([7.0]))
+    np.testing.assert_allclose(online.belief.mean, [7.0, 0.0], atol=1e-12)
+    assert online.belief.std[0] < 0.06
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(['position', 'velocity', 'input']),
+            st.integers(0, 2**60) | st.integers(0, 200).map(lambda k: k * 10_000_000),
+            st.floats(width=64),
+            st.none() | st.floats(width=64),
+        ),
+        max_size=40,
+    ),
+    st.sampled_from(['kf', 'ekf', 'ukf']),
+)
+def test_whatever_comes_the_belief_is_valid_and_the_counts_add_up(hostile, filter):
+    online = estimator(gates={'position': 9.0}, filter=filter, window=1.0, recover_after=2)
+    sent = Counter()
+    with np.errstate(all='ignore'):
+        for kind, time, value, variance in hostile:
+            if kind == 'input':
+                online.add_input(time, np.array([value]))
+            else:
+                R = None if variance is None else np.array([[variance]])
+                online.add_reading(kind, time, np.array([value]), R)
+                sent[kind] += 1
+            assert np.isfinite(online.belief.mean).all()
+            assert np.isfinite(online.belief.covariance).all()
+            assert np.linalg.eigvalsh(online.belief.covariance)[0] > -1e-9 * np.max(
+                np.abs(online.belief.covariance)
+            )
+    for name in ('position', 'velocity'):
+        assert sum(online.counts[name].values()) == sent[name]

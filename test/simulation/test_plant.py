@@ -4,9 +4,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from kalman_ros.core import is_due, period, ratio
 from kalman_ros.simulation import scenario
 from kalman_ros.simulation.noise import NoiseSource
-from kalman_ros.simulation.plant import SimulatedPlant, is_due, period, ratio
+from kalman_ros.simulation.plant import SimulatedPlant
 
 
 def plant(seed=1, **values):

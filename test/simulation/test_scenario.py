@@ -15,7 +15,10 @@ from kalman_ros.simulation import scenario
         ({'velocity.rate': 200.0}, 'velocity.rate: expected .* at most 100 Hz, got 200'),
         ({'position.noise': [-1.0, 2.0]}, 'position.noise: expected positive standard dev'),
         ({'position.noise': [1.0]}, 'position.noise: expected 2 numbers, got 1'),
-        ({'sensors': ['positon']}, "unknown sensor 'positon'; did you mean 'position'"),
+        (
+            {'sensors': ['positon']},
+            "unknown sensor 'positon'; did you mean 'position'.* needs positon",
+        ),
         ({'model_parameters.mass': -1}, 'model_parameters.mass: expected at least 1e-09 kg'),
         ({'position.measures': ['z', 'y']}, 'position.measures: expected names among'),
         ({'position.fields': ['a']}, 'position.fields: expected 2 fields, got 1'),

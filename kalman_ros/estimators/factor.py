@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cholesky factors of covariances, with a repair that is small, bounded and counted."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg.lapack import dpotrf
+
+from kalman_ros.core import Array
+
+#: What is added to the variances in turn, relative to the largest one, until there is a factor.
+_REPAIRS = (1e-14, 1e-12, 1e-10, 1e-8)
+
+
+class Factor(NamedTuple):
+    """A lower triangular L (n, n), P = L L', and how often P had to be repaired for it."""
+
+    L: Array
+    P: Array
+    repairs: int
+
+
+def cholesky(P: Array) -> Factor:
+    """Factorise a symmetric positive semi-definite ``P`` (n, n).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If P is not finite, or no repair of at most 1e-8 of the largest variance makes it
+        positive definite.
+    """
+    if not isfinite(P.sum()):
+        raise np.linalg.LinAlgError('the covariance is not finite')
+    L, info = dpotrf(P, lower=1, clean=1)
+    if info == 0:
+        return Factor(L, P, 0)
+    largest = float(np.max(P.diagonal()))
+    for size in _REPAIRS:
+        repaired = P + size * largest * np.eye(len(P))
+        L, info = dpotrf(repaired, lower=1, clean=1)
+        if info == 0 and largest > 0.0:
+            return Factor(L, repaired, 1)
+    raise np.linalg.LinAlgError('the covariance is not positive semi-definite')

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Observers whose gains are designed once: x += L (y - C x), whatever L is.
+
+The covariance is that of the error which this gain really leaves, not of an optimal one, so
+what is published is honest: P = (I - L C) P (I - L C)' + L R L' holds for every gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor, solve, symmetric
+
+from .filter import Correction
+
+
+@dataclass(frozen=True)
+class FixedGainObserver:
+    """An observer of a linear system with one gain L (n, k) for each sensor, by name."""
+
+    system: LinearSystem
+    gains: Mapping[str, Array]
+
+    def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
+        """Return x = F x + G u, P = F P F' + Q."""
+        step = self.system.sampled(dt)
+        F, G, Q = step.F, step.G, step.Q
+        x, P = belief.mean, belief.covariance
+        return Gaussian(F @ x + G @ u, F @ P @ F.T + Q, belief.repairs)
+
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Fuse a reading with the gain of its sensor."""
+        x, P = belief.mean, belief.covariance
+        L, C, R = self.gains[sensor.name], sensor.jacobian(x), sensor.covariance
+        innovation = sensor.output.subtract(y, sensor.measure(x))
+        S = C @ P @ C.T + R
+        I_LC = np.eye(len(x)) - L @ C
+        covariance = symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
+        nis = float(innovation @ solve(S, innovation))
+        posterior = Gaussian(
+            self.system.state.wrap(x + L @ innovation), covariance, belief.repairs
+        )
+        return Correction(posterior, innovation, S, nis)

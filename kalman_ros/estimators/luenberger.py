@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Luenberger observer: the gain that puts the poles of the error where one wants them.
+
+D. Luenberger, An Introduction to Observers, IEEE Trans. Automatic Control 16(6), 1971.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, Array, DesignError
+
+from .filter import Plan, linear_system
+from .fixed_gain import FixedGainObserver
+
+
+def build(
+    plan: Plan,
+    observer_poles: Annotated[
+        Sequence[float],
+        About('where the poles of the error are put, real, one a state', '1/s', maximum=-1e-9),
+    ] = (-4.0,),
+) -> FixedGainObserver:
+    """Return the observer whose error, with all sensors together, has the poles given.
+
+    The continuous gain L with eig(A - L C) at the poles is shared out among the readings: one
+    of a sensor with period T corrects by L T. Fewer poles than states are spread out from the
+    last one, a tenth further each.
+
+    Raises
+    ------
+    DesignError
+        If the sensors together do not observe every state, or a pole is too fast for the
+        slowest sensor that it needs.
+    ValueError
+        If the model is not linear.
+    """
+    from scipy.signal import place_poles  # slow to import, so only here
+
+    system = linear_system('luenberger', plan.model)
+    n = system.state.size
+    poles = np.array([*observer_poles][:n], dtype=float)
+    while len(poles) < n:
+        poles = np.append(poles, 1.1 * poles[-1])
+    x = np.zeros(n)
+    C = np.vstack([timed.sensor.jacobian(x) for timed in plan.sensors.values()])
+    try:
+        L: Array = np.asarray(place_poles(system.A.T, C.T, poles).gain_matrix).T
+    except ValueError as error:
+        raise DesignError(f'observer_poles: {str(error).rstrip(".")}') from None
+    gains, at = {}, 0
+    for name, timed in plan.sensors.items():
+        k = timed.sensor.output.size
+        gains[name] = L[:, at : at + k] / timed.rate
+        at += k
+    observer = FixedGainObserver(system, gains)
+    _check_decay(plan, observer)
+    return observer
+
+
+def _check_decay(plan: Plan, observer: FixedGainObserver) -> None:
+    """Raise DesignError if the error grows over a period of the readings."""
+    n = observer.system.state.size
+    over = np.eye(n)
+    F = observer.system.sampled(plan.dt).F
+    for step in range(plan.period):
+        over = F @ over
+        for name in plan.due(step):
+            C = plan.sensors[name].sensor.jacobian(np.zeros(n))
+            over = (np.eye(n) - observer.gains[name] @ C) @ over
+    if not np.max(np.abs(np.linalg.eigvals(over))) < 1.0:
+        raise DesignError('observer_poles: too fast for the rates of the sensors')

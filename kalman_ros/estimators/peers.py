@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""filterpy's own classes behind our protocol, as a cross-check by the best known peer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import numpy as np
+from filterpy.kalman import (
+    ExtendedKalmanFilter,
+    KalmanFilter,
+    MerweScaledSigmaPoints,
+    UnscentedKalmanFilter,
+)
+
+from kalman_ros.core import About, Array, Gaussian, Model, Sensor, symmetric
+
+from .filter import Correction, Plan, linear_system
+
+
+def _correction(peer: Any, y: Array, innovation: Array, repairs: int) -> Correction:
+    S = np.asarray(peer.S, dtype=float)
+    posterior = Gaussian(np.array(peer.x, dtype=float), symmetric(np.array(peer.P)), repairs)
+    nis = float(innovation @ np.linalg.solve(S, innovation))
+    return Correction(posterior, innovation, S, nis)
+
+
+class _Linearised:
+    """filterpy's Kalman filter, plain or extended."""
+
+    def __init__(self, plan: Plan, kind: Callable[..., Any]) -> None:
+        self._model: Model = plan.model
+        self._kind = kind
+
+    def _peer(self, belief: Gaussian, k: int) -> Any:
+        peer = self._kind(dim_x=len(belief.mean), dim_z=k)
+        peer.x, peer.P = belief.mean.copy(), belief.covariance.copy()
+        return peer
+
+    def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
+        """Let filterpy predict."""
+        step = self._model.transition(belief.mean, u, dt)
+        peer = self._peer(belief, 1)
+        peer.F, peer.Q, peer.B = step.F, step.Q, step.G
+        peer.predict(u=u)
+        # filterpy's extended filter predicts the mean with the linear model, unless told to
+        mean = self._model.step(belief.mean, u, dt)
+        return Gaussian(mean, symmetric(np.array(peer.P)), belief.repairs)
+
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Let filterpy update."""
+        x, space = belief.mean, sensor.output
+        peer = self._peer(belief, len(y))
+        peer.R = sensor.covariance
+        innovation = space.subtract(y, sensor.measure(x))
+        if self._kind is KalmanFilter:
+            peer.H = sensor.jacobian(x)
+            peer.update(y)
+        else:
+            peer.update(y, sensor.jacobian, sensor.measure, residual=space.subtract)
+        peer.x = self._model.state.wrap(peer.x)
+        return _correction(peer, y, innovation, belief.repairs)
+
+
+class _Unscented:
+    """filterpy's unscented Kalman filter."""
+
+    def __init__(self, plan: Plan, alpha: float, beta: float, kappa: float) -> None:
+        self._model: Model = plan.model
+        state = plan.model.state
+        self._points = MerweScaledSigmaPoints(state.size, alpha, beta, kappa, subtract=np.subtract)
+
+    def _peer(self, belief: Gaussian, sensor: Sensor | None) -> Any:
+        state = self._model.state
+        peer = UnscentedKalmanFilter(
+            dim_x=state.size,
+            dim_z=1 if sensor is None else sensor.output.size,
+            dt=0.0,
+            hx=None if sensor is None else sensor.measure,
+            fx=None,
+            points=self._points,
+            x_mean_fn=state.mean,
+            residual_x=state.subtract,
+            z_mean_fn=None if sensor is None else sensor.output.mean,
+            residual_z=None if sensor is None else sensor.output.subtract,
+        )
+        peer.x, peer.P = belief.mean.copy(), belief.covariance.copy()
+        return peer
+
+    def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
+        """Let filterpy predict."""
+        peer = self._peer(belief, None)
+        peer.Q = self._model.transition(belief.mean, u, dt).Q
+        peer.predict(dt=dt, fx=lambda x, dt: self._model.step(x, u, dt))
+        return Gaussian(np.array(peer.x), symmetric(np.array(peer.P)), belief.repairs)
+
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Let filterpy update."""
+        peer = self._peer(belief, sensor)
+        peer.R = sensor.covariance
+        peer.sigmas_f = self._points.sigma_points(peer.x, peer.P)
+        peer.update(y)
+        peer.x = self._model.state.wrap(peer.x)
+        return _correction(peer, y, np.asarray(peer.y), belief.repairs)
+
+
+def _kf(plan: Plan) -> _Linearised:
+    linear_system('kf', plan.model)
+    return _Linearised(plan, KalmanFilter)
+
+
+def _ekf(plan: Plan) -> _Linearised:
+    return _Linearised(plan, ExtendedKalmanFilter)
+
+
+def _ukf(
+    plan: Plan,
+    alpha: Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)] = 1.0,
+    beta: Annotated[float, About('weight of the centre; 2 suits a Gaussian')] = 0.0,
+    kappa: Annotated[float, About('second spread; n + kappa must be positive')] = 1.0,
+) -> _Unscented:
+    return _Unscented(plan, alpha, beta, kappa)
+
+
+BUILDERS: dict[str, Callable[..., Any]] = {'kf': _kf, 'ekf': _ekf, 'ukf': _ukf}

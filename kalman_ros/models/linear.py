@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Any linear system, given wholly as numbers: A, B and the noise, in a parameter file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import (
+    About,
+    LinearSystem,
+    SensorSetup,
+    Signal,
+    Space,
+    System,
+    matrix,
+    semidefinite,
+)
+
+
+def linear(
+    states: Annotated[Sequence[str], About('names of the states')] = ('x', 'v'),
+    state_units: Annotated[Sequence[str], About('their units, one each')] = ('m', 'm/s'),
+    angles: Annotated[Sequence[str], About("states that wrap at +-pi, or ''")] = ('',),
+    inputs: Annotated[Sequence[str], About('names of the inputs')] = ('u',),
+    input_units: Annotated[Sequence[str], About('their units, one each')] = ('',),
+    A: Annotated[Sequence[float], About('state matrix, row by row')] = (0.0, 1.0, 0.0, 0.0),
+    B: Annotated[Sequence[float], About('input matrix, row by row')] = (0.0, 1.0),
+    noise_density: Annotated[
+        Sequence[float],
+        About('spectral density of the process noise: the diagonal, or row by row'),
+    ] = (0.0, 0.1),
+) -> LinearSystem:
+    """Return dx/dt = A x + B u + w; a double integrator unless told otherwise."""
+    state = Space(tuple(states), tuple(state_units), tuple(a for a in angles if a))
+    input = Space(tuple(inputs), tuple(input_units))
+    n, m = state.size, input.size
+    W = semidefinite('noise_density', np.array(noise_density), n)
+    return LinearSystem(matrix('A', A, (n, n)), matrix('B', B, (n, m)), W, state, input)
+
+
+SYSTEM = System(
+    build=linear,
+    sensors={
+        'position': SensorSetup(
+            kind='linear',
+            options={'C': [1.0, 0.0]},
+            noise=(0.05,),
+            rate=20.0,
+            signal=Signal('position', 'sensor_msgs/JointState', ('position[x]',)),
+        ),
+    },
+    state=Signal('estimate', 'sensor_msgs/JointState', ('position[x]', 'position[v]')),
+    input=Signal('command', 'std_msgs/Float64MultiArray', ('data[0]',)),
+    state_cost=(1.0, 1.0),
+    input_cost=(1.0,),
+    initial_state=(1.0, 0.0),
+    initial_std=(1.0, 1.0),
+)

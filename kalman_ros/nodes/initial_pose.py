@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What ``initialpose``, as RViz publishes it, says of the state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import Gaussian, Signal, semidefinite
+from kalman_ros.simulation.scenario import Scenario
+
+_TYPE = 'geometry_msgs/PoseWithCovarianceStamped'
+
+
+class PoseReader:
+    """Puts a pose into the coordinates of a state that a pose can tell of.
+
+    Those are the coordinates whose field in the state's message begins with ``pose.``; a state
+    without any is not moved by a pose.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        fields = scenario.state.fields
+        self._own = [i for i, field in enumerate(fields) if field.startswith('pose.pose.')]
+        told = tuple(fields[index] for index in self._own)
+        codec = SignalCodec(Signal('initialpose', _TYPE, told or ('pose.pose.position.x',)))
+        self._read = WireReader(codec)
+        self.message_type = codec.message_type
+
+    def __call__(self, data: bytes, initial: Gaussian) -> Gaussian:
+        """Return the ``initial`` belief with the pose and its covariance put in.
+
+        Raises
+        ------
+        ValueError
+            If the state has no pose, or the pose is not finite or its covariance not definite.
+        """
+        if not self._own:
+            raise ValueError('the state of this model has no pose')
+        _, values, covariance = self._read(data)
+        if not np.isfinite(values).all():
+            raise ValueError('expected finite numbers')
+        k = len(self._own)
+        R = semidefinite('covariance', covariance, k, definite=True)  # type: ignore[arg-type]
+        mean, P = initial.mean.copy(), initial.covariance.copy()
+        mean[self._own] = values
+        P[self._own, :] = 0.0
+        P[:, self._own] = 0.0
+        P[np.ix_(self._own, self._own)] = R
+        return Gaussian(mean, P)

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor that reads any linear combination of the states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, Array, Sensor, Space, matrix, variances
+
+
+class Linear(Sensor):
+    """y = C x.
+
+    Parameters
+    ----------
+    state
+        The space of the state.
+    noise
+        Standard deviation of each coordinate of y.
+    C
+        The measurement matrix (k, n), row by row; as many rows as ``noise`` has numbers.
+    names
+        Names of the coordinates of y; numbered if there are too few.
+    """
+
+    def __init__(
+        self,
+        state: Space,
+        noise: Sequence[float],
+        C: Annotated[Sequence[float], About('measurement matrix, row by row')] = (1.0,),
+        names: Annotated[Sequence[str], About('names of the coordinates that it reads')] = ('',),
+    ) -> None:
+        k = len(noise)
+        given = [name for name in names if name]
+        labels = given if len(given) == k else [f'y{index}' for index in range(k)]
+        self.output = Space(tuple(labels), ('',) * k)
+        self.covariance = variances('noise', noise, k)
+        self._C = matrix('C', np.array(C), (k, state.size))
+
+    def measure(self, x: Array) -> Array:
+        """Return C x."""
+        return np.asarray(x @ self._C.T)
+
+    def jacobian(self, x: Array) -> Array:
+        """Return C."""
+        return self._C
+
+
+SENSOR = Linear

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Filters against each other, against filterpy and against the Riccati equation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from kalman_ros.control.lqe import dlqe
+from kalman_ros.core import (
+    DesignError,
+    Gaussian,
+    LinearSystem,
+    Model,
+    Sensor,
+    Space,
+    TimedSensor,
+    variances,
+)
+from kalman_ros.estimators import FILTERS, build_filter, filter_options
+from kalman_ros.estimators.factor import cholesky
+from kalman_ros.estimators.filter import Plan
+from kalman_ros.simulation import scenario
+
+
+class Linear(Sensor):
+    def __init__(self, C, R, name):
+        self.C, self.covariance, self.name = C, R, name
+        names = tuple(f'{name}{index}' for index in range(len(C)))
+        self.output = Space(names, ('',) * len(C))
+
+    def measure(self, x):
+        return x @ self.C.T
+
+
+class Bearing(Sensor):
+    """The direction of a point that moves in the plane, and its own heading."""
+
+    def __init__(self, noise=0.05):
+        self.output = Space(('bearing',), ('rad',), angles=('bearing',))
+        self.covariance, self.name = variances('noise', [noise], 1), 'bearing'
+
+    def measure(self, x):
+        return np.arctan2(x[..., 1], x[..., 0])[..., np.newaxis]
+
+
+class Unicycle(Model):
+    state = Space(('x', 'y', 'psi'), ('m', 'm', 'rad'), angles=('psi',))
+    input = Space(('v', 'omega'), ('m/s', 'rad/s'))
+    max_step = 0.05
+
+    def derivative(self, x, u):
+        psi, v, omega = x[..., 2], u[..., 0], u[..., 1]
+        return np.stack((v * np.cos(psi), v * np.sin(psi), omega), axis=-1)
+
+    def noise_density(self, x):
+        return np.diag([0.01, 0.01, 0.02])
+
+
+def random_plan(seed, n=4, m=2, k=2):
+    rng = np.random.default_rng(seed)
+    space = Space(tuple(f'x{index}' for index in range(n)), ('',) * n)
+    inputs = Space(tuple(f'u{index}' for index in range(m)), ('',) * m)
+    root = rng.normal(size=(n, n))
+    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, m))
+    system = LinearSystem(A, B, 0.1 * root @ root.T, space, inputs)
+    sensor = Linear(rng.normal(size=(k, n)), np.diag(rng.uniform(0.2, 2.0, k)), 'y')
+    return rng, Plan(system, {'y': TimedSensor(sensor, 10.0)}, 10.0), sensor
+
+
+def unicycle_plan():
+    return Plan(Unicycle(), {'bearing': TimedSensor(Bearing(), 10.0)}, 10.0)
+
+
+def run(filter, sensor, belief, rng, steps=40, m=2):
+    """Yield the beliefs of a run on random readings and uneven steps."""
+    for _ in range(steps):
+        dt, u = rng.uniform(0.01, 0.1), rng.normal(size=m)
+        belief = filter.predict(belief, u, dt)
+        y = sensor.measure(belief.mean) + 0.3 * rng.normal(size=sensor.output.size)
+        belief = filter.correct(belief, sensor.output.wrap(y), sensor).posterior
+        yield belief
+
+
+def same_beliefs(ones, others, tolerance=1e-9):
+    for one, other in zip(ones, others, strict=True):
+        np.testing.assert_allclose(one.mean, other.mean, rtol=tolerance, atol=tolerance)
+        np.testing.assert_allclose(
+            one.covariance, other.covariance, rtol=tolerance, atol=tolerance
+        )
+
+
+@pytest.mark.parametrize('kind', ['ekf', 'ukf'])
+@pytest.mark.parametrize('seed', range(8))
+def test_on_linear_systems_every_filter_is_the_kalman_filter(kind, seed):
+    _, plan, sensor = random_plan(seed)
+    prior = Gaussian(np.ones(4), np.diag([0.5, 1.0, 2.0, 1.0]))
+    same_beliefs(
+        run(build_filter('kf', plan), sensor, prior, np.random.default_rng(seed)),
+        run(build_filter(kind, plan), sensor, prior, np.random.default_rng(seed)),
+    )
+
+
+@pytest.mark.parametrize('kind', ['kf', 'ekf', 'ukf'])
+@pytest.mark.parametrize('seed', range(4))
+def test_native_equals_filterpy_on_linear_systems(kind, seed):
+    pytest.importorskip('filterpy')
+    _, plan, sensor = random_plan(seed)
+    prior = Gaussian(np.ones(4), np.diag([0.5, 1.0, 2.0, 1.0]))
+    same_beliefs(
+        run(build_filter(kind, plan), sensor, prior, np.random.default_rng(seed)),
+        run(
+            build_filter(kind, plan, implementation='filterpy'),
+            sensor, prior, np.random.default_rng(seed),
+        ),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize('kind', ['ekf', 'ukf'])
+def test_native_equals_filterpy_on_a_nonlinear_system_with_angles(kind):
+    pytest.importorskip('filterpy')
+    plan, sensor = unicycle_plan(), Bearing()
+    prior = Gaussian(np.array([-2.0, 0.1, 3.1]), np.diag([0.1, 0.1, 0.2]))
+    same_beliefs(
+        run(build_filter(kind, plan), sensor, prior, np.random.default_rng(0)),
+        run(
+            build_filter(kind, plan, implementation='filterpy'),
+            sensor, prior, np.random.default_rng(0),
+        ),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize('kind', ['ekf', 'ukf'])
+def test_angles_that_turn_round_and_round_lose_nothing(kind):
+    model, sensor = Unicycle(), Bearing()
+    filter = build_filter(kind, unicycle_plan())
+    rng = np.random.default_rng(1)
+    x = np.array([3.0, 0.0, np.pi / 2])
+    belief = Gaussian(x + 0.1, np.diag([0.1, 0.1, 0.1]))
+    u = np.array([1.5, 0.5])  # a circle of radius 3 about the sensor, four times round
+    for _ in range(500):
+        x = model.step(x, u, 0.1)
+        belief = filter.predict(belief, u, 0.1)
+        y = sensor.output.wrap(sensor.measure(x) + 0.05 * rng.normal(size=1))
+        belief = filter.correct(belief, y, sensor).posterior
+        assert abs(belief.mean[2]) <= np.pi
+        error = model.state.subtract(x, belief.mean)
+        assert np.all(np.abs(error) < 5.0 * belief.std + 0.2)
+
+
+def test_the_steady_state_filter_has_the_gain_of_the_riccati_equation():
+    _, plan, sensor = random_plan(2)
+    step = plan.model.sampled(plan.dt)
+    expected = dlqe(step.F, sensor.C, step.Q, sensor.covariance)
+    found = build_filter('steady_state', plan)
+    np.testing.assert_allclose(found.gains['y'], expected.gain, rtol=1e-6)
+
+
+@pytest.mark.parametrize('kind', ['steady_state', 'luenberger'])
+def test_the_covariance_of_a_fixed_gain_is_that_of_its_errors(kind):
+    """Of many runs of the same observer, also one that is not optimal."""
+    system = scenario.build({'model': 'mass_spring_damper'})
+    plan = system.plan
+    observer = build_filter(kind, plan)
+    rng = np.random.default_rng(0)
+    runs = 4000
+    x = rng.normal(size=(runs, 2))
+    mean, P = np.zeros((runs, 2)), np.eye(2)
+    step, u = plan.model.sampled(plan.dt), np.zeros(1)
+    for k in range(60):
+        x = x @ step.F.T + rng.multivariate_normal(np.zeros(2), step.Q, runs)
+        belief = observer.predict(Gaussian(np.zeros(2), P), u, plan.dt)
+        mean, P = mean @ step.F.T, belief.covariance
+        for name in plan.due(k):
+            sensor = plan.sensors[name].sensor
+            noise = rng.multivariate_normal(np.zeros(1), sensor.covariance, runs)
+            y = sensor.measure(x) + noise
+            mean = mean + (y - sensor.measure(mean)) @ observer.gains[name].T
+            P = observer.correct(Gaussian(np.zeros(2), P), np.zeros(1), sensor)
+            P = P.posterior.covariance
+    error = x - mean
+    sample = error.T @ error / runs
+    scale = np.sqrt(np.outer(P.diagonal(), P.diagonal()))
+    assert np.all(np.abs(sample - P) < 0.08 * scale)
+
+
+def test_a_luenberger_observer_has_its_poles():
+    system = scenario.build({'model': 'mass_spring_damper', 'rate': 1000.0,
+                             'position.rate': 1000.0, 'velocity.rate': 1000.0})  # fmt: skip
+    observer = build_filter('luenberger', system.plan, {'observer_poles': [-5.0, -8.0]})
+    F = system.model.sampled(1e-3).F
+    over = F
+    for name, timed in system.plan.sensors.items():
+        C = timed.sensor.jacobian(np.zeros(2))
+        over = (np.eye(2) - observer.gains[name] @ C) @ over
+    poles = np.sort(np.log(np.linalg.eigvals(over)) / 1e-3)
+    np.testing.assert_allclose(poles, [-8.0, -5.0], rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'values', 'options', 'says'),
+    [
+        ('luenberger', {}, {'observer_poles': [-900.0]}, 'observer_poles: too fast'),
+        ('luenberger', {}, {'observer_poles': [1.0]}, 'observer_poles: expected'),
+        ('ukf', {}, {'kappa': -9.0}, 'kappa: expected more than -2'),
+        ('kv', {}, {}, "unknown filter 'kv'"),
+    ],
+)
+def test_what_cannot_work_says_why(kind, values, options, says):
+    plan = scenario.build({'model': 'mass_spring_damper', **values}).plan
+    with pytest.raises(ValueError, match=says):
+        build_filter(kind, plan, options)
+
+
+def test_an_unobservable_mode_that_grows_has_no_steady_state():
+    space = Space(('a', 'b'), ('', ''))
+    system = LinearSystem(np.diag([0.1, -1.0]), np.eye(2), np.eye(2), space, space)
+    sensor = Linear(np.array([[0.0, 1.0]]), np.eye(1), 'y')
+    plan = Plan(system, {'y': TimedSensor(sensor, 10.0)}, 10.0)
+    for kind in ('steady_state', 'luenberger'):
+        with pytest.raises(DesignError):
+            build_filter(kind, plan)
+
+
+@pytest.mark.parametrize('kind', ['kf', 'steady_state', 'luenberger'])
+def test_linear_filters_refuse_other_models(kind):
+    with pytest.raises(ValueError, match=f'filter: {kind} needs a linear model, got Unicycle'):
+        build_filter(kind, unicycle_plan())
+
+
+def test_every_filter_option_is_known_to_every_node():
+    from kalman_ros.nodes.options import FILTER_OPTIONS
+
+    found = {option.name for kind in FILTERS for option in filter_options(kind)}
+    assert found == set(FILTER_OPTIONS)
+
+
+@dataclass
+class Case:
+    P: np.ndarray
+    repairs: int
+
+
+@pytest.mark.parametrize(
+    'case',
+    [
+        Case(np.diag([1.0, 2.0]), 0),
+        Case(np.array([[1.0, 1.0], [1.0, 1.0]]), 1),
+        Case(np.array([[1.0, 1.0], [1.0, 1.0 - 1e-12]]), 1),
+    ],
+)
+def test_a_factor_is_repaired_by_little_or_not_at_all(case):
+    L, P, repairs = cholesky(case.P)
+    assert repairs <= case.repairs
+    np.testing.assert_allclose(L @ L.T, P, atol=1e-12)
+    np.testing.assert_allclose(P, case.P, atol=1e-7)
+
+
+@pytest.mark.parametrize('P', [np.diag([1.0, -1.0]), np.zeros((2, 2)), np.full((2, 2), np.nan)])
+def test_what_is_no_covariance_is_not_repaired(P):
+    with pytest.raises(np.linalg.LinAlgError):
+        cholesky(P)
