@@ -9,17 +9,21 @@ import platform
 import signal
 import statistics
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from kalman_ros.harness import NodeError, Run
-from kalman_ros.harness.ring import Ring
+from kalman_ros.harness import NodeError
+
+from .contests import Contest
+
+#: The groups of contests, each a module of `contests`.
+GROUPS = ('filters', 'lockstep')
 
 
 @dataclass(frozen=True)
@@ -33,58 +37,16 @@ class Result:
     goal: float
 
 
-#: Measures once and returns seconds per unit of work.
-Contestant = Callable[[], float]
-
-
-def compete(name: str, goal: float, ours: Contestant, peer: Contestant, rounds: int) -> Result:
+def compete(contest: Contest, rounds: int) -> Result:
     """Let two contestants take turns, so that the machine's moods strike both alike."""
-    pairs = [(ours(), peer()) for _ in range(rounds)]
+    pairs = [(contest.ours(), contest.peer()) for _ in range(rounds)]
     mine, theirs = (statistics.median(times) for times in zip(*pairs))
     ratio = statistics.median(a / b for a, b in pairs)
-    return Result(name, mine, theirs, ratio, goal)
+    return Result(contest.name, mine, theirs, ratio, contest.goal)
 
 
-@contextmanager
-def lockstep() -> Iterator[tuple[str, float, Contestant, Contestant]]:
-    """Give a step of the whole loop, monitor and recorder listening, against the bare ring."""
-    import time
-
-    with Run() as run, Ring() as ring:
-        run.advance(1.0)
-        ring.rounds(100)
-
-        def ours() -> float:
-            start = time.perf_counter()
-            run.advance(5.0)
-            # what the harness waits for at the end is no part of a step
-            return (time.perf_counter() - start - run.drained) / (5.0 * run.scenario.rate)
-
-        # 60 s at 100 Hz under 8 s, where the ring alone would take 3.5 s
-        yield 'lockstep step / bare rclpy ring', 8.0 / 3.5, ours, lambda: ring.rounds(500)
-
-
-CONTESTS = (lockstep,)
-
-
-def main(argv: Sequence[str] | None = None) -> None:
-    """Run every contest; exit 1 if a goal is missed."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    parser = argparse.ArgumentParser(prog='bench', description=__doc__)
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the results there, too')
-    parser.add_argument('--rounds', type=int, default=7, help='turns of each (default: 7)')
-    options = parser.parse_args(argv)
-    console = Console()
-    results = []
-    try:
-        for contest in CONTESTS:
-            console.print(f'{contest.__name__} ...')
-            with contest() as (name, goal, ours, peer):
-                results.append(compete(name, goal, ours, peer, options.rounds))
-    except (NodeError, RuntimeError) as error:
-        sys.exit(f'bench: {error}')
-    except KeyboardInterrupt:
-        sys.exit(130)
+def results_table(results: Sequence[Result]) -> Table:
+    """Return the results for people; a ratio that misses its goal is red."""
     table = Table(box=box.HORIZONTALS, show_edge=False, padding=(0, 1, 0, 0))
     table.add_column('', no_wrap=True)
     for column in ('ours', 'peer', 'ratio', 'goal'):
@@ -95,10 +57,35 @@ def main(argv: Sequence[str] | None = None) -> None:
             result.name,
             f'{result.ours * 1e6:.0f} us',
             f'{result.peer * 1e6:.0f} us',
-            f'[{colour}]{result.ratio:.2f}[/]',
-            f'{result.goal:.2f}',
+            f'[{colour}]{result.ratio:.3f}[/]',
+            f'{result.goal:.3f}',
         )
-    console.print(table)
+    return table
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run every contest; exit 1 if a goal is missed."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    parser = argparse.ArgumentParser(prog='bench', description=__doc__)
+    parser.add_argument('groups', nargs='*', default=GROUPS, help=f'of {", ".join(GROUPS)}')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the results there, too')
+    parser.add_argument('--rounds', type=int, default=7, help='turns of each (default: 7)')
+    options = parser.parse_args(argv)
+    console = Console()
+    results = []
+    try:
+        for group in options.groups:
+            if group not in GROUPS:
+                raise ValueError(f"unknown group '{group}'; known are {', '.join(GROUPS)}")
+            with import_module(f'{__package__}.contests.{group}').contests() as contests:
+                for contest in contests:
+                    console.print(f'{contest.name} ...', style='dim')
+                    results.append(compete(contest, options.rounds))
+    except (ValueError, NodeError, RuntimeError) as error:
+        sys.exit(f'bench: {error}')
+    except KeyboardInterrupt:
+        sys.exit(130)
+    console.print(results_table(results))
     console.print(f'{platform.machine()}, Python {platform.python_version()}, medians')
     if options.json is not None:
         options.json.write_text(json.dumps([asdict(result) for result in results], indent=2))

@@ -54,7 +54,8 @@ def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
 
 def symmetric(P: Array) -> Array:
     """Return the symmetric part of ``P`` (..., n, n)."""
-    half: Array = 0.5 * (P + P.swapaxes(-1, -2))
+    half: Array = P + P.swapaxes(-1, -2)
+    half *= 0.5
     return half
 
 

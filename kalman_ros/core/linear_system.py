@@ -61,7 +61,7 @@ class LinearSystem(Model):
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the exact state after ``dt`` with ``u`` held."""
         sampled = self.sampled(dt)
-        return self.state.wrap(x @ sampled.F.T + u @ sampled.G.T)
+        return self.state.wrap(x.dot(sampled.F.T) + u.dot(sampled.G.T))
 
     def transition(self, x: Array, u: Array, dt: float) -> Transition:
         """Return the exact step; x and u do not matter."""

@@ -93,7 +93,7 @@ class Space:
         Of an angle the mean is the direction of the weighted sum of unit vectors (Mardia and
         Jupp, Directional Statistics, section 2.2).
         """
-        mean = weights @ points
+        mean: Array = weights.dot(points)
         if self._wrapped is None:
             return mean
         direction = np.arctan2(weights @ np.sin(points), weights @ np.cos(points))

@@ -29,7 +29,7 @@ class ExtendedKalmanFilter:
         x, P = belief.mean, belief.covariance
         step = self.model.transition(x, u, dt)
         F, Q = step.F, step.Q
-        return Gaussian(self.model.step(x, u, dt), F @ P @ F.T + Q, belief.repairs)
+        return Gaussian(self.model.step(x, u, dt), F.dot(P).dot(F.T) + Q, belief.repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading."""

@@ -25,7 +25,7 @@ class KalmanFilter:
         step = self.system.sampled(dt)
         F, G, Q = step.F, step.G, step.Q
         x, P = belief.mean, belief.covariance
-        return Gaussian(F @ x + G @ u, F @ P @ F.T + Q, belief.repairs)
+        return Gaussian(F.dot(x) + G.dot(u), F.dot(P).dot(F.T) + Q, belief.repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading; the sensor must be linear in the state."""

@@ -13,12 +13,12 @@ from math import sqrt
 from typing import Annotated
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, symmetric
 
 from .factor import cholesky
 from .filter import Correction, Plan
+from .update import gain
 
 
 @dataclass(frozen=True)
@@ -86,28 +86,21 @@ class UnscentedKalmanFilter:
         points, repairs = self._points(belief)
         mean, d, weighted = self._spread(model.state, model.step(points, u, dt))
         Q = model.transition(belief.mean, u, dt).Q
-        return Gaussian(mean, symmetric(weighted @ d + Q), repairs)
+        return Gaussian(mean, symmetric(weighted.dot(d) + Q), repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Fuse a reading: K = P_xy S^-1, P = P - K S K'."""
+        """Fuse a reading: K = P_xy S^-1, P = P - K P_yx."""
         space = self.model.state
         points, repairs = self._points(belief)
         predicted, dy, weighted = self._spread(sensor.output, sensor.measure(points))
         dx = space.subtract(points, belief.mean)
-        S = weighted @ dy + sensor.covariance
-        P_xy = (weighted @ dx).T
+        S = weighted.dot(dy) + sensor.covariance
+        P_yx = weighted.dot(dx)
         innovation = sensor.output.subtract(y, predicted)
-        k, n = P_xy.shape[1], self._n
-        right = np.empty((k, n + 1))
-        right[:, :n], right[:, n] = P_xy.T, innovation
-        _, solved, info = dposv(S, right)
-        if info != 0:
-            raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
-        K = solved[:, :n].T
-        mean = space.wrap(belief.mean + K @ innovation)
-        covariance = symmetric(belief.covariance - K @ P_xy.T)
-        posterior = Gaussian(mean, covariance, repairs)
-        return Correction(posterior, innovation, S, float(innovation @ solved[:, n]))
+        K, nis = gain(S, P_yx, innovation)
+        mean = space.wrap(belief.mean + K.dot(innovation))
+        posterior = Gaussian(mean, symmetric(belief.covariance - K.dot(P_yx)), repairs)
+        return Correction(posterior, innovation, S, nis)
 
 
 def build(

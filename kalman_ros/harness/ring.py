@@ -24,6 +24,7 @@ from kalman_ros.nodes.runtime import main as run_node
 from kalman_ros.nodes.topics import QUEUE
 
 from .domain import Domain
+from .interrupts import deferred
 from .process import NodeProcess, isolated
 
 HOPS: list[tuple[Any, str]] = [
@@ -117,8 +118,10 @@ class Ring:
     def _round(self, count: int, patience: float) -> bool:
         self._left, self._done = count, Future()
         self._publisher.publish(self._message)
-        self._executor.spin_until_future_complete(self._done, patience)
-        return bool(self._done.done())
+        done = self._done
+        with deferred(lambda: done.done() or done.set_result(None)):
+            self._executor.spin_until_future_complete(done, patience)
+        return bool(done.done())
 
 
 if __name__ == '__main__':

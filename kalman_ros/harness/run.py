@@ -28,6 +28,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 from . import executables
 from .domain import Domain
 from .gather import signals, trajectory
+from .interrupts import deferred
 from .parameters import from_file, yaml_value
 from .process import NodeProcess, isolated
 from .recorder import Recorder
@@ -166,7 +167,9 @@ class Run:
 
         It ends sooner when the future ``until`` is done.
         """
-        self._executor.spin_until_future_complete(until or Future(), seconds)
+        done = until or Future()
+        with deferred(lambda: done.done() or done.set_result(None)):
+            self._executor.spin_until_future_complete(done, seconds)
         for name, process in self.processes.items():
             if process.exit_code is not None:
                 raise NodeError(f'the {name} died: {process.last_words()}')

@@ -41,7 +41,7 @@ class EstimatorNode(runtime.ScenarioNode):
         scenario, options = self.scenario, self.options
         filter, sensors, policy = self._design(scenario, options)
         zero = np.zeros(scenario.model.input.size)
-        self.get_logger().info(str(observability(scenario)))
+        seen = observability(scenario)
         self._online = OnlineEstimator(filter, sensors, scenario.initial_belief, zero, policy)
         self._publish = EstimatePublisher(self, scenario, options.frame, options.child_frame)
         self._read_input = WireReader(SignalCodec(scenario.input))
@@ -71,6 +71,7 @@ class EstimatorNode(runtime.ScenarioNode):
         self.create_subscription(kind, 'initialpose', self._on_initial_pose, QUEUE, raw=True)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.diagnostics = Diagnostics(self, self._report)
+        self.get_logger().info(str(seen))
 
     def extra_options(self, given: Mapping[str, Value]) -> Iterable[Option]:
         """Return the options of the filter."""

@@ -30,14 +30,14 @@ class States(Sensor):
         noise: Sequence[float],
         measures: Annotated[Sequence[str], About('names of the states that it reads')] = ('',),
     ) -> None:
-        self._indices = state.indices(measures, 'measures')
+        self._indices = np.array(state.indices(measures, 'measures'), dtype=np.intp)
         self.output = state.select(measures)
         self.covariance = variances('noise', noise, self.output.size)
         self._jacobian = np.eye(state.size)[self._indices]
 
     def measure(self, x: Array) -> Array:
         """Return the states that are read."""
-        return np.asarray(x[..., self._indices])
+        return x.take(self._indices, axis=-1)
 
     def jacobian(self, x: Array) -> Array:
         """Return the rows of the identity that select them."""

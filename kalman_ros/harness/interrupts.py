@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Signals that wait until the executor has returned.
+
+An exception that a signal raises while the executor runs a callback is lost in it, or leaves it
+half destroyed. So signals are only noted meanwhile, and delivered afterwards.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+@contextmanager
+def deferred(wake: Callable[[], None]) -> Iterator[None]:
+    """Hold SIGINT and SIGTERM back inside the block; ``wake`` is called when one comes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    noted: list[int] = []
+
+    def note(number: int, _: FrameType | None) -> None:
+        noted.append(number)
+        wake()
+
+    handlers: dict[signal.Signals, Any] = {s: signal.signal(s, note) for s in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    if noted:
+        signal.raise_signal(noted[0])
