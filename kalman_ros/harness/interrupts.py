@@ -18,7 +18,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
-def deferred(wake: Callable[[], None]) -> Iterator[None]:
+def deferred(wake: Callable[[], object] = lambda: None) -> Iterator[None]:
     """Hold SIGINT and SIGTERM back inside the block; ``wake`` is called when one comes."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -153,7 +153,8 @@ class Run:
         for key, value in self._parameters[name].items():
             command += ['-p', f'{key}:={yaml_value(value)}']
         log = Path(self._folder.name) / f'{name}.log'
-        self.processes[name] = NodeProcess(name, command, self._environment, log)
+        with deferred():
+            self.processes[name] = NodeProcess(name, command, self._environment, log)
 
     def kill(self, name: str, number: int = 9) -> None:
         """Send a signal to a node, SIGKILL unless told otherwise, and wait for its end."""
@@ -293,7 +294,11 @@ class Run:
         return trajectory(self.scenario, self.recorder, self._first)
 
     def close(self) -> None:
-        """Stop every node and give everything back."""
+        """Stop every node and give everything back; a signal meanwhile waits until it is done."""
+        with deferred():
+            self._close()
+
+    def _close(self) -> None:
         for process in self.processes.values():
             process.signal(2)
         for process in self.processes.values():
