@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from kalman_ros.codecs.signal_codec import SignalCodec, named
 from kalman_ros.codecs.wire import Sample, WireReader
-from kalman_ros.core import Array, Gaussian, Signal
+from kalman_ros.core import Gaussian, Signal
 from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.simulation.regulator import regulator
@@ -21,10 +20,8 @@ from kalman_ros.simulation.scenario import Scenario
 from . import runtime
 from .diagnostics import Diagnostics, Level, Report
 from .options import MonitorOptions
+from .pairing import Pairing
 from .topics import WATCH, on_topic
-
-#: So many covariances are kept for the estimate that they belong to.
-_KEPT = 50
 
 
 class MonitorNode(runtime.ScenarioNode):
@@ -41,8 +38,7 @@ class MonitorNode(runtime.ScenarioNode):
         self._watch(scenario.state, self._on_estimate)
         self._watch(scenario.input, self._on_input)
         self._whole = self._watch(whole, self._on_covariance)
-        self._beliefs: deque[tuple[int, Gaussian]] = deque(maxlen=_KEPT)
-        self._covariances: deque[Array] = deque(maxlen=_KEPT)
+        self._pairing = Pairing()
         self._nis: dict[str, ChiSquareWindow] = {}
         for name, source in scenario.sensors.items():
             k = source.sensor.output.size
@@ -91,27 +87,15 @@ class MonitorNode(runtime.ScenarioNode):
         n, P = sample.values.size, sample.covariance
         belief = Gaussian(sample.values, np.zeros((n, n)) if P is None else P)
         if self._whole.get_publisher_count():
-            self._beliefs.append((sample.time or 0, belief))
-            self._pair()
+            for pair in self._pairing.estimate(sample.time or 0, belief):
+                self._comparison.estimate(*pair)
         else:
             self._comparison.estimate(sample.time or 0, belief)
 
     def _on_covariance(self, sample: Sample) -> None:
         n = self.scenario.model.state.size
-        self._covariances.append(sample.values.reshape(n, n))
-        self._pair()
-
-    def _pair(self) -> None:
-        """Give each estimate its whole covariance: the first that agrees with its own part."""
-        while self._beliefs and self._covariances:
-            time, belief = self._beliefs[0]
-            own, whole = belief.covariance, self._covariances[0]
-            if not np.array_equal(own[own != 0.0], whole[own != 0.0]):
-                self._covariances.popleft()
-                continue
-            self._comparison.estimate(time, Gaussian(belief.mean, whole))
-            self._beliefs.popleft()
-            self._covariances.popleft()
+        for pair in self._pairing.covariance(sample.values.reshape(n, n)):
+            self._comparison.estimate(*pair)
 
     def prepare(self, scenario: Scenario, options: MonitorOptions) -> Callable[[], None]:
         """Start to compare anew, with the changed model, noise or costs."""
@@ -145,10 +129,10 @@ class MonitorNode(runtime.ScenarioNode):
             per_second = comparison.cost / comparison.steps * self.scenario.rate
             values['cost J'] = comparison.cost
             values['cost per second'] = per_second
-        if not comparison.error.count:
-            return Level.WARN, 'no truth and estimate of one instant have come', values
         if doubtful:
             return Level.WARN, f'{" and ".join(doubtful)} outside the bounds', values
+        if not comparison.error.count:
+            return Level.WARN, 'no truth and estimate of one instant have come', values
         return Level.OK, 'consistent', values
 
 

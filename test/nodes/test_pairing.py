@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from kalman_ros.core import Gaussian
+from kalman_ros.nodes.pairing import Pairing
+
+
+def whole(k):
+    return np.array([[1.0 + k, 0.1 * k], [0.1 * k, 2.0 + k]])
+
+
+def part(k):
+    return Gaussian(np.full(2, float(k)), np.diag(np.diag(whole(k))))
+
+
+@pytest.mark.parametrize(
+    'lost', [set(), {('estimate', 1)}, {('covariance', 0)}, {('covariance', 3)}]
+)
+def test_each_estimate_gets_its_own_covariance_whatever_is_lost(lost):
+    pairing, found = Pairing(), {}
+    for k in range(6):
+        if ('estimate', k) not in lost:
+            found.update(pairing.estimate(k, part(k)))
+        if ('covariance', k) not in lost:
+            found.update(pairing.covariance(whole(k)))
+    expected = set(range(6)) - {k for _, k in lost}
+    assert set(found) == expected
+    for k, belief in found.items():
+        np.testing.assert_array_equal(belief.covariance, whole(k))
+
+
+def test_covariances_may_come_first():
+    pairing = Pairing()
+    assert not list(pairing.covariance(whole(0)))
+    assert [time for time, _ in pairing.estimate(7, part(0))] == [7]
