@@ -26,6 +26,8 @@ def data(name):
 @pytest.mark.parametrize('kind', ['kf', 'ekf', 'ukf'])
 @pytest.mark.parametrize('implementation', ['native', 'filterpy'])
 def test_the_nile(kind, implementation):
+    if implementation == 'filterpy':
+        pytest.importorskip('filterpy')
     # Durbin and Koopman, Time Series Analysis by State Space Methods (2012), section 2.2
     flows = np.loadtxt(data('nile.csv'), delimiter=',', skiprows=1, usecols=1)
     level = Space(('level',), ('',))
