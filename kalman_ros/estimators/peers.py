@@ -44,8 +44,10 @@ class _Linearised:
         peer = self._peer(belief, 1)
         peer.F, peer.Q, peer.B = step.F, step.Q, step.G
         peer.predict(u=u)
-        # filterpy's extended filter predicts the mean with the linear model, unless told to
-        mean = self._model.step(belief.mean, u, dt)
+        mean = np.array(peer.x, dtype=float)
+        if self._kind is ExtendedKalmanFilter:
+            # filterpy leaves the nonlinear step to a subclass, and takes F x + G u without one
+            mean = self._model.step(belief.mean, u, dt)
         return Gaussian(mean, symmetric(np.array(peer.P)), belief.repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:

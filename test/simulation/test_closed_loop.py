@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 
-from kalman_ros.control.lqr import LqrDesign
 from kalman_ros.simulation import closed_loop, scenario, verdicts
 
 
@@ -42,8 +41,7 @@ def test_a_plant_other_than_believed_fails(system, theory, change, notices):
 
 
 def test_a_gain_other_than_designed_fails(system, theory):
-    wrong: LqrDesign = theory.design
-    run = closed_loop.run(system, 0.5 * wrong.gain, 30.0, 0)
+    run = closed_loop.run(system, 0.5 * theory.design.gain, 30.0, 0)
     failed = {check.name for check in verdicts.checks(system, theory, run) if not check.passed}
     assert 'regulator dynamics, chi2/32' in failed
 
