@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from filterpy.kalman import (
@@ -14,9 +14,10 @@ from filterpy.kalman import (
     UnscentedKalmanFilter,
 )
 
-from kalman_ros.core import About, Array, Gaussian, Model, Sensor, symmetric
+from kalman_ros.core import Array, Gaussian, Model, Sensor, symmetric
 
 from .filter import Correction, Plan, linear_system
+from .ukf import Alpha, Beta, Kappa
 
 
 def _correction(peer: Any, y: Array, innovation: Array, repairs: int) -> Correction:
@@ -118,9 +119,9 @@ def _ekf(plan: Plan) -> _Linearised:
 
 def _ukf(
     plan: Plan,
-    alpha: Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)] = 1.0,
-    beta: Annotated[float, About('weight of the centre; 2 suits a Gaussian')] = 0.0,
-    kappa: Annotated[float, About('second spread; n + kappa must be positive')] = 1.0,
+    alpha: Alpha = 1.0,
+    beta: Beta = 0.0,
+    kappa: Kappa = 1.0,
 ) -> _Unscented:
     return _Unscented(plan, alpha, beta, kappa)
 

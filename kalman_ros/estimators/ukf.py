@@ -20,6 +20,10 @@ from .factor import cholesky
 from .filter import Correction, Plan
 from .update import gain
 
+Alpha = Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)]
+Beta = Annotated[float, About('weight of the centre; 2 suits a Gaussian')]
+Kappa = Annotated[float, About('second spread; n + kappa must be positive')]
+
 
 @dataclass(frozen=True)
 class UnscentedKalmanFilter:
@@ -105,9 +109,9 @@ class UnscentedKalmanFilter:
 
 def build(
     plan: Plan,
-    alpha: Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)] = 1.0,
-    beta: Annotated[float, About('weight of the centre; 2 suits a Gaussian')] = 0.0,
-    kappa: Annotated[float, About('second spread; n + kappa must be positive')] = 1.0,
+    alpha: Alpha = 1.0,
+    beta: Beta = 0.0,
+    kappa: Kappa = 1.0,
 ) -> UnscentedKalmanFilter:
     """Return the unscented Kalman filter of any model."""
     return UnscentedKalmanFilter(plan.model, alpha, beta, kappa)
