@@ -1,12 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The types that everything else is written in."""
 
-from .arrays import Array, ArrayLike, matrix, semidefinite, solve, symmetric, variances, vector
-from .discretize import exponential, van_loan, zero_order_hold
+from .arrays import (
+    Array,
+    ArrayLike,
+    identity,
+    is_finite,
+    matrix,
+    one_each,
+    semidefinite,
+    solve,
+    symmetric,
+    variances,
+    vector,
+)
+from .discretize import Discretization, exponential, van_loan, zero_order_hold
 from .errors import DesignError
 from .gaussian import Gaussian
 from .linear_system import LinearSystem, linearize
-from .model import Model, Transition, numerical_jacobian
+from .model import Model, OperatingPoint, Transition, numerical_jacobian
 from .options import About, Option, Value, build_with, options_of, refuse_unknown
 from .registry import find
 from .sensor import Sensor
@@ -19,9 +31,11 @@ __all__ = [
     'Array',
     'ArrayLike',
     'DesignError',
+    'Discretization',
     'Gaussian',
     'LinearSystem',
     'Model',
+    'OperatingPoint',
     'Option',
     'Sensor',
     'SensorSetup',
@@ -34,10 +48,13 @@ __all__ = [
     'build_with',
     'exponential',
     'find',
+    'identity',
     'is_due',
+    'is_finite',
     'linearize',
     'matrix',
     'numerical_jacobian',
+    'one_each',
     'options_of',
     'period',
     'ratio',

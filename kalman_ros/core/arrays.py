@@ -7,6 +7,8 @@ Every function takes the argument's name first, so that the error can say it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from math import inf, isfinite
 from typing import Union
 
 import numpy as np
@@ -17,6 +19,9 @@ ArrayLike = Union[npt.ArrayLike, Sequence[float], Sequence[Sequence[float]]]
 
 #: An eigenvalue this far below zero, relative to the largest, is rounding and not a sign.
 _ROUNDING = 1e-10
+
+#: As an array, since a number would be made into one every time.
+_HALF = np.array(0.5)
 
 
 def _finite(name: str, value: ArrayLike) -> Array:
@@ -39,6 +44,14 @@ def vector(name: str, value: ArrayLike, size: int | None = None) -> Array:
     return array
 
 
+def one_each(name: str, values: ArrayLike, size: int) -> Array:
+    """Return ``size`` numbers, of which one stands for all; infinite ones may be among them."""
+    array = np.asarray(values, dtype=float)
+    if array.size not in (1, size):
+        raise ValueError(f'{name}: expected 1 or {size} numbers, got {array.size}')
+    return np.broadcast_to(array, size)
+
+
 def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     """Return ``value`` as a finite matrix of ``shape``; a flat row-major list is accepted."""
     array = _finite(name, value)
@@ -54,9 +67,28 @@ def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
 
 def symmetric(P: Array) -> Array:
     """Return the symmetric part of ``P`` (..., n, n)."""
-    half: Array = P + P.swapaxes(-1, -2)
-    half *= 0.5
+    # a copy, since adding a transposed view takes three times as long
+    half: Array = P.swapaxes(-1, -2).copy()
+    half += P
+    half *= _HALF
     return half
+
+
+def is_finite(values: Array) -> bool:
+    """Tell whether all ``values`` are finite, and none so large that its square is not.
+
+    A third of the time of ``np.isfinite(values).all()``.
+    """
+    flat = values.ravel()
+    return isfinite(flat.dot(flat))
+
+
+@lru_cache(maxsize=64)
+def identity(n: int) -> Array:
+    """Return the identity (n, n), always the same array, which cannot be written to."""
+    eye = np.eye(n)
+    eye.flags.writeable = False
+    return eye
 
 
 def solve(A: Array, B: Array) -> Array:
@@ -81,7 +113,7 @@ def semidefinite(name: str, value: ArrayLike, size: int, *, definite: bool = Fal
     if not np.allclose(array, array.T, rtol=0.0, atol=1e-9 * largest):
         raise ValueError(f'{name}: expected a symmetric matrix, got {array.tolist()}')
     array = symmetric(array)
-    smallest = float(np.linalg.eigvalsh(array)[0])
+    smallest = min(np.linalg.eigvalsh(array).tolist(), default=inf)
     if smallest < -_ROUNDING * largest or (definite and smallest <= 0.0):
         kind = 'definite' if definite else 'semi-definite'
         raise ValueError(

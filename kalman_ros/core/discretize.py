@@ -1,67 +1,80 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From continuous time to sampled time, exactly, by the matrix exponential."""
+"""From continuous time to sampled time, exactly.
+
+One step of dx/dt = A x + B u + w, with u held and w white of spectral density W, is
+
+    F = exp(A dt),  G = integral of exp(A s) B,  Q = integral of exp(A s) W exp(A' s)
+
+over s in [0, dt] (C. Van Loan, "Computing integrals involving the matrix exponential", IEEE
+Trans. Automatic Control 23(3), 1978). Each is a power series in dt, so that a step of any length
+costs one product with a table of coefficients. Steps too long for the series are halved and
+doubled again by F <- F F, G <- G + F G, Q <- Q + F Q F', in which no large terms cancel.
+"""
 
 from __future__ import annotations
+
+from math import ceil, log2
 
 import numpy as np
 
 from .arrays import Array, symmetric
 
-# Coefficients of the [13/13] Pade approximant of exp and the 1-norm up to which it is exact to
-# double precision: N. Higham, "The scaling and squaring method for the matrix exponential
-# revisited", SIAM J. Matrix Anal. Appl. 26(4), 2005, table 2.3 and equation 2.2.
-_PADE = (
-    64764752532480000.0, 32382376266240000.0, 7771770303897600.0, 1187353796428800.0,
-    129060195264000.0, 10559470521600.0, 670442572800.0, 33522128640.0, 1323241920.0,
-    40840800.0, 960960.0, 16380.0, 182.0, 1.0,
-)  # fmt: skip
-_THETA = 5.371920351148152
+#: The longest step for which the series is used, relative to 1 / ||L||, and its terms: what is
+#: left out is less than 1 / 19!, below double precision.
+_LONGEST = 1.0
+_TERMS = 18
+
+
+class Discretization:
+    """F (n, n), G (n, m) and Q (n, n) as functions of dt, for A (n, n), B (n, m) and W (n, n)."""
+
+    def __init__(self, A: Array, B: Array, W: Array) -> None:
+        n, m = B.shape
+        # the derivatives of Q at 0 are those of exp(A s) W exp(A' s): X -> A X + X A', whose norm
+        # is at most twice that of A
+        self._norm = 2.0 * float(np.abs(A).sum(axis=0).max(initial=0.0))
+        self._powers = np.arange(_TERMS + 1)
+        self._shapes = (n, m)
+        F: Array = np.eye(n)
+        G: Array = np.zeros((n, m))
+        Q: Array = np.zeros((n, n))
+        table = [(F, G, Q)]
+        for k in range(1, _TERMS + 1):
+            AQ = A.dot(Q) if k > 1 else 0.5 * W
+            F, G, Q = A.dot(F) / k, (A.dot(G) if k > 1 else B) / k, (AQ + AQ.T) / k
+            table.append((F, G, Q))
+        self._table = np.array([np.concatenate([each.ravel() for each in row]) for row in table])
+
+    def __call__(self, dt: float) -> tuple[Array, Array, Array]:
+        """Return F, G and Q of a step of ``dt`` seconds."""
+        reach = self._norm * abs(dt) / _LONGEST
+        halvings = ceil(log2(reach)) if reach > 1.0 else 0
+        n, m = self._shapes
+        flat = ((dt / 2.0**halvings) ** self._powers).dot(self._table)
+        F = flat[: n * n].reshape(n, n)
+        G = flat[n * n : n * (n + m)].reshape(n, m)
+        Q = flat[n * (n + m) :].reshape(n, n)
+        for _ in range(halvings):
+            G, Q = G + F.dot(G), Q + F.dot(Q).dot(F.T)
+            F = F.dot(F)
+        return F, G, symmetric(Q)
 
 
 def exponential(A: Array) -> Array:
-    """Return the matrix exponential of ``A`` (n, n), by scaling and squaring."""
-    norm = float(np.abs(A).sum(axis=0).max(initial=0.0))
-    squarings = max(0, int(np.ceil(np.log2(norm / _THETA)))) if norm > _THETA else 0
-    A = A / 2.0**squarings
-    b = _PADE
-    eye = np.eye(len(A))
-    A2 = A @ A
-    A4 = A2 @ A2
-    A6 = A4 @ A2
-    U = A @ (
-        A6 @ (b[13] * A6 + b[11] * A4 + b[9] * A2)
-        + (b[7] * A6 + b[5] * A4 + b[3] * A2 + b[1] * eye)
-    )
-    V = A6 @ (b[12] * A6 + b[10] * A4 + b[8] * A2) + (
-        b[6] * A6 + b[4] * A4 + b[2] * A2 + b[0] * eye
-    )
-    result = np.linalg.solve(V - U, V + U)
-    for _ in range(squarings):
-        result = result @ result
-    return np.asarray(result)
+    """Return the matrix exponential of ``A`` (n, n)."""
+    return zero_order_hold(A, np.zeros((len(A), 0)), 1.0)[0]
 
 
 def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
     """Return F (n, n) and G (n, m) of x(t + dt) = F x(t) + G u, with u held over the step."""
-    n, m = B.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n] = A * dt
-    block[:n, n:] = B * dt
-    exp = exponential(block)
-    return exp[:n, :n], exp[:n, n:]
+    F, G, _ = Discretization(A, B, np.zeros(A.shape))(dt)
+    return F, G
 
 
 def van_loan(A: Array, W: Array, dt: float) -> Array:
-    """Return the integral of exp(A s) W exp(A^T s) over s in [0, dt].
+    """Return the integral of exp(A s) W exp(A' s) over s in [0, dt].
 
     With W (n, n) the spectral density of white noise that drives dx/dt = A x, this is the
-    covariance that the noise adds over one step: C. Van Loan, "Computing integrals involving
-    the matrix exponential", IEEE Trans. Automatic Control 23(3), 1978.
+    covariance that the noise adds over one step.
     """
-    n = len(A)
-    block = np.zeros((2 * n, 2 * n))
-    block[:n, :n] = -A * dt
-    block[:n, n:] = W * dt
-    block[n:, n:] = A.T * dt
-    exp = exponential(block)
-    return symmetric(exp[n:, n:].T @ exp[:n, n:])
+    return Discretization(A, np.zeros((len(A), 0)), W)(dt)[2]

@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from .arrays import Array
 
 
-@dataclass(frozen=True)
-class Gaussian:
+class Gaussian(NamedTuple):
     """A mean (n,) and a covariance (n, n).
 
     ``repairs`` counts how often, on the way to this belief, a covariance lost its definiteness

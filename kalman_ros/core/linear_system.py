@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from .arrays import Array, ArrayLike, matrix, semidefinite
-from .discretize import van_loan, zero_order_hold
+from .discretize import Discretization
 from .model import Model, Transition
 from .space import Space
 
@@ -40,6 +40,7 @@ class LinearSystem(Model):
         self.A = matrix('A', A, (n, n))
         self.B = matrix('B', B, (n, m))
         self.W = semidefinite('W', W, n)
+        self._discretization = Discretization(self.A, self.B, self.W)
         self._transitions: dict[float, Transition] = {}
 
     def derivative(self, x: Array, u: Array) -> Array:
@@ -73,8 +74,7 @@ class LinearSystem(Model):
         if known is None:
             if len(self._transitions) >= _REMEMBERED:
                 self._transitions.clear()
-            F, G = zero_order_hold(self.A, self.B, dt)
-            known = self._transitions[dt] = Transition(F, G, van_loan(self.A, self.W, dt))
+            known = self._transitions[dt] = Transition(*self._discretization(dt))
         return known
 
 

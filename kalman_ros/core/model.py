@@ -7,12 +7,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, inf
+from typing import NamedTuple
 
 import numpy as np
 
 from .arrays import Array
-from .discretize import van_loan, zero_order_hold
+from .discretize import Discretization
 from .space import Space
+
+_MOST_SUBSTEPS = 10_000
 
 
 @dataclass(frozen=True)
@@ -22,6 +25,13 @@ class Transition:
     F: Array
     G: Array
     Q: Array
+
+
+class OperatingPoint(NamedTuple):
+    """A state (n,) and an input (m,) about which a model is linearised."""
+
+    state: Array
+    input: Array
 
 
 def numerical_jacobian(
@@ -57,7 +67,8 @@ class Model(ABC):
 
     state: Space
     input: Space
-    #: The longest step of the integrator, in seconds; `step` divides longer ones.
+    #: The longest step of the integrator, in seconds; `step` divides longer ones, into no more
+    #: than 10 000 parts, so that a stray stamp cannot keep it busy for ever.
     max_step: float = inf
 
     @abstractmethod
@@ -72,6 +83,11 @@ class Model(ABC):
         the covariance W dt.
         """
 
+    @property
+    def equilibrium(self) -> OperatingPoint:
+        """Where it rests, with no noise: derivative(x, u) = 0; the origin by default."""
+        return OperatingPoint(np.zeros(self.state.size), np.zeros(self.input.size))
+
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return A = d derivative / d x (n, n) at x (n,) and u (m,); numerical by default."""
         return numerical_jacobian(lambda points: self.derivative(points, _like(u, points)), x)
@@ -81,9 +97,12 @@ class Model(ABC):
         return numerical_jacobian(lambda points: self.derivative(_like(x, points), points), u)
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
-        """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
+        """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise.
+
+        A negative ``dt`` goes back in time.
+        """
         u = _like(u, x)
-        substeps = max(1, ceil(dt / self.max_step))
+        substeps = max(1, ceil(min(abs(dt) / self.max_step, _MOST_SUBSTEPS)))
         h = dt / substeps
         for _ in range(substeps):
             k1 = self.derivative(x, u)
@@ -96,5 +115,5 @@ class Model(ABC):
     def transition(self, x: Array, u: Array, dt: float) -> Transition:
         """Return the step of length ``dt``, linearised about x (n,) and u (m,)."""
         A = self.state_jacobian(x, u)
-        F, G = zero_order_hold(A, self.input_jacobian(x, u), dt)
-        return Transition(F, G, van_loan(A, self.noise_density(x), dt))
+        B = self.input_jacobian(x, u)
+        return Transition(*Discretization(A, B, self.noise_density(x))(dt))

@@ -9,7 +9,7 @@ means; ROS parameters, their descriptions and their ranges follow from that.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import inf
@@ -106,15 +106,20 @@ def refuse_unknown(given: Iterable[str], known: Iterable[str], kind: str) -> Non
     known = list(known)
     for name in given:
         if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"; did you mean '{near[0]}'?" if near else ''
-            if not near and len(known) <= _FEW:
-                hint = f'; known are {", ".join(known)}'
-            raise ValueError(f"unknown {kind} '{name}'{hint}")
+            raise ValueError(f"unknown {kind} '{name}'{_hint(name, known)}")
+
+
+def _hint(name: str, known: Sequence[str]) -> str:
+    near = get_close_matches(name, known, n=1)
+    if near:
+        return f"; did you mean '{near[0]}'?"
+    return f'; known are {", ".join(known)}' if 0 < len(known) <= _FEW else ''
 
 
 def build_with(build: Callable[..., Any], given: Mapping[str, Value], *fixed: Any) -> Any:
     """Call ``build(*fixed, **given)``, each value checked against its option first."""
     options = {option.name: option for option in options_of(build)}
-    refuse_unknown(given, options, 'option')
+    for name in given:
+        if name not in options:
+            raise ValueError(f'{name}: unknown option{_hint(name, list(options))}')
     return build(*fixed, **{name: options[name].check(value) for name, value in given.items()})

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import traceback
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 
@@ -37,4 +39,11 @@ def find(kind: str, name: str, package: str, attribute: str) -> Any:
     try:
         return getattr(importlib.import_module(module), own)
     except (ImportError, AttributeError) as error:
-        raise ValueError(f"{kind}: cannot load '{name}': {error}") from None
+        hint = '; is its folder on PYTHONPATH, or its workspace sourced?' if colon else ''
+        raise ValueError(f"{kind}: cannot load '{name}': {error}{hint}") from None
+    except Exception as error:  # a module of a user's own may raise anything
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        raise ValueError(
+            f"{kind}: cannot load '{name}': {type(error).__name__}: {error}, "
+            f'{Path(where.filename).name} line {where.lineno}'
+        ) from error

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from copy import copy
 from typing import TypeVar
 
 from .arrays import Array
+from .gaussian import Gaussian
 from .model import numerical_jacobian
 from .space import Space
 
@@ -23,6 +25,8 @@ class Sensor(ABC):
 
     output: Space
     covariance: Array
+    #: Whether its Jacobian is the same everywhere.
+    linear: bool = False
     #: What it is called in its scenario.
     name: str = ''
 
@@ -33,6 +37,17 @@ class Sensor(ABC):
     def jacobian(self, x: Array) -> Array:
         """Return d measure / d x (k, n) at ``x`` (n,); numerical by default."""
         return numerical_jacobian(self.measure, x, self.output.subtract)
+
+    def hypotheses(
+        self, belief: Gaussian, y: Array, count: int
+    ) -> Sequence[tuple[float, Gaussian]]:
+        """Return what a first reading ``y`` (k,) may mean, if not one thing: weighted beliefs.
+
+        A sensor to which many states look alike says here, with about ``count`` beliefs, which
+        those are; each has the reading in it. By default there are none: the belief itself,
+        corrected, is good enough.
+        """
+        return ()
 
     def with_covariance(self: S, covariance: Array) -> S:
         """Return the same sensor with another noise ``covariance`` (k, k), not checked."""

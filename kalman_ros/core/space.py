@@ -85,7 +85,7 @@ class Space:
 
     def subtract(self, a: Array, b: Array) -> Array:
         """Return the shortest difference ``a - b`` (..., n)."""
-        return self.wrap(a - b)
+        return a - b if self._wrapped is None else self.wrap(a - b)
 
     def mean(self, points: Array, weights: Array) -> Array:
         """Return the weighted mean (n,) of ``points`` (k, n); angles by their direction.

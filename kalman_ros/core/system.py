@@ -34,6 +34,10 @@ class Signal:
     covariance: str = ''
 
 
+#: The input of a model that has none.
+NO_INPUT = Signal('input', 'std_msgs/Float64MultiArray', ())
+
+
 @dataclass(frozen=True)
 class SensorSetup:
     """One sensor of a system: its kind, what it reads, how often, how well, and where.
@@ -60,22 +64,30 @@ class System:
         Returns the `Model`; its keyword arguments are the model's parameters.
     sensors
         By name, in the order in which readings of one instant are fused.
-    state, input
-        Signals of the state (``estimate``, ``ground_truth``, ``reference``) and of the input;
-        the topic of ``state`` is that of the estimate.
-    state_cost, input_cost
-        Default LQR weights of the continuous cost, diagonals.
+    state
+        Signal of the state (``estimate``, ``ground_truth``, ``reference``); its topic is that
+        of the estimate.
     initial_state
         Where the plant starts.
     initial_std
-        Standard deviations of the estimator's first belief, whose mean is the equilibrium.
+        Standard deviations of the estimator's first belief.
+    initial_estimate
+        The mean of that belief; the equilibrium if it is left empty.
+    input
+        Signal of the input; a model without inputs has none, and needs no controller.
+    state_cost, input_cost
+        Default LQR weights of the continuous cost, diagonals; for a model with inputs.
+    filter
+        The filter that suits model and sensors, unless told otherwise.
     """
 
     build: Callable[..., Model]
     sensors: Mapping[str, SensorSetup]
     state: Signal
-    input: Signal
-    state_cost: tuple[float, ...]
-    input_cost: tuple[float, ...]
     initial_state: tuple[float, ...]
     initial_std: tuple[float, ...]
+    initial_estimate: tuple[float, ...] = ()
+    input: Signal = NO_INPUT
+    state_cost: tuple[float, ...] = ()
+    input_cost: tuple[float, ...] = ()
+    filter: str = 'kf'

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_lyapunov
 
 from kalman_ros.core import LinearSystem, Space, exponential, van_loan, zero_order_hold
 
@@ -55,3 +55,16 @@ def test_a_step_of_no_length_changes_nothing():
     F, G = zero_order_hold(np.array([[-1.0]]), np.array([[2.0]]), 0.0)
     np.testing.assert_allclose(F, 1.0, rtol=1e-15)
     np.testing.assert_array_equal(G, 0.0)
+
+
+@pytest.mark.parametrize('dt', [1e-6, 1e-3, 0.1, 3.0])
+def test_noise_of_a_step_of_any_length_is_that_of_the_blocks_of_van_loan(dt):
+    A, W = np.array([[0.0, 1.0], [-0.2, -0.5]]), np.diag([0.0, 0.3])
+    block = expm(np.block([[-A, W], [np.zeros((2, 2)), A.T]]) * dt)
+    expected = block[2:, 2:].T @ block[:2, 2:]
+    np.testing.assert_allclose(van_loan(A, W, dt), expected, rtol=1e-10)
+
+
+def test_the_noise_of_a_very_long_step_is_that_of_the_steady_state():
+    A, W = np.array([[-5.0, 1.0], [0.0, -40.0]]), np.diag([0.1, 2.0])
+    np.testing.assert_allclose(van_loan(A, W, 3600.0), solve_continuous_lyapunov(A, -W), rtol=1e-9)

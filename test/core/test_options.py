@@ -45,7 +45,7 @@ def test_whole_numbers_serve_as_numbers_and_an_item_as_a_list():
         ({'count': 9}, 'count: expected 1 to 5, got 9'),
         ({'on': 1}, 'on: expected true or false, got 1'),
         ({'gains': ['a']}, "gains: expected a number, got 'a'"),
-        ({'siez': 1.0}, "unknown option 'siez'; did you mean 'size'\\?"),
+        ({'siez': 1.0}, "siez: unknown option; did you mean 'size'\\?"),
     ],
 )
 def test_a_wrong_value_is_named(given, says):
