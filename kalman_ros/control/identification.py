@@ -43,14 +43,24 @@ class Fit:
         D = self.matrix - exact
         return float(np.trace(solve(noise, D @ self.gram @ D.T)))
 
+    def pole_deviations(self, noise: Array) -> Array:
+        """Return the standard deviations (n,) of the sampled `poles`, to first order.
+
+        With w and v the left and right eigenvectors of a pole, w v = 1, a small error D of M
+        moves it by w D v (Golub and Van Loan, Matrix Computations, 2013, section 7.2.2), and D
+        has the covariance N of the ``noise`` (n, n) between rows and the inverse gram matrix
+        between columns. Poles that lie close together scatter more than that.
+        """
+        n = len(self.matrix)
+        _, V = np.linalg.eig(self.matrix[:, :n])
+        W = np.linalg.inv(V)
+        along_rows = np.einsum('pi,ij,pj->p', W, noise, W.conj()).real
+        columns = np.linalg.inv(self.gram)[:n, :n]
+        along_columns = np.einsum('ip,ij,jp->p', V.conj(), columns, V).real
+        return np.asarray(np.sqrt(along_rows * along_columns))
+
 
 def fit(before: Array, after: Array) -> Fit:
     """Fit after (N, n) = M before (N, r) + noise; the front of ``before`` is the same vector."""
     gram = before.T @ before
     return Fit(solve(gram, before.T @ after).T, gram)
-
-
-def continuous_poles(poles: ComplexArray, dt: float) -> ComplexArray:
-    """Return s = log(z) / dt of sampled poles z; a pole at zero becomes minus infinity."""
-    with np.errstate(divide='ignore'):
-        return np.asarray(np.log(poles.astype(complex)) / dt, dtype=np.complex128)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array, solve
+from kalman_ros.core import Array, matrix, semidefinite, solve
 
 from . import riccati
 from .structure import ComplexArray, eigenvalues
@@ -21,42 +21,92 @@ class LqeDesign:
     ----------
     gain
         L (n, k). In sampled time the gain of the current estimate: x_hat += L (y - C x_hat).
+    predictor_gain
+        In sampled time the gain L_p (n, k) of the estimate one step ahead, from one to the
+        next: x_hat' = F x_hat + G u + L_p (y - C x_hat); else the same as ``gain``.
     covariance
         The error covariance (n, n); in sampled time after the reading.
     prior
         In sampled time the error covariance before the reading; else the same as ``covariance``.
     poles
-        Eigenvalues of the error dynamics (n,): of A - L C, or of (I - L C) F when sampled.
+        Eigenvalues of the error dynamics (n,): of A - L C, or of F - L_p C when sampled.
     """
 
     gain: Array
+    predictor_gain: Array
     covariance: Array
     prior: Array
     poles: ComplexArray
 
 
-def lqe(A: Array, C: Array, W: Array, V: Array) -> LqeDesign:
-    """Return the Kalman-Bucy gain L = P C'V^-1 for noise densities W (n, n) and V (k, k).
+def lqe(A: Array, C: Array, W: Array, V: Array, cross: Array | None = None) -> LqeDesign:
+    """Return the Kalman-Bucy gain L = (P C' + N) V^-1 of dx/dt = A x + w, y = C x + v.
+
+    Parameters
+    ----------
+    A, C
+        Matrices (n, n) and (k, n).
+    W, V
+        Spectral densities of w (n, n) and of v (k, k).
+    cross
+        Their cross density N = E[w v'] (n, k); None means that they are independent.
 
     Raises
     ------
+    ValueError
+        If W, V and N together are no covariance.
     DesignError
-        If the readings cannot keep the error of some mode bounded.
+        If the readings cannot keep the error of some mode bounded, or a mode that stays has no
+        process noise.
     """
-    P = riccati.continuous(A.T, C.T, W, V, np.zeros(C.T.shape))
-    L = solve(V, C @ P).T
-    return LqeDesign(L, P, P, eigenvalues(A - L @ C))
+    N = _cross(W, V, cross)
+    P = riccati.continuous(A.T, C.T, W, V, N, riccati.ESTIMATION)
+    L = solve(V, C @ P + N.T).T
+    poles = eigenvalues(A - L @ C)
+    riccati.require_stable(poles, riccati.ESTIMATION, sampled=False)
+    return LqeDesign(L, L, P, P, poles)
 
 
-def dlqe(F: Array, C: Array, Q: Array, R: Array) -> LqeDesign:
-    """Return the steady-state gain of x' = F x + w, y = C x + v; w ~ N(0, Q), v ~ N(0, R).
+def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> LqeDesign:
+    """Return the steady-state gains of x' = F x + w, y = C x + v; w ~ N(0, Q), v ~ N(0, R).
+
+    With S = C P C' + R they are L = P C' S^-1 and L_p = (F P C' + N) S^-1 (Anderson and Moore,
+    Optimal Filtering, 1979, section 5.4). L_p = F L where the noises are independent; otherwise
+    a reading also tells of the noise that moves the state next.
+
+    Parameters
+    ----------
+    F, C
+        Matrices (n, n) and (k, n).
+    Q, R
+        Covariances of w (n, n) and of v (k, k).
+    cross
+        The covariance N = E[w v'] (n, k) of a reading's noise with that of the step after it;
+        None means that they are independent.
 
     Raises
     ------
+    ValueError
+        If Q, R and N together are no covariance.
     DesignError
-        If the readings cannot keep the error of some mode bounded.
+        If the readings cannot keep the error of some mode bounded, or a mode that stays has no
+        process noise.
     """
-    P = riccati.discrete(F.T, C.T, Q, R, np.zeros(C.T.shape))
-    L = solve(C @ P @ C.T + R, C @ P).T
-    I_LC = np.eye(len(F)) - L @ C
-    return LqeDesign(L, I_LC @ P, P, eigenvalues(I_LC @ F))
+    N = _cross(Q, R, cross)
+    P = riccati.discrete(F.T, C.T, Q, R, N, riccati.ESTIMATION)
+    S = C @ P @ C.T + R
+    L, L_p = solve(S, C @ P).T, solve(S, C @ P @ F.T + N.T).T
+    after = (np.eye(len(F)) - L @ C) @ P
+    poles = eigenvalues(F - L_p @ C)
+    riccati.require_stable(poles, riccati.ESTIMATION, sampled=True)
+    return LqeDesign(L, L_p, after, P, poles)
+
+
+def _cross(W: Array, V: Array, cross: Array | None) -> Array:
+    """Return the checked cross covariance (n, k), or zeros."""
+    n, k = len(W), len(V)
+    if cross is None:
+        return np.zeros((n, k))
+    N = matrix('cross', cross, (n, k))
+    semidefinite('cross with the noises', np.block([[W, N], [N.T, V]]), n + k)
+    return N

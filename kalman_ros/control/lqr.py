@@ -10,7 +10,6 @@ import numpy as np
 from kalman_ros.core import (
     Array,
     ArrayLike,
-    DesignError,
     LinearSystem,
     matrix,
     semidefinite,
@@ -90,9 +89,11 @@ def lqr(A: Array, B: Array, weights: Cost) -> LqrDesign:
         If no gain stabilises the system with these weights.
     """
     Q, R, N = weights.state, weights.input, weights.cross
-    S = riccati.continuous(A, B, Q, R, N)
+    S = riccati.continuous(A, B, Q, R, N, riccati.CONTROL)
     K = solve(R, B.T @ S + N.T)
-    return _checked(K, S, eigenvalues(A - B @ K), sampled=False)
+    poles = eigenvalues(A - B @ K)
+    riccati.require_stable(poles, riccati.CONTROL, sampled=False)
+    return LqrDesign(K, S, poles)
 
 
 def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
@@ -107,18 +108,10 @@ def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
         If no gain stabilises the system with these weights.
     """
     Q, R, N = weights.state, weights.input, weights.cross
-    S = riccati.discrete(F, G, Q, R, N)
+    S = riccati.discrete(F, G, Q, R, N, riccati.CONTROL)
     K = solve(R + G.T @ S @ G, G.T @ S @ F + N.T)
-    return _checked(K, S, eigenvalues(F - G @ K), sampled=True)
-
-
-def _checked(K: Array, S: Array, poles: ComplexArray, *, sampled: bool) -> LqrDesign:
-    largest = np.max(np.abs(poles)) - 1.0 if sampled else np.max(poles.real)
-    if not largest < 0.0:
-        raise DesignError(
-            'the least-cost gain does not stabilise the system: some mode that does not decay '
-            'has no weight in state_cost'
-        )
+    poles = eigenvalues(F - G @ K)
+    riccati.require_stable(poles, riccati.CONTROL, sampled=True)
     return LqrDesign(K, S, poles)
 
 

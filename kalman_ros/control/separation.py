@@ -7,8 +7,9 @@ The state x and the estimation error e of a sampled loop with u = -K x_hat obey
     e' = (I - L C) (F e + w) - L v
 
 so the error does not know the regulator, and the poles of the loop are those of F - G K and of
-the error. Sensors may have different rates: C, L and the covariance of v then repeat with a
-period of some steps, and so do all statistics.
+the error. A regulator may have a state q of its own, an integral for example, which is known.
+Sensors may have different rates: C, L and the covariance of v then repeat with a period of some
+steps, and so do all statistics.
 """
 
 from __future__ import annotations
@@ -23,11 +24,14 @@ from scipy.linalg import solve_discrete_lyapunov
 from kalman_ros.core import Array, DesignError, Transition, solve, symmetric
 
 from .lqr import Cost
+from .state_space import StateSpace
 from .structure import ComplexArray, eigenvalues
 
 #: So many periods without convergence mean that the error covariance grows without bound.
 _MOST_PERIODS = 100_000
 _UNBOUNDED = 1e100
+#: The error covariance has settled when a period changes it by less, relative to its size.
+_SETTLED = 1e-12
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,14 @@ class Readings:
 
     C: Array
     R: Array
+
+
+def corrected(P: Array, readings: Readings) -> tuple[Array, Array]:
+    """Return the gain L (n, k) of readings, and the error covariance after them (n, n)."""
+    C, R = readings.C, readings.R
+    L = solve(C @ P @ C.T + R, C @ P).T
+    I_LC = np.eye(len(P)) - L @ C
+    return L, symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
 
 
 @dataclass(frozen=True)
@@ -56,33 +68,43 @@ class LqgLoop:
         One sample of the plant.
     schedule
         What is read at each step of a period.
-    gain
-        K (m, n).
+    regulator
+        From the state x_hat (n) to -u (m), sampled: a gain K as a `static` system, or one with
+        a state q (r) of its own.
     """
 
     step: Transition
     schedule: Sequence[Readings]
-    gain: Array
+    regulator: StateSpace
+
+    @property
+    def size(self) -> int:
+        """The length n + r of (x, q)."""
+        return len(self.step.F) + len(self.regulator.A)
+
+    @cached_property
+    def answer(self) -> Array:
+        """The matrix (m, n + r + n) that takes (x, q, e) to u."""
+        K = self.regulator.D
+        return np.hstack((-K, -self.regulator.C, K))
 
     @cached_property
     def _filter(self) -> tuple[Array, Array, list[Array]]:
         """Covariances before and after the readings (p, n, n), and gains, of each phase."""
         F, Q = self.step.F, self.step.Q
-        eye = np.eye(len(F))
-        after = eye * max(1.0, float(np.trace(Q)))
+        after = np.eye(len(F)) * max(1.0, float(np.trace(Q)))
         p = len(self.schedule)
         prior, posterior = np.zeros((p, *F.shape)), np.zeros((p, *F.shape))
         gains: list[Array] = [np.zeros((len(F), len(readings.C))) for readings in self.schedule]
         for _ in range(_MOST_PERIODS):
             start = after
             for phase, readings in enumerate(self.schedule):
-                C, R = readings.C, readings.R
                 P = symmetric(F @ after @ F.T + Q)
-                L = solve(C @ P @ C.T + R, C @ P).T
-                I_LC = eye - L @ C
-                after = symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
-                prior[phase], posterior[phase], gains[phase] = P, after, L
-            if np.allclose(after, start, rtol=1e-12, atol=0.0):
+                gains[phase], after = corrected(P, readings)
+                prior[phase], posterior[phase] = P, after
+            std = np.sqrt(after.diagonal())
+            # relative to the deviations: a covariance near zero is rounding and never settles
+            if np.all(np.abs(after - start) <= _SETTLED * np.outer(std, std)):
                 return prior, posterior, gains
             if np.trace(after) > _UNBOUNDED:
                 break
@@ -94,22 +116,34 @@ class LqgLoop:
         return self._filter[1]
 
     @property
+    def estimator_gains(self) -> list[Array]:
+        """L (n, k) of each phase: x_hat += L (y - C x_hat)."""
+        return self._filter[2]
+
+    @property
     def regulator_poles(self) -> ComplexArray:
-        """Eigenvalues of F - G K (n,)."""
-        return eigenvalues(self.step.F - self.step.G @ self.gain)
+        """Eigenvalues of the plant with its regulator (n + r,)."""
+        return eigenvalues(self.closed_matrix)
+
+    @property
+    def closed_matrix(self) -> Array:
+        """The matrix that takes (x, q) to the next one when the state is known: F - G K."""
+        return np.asarray(self.regulator_matrix[:, : self.size])
 
     @property
     def regulator_matrix(self) -> Array:
-        """[F - G K, G K] (n, 2n), which takes (x, e) to the next x."""
-        return np.asarray(self._transitions[0, : len(self.step.F)])
+        """The matrix that takes (x, q, e) to the next (x, q): [F - G K, G K] without a q."""
+        F, n = self.step.F, len(self.step.F)
+        A, B = self.regulator.A, self.regulator.B
+        driven = np.vstack((self.step.G @ self.answer, np.zeros((len(A), self.size + n))))
+        return np.asarray(driven + np.block([[F, np.zeros((n, len(A) + n))], [B, A, -B]]))
 
     @property
     def error_matrix(self) -> Array:
         """The matrix (n, n) that takes the error over one period, to the last of its phases."""
-        n = len(self.step.F)
-        over = np.eye(n)
+        over = np.eye(len(self.step.F))
         for transition in self._transitions:
-            over = transition[n:, n:] @ over
+            over = transition[self.size :, self.size :] @ over
         return over
 
     @property
@@ -125,30 +159,28 @@ class LqgLoop:
 
     @cached_property
     def _transitions(self) -> Array:
-        """Of each phase, the matrix (2n, 2n) that takes (x, e) into it."""
-        F, G, K = self.step.F, self.step.G, self.gain
-        n = len(F)
-        result = np.zeros((len(self.schedule), 2 * n, 2 * n))
+        """Of each phase, the matrix that takes (x, q, e) into it."""
+        F, n, r = self.step.F, len(self.step.F), self.size
+        result = np.zeros((len(self.schedule), r + n, r + n))
         for phase, (readings, L) in enumerate(zip(self.schedule, self._filter[2])):
-            result[phase, :n, :n] = F - G @ K
-            result[phase, :n, n:] = G @ K
-            result[phase, n:, n:] = (np.eye(n) - L @ readings.C) @ F
+            result[phase, :r] = self.regulator_matrix
+            result[phase, r:, r:] = (np.eye(n) - L @ readings.C) @ F
         return result
 
     @cached_property
     def _noises(self) -> Array:
-        """Of each phase, the covariance (2n, 2n) that the noises of its step add to (x, e)."""
-        n = len(self.step.F)
-        result = np.zeros((len(self.schedule), 2 * n, 2 * n))
+        """Of each phase, the covariance that the noises of its step add to (x, q, e)."""
+        n, r = len(self.step.F), self.size
+        result = np.zeros((len(self.schedule), r + n, r + n))
         for phase, (readings, L) in enumerate(zip(self.schedule, self._filter[2])):
-            through = np.vstack((np.eye(n), np.eye(n) - L @ readings.C))
+            through = np.vstack((np.eye(r, n), np.eye(n) - L @ readings.C))
             result[phase] = through @ self.step.Q @ through.T
-            result[phase, n:, n:] += L @ readings.R @ L.T
+            result[phase, r:, r:] += L @ readings.R @ L.T
         return result
 
     @cached_property
     def covariance(self) -> Array:
-        """The covariance of (x, e) after the readings of each phase (p, 2n, 2n)."""
+        """The covariance of (x, q, e) after the readings of each phase."""
         transitions, noises = self._transitions, self._noises
         over, added = np.eye(len(noises[0])), np.zeros_like(noises[0])
         for A, N in zip(transitions, noises):
@@ -166,7 +198,8 @@ class LqgLoop:
         Parameters
         ----------
         weights
-            Symmetric M (s, p, 2n, 2n): the s averages are those of z'M[s, phase] z, z = (x, e).
+            Symmetric M (s, p, :, :): the s averages are those of z'M[s, phase] z, with
+            z = (x, q, e).
         steps
             The number of steps averaged over.
 
@@ -197,26 +230,39 @@ class LqgLoop:
             for mean, variance in zip(means, variances)
         ]
 
+    def state_weight(self, index: int) -> Array:
+        """Return the M of x_i squared, for `average`."""
+        return self._square(index)
+
     def error_weight(self, index: int) -> Array:
-        """Return the M of e_i squared (p, 2n, 2n), for `average`."""
-        n = len(self.step.F)
-        M = np.zeros((len(self.schedule), 2 * n, 2 * n))
-        M[:, n + index, n + index] = 1.0
+        """Return the M of e_i squared, for `average`."""
+        return self._square(self.size + index)
+
+    def _square(self, index: int) -> Array:
+        M = self._zero_weight()
+        M[:, index, index] = 1.0
         return M
 
     @property
     def nees_weight(self) -> Array:
-        """The M of e'P^-1 e (p, 2n, 2n), for `average`."""
-        n = len(self.step.F)
-        M = np.zeros((len(self.schedule), 2 * n, 2 * n))
-        M[:, n:, n:] = symmetric(np.asarray(np.linalg.inv(self.posterior), dtype=float))
+        """The M of e'P^-1 e, for `average`."""
+        M, r = self._zero_weight(), self.size
+        M[:, r:, r:] = symmetric(np.asarray(np.linalg.inv(self.posterior), dtype=float))
         return M
 
+    def _zero_weight(self) -> Array:
+        size = self.size + len(self.step.F)
+        return np.zeros((len(self.schedule), size, size))
+
     def cost_weight(self, cost: Cost) -> Array:
-        """Return the M of a sample's cost (p, 2n, 2n), for `average`; u = -K (x - e)."""
-        n, K = len(self.step.F), self.gain
-        stacked = np.block([[np.eye(n), np.zeros((n, n))], [-K, K]])
+        """Return the M of a sample's cost, for `average`."""
+        state = np.eye(len(self.step.F), self.answer.shape[1])
+        stacked = np.vstack((state, self.answer))
         return np.tile(stacked.T @ cost.weight @ stacked, (len(self.schedule), 1, 1))
+
+    def mean_cost(self, cost: Cost) -> float:
+        """Return the mean cost of a sample; of the best regulator it is `optimal_cost`."""
+        return self.average(self.cost_weight(cost)[np.newaxis], 1)[0].mean
 
 
 def optimal_cost(step: Transition, gain: Array, S: Array, cost: Cost, errors: Array) -> float:

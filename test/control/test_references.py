@@ -4,8 +4,12 @@
 import numpy as np
 import pytest
 
+from kalman_ros.control.compensator import compensator
 from kalman_ros.control.lqe import dlqe, lqe
 from kalman_ros.control.lqr import cost, dlqr, lqr
+from kalman_ros.control.margins import margins
+from kalman_ros.control.performance import stationary_cost
+from kalman_ros.control.state_space import state_space
 from kalman_ros.core import DesignError
 
 ROOT3 = np.sqrt(3.0)
@@ -138,3 +142,46 @@ def test_a_mode_on_the_boundary_without_weight_is_refused():
 def test_wrong_weights_are_named(Q, R, N, says):
     with pytest.raises(ValueError, match=says):
         cost(Q, R, (2, 1), N)
+
+
+def doyle(weight):
+    """Return plant, LQR loop, LQG loop, noises and cost of Doyle's example with q = sigma."""
+    A, B, C = [[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [[1.0, 0.0]]
+    plant, ones = state_space(A, B, C), weight * np.ones((2, 2))
+    weights = cost(ones, [1], (2, 1))
+    regulator, estimator = lqr(plant.A, plant.B, weights), lqe(plant.A, plant.C, ones, np.eye(1))
+    controller = compensator(plant, regulator.gain, estimator.gain)
+    price = stationary_cost(plant, controller, ones, np.eye(1), weights)
+    return regulator, estimator, state_space(A, B, regulator.gain), controller @ plant, price
+
+
+def test_doyle_has_no_guaranteed_margins():
+    # J. Doyle, "Guaranteed margins for LQG regulators", IEEE Trans. Automatic Control 23(4), 1978
+    regulator, estimator, lqr_loop, lqg_loop, price = doyle(1.0)
+    f = 2.0 + np.sqrt(5.0)
+    np.testing.assert_allclose(regulator.gain, [[f, f]], rtol=1e-9)
+    np.testing.assert_allclose(estimator.gain, [[f], [f]], rtol=1e-9)
+    np.testing.assert_allclose(price, 401.2461, atol=5e-5)
+    found = margins(lqg_loop)
+    np.testing.assert_allclose(found.lower_gain.value, 0.9209, atol=6e-5)  # .920844
+    np.testing.assert_allclose(found.upper_gain.value, 1.05573, atol=5e-6)
+    np.testing.assert_allclose(np.degrees(found.lead.value), 3.42, atol=5e-3)
+    np.testing.assert_allclose(np.degrees(found.lag.value), 9.03, atol=5e-3)
+    found = margins(lqr_loop)
+    np.testing.assert_allclose(found.lower_gain.value, 0.47214, atol=5e-6)
+    np.testing.assert_allclose(np.degrees(found.lag.value), 61.827, atol=5e-4)
+    assert found.upper_gain.value == np.inf
+
+
+@pytest.mark.parametrize('weight', [1.0, 5.0, 60.0])
+def test_the_cost_and_the_upper_gain_of_doyle(weight):
+    *_, lqg_loop, price = doyle(weight)
+    f = 2.0 + np.sqrt(4.0 + weight)
+    np.testing.assert_allclose(price, 5.0 * f * (weight + f * f), rtol=1e-8)
+    np.testing.assert_allclose(margins(lqg_loop).upper_gain.value, 1.0 + 1.0 / f**2, rtol=1e-8)
+
+
+def test_doyle_with_weight_five():
+    *_, lqg_loop, price = doyle(5.0)
+    np.testing.assert_allclose(price, 750.0, rtol=1e-9)
+    np.testing.assert_allclose(margins(lqg_loop).upper_gain.value, 1.04, rtol=1e-9)

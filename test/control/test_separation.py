@@ -4,10 +4,12 @@
 import numpy as np
 import pytest
 
-from kalman_ros.control.identification import continuous_poles, fit
+from kalman_ros.control.identification import fit
 from kalman_ros.control.lqe import dlqe
 from kalman_ros.control.lqr import cost, sampled_cost, sampled_lqr
 from kalman_ros.control.separation import LqgLoop, Readings, optimal_cost
+from kalman_ros.control.state_space import static
+from kalman_ros.control.structure import continuous_poles
 from kalman_ros.core import DesignError, LinearSystem, Space
 
 DT = 0.05
@@ -35,14 +37,14 @@ def loop():
     system, weights = oscillator(), cost([5, 1], [0.5], (2, 1))
     design = sampled_lqr(system, weights, DT)
     sample = sampled_cost(system, weights, DT)
-    return LqgLoop(system.sampled(DT), both_rates(), design.gain), design, sample
+    return LqgLoop(system.sampled(DT), both_rates(), static(design.gain, DT)), design, sample
 
 
 def test_constant_readings_give_the_steady_state_filter():
     system = oscillator()
     step, readings = system.sampled(DT), Readings(np.array([[1.0, 0.0]]), np.array([[0.04]]))
     design = dlqe(step.F, readings.C, step.Q, readings.R)
-    found = LqgLoop(step, [readings], np.zeros((1, 2)))
+    found = LqgLoop(step, [readings], static(np.zeros((1, 2)), 0.1))
     np.testing.assert_allclose(found.posterior[0], design.covariance, rtol=1e-9)
     np.testing.assert_allclose(np.sort(found.estimator_poles), np.sort(design.poles), rtol=1e-6)
 
@@ -109,7 +111,7 @@ def test_an_error_that_nothing_bounds_is_refused():
     system = LinearSystem([[1.0]], [[1.0]], [[1.0]], Space(('x',), ('m',)), Space(('u',), ('',)))
     blind = Readings(np.zeros((0, 1)), np.zeros((0, 0)))
     with pytest.raises(DesignError, match='no steady state'):
-        _ = LqgLoop(system.sampled(0.1), [blind], np.array([[3.0]])).posterior
+        _ = LqgLoop(system.sampled(0.1), [blind], static(np.array([[3.0]]), 0.1)).posterior
 
 
 def test_the_sampled_cost_is_the_integral_of_the_continuous_one():

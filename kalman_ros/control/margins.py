@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How wrong a model may be before its loop is unstable: gain, phase, delay and disk margins.
+
+A loop L is one around which u = -L u closes. Of a state feedback it is K (s I - A)^-1 B, of a
+`compensator` H and a plant P it is ``H @ P``, broken at the input of the plant. All margins
+are of a closed loop that is stable; the open one need not be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import atan, inf, nan, pi, sqrt
+
+import numpy as np
+
+from kalman_ros.core import DesignError
+
+from .crossings import continuous, frequency, level_crossings, real_crossings
+from .state_space import StateSpace
+from .structure import describe, unstable
+
+#: The peak of a response is found to this, relative to it.
+_PEAK = 1e-9
+#: A loop that crosses the real axis this close to 0, or as far away, does so by rounding.
+_TINY = 1e-10
+
+
+@dataclass(frozen=True)
+class Margin:
+    """A change that brings the loop to the brink, and where it then oscillates.
+
+    Parameters
+    ----------
+    value
+        The change, in the unit of its kind.
+    frequency
+        In rad/s; NaN if no such change does.
+    """
+
+    value: float
+    frequency: float = nan
+
+
+@dataclass(frozen=True)
+class DiskMargin:
+    """How large a change of gain and phase together may be (Seiler, Packard and Gahinet, 2020).
+
+    The loop stays stable under every factor (1 + d/2) / (1 - d/2), |d| < alpha, which may be
+    complex and vary with frequency: the symmetric margin, of S - T.
+
+    Parameters
+    ----------
+    alpha
+        0 to 2.
+    frequency
+        Where it is worst, in rad/s.
+    """
+
+    alpha: float
+    frequency: float
+
+    @property
+    def upper_gain(self) -> float:
+        """Every gain below this factor, and above its inverse, is safe."""
+        return (2.0 + self.alpha) / (2.0 - self.alpha) if self.alpha < 2.0 else inf
+
+    @property
+    def lower_gain(self) -> float:
+        """Every gain above this factor, and below its inverse, is safe."""
+        return (2.0 - self.alpha) / (2.0 + self.alpha)
+
+    @property
+    def phase(self) -> float:
+        """Every phase of less, ahead or behind, is safe: radians."""
+        return 2.0 * atan(0.5 * self.alpha)
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What the loop can bear of one change at a time.
+
+    Parameters
+    ----------
+    lower_gain, upper_gain
+        Factors of the gain between which it is stable; 0 and inf without bounds.
+    lead, lag
+        Phases in radians, up to half a turn, that can be added, and lost, at all frequencies
+        alike; inf if all can. The lag is what is often called the phase margin.
+    delay
+        Seconds of delay beyond the loop's own. In a sampled loop a delay that is no whole number
+        of samples also changes the gain (see `sampled_plant`), which is left out here.
+    disk
+        Of gain and phase together.
+    """
+
+    lower_gain: Margin
+    upper_gain: Margin
+    lead: Margin
+    lag: Margin
+    delay: Margin
+    disk: DiskMargin
+
+    def __str__(self) -> str:
+        lead, lag = np.degrees([self.lead.value, self.lag.value])
+        return (
+            f'gain {self.lower_gain.value:.3g} to {self.upper_gain.value:.3g}, '
+            f'phase -{lead:.3g} to +{lag:.3g} deg, delay {self.delay.value:.3g} s, '
+            f'disk {self.disk.alpha:.3g}'
+        )
+
+
+def margins(loop: StateSpace) -> Margins:
+    """Return the margins of a scalar loop (1, 1), continuous or sampled.
+
+    The loop is stable without a change, which is checked, and a change that grows can end that
+    only where 1 + L with it is 0 on the boundary. So the first such change is the margin,
+    however many poles of the open loop are unstable.
+
+    Raises
+    ------
+    ValueError
+        If the loop is not scalar; see `loop_at_a_time`.
+    DesignError
+        If the closed loop is not stable.
+    """
+    if loop.D.shape != (1, 1):
+        raise ValueError(
+            f'loop: expected one input and one output, got {loop.D.shape[1]} and {len(loop.D)}'
+        )
+    closed = loop.closed()
+    if not closed.stable:
+        poles = unstable(closed.poles, sampled=loop.sampled)
+        raise DesignError(f'loop: unstable when closed, with poles at {describe(poles)}')
+    bent = continuous(loop)
+    lower, upper = _gains(bent, loop.dt)
+    lead, lag, delay = _phases(bent, loop.dt)
+    return Margins(lower, upper, lead, lag, delay, _disk(bent, loop.dt))
+
+
+def loop_at_a_time(loop: StateSpace) -> tuple[Margins, ...]:
+    """Return the margins of each input of a loop (m, m) while all others are closed as designed.
+
+    Small changes of several inputs at once may do what each alone does not (Zhou, Doyle and
+    Glover, Robust and Optimal Control, 1996, section 9.5).
+
+    Raises
+    ------
+    DesignError
+        If the closed loop is not stable.
+    """
+    return tuple(margins(loop.channel(index)) for index in range(len(loop.D)))
+
+
+def _gains(loop: StateSpace, dt: float | None) -> tuple[Margin, Margin]:
+    """Return the lower and the upper gain margin: the nearest k with 1 + k L = 0 on the axis."""
+    crossings = {frequency(w, dt): _at(loop, w).real for w in real_crossings(loop).tolist()}
+    crossings |= {0.0: _at(loop, 0.0).real, frequency(inf, dt): float(loop.D[0, 0])}
+    found = [Margin(-1.0 / L, w) for w, L in crossings.items() if _TINY < abs(L) < 1.0 / _TINY]
+    lower = max((m for m in found if 0.0 < m.value < 1.0), key=_value, default=Margin(0.0))
+    return lower, min((m for m in found if m.value > 1.0), key=_value, default=Margin(inf))
+
+
+def _at(loop: StateSpace, w: float) -> complex:
+    """Return L(jw), inf at a pole."""
+    try:
+        return complex(loop.at(1j * w)[0, 0])
+    except np.linalg.LinAlgError:
+        return complex(inf)
+
+
+def _value(margin: Margin) -> float:
+    return margin.value
+
+
+def _phases(loop: StateSpace, dt: float | None) -> tuple[Margin, Margin, Margin]:
+    """Return lead, lag and delay: what turns L(jw) with |L| = 1 onto -1."""
+    turns = {
+        frequency(w, dt): float(np.angle(-_at(loop, w))) for w in level_crossings(loop).tolist()
+    }
+    lead = _least({w: -turn for w, turn in turns.items() if turn < 0.0})
+    lag = _least({w: turn for w, turn in turns.items() if turn > 0.0})
+    delay = _least({w: turn % (2.0 * pi) / w for w, turn in turns.items()})
+    if dt is None and abs(loop.D[0, 0]) >= 1.0:
+        delay = Margin(0.0, inf)  # at high frequencies any delay turns L all the way round
+    return lead, lag, delay
+
+
+def _least(found: dict[float, float]) -> Margin:
+    """Return the least of margins by their frequency."""
+    return min((Margin(value, w) for w, value in found.items()), key=_value, default=Margin(inf))
+
+
+def _disk(loop: StateSpace, dt: float | None) -> DiskMargin:
+    """Return alpha = 2 / max|S - T|, with the peak found as Bruinsma and Steinbuch do."""
+    T = loop.closed()
+    M = StateSpace(T.A, T.B, -2.0 * T.C, 1.0 - 2.0 * T.D)  # S - T = 1 - 2 T
+
+    def size(w: float) -> float:
+        return abs(complex((M.D if w == inf else M.at(1j * w))[0, 0]))
+
+    at = max([0.0, inf, *np.abs(T.poles).tolist(), *np.abs(T.poles.imag).tolist()], key=size)
+    while True:
+        higher = level_crossings(M, size(at) * (1.0 + _PEAK)).tolist()
+        # what is higher lies between two crossings, below the first or above the last
+        ends = [w for end in higher[:1] for w in (0.5 * end, *higher, 2.0 * higher[-1])]
+        best = max((sqrt(a * b) for a, b in pairwise(ends)), key=size, default=at)
+        if size(best) <= size(at) * (1.0 + _PEAK):
+            break
+        at = best
+    return DiskMargin(2.0 / size(at), frequency(at, dt))

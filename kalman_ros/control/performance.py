@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a loop costs in steady state, with any linear controller, optimal or not."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
+
+from kalman_ros.core import Array, DesignError, semidefinite
+
+from .lqr import Cost
+from .state_space import StateSpace
+from .structure import describe, is_stable, unstable
+
+
+def stationary_cost(
+    plant: StateSpace, controller: StateSpace, W: Array, V: Array, weights: Cost
+) -> float:
+    """Return the mean of x'Q x + 2 x'N u + u'R u: per second, or per sample when sampled.
+
+    The covariance of plant and controller, driven by the noises, is that of the Lyapunov
+    equation (Anderson and Moore, Optimal Control, 1990, section 8.2).
+
+    Parameters
+    ----------
+    plant
+        dx/dt = A x + B u + w, y = C x + v, or the same in samples.
+    controller
+        H of u = -H y, as `compensator` returns it.
+    W, V
+        Of the independent noises w (n, n) and v (k, k): spectral densities, or covariances when
+        sampled.
+    weights
+        The cost; in samples that of one sample, as `sampled_cost` returns it.
+
+    Raises
+    ------
+    ValueError
+        If a size is wrong, or the plant has a direct path.
+    DesignError
+        If the loop is not stable, or the cost is infinite, as it is where a continuous
+        controller passes white noise straight on to the input.
+    """
+    A, B, C = plant.A, plant.B, plant.C
+    n, k = len(A), len(C)
+    if np.any(plant.D) or controller.dt != plant.dt or controller.D.shape != (B.shape[1], k):
+        raise ValueError(
+            f'controller: expected {k} inputs, {B.shape[1]} outputs and dt {plant.dt} for a plant '
+            f'with D = 0, got shape {controller.D.shape} and dt {controller.dt}'
+        )
+    noise = np.zeros((n + k, n + k))
+    noise[:n, :n], noise[n:, n:] = semidefinite('W', W, n), semidefinite('V', V, k)
+    weight = weights.weight
+    H = controller
+    if not plant.sampled and np.any(H.D @ noise[n:, n:]):
+        raise DesignError('controller: it passes white noise straight on to the input')
+    # z = (x, controller's state); (x, u) = outputs z + direct v
+    loop = np.block([[A - B @ H.D @ C, -B @ H.C], [H.B @ C, H.A]])
+    driven = np.block([[np.eye(n), -B @ H.D], [np.zeros((len(H.A), n)), H.B]])
+    outputs = np.block([[np.eye(n), np.zeros((n, len(H.A)))], [-H.D @ C, -H.C]])
+    if not is_stable(loop, sampled=plant.sampled):
+        growing = unstable(np.linalg.eigvals(loop).astype(complex), sampled=plant.sampled)
+        raise DesignError(f'the loop is not stable: it has poles at {describe(growing)}')
+    added = driven @ noise @ driven.T
+    if plant.sampled:
+        covariance = solve_discrete_lyapunov(loop, added)
+    else:
+        covariance = solve_continuous_lyapunov(loop, -added)
+    direct = np.vstack((np.zeros((n, k)), -H.D))
+    spread = outputs @ covariance @ outputs.T + direct @ noise[n:, n:] @ direct.T
+    return float(np.trace(weight @ spread))

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reference tracking: the equilibrium of a reference, to which the regulator then regulates.
+
+With (x_e, u_e) at rest, A x_e + B u_e = 0, the law u = u_e - K (x - x_e) has the loop of the
+regulator about x_e (Anderson and Moore, Optimal Control, 1990, section 4.4). At rest a system
+is at rest whatever the sampling, so the same equilibrium serves a sampled loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.core import Array, ArrayLike, LinearSystem, vector
+
+#: A singular value this small, relative to the largest, counts as zero.
+_RANK_TOLERANCE = 1e-12
+#: A reference that is missed by less than this, relative to its size, is reached.
+_REACHED = 1e-9
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A state (n,) and the input (m,) that holds it there."""
+
+    state: Array
+    input: Array
+
+
+@dataclass(frozen=True)
+class FeedForward:
+    """The equilibrium of a reference r (k,), which is linear in it.
+
+    Parameters
+    ----------
+    coordinates
+        The names of the states that r is of; the others are where they must be.
+    state_gain, input_gain
+        x_e = state_gain r (n, k), u_e = input_gain r (m, k).
+    selected
+        Which numbers of x the coordinates are (k,).
+    """
+
+    coordinates: tuple[str, ...]
+    state_gain: Array
+    input_gain: Array
+    selected: tuple[int, ...]
+
+    def nearest(self, reference: ArrayLike) -> Equilibrium:
+        """Return the equilibrium with the least sum of squared differences from a reference.
+
+        If several are as near, it is the one with the least state and input, where a unit of
+        input counts as much as it moves beside the state: by norms of B and A.
+
+        Raises
+        ------
+        ValueError
+            If the reference has the wrong size.
+        """
+        r = vector('reference', reference, len(self.coordinates))
+        return Equilibrium(self.state_gain @ r, self.input_gain @ r)
+
+    def equilibrium(self, reference: ArrayLike) -> Equilibrium:
+        """Return the equilibrium that is exactly at a reference.
+
+        Raises
+        ------
+        ValueError
+            If there is none; the message names the coordinates that cannot be reached.
+        """
+        found = self.nearest(reference)
+        r = vector('reference', reference, len(self.coordinates))
+        at = found.state[list(self.selected)]
+        missed = np.abs(at - r) > _REACHED * max(float(np.abs(r).max(initial=0.0)), 1e-300)
+        if missed.any():
+            listed = ', '.join(
+                f'{name} = {wanted:.3g} (nearest {near:.3g})'
+                for name, wanted, near, there in zip(self.coordinates, r, at, missed)
+                if there
+            )
+            raise ValueError(f'reference: no input holds the system at {listed}')
+        return found
+
+
+def feed_forward(system: LinearSystem, coordinates: Sequence[str] | None = None) -> FeedForward:
+    """Return the equilibria of references for some ``coordinates`` of the state, or for all.
+
+    The equilibria (x_e, u_e) are the null space of [A, B]; r is projected on it.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown.
+    """
+    names = system.state.names if coordinates is None else tuple(coordinates)
+    selected = system.state.indices(names, 'coordinates')
+    n = len(system.A)
+    # without the scale a stiff spring makes every x_e tiny beside its u_e, as small as rounding
+    scale = (np.linalg.norm(system.A) or 1.0) / (np.linalg.norm(system.B) or 1.0)
+    _, sizes, Vh = np.linalg.svd(np.hstack((system.A, system.B * scale)))
+    rank = int(np.sum(sizes > _RANK_TOLERANCE * sizes[0]))
+    rest = Vh[rank:].T
+    # the least z of those with rest z nearest to r, and (x_e, u_e / scale) = rest z
+    gain = rest @ np.linalg.pinv(rest[selected], rcond=_RANK_TOLERANCE)
+    return FeedForward(names, gain[:n], gain[n:] * scale, tuple(selected))
+
+
+def holdable(system: LinearSystem) -> list[str]:
+    """Return the states that steady inputs hold at a reference, all at once, in order.
+
+    Of states that depend on each other at rest, and of more than there are inputs, the first
+    are taken.
+    """
+    found: list[str] = []
+    for name in system.state.names:
+        candidate = [*found, name]
+        gains = feed_forward(system, candidate)
+        reached = gains.state_gain[list(gains.selected)]
+        if np.allclose(reached, np.eye(len(candidate)), atol=1e-9):
+            found = candidate
+    return found[: system.input.size]
