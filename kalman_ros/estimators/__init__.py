@@ -12,7 +12,7 @@ from kalman_ros.core import Option, Value, build_with, options_of, refuse_unknow
 from .filter import Filter, Plan
 
 #: The filters that there are, each a module with ``build(plan)``; imported when asked for.
-FILTERS = ('kf', 'ekf', 'ukf', 'steady_state', 'luenberger')
+FILTERS = ('kf', 'ekf', 'ukf', 'gaussian_sum', 'steady_state', 'luenberger')
 #: Who does the work: our own code, or filterpy's for the filters that it has.
 IMPLEMENTATIONS = ('native', 'filterpy')
 

@@ -65,7 +65,13 @@ class Comparison:
         self._waiting: dict[tuple[str, int], Any] = {}
 
     def truth(self, time: int, x: Array) -> None:
-        """Take in the true state (n,) at ``time``, in nanoseconds."""
+        """Take in the true state (n,) at ``time``, in nanoseconds.
+
+        A time that goes back means that another run has begun: what waits is forgotten.
+        """
+        if self._truths and time < next(reversed(self._truths)):
+            self._truths.clear()
+            self._waiting.clear()
         self._truths[time] = x
         for kind in ('estimate', 'input', *self._sensors):
             item = self._waiting.pop((kind, time), None)

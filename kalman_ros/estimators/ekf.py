@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor
 
-from .filter import Correction, Plan
+from .correction import Correction
+from .filter import Plan
 from .update import joseph_update
 
 

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, identity, is_finite
+
+from .lapack import dpotrf
 
 #: What is added to the variances in turn, relative to the largest one, until there is a factor.
 _REPAIRS = (1e-14, 1e-12, 1e-10, 1e-8)
@@ -32,14 +32,14 @@ def cholesky(P: Array) -> Factor:
         If P is not finite, or no repair of at most 1e-8 of the largest variance makes it
         positive definite.
     """
-    if not isfinite(P.sum()):
+    if not is_finite(P):
         raise np.linalg.LinAlgError('the covariance is not finite')
     L, info = dpotrf(P, lower=1, clean=1)
     if info == 0:
         return Factor(L, P, 0)
     largest = float(np.max(P.diagonal()))
     for size in _REPAIRS:
-        repaired = P + size * largest * np.eye(len(P))
+        repaired = P + size * largest * identity(len(P))
         L, info = dpotrf(repaired, lower=1, clean=1)
         if info == 0 and largest > 0.0:
             return Factor(L, repaired, 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from kalman_ros.core import (
     Array,
@@ -19,29 +19,8 @@ from kalman_ros.core import (
     ratio,
 )
 
-
-@dataclass(frozen=True)
-class Correction:
-    """What one reading did to a belief.
-
-    Parameters
-    ----------
-    posterior
-        The belief after the reading.
-    innovation
-        The reading minus its prediction (k,).
-    innovation_covariance
-        S (k, k), what the innovation was expected to scatter by.
-    nis
-        The normalised innovation squared, chi-square with k degrees of freedom if the filter is
-        consistent (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
-        Navigation, section 5.4).
-    """
-
-    posterior: Gaussian
-    innovation: Array
-    innovation_covariance: Array
-    nis: float
+if TYPE_CHECKING:
+    from .correction import Correction  # it needs scipy, and a `Plan` does not
 
 
 class Filter(Protocol):
@@ -71,6 +50,12 @@ class Plan:
     rate: float
 
     @property
+    def linear(self) -> bool:
+        """Whether the model and every sensor are linear."""
+        sensors_are = all(timed.sensor.linear for timed in self.sensors.values())
+        return isinstance(self.model, LinearSystem) and sensors_are
+
+    @property
     def dt(self) -> float:
         """The length of a step in seconds."""
         return 1.0 / self.rate
@@ -89,8 +74,16 @@ class Plan:
         ]
 
 
-def linear_system(filter: str, model: Model) -> LinearSystem:
-    """Return the model, which the ``filter`` needs to be linear; ValueError if it is not."""
-    if not isinstance(model, LinearSystem):
-        raise ValueError(f'filter: {filter} needs a linear model, got {type(model).__name__}')
-    return model
+def linear_system(filter: str, plan: Plan) -> LinearSystem:
+    """Return the model; ValueError if it or a sensor is not linear, as the ``filter`` needs."""
+    if not isinstance(plan.model, LinearSystem):
+        kind = type(plan.model).__name__
+        raise ValueError(f'filter: {filter} needs a linear model, got {kind}')
+    for name, timed in plan.sensors.items():
+        if not timed.sensor.linear:
+            kind = type(timed.sensor).__name__
+            raise ValueError(
+                f"filter: {filter} needs linear sensors, and the {kind} '{name}' is not "
+                'declared linear; ekf and ukf take any'
+            )
+    return plan.model

@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
+from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor, identity, symmetric
 
-from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor, solve, symmetric
-
-from .filter import Correction
+from .correction import Correction
 
 
 @dataclass(frozen=True)
@@ -37,10 +35,9 @@ class FixedGainObserver:
         L, C, R = self.gains[sensor.name], sensor.jacobian(x), sensor.covariance
         innovation = sensor.output.subtract(y, sensor.measure(x))
         S = C @ P @ C.T + R
-        I_LC = np.eye(len(x)) - L @ C
+        I_LC = identity(x.size) - L @ C
         covariance = symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
-        nis = float(innovation @ solve(S, innovation))
         posterior = Gaussian(
             self.system.state.wrap(x + L @ innovation), covariance, belief.repairs
         )
-        return Correction(posterior, innovation, S, nis)
+        return Correction(posterior, innovation, S)

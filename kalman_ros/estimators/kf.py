@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor
 
-from .filter import Correction, Plan, linear_system
+from .correction import Correction
+from .filter import Plan, linear_system
 from .update import joseph_update
 
 
@@ -25,7 +26,10 @@ class KalmanFilter:
         step = self.system.sampled(dt)
         F, G, Q = step.F, step.G, step.Q
         x, P = belief.mean, belief.covariance
-        return Gaussian(F.dot(x) + G.dot(u), F.dot(P).dot(F.T) + Q, belief.repairs)
+        mean, covariance = F.dot(x), F.dot(P).dot(F.T)
+        mean += G.dot(u)
+        covariance += Q
+        return Gaussian(mean, covariance, belief.repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading; the sensor must be linear in the state."""
@@ -40,4 +44,4 @@ def build(plan: Plan) -> KalmanFilter:
     ValueError
         If the model is not linear.
     """
-    return KalmanFilter(linear_system('kf', plan.model))
+    return KalmanFilter(linear_system('kf', plan))

@@ -40,7 +40,7 @@ def build(
     """
     from scipy.signal import place_poles  # slow to import, so only here
 
-    system = linear_system('luenberger', plan.model)
+    system = linear_system('luenberger', plan)
     n = system.state.size
     poles = np.array([*observer_poles][:n], dtype=float)
     while len(poles) < n:

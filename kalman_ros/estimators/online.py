@@ -15,75 +15,20 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from enum import Enum
-from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, solve, symmetric
+from kalman_ros.core import Array, Gaussian, Sensor, is_finite
 
+from .correction import Correction
 from .factor import cholesky
-from .filter import Correction, Filter
+from .filter import Filter
+from .outcome import Outcome
+from .policy import Policy
 
 
-class Outcome(Enum):
-    """What became of a reading. Every reading has exactly one."""
-
-    FUSED = 'fused'
-    RECOVERED = 'fused: covariance widened after too many rejections'
-    REJECTED = 'rejected: outside the gate'
-    INDEFINITE = 'rejected: the update has no finite positive result'
-    NOT_FINITE = 'dropped: not finite'
-    WRONG_SIZE = 'dropped: wrong size'
-    BAD_COVARIANCE = 'dropped: covariance not positive definite'
-    DUPLICATE = 'dropped: a reading with this stamp was there'
-    TOO_OLD = 'dropped: older than the window'
-    FUTURE = 'dropped: stamped in the future'
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the reading moved the estimate."""
-        return self in (Outcome.FUSED, Outcome.RECOVERED)
-
-
-@dataclass(frozen=True)
-class Policy:
-    """How an `OnlineEstimator` treats what is late, doubtful or missing.
-
-    Parameters
-    ----------
-    window
-        Seconds for which late items are taken in; 0 takes only what comes in order.
-    gates
-        For some sensors, the largest normalised innovation squared that is fused.
-    recover_after
-        So many readings of a sensor rejected in a row widen the covariance until the next one
-        passes: a filter that is wrong and sure of it finds back. 0 never does.
-    restart_after
-        So many readings in a row that are older than the window mean that the clock went back:
-        the estimator starts anew. 0 never does.
-    max_gap
-        Seconds without anything after which the old belief is worth nothing: the estimator
-        starts anew. 0 never does.
-    future_tolerance
-        Seconds by which a stamp may be ahead of the time at which it comes.
-    from_reading
-        Start from the first reading, taken at its word, instead of from the initial belief
-        alone; what that reading does not see keeps the initial belief.
-    """
-
-    window: float = 1.0
-    gates: Mapping[str, float] | None = None
-    recover_after: int = 20
-    restart_after: int = 10
-    max_gap: float = 60.0
-    future_tolerance: float = 1.0
-    from_reading: bool = False
-
-
-@dataclass(frozen=True)
-class _State:
+class _State(NamedTuple):
     """The belief at a time, the input in effect from then on, and rejections in a row."""
 
     time: int | None
@@ -95,13 +40,14 @@ class _State:
 class _Item:
     """A reading, or an input (``sensor`` None), and where it left the estimator."""
 
-    __slots__ = ('after', 'correction', 'key', 'outcome', 'sensor', 'value')
+    __slots__ = ('after', 'correction', 'key', 'outcome', 'restarted', 'sensor', 'value')
 
     def __init__(self, key: tuple[int, int], value: Array, sensor: Sensor | None) -> None:
         self.key = key
         self.value = value
         self.sensor = sensor
         self.outcome = Outcome.FUSED
+        self.restarted = False
         self.correction: Correction | None = None
         self.after: _State
 
@@ -156,6 +102,11 @@ class OnlineEstimator:
         self._items: list[_Item] = []
         self._old_in_a_row = 0
 
+    def restart(self) -> None:
+        """Forget what came, for the clock went back, and count that."""
+        self.restarts += 1
+        self.reset(self._initial)
+
     @property
     def _head(self) -> _State:
         return self._items[-1].after if self._items else self._base
@@ -175,11 +126,17 @@ class OnlineEstimator:
         head = self._head
         return head.belief if head.time is None else self._predict(head, time)
 
-    def add_input(self, time: int, u: Array) -> Outcome:
-        """Take the input that is in effect from ``time`` on."""
+    def add_input(self, time: int, u: Array, now: int | None = None) -> Outcome:
+        """Take the input that is in effect from ``time`` on; of one stamp, the last one counts.
+
+        A controller answers twice when two readings of one instant come one after the other.
+        ``now`` is when it came, if stamps in the future are to be refused.
+        """
+        if now is not None and self._is_future(time, now):
+            return Outcome.FUTURE
         if u.shape != self._first_input.shape:
             return Outcome.WRONG_SIZE
-        if not np.isfinite(u).all():
+        if not is_finite(u):
             return Outcome.NOT_FINITE
         return self._insert(_Item((time, len(self._order)), u, None))
 
@@ -207,13 +164,13 @@ class OnlineEstimator:
         sensor: Sensor | None = self._sensors[name]
         if y.shape != self._sensors[name].covariance.shape[:1]:
             return Outcome.WRONG_SIZE, None
-        if not np.isfinite(y).all():
+        if not is_finite(y):
             return Outcome.NOT_FINITE, None
         if covariance is not None:
             sensor = self._noisy(name, covariance)
             if sensor is None:
                 return Outcome.BAD_COVARIANCE, None
-        if now is not None and time - now > self._policy.future_tolerance * 1e9:
+        if now is not None and self._is_future(time, now):
             return Outcome.FUTURE, None
         item = _Item((time, self._order[name]), y, sensor)
         outcome = self._insert(item)
@@ -223,9 +180,11 @@ class OnlineEstimator:
         self._old_in_a_row += 1
         if self._old_in_a_row != self._policy.restart_after:
             return outcome, item
-        self.restarts += 1
-        self.reset(self._initial)
+        self.restart()
         return self._insert(item), item
+
+    def _is_future(self, time: int, now: int) -> bool:
+        return time - now > self._policy.future_tolerance * 1e9
 
     def _noisy(self, name: str, covariance: Array) -> Sensor | None:
         """Return the sensor with this noise, None if it is no covariance; the last is kept."""
@@ -255,7 +214,9 @@ class OnlineEstimator:
             return Outcome.TOO_OLD
         index = bisect_left(items, item.key, key=lambda other: other.key)
         if items[index].key == item.key:
-            return Outcome.DUPLICATE
+            if item.sensor is not None or np.array_equal(items[index].value, item.value):
+                return Outcome.DUPLICATE
+            del items[index]
         items.insert(index, item)
         state = items[index - 1].after if index else self._base
         for other in items[index:]:
@@ -284,21 +245,27 @@ class OnlineEstimator:
             return state.belief
         if self._max_gap and time - state.time > self._max_gap:
             return self._initial
-        predicted = self._filter.predict(state.belief, state.u, (time - state.time) * 1e-9)
-        return predicted if _is_finite(predicted) else self._initial
+        try:
+            dt = (time - state.time) * 1e-9
+            return _committed(self._filter.predict(state.belief, state.u, dt))
+        except np.linalg.LinAlgError:
+            return self._initial
 
     def _process(self, item: _Item, state: _State) -> _State:
         """Bring ``state`` to the item's time and take the item in."""
         time, order = item.key
         belief = self._predict(state, time)
+        if belief is self._initial and state.time not in (None, time) and not item.restarted:
+            item.restarted = True
+            self.restarts += 1
         if item.sensor is None:
             item.after = _State(time, belief, item.value, state.rejections)
             return item.after
-        if state.time is None and self._policy.from_reading:
-            belief = _at_its_word(belief, item.value, item.sensor)
         streak = state.rejections[order]
         try:
-            item.outcome, item.correction = self._correct(belief, item, streak)
+            first = state.time is None and self._policy.from_reading
+            start = _at_its_word(belief, item.value, item.sensor) if first else belief
+            item.outcome, item.correction = self._correct(start, item, streak)
             if item.outcome.accepted:
                 belief = _committed(item.correction.posterior)
         except np.linalg.LinAlgError:
@@ -320,7 +287,7 @@ class OnlineEstimator:
         if not self._policy.recover_after or streak + 1 < self._policy.recover_after:
             return Outcome.REJECTED, correction
         for _ in range(_MOST_WIDENINGS):
-            belief = replace(belief, covariance=4.0 * belief.covariance)
+            belief = belief._replace(covariance=4.0 * belief.covariance)
             correction = self._filter.correct(belief, item.value, item.sensor)
             if correction.nis <= gate:
                 return Outcome.RECOVERED, correction
@@ -338,12 +305,6 @@ def _is_covariance(R: Array, size: int) -> bool:
     return bool(np.linalg.eigvalsh(R)[0] > 0.0)
 
 
-def _is_finite(belief: Gaussian) -> bool:
-    """Tell whether every number of a belief is finite."""
-    # a sum is finite only if every term is, and cheaper to test
-    return isfinite(belief.mean.sum() + belief.covariance.sum())
-
-
 def _committed(belief: Gaussian) -> Gaussian:
     """Return a belief that may be kept: finite, its covariance definite, repaired if need be.
 
@@ -352,7 +313,7 @@ def _committed(belief: Gaussian) -> Gaussian:
     numpy.linalg.LinAlgError
         If it is neither.
     """
-    if not isfinite(belief.mean.sum()):
+    if not is_finite(belief.mean):
         raise np.linalg.LinAlgError('the estimate is not finite')
     _, P, repairs = cholesky(belief.covariance)
     if not repairs:
@@ -368,5 +329,6 @@ def _at_its_word(belief: Gaussian, y: Array, sensor: Sensor) -> Gaussian:
     """
     x, P = belief.mean, belief.covariance
     H = sensor.jacobian(x)
-    K = solve(symmetric(H @ P @ H.T), H @ P).T
-    return replace(belief, mean=x + K @ sensor.output.subtract(y, sensor.measure(x)))
+    # by least squares, for a sensor may see one thing twice
+    K = np.linalg.lstsq(H @ P @ H.T, H @ P, rcond=None)[0].T
+    return belief._replace(mean=x + K @ sensor.output.subtract(y, sensor.measure(x)))

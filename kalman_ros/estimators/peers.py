@@ -16,15 +16,15 @@ from filterpy.kalman import (
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor, symmetric
 
-from .filter import Correction, Plan, linear_system
+from .correction import Correction
+from .filter import Plan, linear_system
 from .ukf import Alpha, Beta, Kappa
 
 
 def _correction(peer: Any, y: Array, innovation: Array, repairs: int) -> Correction:
     S = np.asarray(peer.S, dtype=float)
     posterior = Gaussian(np.array(peer.x, dtype=float), symmetric(np.array(peer.P)), repairs)
-    nis = float(innovation @ np.linalg.solve(S, innovation))
-    return Correction(posterior, innovation, S, nis)
+    return Correction(posterior, innovation, S)
 
 
 class _Linearised:
@@ -109,7 +109,7 @@ class _Unscented:
 
 
 def _kf(plan: Plan) -> _Linearised:
-    linear_system('kf', plan.model)
+    linear_system('kf', plan)
     return _Linearised(plan, KalmanFilter)
 
 

@@ -7,7 +7,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from kalman_ros.core import Array, DesignError, Gaussian
+from kalman_ros.core import Array, DesignError, Gaussian, solve
 
 from .filter import Plan, linear_system
 from .fixed_gain import FixedGainObserver
@@ -31,7 +31,7 @@ def build(plan: Plan) -> FixedGainObserver:
     ValueError
         If the model is not linear.
     """
-    system = linear_system('steady_state', plan.model)
+    system = linear_system('steady_state', plan)
     filter = KalmanFilter(system)
     x, u = np.zeros(system.state.size), np.zeros(system.input.size)
     P = np.eye(len(x))
@@ -43,12 +43,14 @@ def build(plan: Plan) -> FixedGainObserver:
                 sensor = plan.sensors[name].sensor
                 C, R = sensor.jacobian(x), sensor.covariance
                 P_prior = belief.covariance
-                gains[name].append(np.linalg.solve(C @ P_prior @ C.T + R, C @ P_prior).T)
+                gains[name].append(solve(C @ P_prior @ C.T + R, C @ P_prior).T)
                 belief = filter.correct(belief, sensor.measure(x), sensor).posterior
             P = belief.covariance
         if not np.all(np.isfinite(P)) or np.trace(P) > 1e100:
             break
-        if np.allclose(P, start, rtol=1e-12, atol=0.0):
+        # relative to standard deviations: what is nearly uncorrelated has no digits of its own
+        std = np.sqrt(P.diagonal())
+        if np.all(np.abs(P - start) <= 1e-12 * np.outer(std, std)):
             means = {name: np.mean(each, axis=0) for name, each in gains.items()}
             return FixedGainObserver(system, means)
     raise DesignError('filter: the error has no steady state with these sensors')

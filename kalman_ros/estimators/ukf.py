@@ -16,8 +16,9 @@ import numpy as np
 
 from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, symmetric
 
+from .correction import Correction
 from .factor import cholesky
-from .filter import Correction, Plan
+from .filter import Plan
 from .update import gain
 
 Alpha = Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)]
@@ -47,64 +48,70 @@ class UnscentedKalmanFilter:
         if not self._scale > 0.0:
             raise ValueError(f'kappa: expected more than -{self._n}, got {self.kappa:g}')
 
-    @property
+    @cached_property
     def _n(self) -> int:
         return self.model.state.size
 
-    @property
+    @cached_property
     def _scale(self) -> float:
         """N + lambda."""
         return self.alpha**2 * (self._n + self.kappa)
 
     @cached_property
+    def _directions(self) -> Array:
+        """Where the sigma points lie, in standard deviations from the mean (2n + 1, n)."""
+        eye = sqrt(self._scale) * np.eye(self._n)
+        return np.vstack((np.zeros(self._n), eye, -eye))
+
+    @cached_property
     def _weights(self) -> tuple[Array, Array]:
-        """The weights of means and of covariances (2n + 1,)."""
+        """The weights of means (2n + 1,) and of covariances (2n + 1, 1)."""
         c, n = self._scale, self._n
         mean = np.full(2 * n + 1, 0.5 / c)
         mean[0] = 1.0 - n / c
         covariance = mean.copy()
         covariance[0] += 1.0 - self.alpha**2 + self.beta
-        return mean, covariance
+        return mean, covariance[:, np.newaxis]
 
-    def _points(self, belief: Gaussian) -> tuple[Array, int]:
-        """Return the sigma points (2n + 1, n), and how often the covariance was repaired."""
-        n = self._n
+    def _offsets(self, belief: Gaussian) -> tuple[Array, int]:
+        """Return the sigma points less the mean (2n + 1, n), and the repairs so far."""
         L, _, repairs = cholesky(belief.covariance)
-        spread = sqrt(self._scale) * L.T
-        points = np.empty((2 * n + 1, n))
-        points[0] = belief.mean
-        points[1 : n + 1] = belief.mean + spread
-        points[n + 1 :] = belief.mean - spread
-        return points, belief.repairs + repairs
+        return self._directions.dot(L.T), belief.repairs + repairs
 
     def _spread(self, space: Space, points: Array) -> tuple[Array, Array, Array]:
         """Return mean, deviations, and deviations times weights of points."""
         means, covariances = self._weights
         mean = space.mean(points, means)
         deviations = space.subtract(points, mean)
-        return mean, deviations, deviations.T * covariances
+        return mean, deviations, (covariances * deviations).T
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Move every point by the model; P = sum of W d d' + Q."""
         model = self.model
-        points, repairs = self._points(belief)
-        mean, d, weighted = self._spread(model.state, model.step(points, u, dt))
+        offsets, repairs = self._offsets(belief)
+        moved = model.step(belief.mean + offsets, u, dt)
+        mean, d, weighted = self._spread(model.state, moved)
         Q = model.transition(belief.mean, u, dt).Q
         return Gaussian(mean, symmetric(weighted.dot(d) + Q), repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Fuse a reading: K = P_xy S^-1, P = P - K P_yx."""
+        """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
+
+        This is P - K S K' as a sum of squares: what the form of Bucy and Joseph is to points.
+        """
         space = self.model.state
-        points, repairs = self._points(belief)
-        predicted, dy, weighted = self._spread(sensor.output, sensor.measure(points))
-        dx = space.subtract(points, belief.mean)
+        dx, repairs = self._offsets(belief)
+        seen = sensor.measure(belief.mean + dx)
+        predicted, dy, weighted = self._spread(sensor.output, seen)
         S = weighted.dot(dy) + sensor.covariance
         P_yx = weighted.dot(dx)
         innovation = sensor.output.subtract(y, predicted)
-        K, nis = gain(S, P_yx, innovation)
+        K = gain(S, P_yx)
         mean = space.wrap(belief.mean + K.dot(innovation))
-        posterior = Gaussian(mean, symmetric(belief.covariance - K.dot(P_yx)), repairs)
-        return Correction(posterior, innovation, S, nis)
+        left = dx - dy.dot(K.T)
+        covariance = (self._weights[1] * left).T.dot(left) + K.dot(sensor.covariance).dot(K.T)
+        posterior = Gaussian(mean, symmetric(covariance), repairs)
+        return Correction(posterior, innovation, S)
 
 
 def build(

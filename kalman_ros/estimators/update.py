@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
-from kalman_ros.core import Array, Gaussian, Sensor, Space, symmetric
+from kalman_ros.core import Array, Gaussian, Sensor, Space, identity, symmetric
 
-from .filter import Correction
+from .correction import Correction
+from .lapack import dposv
 
 
 def joseph_update(belief: Gaussian, y: Array, sensor: Sensor, state: Space) -> Correction:
@@ -28,28 +28,28 @@ def joseph_update(belief: Gaussian, y: Array, sensor: Sensor, state: Space) -> C
     H, R = sensor.jacobian(x), sensor.covariance
     innovation = sensor.output.subtract(y, sensor.measure(x))
     HP = H.dot(P)  # for small matrices dot takes half the time of @
-    S = HP.dot(H.T) + R
-    K, nis = gain(S, HP, innovation)
-    I_KH = np.eye(len(x)) - K.dot(H)
-    covariance = symmetric(I_KH.dot(P).dot(I_KH.T) + K.dot(R).dot(K.T))
-    posterior = Gaussian(state.wrap(x + K.dot(innovation)), covariance, belief.repairs)
-    return Correction(posterior, innovation, S, nis)
+    S = HP.dot(H.T)
+    S += R
+    K = gain(S, HP)
+    I_KH = identity(x.size) - K.dot(H)
+    joseph = I_KH.dot(P).dot(I_KH.T)
+    joseph += K.dot(R).dot(K.T)
+    mean = K.dot(innovation)
+    mean += x
+    posterior = Gaussian(state.wrap(mean), symmetric(joseph), belief.repairs)
+    return Correction(posterior, innovation, S)
 
 
-def gain(S: Array, P_yx: Array, innovation: Array) -> tuple[Array, float]:
-    """Return the gain K = P_xy S^-1 (n, k) and the normalised innovation squared.
-
-    One Cholesky solve gives both.
+def gain(S: Array, P_yx: Array) -> Array:
+    """Return the gain K = P_xy S^-1 (n, k), by a Cholesky factor of S.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         If ``S`` (k, k) is not positive definite.
     """
-    k, n = P_yx.shape
-    right = np.empty((k, n + 1))
-    right[:, :n], right[:, n] = P_yx, innovation
-    _, solved, info = dposv(S, right)
+    _, solved, info = dposv(S, P_yx)
     if info != 0:
         raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
-    return solved[:, :n].T, float(innovation.dot(solved[:, n]))
+    K: Array = solved.T
+    return K

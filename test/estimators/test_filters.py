@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from random_systems import Linear, random_plan
 
 from kalman_ros.control.lqe import dlqe
 from kalman_ros.core import (
@@ -21,16 +22,6 @@ from kalman_ros.estimators import FILTERS, build_filter, filter_options
 from kalman_ros.estimators.factor import cholesky
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.simulation import scenario
-
-
-class Linear(Sensor):
-    def __init__(self, C, R, name):
-        self.C, self.covariance, self.name = C, R, name
-        names = tuple(f'{name}{index}' for index in range(len(C)))
-        self.output = Space(names, ('',) * len(C))
-
-    def measure(self, x):
-        return x @ self.C.T
 
 
 class Bearing(Sensor):
@@ -57,17 +48,6 @@ class Unicycle(Model):
         return np.diag([0.01, 0.01, 0.02])
 
 
-def random_plan(seed, n=4, m=2, k=2):
-    rng = np.random.default_rng(seed)
-    space = Space(tuple(f'x{index}' for index in range(n)), ('',) * n)
-    inputs = Space(tuple(f'u{index}' for index in range(m)), ('',) * m)
-    root = rng.normal(size=(n, n))
-    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, m))
-    system = LinearSystem(A, B, 0.1 * root @ root.T, space, inputs)
-    sensor = Linear(rng.normal(size=(k, n)), np.diag(rng.uniform(0.2, 2.0, k)), 'y')
-    return rng, Plan(system, {'y': TimedSensor(sensor, 10.0)}, 10.0), sensor
-
-
 def unicycle_plan():
     return Plan(Unicycle(), {'bearing': TimedSensor(Bearing(), 10.0)}, 10.0)
 
@@ -90,7 +70,7 @@ def same_beliefs(ones, others, tolerance=1e-9):
         )
 
 
-@pytest.mark.parametrize('kind', ['ekf', 'ukf'])
+@pytest.mark.parametrize('kind', ['ekf', 'ukf', 'gaussian_sum'])
 @pytest.mark.parametrize('seed', range(8))
 def test_on_linear_systems_every_filter_is_the_kalman_filter(kind, seed):
     _, plan, sensor = random_plan(seed)
@@ -130,7 +110,7 @@ def test_native_equals_filterpy_on_a_nonlinear_system_with_angles(kind):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize('kind', ['ekf', 'ukf'])
+@pytest.mark.parametrize('kind', ['ekf', 'ukf', 'gaussian_sum'])
 def test_angles_that_turn_round_and_round_lose_nothing(kind):
     model, sensor = Unicycle(), Bearing()
     filter = build_filter(kind, unicycle_plan())

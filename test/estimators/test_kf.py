@@ -1,36 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from random_systems import random_problem
 
 from kalman_ros import models
-from kalman_ros.core import Gaussian, LinearSystem, Sensor, Space
+from kalman_ros.core import Gaussian
 from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.sensors.states import States
-
-
-class Linear(Sensor):
-    def __init__(self, C, R):
-        self.C, self.covariance = C, R
-        names = tuple(f'y{index}' for index in range(len(C)))
-        self.output = Space(names, ('',) * len(C))
-
-    def measure(self, x):
-        return x @ self.C.T
-
-    def jacobian(self, x):
-        return self.C
-
-
-def random_problem(seed, n=4, m=2, k=2):
-    rng = np.random.default_rng(seed)
-    space = Space(tuple(f'x{index}' for index in range(n)), ('',) * n)
-    inputs = Space(tuple(f'u{index}' for index in range(m)), ('',) * m)
-    root = rng.normal(size=(n, n))
-    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, m))
-    system = LinearSystem(A, B, 0.1 * root @ root.T, space, inputs)
-    sensor = Linear(rng.normal(size=(k, n)), np.diag(rng.uniform(0.2, 2.0, k)))
-    prior = Gaussian(rng.normal(size=n), np.diag(rng.uniform(0.5, 2.0, n)))
-    return rng, system, sensor, prior
 
 
 @pytest.mark.parametrize('seed', range(10))

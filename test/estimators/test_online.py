@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.online import OnlineEstimator, Outcome, Policy
+from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.estimators.policy import Policy
 from kalman_ros.simulation import scenario
 
 SECOND = 1_000_000_000
@@ -76,6 +78,20 @@ def test_the_input_in_effect_is_the_one_used():
     half = filter.predict(start, np.array([1.0]), 0.5)
     expected = filter.predict(half, np.array([-1.0]), 0.5)
     np.testing.assert_allclose(found.mean, expected.mean, atol=1e-15)
+
+
+def test_of_two_inputs_with_one_stamp_the_last_counts():
+    once, twice = estimator(), estimator()
+    for online, inputs in ((once, [2.0]), (twice, [1.0, 2.0])):
+        online.add_reading('position', SECOND, np.array([0.3]))
+        for value in inputs:
+            assert online.add_input(SECOND, np.array([value])) is Outcome.FUSED
+        assert online.add_input(SECOND, np.array([2.0])) is Outcome.DUPLICATE
+        online.add_reading('velocity', 2 * SECOND, np.array([0.1]))
+    np.testing.assert_array_equal(twice.belief.mean, once.belief.mean)
+    # late too: what followed is done again
+    once.add_input(SECOND, np.array([-1.0]))
+    assert not np.array_equal(twice.belief.mean, once.belief.mean)
 
 
 def test_prediction_keeps_nothing():
@@ -236,6 +252,25 @@ def test_stamps_in_the_future_are_refused():
     ok, _ = online.add_reading('position', SECOND + 400_000_000, np.array([0.0]), now=SECOND)
     ahead, _ = online.add_reading('position', 3 * SECOND, np.array([0.0]), now=SECOND)
     assert (ok, ahead) == (Outcome.FUSED, Outcome.FUTURE)
+
+
+def test_inputs_in_the_future_are_refused_too():
+    """Else one would make every reading after it too old."""
+    online = estimator()
+    assert online.add_input(10 * SECOND, np.ones(1), now=SECOND) is Outcome.FUTURE
+    assert online.add_input(SECOND, np.ones(1), now=SECOND) is Outcome.FUSED
+    assert online.time == SECOND
+
+
+def test_what_is_rejected_or_no_reading_at_first_is_no_restart():
+    online = estimator(gates={'position': 1e-6})
+    online.add_input(SECOND, np.ones(1))
+    assert online.add_reading('position', SECOND, np.ones(1))[0] is Outcome.REJECTED
+    assert online.add_reading('velocity', SECOND, np.ones(1))[0] is Outcome.FUSED
+    assert online.restarts == 0
+    online.restart()
+    assert online.restarts == 1
+    assert online.time is None
 
 
 def test_starting_from_the_first_reading():

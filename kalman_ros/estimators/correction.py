@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a filter makes of a reading."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import NamedTuple
+
+from kalman_ros.core import Array, Gaussian
+
+from .lapack import dposv
+
+
+class Correction(NamedTuple):
+    """What one reading did to a belief.
+
+    Parameters
+    ----------
+    posterior
+        The belief after the reading.
+    innovation
+        The reading minus its prediction (k,).
+    innovation_covariance
+        S (k, k), what the innovation was expected to scatter by.
+    """
+
+    posterior: Gaussian
+    innovation: Array
+    innovation_covariance: Array
+
+    @property
+    def nis(self) -> float:
+        """The normalised innovation squared, innovation' S^-1 innovation.
+
+        It is chi-square with k degrees of freedom if the filter is consistent (Bar-Shalom, Li
+        and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4).
+        Infinite if S is not positive definite.
+        """
+        _, weighted, info = dposv(self.innovation_covariance, self.innovation)
+        return float(self.innovation.dot(weighted)) if info == 0 else inf
