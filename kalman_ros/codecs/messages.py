@@ -4,9 +4,14 @@
 from __future__ import annotations
 
 import importlib
+import struct
 from typing import Any
 
 _NANOSECONDS = 1_000_000_000
+#: The stamp of a leading header in a serialised message.
+STAMP = struct.Struct('<iI')
+#: It stands behind the four bytes that begin every message.
+STAMP_START = 4
 
 
 def message_type(name: str) -> Any:
@@ -42,4 +47,15 @@ def nanoseconds(stamp: Any) -> int:
 
 def write_stamp(stamp: Any, time: int) -> None:
     """Write ``time`` in nanoseconds into a ``builtin_interfaces/Time``, in place."""
-    stamp.sec, stamp.nanosec = divmod(time, _NANOSECONDS)
+    stamp.sec, stamp.nanosec = split(time)
+
+
+def split(time: int) -> tuple[int, int]:
+    """Return ``time`` in nanoseconds as whole seconds and the nanoseconds that are left."""
+    return divmod(time, _NANOSECONDS)
+
+
+def leading_stamp(data: bytes) -> int:
+    """Return the stamp of a serialised message whose type begins with a header, in ns."""
+    seconds, rest = STAMP.unpack_from(data, STAMP_START)
+    return int(seconds) * _NANOSECONDS + int(rest)

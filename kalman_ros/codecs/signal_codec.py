@@ -36,28 +36,29 @@ class SignalCodec:
     def __init__(self, signal: Signal, frame: str = '', child_frame: str = '') -> None:
         try:
             self.message_type = message_type(signal.type)
-            self._message = self.message_type()
-            self._paths = [parse(field, self._message) for field in signal.fields]
+            self.message = self.message_type()
+            self._paths = [parse(field, self.message) for field in signal.fields]
         except ValueError as error:
             raise ValueError(f"signal '{signal.topic}': {error}") from None
         self.size = len(self._paths)
-        self._readers = [reader(path, self._message) for path in self._paths]
-        self._blocks = blocks(self._paths, self._message, signal.covariance)
+        self._readers = [reader(path, self.message) for path in self._paths]
+        self._blocks = blocks(self._paths, self.message, signal.covariance)
         covered = sum(len(block.own) for block in self._blocks)
         self.carries_covariance = covered == self.size
+        self.has_covariance = covered > 0
         self._reads = [
             (block, flat_indices(block.own, self.size), flat_indices(block.rows, block.size))
             for block in self._blocks
         ]
-        _size_arrays(self._paths, self._message)
-        self._write = _writer(self._paths, self._message)
-        self._covariances = _covariance_views(self._blocks, self._message, self.size)
-        header = getattr(self._message, 'header', None)
+        _size_arrays(self._paths, self.message)
+        self._write = _writer(self._paths, self.message)
+        self._covariances = _covariance_views(self._blocks, self.message, self.size)
+        header = getattr(self.message, 'header', None)
         self._stamp = None if header is None else header.stamp
         if header is not None:
             header.frame_id = frame
-        if hasattr(self._message, 'child_frame_id'):
-            self._message.child_frame_id = child_frame
+        if hasattr(self.message, 'child_frame_id'):
+            self.message.child_frame_id = child_frame
 
     def decode(self, message: Any) -> Array:
         """Return the vector (n,) in a message.
@@ -96,7 +97,7 @@ class SignalCodec:
             flat = covariance.ravel()
             for view, rows, own in self._covariances:
                 view[rows] = flat[own]
-        return self._message
+        return self.message
 
 
 def named(values: Signal, names: tuple[str, ...]) -> Signal:

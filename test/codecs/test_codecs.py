@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 from kalman_ros import models
-from kalman_ros.codecs.messages import message_type, nanoseconds, write_stamp
+from kalman_ros.codecs.messages import leading_stamp, message_type, nanoseconds, write_stamp
+from kalman_ros.codecs.padding import without_padding
 from kalman_ros.codecs.signal_codec import SignalCodec, named
-from kalman_ros.codecs.wire import WireReader, leading_stamp
+from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.core import Signal
 
 STATE = models.system('mass_spring_damper_2d').state
@@ -171,3 +172,39 @@ def test_stamps_come_back(time):
     stamp = message_type('geometry_msgs/PoseStamped')().header.stamp
     write_stamp(stamp, time)
     assert nanoseconds(stamp) == time
+
+
+@pytest.mark.parametrize('name', [*PLAIN, *TURNED])
+def test_a_writer_says_what_the_codec_does(name):
+    signal = {**PLAIN, **TURNED}[name]
+    codec, write = (
+        SignalCodec(signal, 'map', 'body'),
+        WireWriter(SignalCodec(signal, 'map', 'body')),
+    )
+    rng = np.random.default_rng(0)
+    for time in (7, 1_500_000_001, 2**31 * 10**9 - 1):
+        values, root = rng.uniform(-1.0, 1.0, codec.size), rng.normal(size=(codec.size,) * 2)
+        written = write(time, values, root @ root.T)
+        if isinstance(written, bytes):
+            written = deserialize_message(written, codec.message_type)
+        assert written == codec.encode(time, values, root @ root.T)
+
+
+def test_writers_leave_nothing_to_what_memory_held_before():
+    writers = [WireWriter(SignalCodec(STATE, 'map', 'a_link')) for _ in range(20)]
+    assert len({write(5, np.ones(4), np.eye(4)) for write in writers}) == 1
+
+
+@pytest.mark.parametrize('name', [*PLAIN, *TURNED])
+def test_only_padding_is_cleaned(name):
+    codec = SignalCodec({**PLAIN, **TURNED}[name], 'map', 'a_link')
+    message = codec.encode(3_000_000_007, np.linspace(0.1, 0.9, codec.size))
+    data = bytes(serialize_message(message))
+    clean = without_padding(data, message)
+    assert deserialize_message(clean, codec.message_type) == message
+    changed = [place for place, (a, b) in enumerate(zip(data, clean)) if a != b]
+    assert all(clean[place] == 0 for place in changed)
+    dirty = bytearray(data)
+    for place in changed:
+        dirty[place] ^= 0xFF
+    assert without_padding(bytes(dirty), message) == clean

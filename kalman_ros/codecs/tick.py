@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ticks of lockstep on the wire: a stamp, and on which topics readings come at that step.
+
+A topic alone means a reading that is stamped as the tick; a late one is named with its own stamp
+in nanoseconds, ``position@1050000000``. A topic that is named twice has two readings.
+
+Which topics there are mostly repeats from step to step, so only the stamp of the tick is written
+and read anew.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import TimeReference
+
+from .messages import STAMP, STAMP_START, leading_stamp, split
+
+#: A stamp in nanoseconds has fewer.
+_DIGITS = 20
+
+
+def write_tick(time: int, topics: tuple[str, ...]) -> bytes:
+    """Return the tick of the step at ``time``, in nanoseconds, with readings on ``topics``."""
+    data = bytearray(_unstamped(topics))
+    STAMP.pack_into(data, STAMP_START, *split(time))
+    return bytes(data)
+
+
+def read_tick(data: bytes) -> tuple[int, tuple[str, ...]]:
+    """Return the time and the topics of a tick."""
+    end = STAMP_START + STAMP.size
+    return leading_stamp(data), _topics(data[:STAMP_START] + bytes(STAMP.size) + data[end:])
+
+
+def mention(topic: str, stamp: int, time: int) -> str:
+    """Return how the tick at ``time`` names a reading; both are in nanoseconds."""
+    return topic if stamp == time else f'{topic}@{stamp}'
+
+
+def mentioned(text: str, time: int) -> tuple[str, int]:
+    """Return the topic and the stamp of a reading that the tick at ``time`` names.
+
+    What is behind the sign and no stamp belongs to the name, which is then that of no topic.
+    """
+    if '@' not in text:
+        return text, time
+    topic, _, stamp = text.partition('@')
+    is_stamp = stamp.isdecimal() and len(stamp) < _DIGITS
+    return (topic, int(stamp)) if is_stamp else (text, time)
+
+
+@lru_cache(maxsize=256)
+def _unstamped(topics: tuple[str, ...]) -> bytes:
+    return bytes(serialize_message(TimeReference(source=','.join(topics))))
+
+
+@lru_cache(maxsize=256)
+def _topics(unstamped: bytes) -> tuple[str, ...]:
+    source = deserialize_message(unstamped, TimeReference).source
+    return tuple(topic for topic in source.split(',') if topic)
