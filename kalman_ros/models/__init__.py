@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from kalman_ros.core import Model, Signal, System, find
+from kalman_ros.core import LinearSystem, Model, Signal, System, find
 from kalman_ros.core.registry import names as _names
 
 #: What the nodes run when they are told nothing.
@@ -46,7 +46,7 @@ def by_name(build: Callable[..., Model], model: Model) -> System:
     """Return the wiring of a model by the names of its states and inputs, without sensors.
 
     States go by ``sensor_msgs/JointState``, inputs by ``std_msgs/Float64MultiArray``; costs and
-    initial deviations are ones, and the equilibrium is the origin.
+    initial deviations are ones.
     """
     n, m = model.state.size, model.input.size
     positions = tuple(f'position[{name}]' for name in model.state.names)
@@ -60,6 +60,7 @@ def by_name(build: Callable[..., Model], model: Model) -> System:
         input_cost=(1.0,) * m,
         initial_state=(0.0,) * n,
         initial_std=(1.0,) * n,
+        filter='kf' if isinstance(model, LinearSystem) else 'ekf',
     )
 
 

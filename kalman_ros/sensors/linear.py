@@ -26,6 +26,8 @@ class Linear(Sensor):
         Names of the coordinates of y; numbered if there are too few.
     """
 
+    linear = True
+
     def __init__(
         self,
         state: Space,
@@ -42,7 +44,7 @@ class Linear(Sensor):
 
     def measure(self, x: Array) -> Array:
         """Return C x."""
-        return np.asarray(x @ self._C.T)
+        return np.asarray(x.dot(self._C.T))
 
     def jacobian(self, x: Array) -> Array:
         """Return C."""

@@ -24,6 +24,8 @@ class States(Sensor):
         The names of the states that are read.
     """
 
+    linear = True
+
     def __init__(
         self,
         state: Space,
@@ -37,7 +39,7 @@ class States(Sensor):
 
     def measure(self, x: Array) -> Array:
         """Return the states that are read."""
-        return x.take(self._indices, axis=-1)
+        return x.take(self._indices, -1)
 
     def jacobian(self, x: Array) -> Array:
         """Return the rows of the identity that select them."""

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A target that is tracked by its direction alone, from a vehicle that knows how it steers."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+
+
+def bearing_tracker(
+    acceleration_noise: Annotated[
+        float,
+        About("spectral density of the target's acceleration, each axis", 'm^2/s^3', minimum=0.0),
+    ] = 9e-6,
+) -> LinearSystem:
+    """Return p' = v, v' = w - a: the target less the observer, which accelerates by a.
+
+    The axes do not turn with the observer. As long as the observer keeps its velocity, no
+    reading of direction tells the range; a turn of its own does (S. Nardone and V. Aidala,
+    Observability Criteria for Bearings-Only Target Motion Analysis, IEEE Trans. Aerospace and
+    Electronic Systems 17(2), 1981). Until then the range is what the first belief says.
+    """
+    zero, one = np.zeros((2, 2)), np.eye(2)
+    return LinearSystem(
+        A=np.block([[zero, one], [zero, zero]]),
+        B=np.vstack((zero, -one)),
+        W=np.block([[zero, zero], [zero, acceleration_noise * one]]),
+        state=Space(('x', 'y', 'v_x', 'v_y'), ('m', 'm', 'm/s', 'm/s')),
+        input=Space(('a_x', 'a_y'), ('m/s^2', 'm/s^2')),
+    )
+
+
+SYSTEM = System(
+    build=bearing_tracker,
+    sensors={
+        'bearing': SensorSetup(
+            kind='bearing',
+            options={'measures': ['x', 'y']},
+            noise=(0.026,),
+            rate=0.1,
+            signal=Signal(
+                'bearing',
+                'geometry_msgs/PoseWithCovarianceStamped',
+                ('pose.pose.orientation.yaw',),
+            ),
+        ),
+    },
+    state=Signal(
+        'estimate',
+        'sensor_msgs/JointState',
+        ('position[x]', 'position[y]', 'velocity[x]', 'velocity[y]'),
+    ),
+    input=Signal(
+        'own_acceleration',
+        'geometry_msgs/AccelStamped',
+        ('accel.linear.x', 'accel.linear.y'),
+    ),
+    # weights of a pursuit so slow that a ship can follow
+    state_cost=(1e-12, 1e-12, 0.0, 0.0),
+    input_cost=(1.0, 1.0),
+    initial_state=(850.0, 4920.0, -3.5, -2.6),
+    initial_estimate=(600.0, 3500.0, 0.0, 0.0),
+    initial_std=(2000.0, 2000.0, 2.0, 2.0),
+    filter='gaussian_sum',
+)

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Something that is tracked in the plane and keeps its velocity, more or less."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+
+
+def constant_velocity(
+    acceleration_noise: Annotated[
+        float, About('spectral density of the acceleration on each axis', 'm^2/s^3', minimum=0.0)
+    ] = 0.45,
+) -> LinearSystem:
+    """Return p' = v, v' = w along both axes, with w white; nobody steers it that we know of.
+
+    Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation
+    (2001), section 6.2.2.
+    """
+    zero, one = np.zeros((2, 2)), np.eye(2)
+    return LinearSystem(
+        A=np.block([[zero, one], [zero, zero]]),
+        B=np.zeros((4, 0)),
+        W=np.block([[zero, zero], [zero, acceleration_noise * one]]),
+        state=Space(('x', 'y', 'v_x', 'v_y'), ('m', 'm', 'm/s', 'm/s')),
+        input=Space((), ()),
+    )
+
+
+SYSTEM = System(
+    build=constant_velocity,
+    sensors={
+        'lidar': SensorSetup(
+            kind='states',
+            options={'measures': ['x', 'y']},
+            noise=(0.15, 0.15),
+            rate=10.0,
+            signal=Signal(
+                'lidar',
+                'geometry_msgs/PoseWithCovarianceStamped',
+                ('pose.pose.position.x', 'pose.pose.position.y'),
+            ),
+        ),
+        'radar': SensorSetup(
+            kind='radar',
+            options={'measures': ['x', 'y', 'v_x', 'v_y']},
+            noise=(0.3, 0.03, 0.3),
+            rate=7.0,
+            signal=Signal(
+                'radar',
+                'sensor_msgs/JointState',
+                ('position[range]', 'position[bearing]', 'position[range_rate]'),
+            ),
+        ),
+    },
+    state=Signal(
+        'estimate',
+        'sensor_msgs/JointState',
+        ('position[x]', 'position[y]', 'velocity[x]', 'velocity[y]'),
+    ),
+    initial_state=(20.0, 10.0, -1.0, 2.0),
+    initial_estimate=(19.0, 11.0, 0.0, 0.0),
+    initial_std=(1.0, 1.0, 5.0, 5.0),
+    filter='ekf',
+)

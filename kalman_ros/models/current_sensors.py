@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two electrical currents, of which one sensor reads the sum: a state that nothing moves in."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+
+
+def current_sensors(
+    main_resistance: Annotated[
+        float, About('resistance of the main motor', 'Ohm', minimum=1e-9)
+    ] = 0.5,
+    main_inductance: Annotated[
+        float, About('inductance of the main motor', 'H', minimum=1e-9)
+    ] = 0.1,
+    thruster_resistance: Annotated[
+        float, About('resistance of the thruster', 'Ohm', minimum=1e-9)
+    ] = 1.0,
+    thruster_inductance: Annotated[
+        float, About('inductance of the thruster', 'H', minimum=1e-9)
+    ] = 0.1,
+    voltage_noise: Annotated[
+        float, About('spectral density of the random voltage on each', 'V^2 s', minimum=0.0)
+    ] = 0.01,
+) -> LinearSystem:
+    """Return L di/dt + R i = u + w for the main motor and for the thruster.
+
+    Each current follows its voltage as a first-order lag with the time constant L / R. The
+    sensors read i_m + i_t and i_t, so C = [[1, 1], [0, 1]] is square and can be inverted: C^-1 y
+    is an estimate without any dynamics, and as noisy as the sensors are.
+    """
+    R = np.array([main_resistance, thruster_resistance])
+    L = np.array([main_inductance, thruster_inductance])
+    return LinearSystem(
+        A=np.diag(-R / L),
+        B=np.diag(1.0 / L),
+        W=np.diag(voltage_noise / L**2),
+        state=Space(('i_m', 'i_t'), ('A', 'A')),
+        input=Space(('u_m', 'u_t'), ('V', 'V')),
+    )
+
+
+SYSTEM = System(
+    build=current_sensors,
+    sensors={
+        'currents': SensorSetup(
+            kind='linear',
+            options={'C': [1.0, 1.0, 0.0, 1.0], 'names': ['total', 'thruster']},
+            noise=(0.5, 0.3),
+            rate=100.0,
+            signal=Signal(
+                'currents',
+                'sensor_msgs/JointState',
+                ('position[total]', 'position[thruster]'),
+            ),
+        ),
+    },
+    state=Signal('estimate', 'sensor_msgs/JointState', ('position[i_m]', 'position[i_t]')),
+    input=Signal('voltage', 'sensor_msgs/JointState', ('position[u_m]', 'position[u_t]')),
+    state_cost=(1.0, 1.0),
+    input_cost=(1.0, 1.0),
+    initial_state=(5.0, 2.0),
+    initial_std=(5.0, 5.0),
+)

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Navigation in the plane: positions now and then, an IMU often, and the biases of the IMU."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, Array, Model, SensorSetup, Signal, Space, System
+
+
+class GnssImu(Model):
+    """x' = v cos psi, y' = v sin psi, psi' = omega, v' = a, and biases b of the IMU that wander.
+
+    Acceleration and yaw rate die out by themselves, a' = -a / T + w and omega' = -omega / T + w
+    (R. Singer, Estimating Optimal Tracking Filter Performance for Manned Maneuvering Targets,
+    IEEE Trans. Aerospace and Electronic Systems 6(4), 1970). The IMU reads a + b_a and
+    omega + b_omega. Its readings are taken as readings and not as inputs: so they have stamps,
+    gates, a covariance from the message and an NIS like any other, several IMUs or none are as
+    good as one, and the simulated vehicle moves without being told how. The price is two states
+    more and a guess of how lively the vehicle is.
+    """
+
+    state = Space(
+        ('x', 'y', 'psi', 'v', 'omega', 'a', 'b_omega', 'b_a'),
+        ('m', 'm', 'rad', 'm/s', 'rad/s', 'm/s^2', 'rad/s', 'm/s^2'),
+        angles=('psi',),
+    )
+    input = Space((), ())
+    max_step = 0.05
+
+    def __init__(
+        self,
+        manoeuvre_time: Annotated[
+            float, About('time in which a manoeuvre dies out', 's', minimum=1e-3)
+        ] = 2.0,
+        acceleration_noise: Annotated[
+            float, About('spectral density of the jerk', 'm^2/s^5', minimum=0.0)
+        ] = 0.5,
+        turn_noise: Annotated[
+            float, About('spectral density of the change of yaw rate', 'rad^2/s^3', minimum=0.0)
+        ] = 0.02,
+        bias_noise: Annotated[
+            float, About('spectral density of the bias of acceleration', 'm^2/s^5', minimum=0.0)
+        ] = 1e-6,
+        gyro_bias_noise: Annotated[
+            float, About('spectral density of the bias of yaw rate', 'rad^2/s^3', minimum=0.0)
+        ] = 1e-9,
+    ) -> None:
+        self._decay = 1.0 / manoeuvre_time
+        noise = (turn_noise, acceleration_noise, gyro_bias_noise, bias_noise)
+        self._noise = np.diag([0.0, 0.0, 0.0, 0.0, *noise])
+
+    def derivative(self, x: Array, u: Array) -> Array:
+        """Return the motion of the vehicle; the biases stay."""
+        _, _, psi, v, omega, a, b, _ = np.moveaxis(x, -1, 0)
+        still = np.zeros_like(b)
+        motion = (v * np.cos(psi), v * np.sin(psi), omega, a)
+        dying = (-self._decay * omega, -self._decay * a)
+        return np.stack((*motion, *dying, still, still), axis=-1)
+
+    def state_jacobian(self, x: Array, u: Array) -> Array:
+        """Return how heading and speed turn the velocity, and what follows from what."""
+        psi, v = x[2:4]
+        A = np.zeros((8, 8))
+        A[:2, 2] = -v * np.sin(psi), v * np.cos(psi)
+        A[:2, 3] = np.cos(psi), np.sin(psi)
+        A[2, 4] = A[3, 5] = 1.0
+        A[4, 4] = A[5, 5] = -self._decay
+        return A
+
+    def noise_density(self, x: Array) -> Array:
+        """Return the noise of the manoeuvres and of the biases."""
+        return self._noise
+
+
+SYSTEM = System(
+    build=GnssImu,
+    sensors={
+        'gnss': SensorSetup(
+            kind='states',
+            options={'measures': ['x', 'y']},
+            noise=(0.5, 0.5),
+            rate=5.0,
+            signal=Signal(
+                'gnss',
+                'geometry_msgs/PoseWithCovarianceStamped',
+                ('pose.pose.position.x', 'pose.pose.position.y'),
+            ),
+        ),
+        'imu': SensorSetup(
+            kind='linear',
+            options={
+                'C': [
+                    *(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0),
+                    *(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0),
+                ],
+                'names': ['acceleration', 'yaw_rate'],
+            },
+            noise=(0.1, 0.01),
+            rate=100.0,
+            signal=Signal(
+                'imu', 'sensor_msgs/Imu', ('linear_acceleration.x', 'angular_velocity.z')
+            ),
+        ),
+    },
+    state=Signal(
+        'estimate',
+        'sensor_msgs/JointState',
+        tuple(f'position[{name}]' for name in GnssImu.state.names),
+    ),
+    initial_state=(0.0, 0.0, 0.5, 10.0, 0.0, 0.0, 0.02, 0.1),
+    initial_estimate=(0.0, 0.0, 0.4, 9.0, 0.0, 0.0, 0.0, 0.0),
+    initial_std=(1.0, 1.0, 0.2, 2.0, 0.2, 1.0, 0.02, 0.2),
+    filter='ekf',
+)

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A submersible in the vertical plane: surge, heave and pitch, driven by three thrusters."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, Array, Model, OperatingPoint, SensorSetup, Signal, Space, System
+
+
+class Submersible(Model):
+    """A rigid body in water, after T. I. Fossen, Handbook of Marine Craft Hydrodynamics (2011).
+
+    Position x, z and pitch are in the world, with z up; surge u, heave w and the pitch rate q are
+    along the body's axes. With REP-103 axes pitch is positive nose down. M v' + C(v) v + D(v) v
+    = thrust + buoyancy, with a diagonal M that includes added mass, linear and quadratic drag,
+    and a righting moment since the buoyancy acts above the centre of gravity. The inputs are the
+    thrusts along the body, of one thruster, and up, of two, fore and aft.
+
+    An attitude as roll, pitch and yaw tells pitch only within +-90 degrees.
+    """
+
+    state = Space(
+        ('x', 'z', 'pitch', 'u', 'w', 'q'),
+        ('m', 'm', 'rad', 'm/s', 'm/s', 'rad/s'),
+        angles=('pitch',),
+    )
+    input = Space(('surge', 'fore', 'aft'), ('N', 'N', 'N'))
+    max_step = 0.05
+
+    def __init__(
+        self,
+        surge_mass: Annotated[float, About('mass in surge, water too', 'kg', minimum=1e-9)] = 35.0,
+        heave_mass: Annotated[float, About('mass in heave, water too', 'kg', minimum=1e-9)] = 55.0,
+        pitch_inertia: Annotated[
+            float, About('moment of inertia, water too', 'kg m^2', minimum=1e-9)
+        ] = 4.0,
+        linear_drag: Annotated[
+            float, About('drag of surge and heave', 'N s/m', minimum=0.0)
+        ] = 8.0,
+        quadratic_drag: Annotated[
+            float, About('drag of surge and heave', 'N s^2/m^2', minimum=0.0)
+        ] = 40.0,
+        angular_drag: Annotated[float, About('drag of pitch', 'N m s', minimum=0.0)] = 1.0,
+        quadratic_angular_drag: Annotated[
+            float, About('drag of pitch', 'N m s^2', minimum=0.0)
+        ] = 4.0,
+        buoyancy: Annotated[float, About('buoyancy less weight', 'N')] = 5.0,
+        righting_moment: Annotated[float, About('weight times metacentric height', 'N m')] = 10.0,
+        arm: Annotated[
+            float, About('from the centre to the thrusters fore and aft', 'm', minimum=1e-9)
+        ] = 0.4,
+        force_noise: Annotated[
+            float, About('spectral density of the random forces', 'N^2 s', minimum=0.0)
+        ] = 0.5,
+        moment_noise: Annotated[
+            float, About('spectral density of the random moment', '(N m)^2 s', minimum=0.0)
+        ] = 0.01,
+    ) -> None:
+        self._inertia = np.array([surge_mass, heave_mass, pitch_inertia])
+        self._linear = np.array([linear_drag, linear_drag, angular_drag])
+        self._quadratic = np.array([quadratic_drag, quadratic_drag, quadratic_angular_drag])
+        self._buoyancy, self._righting = buoyancy, righting_moment
+        self._thrusters = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, -arm, arm]])
+        noise = np.array([force_noise, force_noise, moment_noise])
+        self._noise = np.diag([0.0, 0.0, 0.0, *(noise / self._inertia**2)])
+
+    @property
+    def equilibrium(self) -> OperatingPoint:
+        """At the origin and level, where the vertical thrusters hold the buoyancy down."""
+        return OperatingPoint(np.zeros(6), np.array([0.0, -0.5, -0.5]) * self._buoyancy)
+
+    def derivative(self, x: Array, u: Array) -> Array:
+        """Return the velocities in the world, and the accelerations along the body's axes."""
+        sine, cosine = np.sin(x[..., 2]), np.cos(x[..., 2])
+        nu = x[..., 3:]
+        surge, heave, q = np.moveaxis(nu, -1, 0)
+        m_x, m_z, _ = self._inertia
+        velocity = (surge * cosine + heave * sine, heave * cosine - surge * sine, q)
+        coriolis = (m_z * heave * q, -m_x * surge * q, (m_x - m_z) * surge * heave)
+        lift = (-self._buoyancy * sine, self._buoyancy * cosine, -self._righting * sine)
+        force = u @ self._thrusters.T + np.stack(lift, axis=-1) - np.stack(coriolis, axis=-1)
+        force = force - (self._linear + self._quadratic * np.abs(nu)) * nu
+        return np.concatenate((np.stack(velocity, axis=-1), force / self._inertia), axis=-1)
+
+    def input_jacobian(self, x: Array, u: Array) -> Array:
+        """Return what the thrusters do to the velocities."""
+        return np.vstack((np.zeros((3, 3)), self._thrusters / self._inertia[:, np.newaxis]))
+
+    def noise_density(self, x: Array) -> Array:
+        """Return what random forces and moments do to the velocities."""
+        return self._noise
+
+
+SYSTEM = System(
+    build=Submersible,
+    sensors={
+        'pressure': SensorSetup(
+            kind='pressure',
+            noise=(300.0,),
+            rate=20.0,
+            signal=Signal('pressure', 'sensor_msgs/FluidPressure', ('fluid_pressure',)),
+        ),
+        'imu': SensorSetup(
+            kind='states',
+            options={'measures': ['pitch', 'q']},
+            noise=(0.02, 0.01),
+            rate=100.0,
+            signal=Signal('imu', 'sensor_msgs/Imu', ('orientation.pitch', 'angular_velocity.y')),
+        ),
+    },
+    state=Signal(
+        'estimate',
+        'nav_msgs/Odometry',
+        (
+            'pose.pose.position.x',
+            'pose.pose.position.z',
+            'pose.pose.orientation.pitch',
+            'twist.twist.linear.x',
+            'twist.twist.linear.z',
+            'twist.twist.angular.y',
+        ),
+    ),
+    input=Signal(
+        'thrust', 'sensor_msgs/JointState', ('effort[surge]', 'effort[fore]', 'effort[aft]')
+    ),
+    # upright matters much, a vertical displacement little
+    state_cost=(1.0, 1.0, 1000.0, 1.0, 1.0, 10.0),
+    input_cost=(0.1, 0.1, 0.1),
+    initial_state=(0.0, -5.0, 0.4, 0.2, 0.0, 0.0),
+    # nothing reads the speeds: were they much less certain, no filter here would be consistent
+    initial_std=(0.1, 10.0, 0.5, 0.2, 0.2, 0.5),
+    filter='ekf',
+)

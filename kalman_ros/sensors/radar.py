@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A radar at the origin: range, bearing and range rate of something in the plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from kalman_ros.core import About, Array, Sensor, Space, variances
+
+#: Nearer than this, in m, a bearing means nothing.
+_NEAREST = 1e-6
+
+
+class Radar(Sensor):
+    """r = |p|, phi = atan2(p_y, p_x), r' = p . v / r.
+
+    Parameters
+    ----------
+    state
+        The space of the state.
+    noise
+        Standard deviations of range, bearing and range rate, in m, rad and m/s.
+    measures
+        The names of the states that are the position and the velocity: x, y, and either two
+        components of the velocity, or a speed and its heading, which is an angle of the state.
+    """
+
+    def __init__(
+        self,
+        state: Space,
+        noise: Sequence[float],
+        measures: Annotated[
+            Sequence[str],
+            About('names of position and velocity: x, y, and v_x, v_y or speed and heading'),
+        ] = ('x', 'y', 'v_x', 'v_y'),
+    ) -> None:
+        self._indices = np.array(state.indices(measures, 'measures'), dtype=np.intp)
+        if len(self._indices) != 4:
+            raise ValueError(f'measures: expected 4 names, got {len(self._indices)}')
+        self._by_heading = measures[3] in state.angles
+        self._select = np.eye(state.size)[self._indices]
+        self.output = Space(
+            ('range', 'bearing', 'range_rate'), ('m', 'rad', 'm/s'), angles=('bearing',)
+        )
+        self.covariance = variances('noise', noise, 3)
+
+    def measure(self, x: Array) -> Array:
+        """Return range, bearing and range rate."""
+        px, py, vx, vy = self._motion(x)
+        r = np.maximum(np.hypot(px, py), _NEAREST)
+        return np.stack((r, np.arctan2(py, px), (px * vx + py * vy) / r), axis=-1)
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the derivatives by position and velocity, times those by the state."""
+        px, py, vx, vy = self._motion(x)
+        r = np.maximum(np.hypot(px, py), _NEAREST)
+        cross = (vx * py - vy * px) / r**3
+        H = np.array(
+            [
+                [px / r, py / r, 0.0, 0.0],
+                [-py / r**2, px / r**2, 0.0, 0.0],
+                [py * cross, -px * cross, px / r, py / r],
+            ]
+        )
+        return np.asarray(H @ self._turned(x) @ self._select)
+
+    def _motion(self, x: Array) -> tuple[Array, ...]:
+        """Return position and velocity, each (...,)."""
+        px, py, a, b = np.moveaxis(x.take(self._indices, -1), -1, 0)
+        if self._by_heading:
+            return px, py, a * np.cos(b), a * np.sin(b)
+        return px, py, a, b
+
+    def _turned(self, x: Array) -> Array:
+        """Return the derivative (4, 4) of position and velocity by the states that tell them."""
+        turned = np.eye(4)
+        if self._by_heading:
+            speed, heading = x[self._indices[2:]]
+            c, s = np.cos(heading), np.sin(heading)
+            turned[2:, 2:] = [[c, -speed * s], [s, speed * c]]
+        return turned
+
+
+SENSOR = Radar
