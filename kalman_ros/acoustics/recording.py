@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sound that was recorded: a WAV file with one channel a microphone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Channels of sound.
+
+    Parameters
+    ----------
+    sample_rate
+        Samples a second.
+    channels
+        The sound (M, N), in whatever unit.
+    """
+
+    sample_rate: float
+    channels: Array
+
+    def frame(self, start: float, samples: int) -> Array | None:
+        """Return so many samples (M, samples) from ``start`` seconds on; None past the end."""
+        first = round(start * self.sample_rate)
+        frame = self.channels[:, first : first + samples]
+        return frame if frame.shape[1] == samples else None
+
+
+def read(path: Path, channels: int) -> Recording:
+    """Return the recording in a WAV file with so many channels.
+
+    Raises
+    ------
+    ValueError
+        If there is none, it cannot be read, or it has more or fewer channels.
+    """
+    from scipy.io import wavfile  # it takes long to import, and few need it
+
+    try:
+        sample_rate, data = wavfile.read(path)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"recording: cannot read '{path}': {error}") from None
+    sound = np.atleast_2d(data.T)
+    if len(sound) != channels:
+        raise ValueError(
+            f'recording: expected {channels} channels, one a microphone, got {len(sound)}'
+        )
+    return Recording(float(sample_rate), sound.astype(float))
