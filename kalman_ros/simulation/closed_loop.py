@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from kalman_ros.core import Array
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.policy import Policy
 
 from .plant import SimulatedPlant
 from .scenario import Scenario
@@ -29,45 +31,56 @@ class _Log:
 
 def run(
     scenario: Scenario,
-    gain: Array,
+    gain: Array | None,
     seconds: float,
     seed: int,
     *,
-    filter: str = 'kf',
+    filter: str = '',
     believed: Scenario | None = None,
+    command: Callable[[float], Array] | None = None,
+    arrives: Callable[[str, float], bool] = lambda name, time: True,
 ) -> Trajectory:
-    """Return what happens when u = -K x_hat drives the plant of a scenario.
+    """Return what happens when u = u_0 - K (x_hat - x_0) drives the plant of a scenario.
 
     Parameters
     ----------
     scenario
         The system.
     gain
-        K (m, n).
+        K (m, n); None for an open loop.
     seconds
         How long; the step at this time is the last.
     seed
         Of all noise.
     filter
-        The name of the filter.
+        The name of the filter; the one that suits the scenario if it is left empty.
     believed
         The system that the estimator believes in, if it is another one.
+    command
+        u_0 (m,) at a time in seconds; the input of the equilibrium unless told otherwise.
+    arrives
+        Whether the reading that a sensor takes at a time reaches the estimator.
     """
     believed = believed or scenario
     timed = {name: source.timed for name, source in scenario.sensors.items()}
     plant = SimulatedPlant(scenario.model, timed, scenario.rate, scenario.initial_state, seed)
     sensors = {name: source.sensor for name, source in believed.sensors.items()}
+    space, (x0, u0) = believed.model.state, believed.model.equilibrium
+    K = np.zeros((u0.size, x0.size)) if gain is None else gain
     estimator = OnlineEstimator(
-        build_filter(filter, believed.plan),
+        build_filter(filter or believed.filter, believed.plan),
         sensors,
         believed.initial_belief,
-        np.zeros(scenario.model.input.size),
+        u0,
+        Policy(max_gap=0.0),
     )
     logs = {name: _Log() for name in sensors}
     rows = []
     for step in range(round(seconds * scenario.rate) + 1):
         time = round(step * plant.dt * 1e9)
         for name, y in plant.readings().items():
+            if not arrives(name, time * 1e-9):
+                continue
             _, correction = estimator.add_reading(name, time, y)
             log = logs[name]
             log.time.append(time * 1e-9)
@@ -77,7 +90,8 @@ def run(
                 log.std.append(np.sqrt(correction.innovation_covariance.diagonal()))
                 log.nis.append(correction.nis)
         belief = estimator.predicted(time)
-        u = -(gain @ belief.mean)
+        start = u0 if command is None else command(time * 1e-9)
+        u = start - K @ space.subtract(belief.mean, x0)
         rows.append((time * 1e-9, plant.state, belief.mean, belief.covariance, u))
         estimator.add_input(time, u)
         plant.step(u)

@@ -10,16 +10,21 @@ import numpy as np
 from kalman_ros.core import Array
 
 
-class NoiseSource:
-    """Draws from N(0, covariance).
+def stream(seed: int, name: str) -> np.random.Generator:
+    """Return the stream of random numbers of a source.
 
-    The stream depends on the seed and the source's name alone, so that adding, dropping or
-    changing one source leaves every other as it was.
+    It depends on the seed and the source's name alone, so that adding, dropping or changing one
+    source leaves every other as it was.
     """
+    sequence = np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()),))
+    return np.random.Generator(np.random.PCG64(sequence))
+
+
+class NoiseSource:
+    """Draws from N(0, covariance), from a `stream` of its own."""
 
     def __init__(self, seed: int, name: str) -> None:
-        sequence = np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()),))
-        self._generator = np.random.Generator(np.random.PCG64(sequence))
+        self._generator = stream(seed, name)
         self._covariance: Array | None = None
         self._factor: Array
 

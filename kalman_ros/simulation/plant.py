@@ -5,9 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from kalman_ros.core import Array, Model, TimedSensor, is_due, ratio
 
-from .noise import NoiseSource
+from .actuator import Actuator
+from .faults.body import BodyFaults, BodyOptions
+from .noise import NoiseSource, stream
 
 
 class SimulatedPlant:
@@ -41,6 +45,11 @@ class SimulatedPlant:
         self.state = initial_state
         self._read: dict[str, Array] | None = None
         self._seed = seed
+        self.actuator = Actuator(np.ones(model.input.size))
+        #: What goes wrong where the input acts.
+        self.faults = BodyFaults(BodyOptions(), model.input.size)
+        self._command: Array = np.zeros(model.input.size)
+        self._loss, self._push = stream(seed, 'fault loss'), stream(seed, 'fault disturbance')
         self._process_noise = NoiseSource(seed, 'process')
         self._sensor_noise: dict[str, NoiseSource] = {}
         self.configure(model, sensors)
@@ -53,11 +62,29 @@ class SimulatedPlant:
             if name not in self._sensor_noise:
                 self._sensor_noise[name] = NoiseSource(self._seed, f'sensor {name}')
 
-    def step(self, u: Array) -> None:
-        """Move on by one step with the input ``u`` (m,) held, and draw its process noise."""
-        model, x = self.model, self.state
+    @property
+    def time(self) -> int:
+        """The time of this step, in nanoseconds since step 0."""
+        return round(self.steps * self.dt * 1e9)
+
+    def step(self, u: Array, disturbance: Array | None = None) -> None:
+        """Move on by one step and draw its process noise.
+
+        The input ``u`` (m,) is held, and acts as the actuator and its faults let it; a
+        ``disturbance`` (m,) adds to what then acts.
+        """
+        model, x, time = self.model, self.state, self.steps * self.dt
         noise = self._process_noise.draw(model.transition(x, u, self.dt).Q)
-        self.state = model.state.wrap(model.step(x, u, self.dt) + noise)
+        faults = self.faults if self.faults.act(time) else None
+        if faults is None or not faults.lose(self._loss):
+            self._command = u
+        push = np.zeros_like(u) if disturbance is None else disturbance
+        if faults is not None:
+            push = push + faults.push(time, self.dt, self._push)
+        for duration, acting in self.actuator(self._command, self.dt):
+            moving = acting if faults is None else faults.moved(acting)
+            x = model.step(x, moving + push, duration)
+        self.state = model.state.wrap(x + noise)
         self.steps += 1
         self._read = None
 

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Annotated, Any
 
+import numpy as np
+
 from kalman_ros import models, sensors
+from kalman_ros.control.laws import LAWS, law_options
 from kalman_ros.core import (
     About,
     Array,
@@ -33,7 +36,10 @@ from kalman_ros.core import (
     vector,
 )
 from kalman_ros.core.registry import find
+from kalman_ros.estimators import FILTERS
 from kalman_ros.estimators.filter import Plan
+
+from . import faults
 
 POLICIES = ('message', 'configuration', 'larger')
 
@@ -46,6 +52,8 @@ class SensorSource:
     signal: Signal
     covariance_from: str
     reliable: bool
+    gate: float
+    faults: Mapping[str, Value]
 
     @property
     def sensor(self) -> Sensor:
@@ -66,6 +74,9 @@ class Scenario:
     initial_belief: Gaussian
     state_cost: Array
     input_cost: Array
+    filter: str
+    law: str
+    law_options: Mapping[str, Value]
 
     @property
     def plan(self) -> Plan:
@@ -112,12 +123,23 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
                 live=True,
             ),
         ),
+        'gate': (
+            1.0,
+            About(
+                'probability with which a good reading passes its gate; 1 for no gate',
+                minimum=0.5,
+                maximum=1.0,
+                live=True,
+            ),
+        ),
         'reliable': (
             False,
             About('subscribe reliably; drivers of real sensors often publish best effort'),
         ),
     }
     found = {key: Option(f'{name}.{key}', default, about) for key, (default, about) in own.items()}
+    for option in faults.fault_options():
+        found[option.name] = Option(f'{name}.{option.name}', option.default, option.about)
     for option in options_of(find('kind', setup.kind, sensors.__name__, 'SENSOR')):
         default = setup.options.get(option.name, option.default)
         found[option.name] = Option(f'{name}.{option.name}', default, option.about)
@@ -148,9 +170,10 @@ def options(values: Mapping[str, Any]) -> dict[str, Option]:
         If the model, a sensor or a kind is unknown.
     """
     model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
-    system = _system(values)
+    system, built = _system(values)
     listed = Option('sensors', list(system.sensors) or [''], About('names of the sensors'))
-    found = {model.name: model, listed.name: listed}
+    filter = Option('filter', system.filter, About(f'the filter: {", ".join(FILTERS)}'))
+    found = {option.name: option for option in (model, listed, filter)}
     found.update({option.name: option for option in options_of(_shared)})
     for option in options_of(system.build, 'model_parameters.'):
         about = About(**{**option.about.__dict__, 'live': True})
@@ -159,17 +182,26 @@ def options(values: Mapping[str, Any]) -> dict[str, Option]:
         setup = _setup(system, name, values)
         found.update(_sensor_options(name, setup))
     found.update(_signal_options('state', system.state, 'the estimate, truth and reference'))
-    found.update(_signal_options('input', system.input, 'the input'))
+    if built.input.size:
+        found.update(_signal_options('input', system.input, 'the input'))
+        found.update(_law_options(system, values))
     vectors = {
         'initial_state': (system.initial_state, 'state in which the plant starts'),
         'initial_estimate': (
-            (0.0,) * len(system.initial_std),
+            system.initial_estimate or built.equilibrium.state.tolist(),
             'state that the estimator believes in before the first reading',
         ),
         'initial_std': (system.initial_std, 'standard deviations of that belief'),
     }
     for name, (default, meaning) in vectors.items():
         found[name] = Option(name, list(default), About(meaning))
+    return found
+
+
+def _law_options(system: System, values: Mapping[str, Any]) -> dict[str, Option]:
+    law = Option('law', 'lqr', About(f'how the input answers the state: {", ".join(LAWS)}'))
+    chosen = str(law.check(values.get(law.name, law.default)))
+    found = {option.name: option for option in (law, *law_options(chosen))}
     weights = {
         'state_cost': (system.state_cost, 'weight of the state'),
         'input_cost': (system.input_cost, 'weight of the input'),
@@ -201,15 +233,15 @@ def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
     return SensorSetup(kind, setup.signal, setup.noise, setup.rate)
 
 
-def _system(values: Mapping[str, Any]) -> System:
+def _system(values: Mapping[str, Any]) -> tuple[System, Model]:
     """Return the system that is spoken of, wired by name if its parameters change its states."""
     model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
     system = models.system(str(model.check(values.get('model', model.default))))
     built = _model(system, _section(values, 'model_parameters'))
     sizes = len(system.state.fields), len(system.input.fields)
     if sizes == (built.state.size, built.input.size):
-        return system
-    return models.by_name(system.build, built)
+        return system, built
+    return models.by_name(system.build, built), built
 
 
 def _model(system: System, parameters: Mapping[str, Any]) -> Model:
@@ -239,7 +271,8 @@ def build(values: Mapping[str, Any]) -> Scenario:
         If anything is wrong, with the name of the option at fault.
     """
     full: dict[str, Any] = complete(values, options(values))
-    model = _model(models.system(full['model']), _section(full, 'model_parameters'))
+    system = models.system(full['model'])
+    model = _model(system, _section(full, 'model_parameters'))
     rate = full['rate']
     n, m = model.state.size, model.input.size
     mean = vector('initial_estimate', full['initial_estimate'], n)
@@ -250,12 +283,15 @@ def build(values: Mapping[str, Any]) -> Scenario:
             for name in _names(full['sensors'])
         },
         state=_signal('state', _section(full, 'state'), n),
-        input=_signal('input', _section(full, 'input'), m),
+        input=_signal('input', _section(full, 'input'), m) if m else system.input,
         rate=rate,
         initial_state=vector('initial_state', full['initial_state'], n),
         initial_belief=Gaussian(mean, variances('initial_std', full['initial_std'], n)),
-        state_cost=semidefinite('state_cost', full['state_cost'], n),
-        input_cost=semidefinite('input_cost', full['input_cost'], m, definite=True),
+        state_cost=semidefinite('state_cost', full.get('state_cost', np.zeros(n)), n),
+        input_cost=semidefinite('input_cost', full.get('input_cost', ()), m, definite=True),
+        filter=full['filter'],
+        law=full.get('law', ''),
+        law_options={o.name: full[o.name] for o in law_options(full['law'])} if m else {},
     )
 
 
@@ -266,18 +302,22 @@ def _section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def _source(name: str, section: dict[str, Any], model: Model, loop_rate: float) -> SensorSource:
     own = {key: section.pop(key) for key in ('kind', 'noise', 'rate', 'enabled')}
-    policy, reliable = section.pop('covariance_from'), section.pop('reliable')
+    policy = section.pop('covariance_from')
+    reliable, gate = section.pop('reliable'), section.pop('gate')
     wire = {key: section.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
+    wrong = {option.name: section.pop(option.name) for option in faults.fault_options()}
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
         sensor = sensors.build(own['kind'], model.state, own['noise'], section)
         sensor.name = name
         ratio(own['rate'], loop_rate)
+        timed = TimedSensor(sensor, own['rate'], own['enabled'])
+        faults.check(timed, wrong)
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
-    return SensorSource(TimedSensor(sensor, own['rate'], own['enabled']), signal, policy, reliable)
+    return SensorSource(timed, signal, policy, reliable, gate, wrong)
 
 
 def _signal(name: str, section: Mapping[str, Any], size: int) -> Signal:

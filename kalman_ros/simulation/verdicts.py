@@ -10,14 +10,16 @@ from math import ceil, log, nan
 import numpy as np
 from scipy.linalg import block_diag
 
-from kalman_ros.control.identification import continuous_poles, fit
-from kalman_ros.control.lqr import Cost, LqrDesign
-from kalman_ros.control.separation import LqgLoop, Readings, optimal_cost
-from kalman_ros.control.structure import ComplexArray, eigenvalues
+from kalman_ros.control.feedback import Feedback
+from kalman_ros.control.identification import fit
+from kalman_ros.control.lqr import Cost
+from kalman_ros.control.separation import LqgLoop, Readings
+from kalman_ros.control.state_space import StateSpace
+from kalman_ros.control.structure import ComplexArray, continuous_poles, eigenvalues
 from kalman_ros.core import Array, Model, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 
-from .regulator import regulator
+from .regulator import feedback, price
 from .scenario import Scenario
 from .trajectory import Trajectory
 
@@ -43,19 +45,17 @@ class Check:
 
 @dataclass(frozen=True)
 class LqgTheory:
-    """A scenario's design and what theory says of the loop that it makes."""
+    """A scenario's law and what theory says of the loop that it makes."""
 
-    design: LqrDesign
+    feedback: Feedback
     cost: Cost
     loop: LqgLoop
     dt: float
 
     @property
     def expected_cost(self) -> float:
-        """The cost per second of the best loop, tr(S Q) + tr(K'(R + G'S G) K P), over dt."""
-        S, K = self.design.cost_to_go, self.design.gain
-        sample = optimal_cost(self.loop.step, K, S, self.cost, self.loop.posterior)
-        return sample / self.dt
+        """The mean cost per second."""
+        return self.loop.mean_cost(self.cost) / self.dt
 
     @property
     def settling_time(self) -> float:
@@ -65,9 +65,9 @@ class LqgTheory:
         return log(1e-3) / log(slowest) * self.dt
 
 
-def schedule(scenario: Scenario) -> list[Readings]:
-    """Return what is read at each step of a period, linearised about the origin."""
-    plan, x = scenario.plan, np.zeros(scenario.model.state.size)
+def schedule(scenario: Scenario, x: Array) -> list[Readings]:
+    """Return what is read at each step of a period, with the sensors linearised about x (n,)."""
+    plan = scenario.plan
     phases = []
     for step in range(plan.period):
         due = [plan.sensors[name].sensor for name in plan.due(step)]
@@ -82,19 +82,19 @@ def _together(covariances: Iterable[Array]) -> Array:
 
 
 def theory(scenario: Scenario) -> LqgTheory:
-    """Return the design of a scenario's loop and its statistics in steady state.
+    """Return the law of a scenario's loop and its statistics in steady state.
 
     Raises
     ------
     DesignError
         If the loop cannot be stabilised, or the sensors do not keep the error bounded.
     """
-    design, sample = regulator(scenario)
+    law = feedback(scenario)
     model: Model = scenario.model
-    n, m = model.state.size, model.input.size
-    dt = 1.0 / scenario.rate
-    step = model.transition(np.zeros(n), np.zeros(m), dt)
-    return LqgTheory(design, sample, LqgLoop(step, schedule(scenario), design.gain), dt)
+    dt, rest = 1.0 / scenario.rate, model.equilibrium
+    step = model.transition(*rest, dt)
+    loop = LqgLoop(step, schedule(scenario, rest.state), law.system(dt))
+    return LqgTheory(law, price(scenario), loop, dt)
 
 
 def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check]:
@@ -114,8 +114,10 @@ def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check
         needed = (settled + least) * dt
         raise ValueError(f'duration: expected at least {needed:.0f} s to judge the run')
     part = slice(settled, settled + steps)
-    x, u, P = run.truth[part], run.input[part], run.covariance[part]
-    e = scenario.model.state.subtract(x, run.estimate[part])
+    space, rest = scenario.model.state, scenario.model.equilibrium
+    x = space.subtract(run.truth[part], rest.state)
+    u, P = run.input[part] - rest.input, run.covariance[part]
+    e = space.subtract(run.truth[part], run.estimate[part])
     weights, measured, labels = _averages(scenario, theory, x, e, u, P)
     expectations = loop.average(np.stack(weights), steps)
     count = len(labels) + len(scenario.enabled) + 2
@@ -153,7 +155,7 @@ def _averages(
         measured.append(float(np.mean(e[:, index] ** 2)))
         labels.append((f'RMS error of {name}', unit, 1.0))
     for index, (name, unit) in enumerate(zip(space.names, space.units)):
-        weights.append(np.roll(loop.error_weight(index), (-n, -n), axis=(1, 2)))
+        weights.append(loop.state_weight(index))
         measured.append(float(np.mean(x[:, index] ** 2)))
         labels.append((f'RMS of {name}', unit, 1.0))
     weights.append(loop.nees_weight)
@@ -175,26 +177,43 @@ def _dynamics(
     """
     p = len(loop.schedule)
     x, e = run.truth, space.subtract(run.truth, run.estimate)
-    regulator = fit(np.concatenate((x, e), axis=1)[:-1], x[1:])
+    q = _integrals(loop.regulator, run.estimate)
+    regulator = fit(np.hstack((x, q, e))[:-1], x[1:])
     last = e[settled + p - 1 :: p]  # the last phase of each period
     estimator = fit(last[:-1], last[1:])
     dt = run.time[1] - run.time[0]
+    law, n = loop.regulator_matrix, space.size
+    # what moves the integral is known; the fit is of the state
+    regulator_poles = eigenvalues(np.vstack((regulator.matrix, law[n:]))[:, : len(law)])
     cases = (
-        ('regulator', regulator, loop.regulator_matrix, loop.step.Q, dt),
-        ('estimator', estimator, loop.error_matrix, loop.error_noise, p * dt),
-    )
+        ('regulator', regulator, law[:n], loop.step.Q, loop.regulator_poles, regulator_poles, dt),
+        (
+            'estimator', estimator, loop.error_matrix, loop.error_noise,
+            eigenvalues(loop.error_matrix), estimator.poles, p * dt,
+        ),
+    )  # fmt: skip
     found = []
-    for name, fitted, exact, noise, length in cases:
+    for name, fitted, exact, noise, poles, fitted_poles, length in cases:
         measured = fitted.distance(exact, noise) / exact.size
         low, high = chi_square_bounds(1.0, 2.0 / exact.size, miss)
         passed = low <= measured <= high
-        poles = eigenvalues(exact[:, : len(exact)])
-        for pole, nearest in zip(*_paired(poles, fitted.poles)):
+        for pole, nearest in zip(*_paired(poles, fitted_poles)):
             s, near = continuous_poles(np.array([pole, nearest]), length).tolist()
             found.append(Check(f'{name} pole', '1/s', s, near, nan, nan, passed))
         label = f'{name} dynamics, chi2/{exact.size}'
         found.append(Check(label, '', 1.0, measured, low, high, passed))
     return found
+
+
+def _integrals(regulator: StateSpace, x: Array) -> Array:
+    """Return the states (N, r) of a regulator that was given x (N, n).
+
+    It does not know how long the time before the first x was, and leaves that out.
+    """
+    q = np.zeros((len(x), len(regulator.A)))
+    for k in range(1, len(x) - 1):
+        q[k + 1] = regulator.A @ q[k] + regulator.B @ x[k]
+    return q
 
 
 def _paired(exact: ComplexArray, fitted: ComplexArray) -> tuple[list[complex], list[complex]]:

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What may go wrong with a plant's sensors, its actuator and its body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Option, TimedSensor, Value, build_with, options_of
+
+from .fault import Fault, Window, window
+from .transit import BurstLoss, Delay, Dropout, Duplication, Jitter, Reordering
+from .values import Bias, Drift, Freeze, NotANumber, Outliers, RandomWalk
+
+#: In the order in which they act: first on what a sensor says, then on its way. All that a new
+#: one needs is a class and its name here.
+FAULTS: tuple[type[Fault], ...] = (
+    Bias,
+    Drift,
+    RandomWalk,
+    Outliers,
+    Freeze,
+    NotANumber,
+    Dropout,
+    BurstLoss,
+    Delay,
+    Jitter,
+    Reordering,
+    Duplication,
+)
+
+#: By the class.
+_OPTIONS = {kind: options_of(kind) for kind in FAULTS}
+_WINDOW = options_of(window)
+
+
+def fault_options() -> tuple[Option, ...]:
+    """Return the options of all faults that a sensor may have, without the sensor's name."""
+    return (*_WINDOW, *(option for found in _OPTIONS.values() for option in found))
+
+
+def settings_of(kind: type[Fault], values: Mapping[str, Value]) -> dict[str, Value] | None:
+    """Return the settings of one fault; None if it is off."""
+    found = {option.name: values.get(option.name, option.default) for option in _OPTIONS[kind]}
+    return found if np.any(next(iter(found.values()))) else None
+
+
+def window_of(values: Mapping[str, Any]) -> Window:
+    """Return when the faults of a sensor act."""
+    return window(**{o.name: values[o.name] for o in _WINDOW if o.name in values})
+
+
+def check(timed: TimedSensor, values: Mapping[str, Value]) -> None:
+    """Raise ValueError, with the name of the option, if the faults of a sensor cannot be."""
+    window_of(values)
+    for kind in FAULTS:
+        settings = settings_of(kind, values)
+        if settings is not None:
+            build_with(kind, settings, timed, np.random.default_rng(0))

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is between the sensors of a plant and their topics: faults, and readings under way."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from heapq import heappop, heappush
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+
+from kalman_ros.core import Array, TimedSensor, Value, build_with
+from kalman_ros.simulation.noise import stream
+
+from . import FAULTS, settings_of, window_of
+from .fault import Fault, Reading
+
+#: A reading that is due by so many nanoseconds after a step arrives at it: times are rounded.
+_ROUNDING = 1000
+
+
+class Arrival(NamedTuple):
+    """A reading that arrives: of which sensor, its stamp in nanoseconds, its values (k,)."""
+
+    name: str
+    stamp: int
+    values: Array
+
+
+class Link:
+    """The way of the readings of one sensor."""
+
+    def __init__(self, name: str, seed: int) -> None:
+        self._name, self._seed = name, seed
+        self._streams: dict[type[Fault], np.random.Generator] = {}
+        self._settings: dict[type[Fault], dict[str, Value]] = {}
+        self._faults: dict[type[Fault], Fault] = {}
+        self._under_way: list[tuple[int, int, Reading]] = []
+        self._number = count()
+
+    @property
+    def idle(self) -> bool:
+        """Whether readings go through as they are, and none is under way."""
+        return not self._faults and not self._under_way
+
+    @property
+    def faults(self) -> Iterator[str]:
+        """The faults that are on, and how they are set."""
+        for settings in self._settings.values():
+            name, value = next(iter(settings.items()))
+            yield f'{self._name}.{name}: {value}'
+
+    def configure(self, timed: TimedSensor, values: Mapping[str, Value]) -> None:
+        """Have these faults from now on; one whose settings are as they were just goes on."""
+        self._wrap, self._window = timed.sensor.output.wrap, window_of(values)
+        for kind in FAULTS:
+            settings = settings_of(kind, values)
+            if settings is None:
+                self._faults.pop(kind, None)
+                self._settings.pop(kind, None)
+            elif settings != self._settings.get(kind):
+                self._settings[kind] = settings
+                self._faults[kind] = build_with(kind, settings, timed, self._stream(kind))
+
+    def _stream(self, kind: type[Fault]) -> np.random.Generator:
+        name = f'fault {self._name} {kind.__name__}'
+        return self._streams.setdefault(kind, stream(self._seed, name))
+
+    def send(self, time: int, stamp: int, y: Array) -> None:
+        """Take in a reading, taken at ``time`` (ns)."""
+        reading = Reading(time, stamp, y, (time,))
+        if time * 1e-9 in self._window:
+            # in the order in which they act, whichever was switched on first
+            for kind in FAULTS:
+                if kind in self._faults:
+                    reading = self._faults[kind](reading)
+        reading = reading._replace(values=self._wrap(reading.values))
+        for arrival in reading.arrivals:
+            heappush(self._under_way, (arrival, next(self._number), reading))
+
+    def arriving(self, time: int) -> Iterator[Arrival]:
+        """Yield what has arrived by ``time`` (ns), in that order."""
+        while self._under_way and self._under_way[0][0] <= time + _ROUNDING:
+            _, _, reading = heappop(self._under_way)
+            yield Arrival(self._name, reading.stamp, reading.values)
+
+
+class Links:
+    """The ways of the readings of all sensors.
+
+    Parameters
+    ----------
+    seed
+        Of all noise.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        #: How many readings have arrived, by sensor.
+        self.arrived: Counter[str] = Counter()
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew: without faults, and with nothing under way. Counts go on."""
+        self._links: dict[str, Link] = {}
+        self._at: int | None = None
+        self._arrivals: list[Arrival] = []
+
+    def configure(
+        self, sensors: Mapping[str, TimedSensor], faults: Mapping[str, Mapping[str, Value]]
+    ) -> None:
+        """Have these faults, by sensor, from now on."""
+        for name, timed in sensors.items():
+            link = self._links.setdefault(name, Link(name, self._seed))
+            link.configure(timed, faults.get(name, {}))
+
+    @property
+    def faults(self) -> list[str]:
+        """The faults that are on."""
+        return [fault for link in self._links.values() for fault in link.faults]
+
+    def __call__(self, time: int, stamp: int, readings: Mapping[str, Array]) -> list[Arrival]:
+        """Return what arrives at a step; asked again, the same.
+
+        Parameters
+        ----------
+        time
+            Of the step, in nanoseconds since the plant started.
+        stamp
+            What messages say of that.
+        readings
+            Those that are taken at this step, by sensor.
+        """
+        if time != self._at:
+            self._at, self._arrivals = time, list(self._arriving(time, stamp, readings))
+            for name, _, _ in self._arrivals:
+                self.arrived[name] += 1
+        return self._arrivals
+
+    def _arriving(self, time: int, stamp: int, readings: Mapping[str, Array]) -> Iterator[Arrival]:
+        for name, link in self._links.items():
+            y = readings.get(name)
+            if link.idle:
+                if y is not None:
+                    yield Arrival(name, stamp, y)
+                continue
+            if y is not None:
+                link.send(time, stamp, y)
+            yield from link.arriving(time)

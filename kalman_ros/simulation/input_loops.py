@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The loops of a scenario, broken at one input at a time, and what they bear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from kalman_ros.control.compensator import current_compensator
+from kalman_ros.control.delay import sampled_plant
+from kalman_ros.control.feedback import Feedback
+from kalman_ros.control.guarantee import Guarantee, sampled_guarantees
+from kalman_ros.control.lqe import LqeDesign, dlqe
+from kalman_ros.control.margins import Margins, margins
+from kalman_ros.control.state_space import StateSpace
+from kalman_ros.core import DesignError, OperatingPoint, linearize
+
+from .observability import stacked
+from .regulator import regulator
+from .scenario import Scenario
+
+#: A delay of more samples makes matrices that take minutes.
+_MOST_SAMPLES = 100
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A scalar loop that is closed by u = -L u, all other inputs closed as designed.
+
+    Parameters
+    ----------
+    broken
+        L, with the delay that was asked for.
+    margins
+        What it bears beyond that delay; None if it is unstable with it.
+    prompt
+        What it bears without that delay.
+    """
+
+    broken: StateSpace
+    margins: Margins | None
+    prompt: Margins
+
+
+@dataclass(frozen=True)
+class InputLoops:
+    """The loops that are broken at one input.
+
+    Parameters
+    ----------
+    input
+        Its name.
+    known
+        With all states known: LQR, if that is the law.
+    estimated
+        With the estimate: LQG then. None if there is no estimator in steady state.
+    guarantee
+        What an LQR keeps for sure without delay; None for other laws.
+    """
+
+    input: str
+    known: Loop
+    estimated: Loop | None
+    guarantee: Guarantee | None
+
+
+def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
+    """Return the steady-state Kalman filter as if each sensor read at every step.
+
+    A sensor that reads in a share of the steps then has 1 / share of its covariance, which is
+    as much information a second. So the loop does not change from step to step, and has
+    frequency responses. Where every sensor does read at every step, it is the real one.
+
+    Raises
+    ------
+    DesignError
+        If the error has no steady state.
+    """
+    step = scenario.model.transition(*point, 1.0 / scenario.rate)
+    covariances = [
+        source.sensor.covariance * scenario.rate / source.timed.rate
+        for source in scenario.enabled.values()
+    ]
+    R = np.asarray(block_diag(*covariances), dtype=float)
+    return dlqe(step.F, stacked(scenario, point.state), step.Q, R)
+
+
+def input_loops(
+    scenario: Scenario, feedback: Feedback, estimator: LqeDesign | None, delay: float
+) -> tuple[InputLoops, ...]:
+    """Return the loops at each input, with the input late by ``delay`` seconds.
+
+    Parameters
+    ----------
+    scenario
+        Linearised about its equilibrium.
+    feedback
+        The gains of its law.
+    estimator
+        The `even_estimator`, if there is one.
+    delay
+        That nobody told the estimator of.
+
+    Raises
+    ------
+    ValueError
+        If the delay is negative, or many samples long.
+    """
+    dt = 1.0 / scenario.rate
+    if not 0.0 <= delay <= _MOST_SAMPLES * dt:
+        raise ValueError(f'delay: expected 0 to {_MOST_SAMPLES * dt:g} s, got {delay:g}')
+    system = linearize(scenario.model, *scenario.model.equilibrium)
+    law, states = feedback.system(dt), np.eye(system.state.size)
+    known = _loops(lambda late: law @ sampled_plant(system, states, dt, late), delay)
+    estimated: list[Loop] | list[None] = [None] * len(known)
+    if estimator is not None:
+        C = stacked(scenario, scenario.model.equilibrium.state)
+        H = current_compensator(sampled_plant(system, C, dt), law, estimator)
+        estimated = _loops(lambda late: H @ sampled_plant(system, C, dt, late), delay)
+    names = scenario.model.input.names
+    return tuple(InputLoops(*each) for each in zip(names, known, estimated, _guarantees(scenario)))
+
+
+def _guarantees(scenario: Scenario) -> Sequence[Guarantee | None]:
+    """Return what each input keeps for sure."""
+    if scenario.law != 'lqr':
+        return [None] * scenario.model.input.size
+    design, weights = regulator(scenario)
+    dt = 1.0 / scenario.rate
+    G = scenario.model.transition(*scenario.model.equilibrium, dt).G
+    return sampled_guarantees(design, G, weights, scenario.input_cost * dt)
+
+
+def _loops(loop: Callable[[float], StateSpace], delay: float) -> list[Loop]:
+    """Return, for each input, the loop late by ``delay`` and what it bears."""
+    prompt, late = loop(0.0), loop(delay)
+    found = []
+    for index in range(len(prompt.D)):
+        broken = late.channel(index)
+        found.append(Loop(broken, _margins(broken), margins(prompt.channel(index))))
+    return found
+
+
+def _margins(loop: StateSpace) -> Margins | None:
+    try:
+        return margins(loop)
+    except DesignError:
+        return None

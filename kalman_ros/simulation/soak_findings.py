@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a long run in real time shows: memory, deadlines, messages and latency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from kalman_ros.core import Array
+
+#: Where nothing is kept for good, a slope is outside its interval in one case of so many.
+_ODDS = 1000.0
+#: In bytes a second: 17 MB a day.
+_GROWTH = 200.0
+#: In bytes: heaps and queues may come to their size after the warm-up, once.
+_SETTLING = 0.25e6
+#: Memory is averaged over so many stretches, which are long enough to know little of each other.
+_STRETCHES = 20
+#: What has come and gone by then was still being set up, in seconds, but for short runs.
+_WARM_UP = 60.0
+#: Looks at the nodes over which the cause of a missed deadline is sought: its own, and the one
+#: before, for a node says what it missed a second later.
+_LOOKS = 2
+
+
+class Slope(NamedTuple):
+    """How fast something grows, a second, and the interval that holds the true slope."""
+
+    value: float
+    low: float
+    high: float
+
+
+def slope(time: Array, y: Array) -> Slope:
+    """Return the slope of ``y`` (N,) over ``time`` (N,), by least squares over stretches.
+
+    Memory is not white: means over stretches, not single values, are what scatters about a line.
+    """
+    t, y = (
+        np.array([part.mean() for part in np.array_split(values, min(_STRETCHES, len(values)))])
+        for values in (time, y)
+    )
+    t = t - t.mean()
+    value = float(t @ y / (t @ t))
+    residual = y - y.mean() - value * t
+    free = len(t) - 2
+    std = np.sqrt(residual @ residual / free / (t @ t))
+    reach = float(stdtrit(free, 1.0 - 0.5 / _ODDS) * std)
+    return Slope(value, value - reach, value + reach)
+
+
+class Delivery(NamedTuple):
+    """How many messages of a topic one node published, and another received."""
+
+    topic: str
+    receiver: str
+    published: int
+    received: int
+
+
+@dataclass(frozen=True)
+class Soak:
+    """A long run, looked at once a second.
+
+    Parameters
+    ----------
+    rate
+        Steps of the loop a second.
+    time
+        Of each look (N,), in s.
+    resident
+        Memory of each node (N,), in bytes.
+    missed
+        Steps that came too late so far (N,).
+    withheld
+        Seconds for which, so far, the machine kept the plant from running (N,).
+    median, tail
+        Of the times from a reading until the force that answers it is here, since the look
+        before: the median and the 99th percentile (N,), in s.
+    latency
+        The 50th, 90th and 99th percentile of all of them, in s.
+    deliveries
+        Of the topics between nodes.
+    not_finite
+        The topics with a NaN or an infinity.
+    readings
+        How many readings came, were fused, rejected and dropped.
+    """
+
+    rate: float
+    time: Array
+    resident: Mapping[str, Array]
+    missed: Array
+    withheld: Array
+    median: Array
+    tail: Array
+    latency: tuple[float, float, float]
+    deliveries: tuple[Delivery, ...]
+    not_finite: tuple[str, ...]
+    readings: tuple[int, int, int, int]
+
+    @property
+    def warm(self) -> Any:
+        """Which looks are after the warm-up (N,)."""
+        return self.time >= min(_WARM_UP, self.time[-1] / 3.0)
+
+    @cached_property
+    def growth(self) -> dict[str, Slope]:
+        """How fast the memory of each node grows after the warm-up, in bytes a second."""
+        warm = self.warm
+        return {name: slope(self.time[warm], y[warm]) for name, y in self.resident.items()}
+
+    @property
+    def allowed_growth(self) -> float:
+        """How fast memory may grow after the warm-up, in bytes a second."""
+        time = self.time[self.warm]
+        return _GROWTH + _SETTLING / float(time[-1] - time[0])
+
+    @property
+    def unexplained(self) -> int:
+        """Missed steps for which the machine did not keep the plant waiting long enough.
+
+        Whoever comes too late for so many steps was kept from running for as long, at least.
+        """
+        missed = np.diff(self.missed, prepend=0.0)
+        withheld = self.withheld - np.concatenate((np.zeros(_LOOKS), self.withheld[:-_LOOKS]))
+        return int(np.sum(np.maximum(0.0, missed - np.ceil(withheld * self.rate))))
+
+    @property
+    def broken(self) -> list[str]:
+        """What was promised and does not hold."""
+        found = [
+            f'the memory of the {name} grows by {each.value:.0f} bytes a second, '
+            f'by {each.low:.0f} at least; {self.allowed_growth:.0f} are allowed'
+            for name, each in self.growth.items()
+            if each.low > self.allowed_growth
+        ]
+        if self.unexplained:
+            found.append(f'{self.unexplained} steps were missed for no reason')
+        found += [
+            f'{topic}: {published} published, the {receiver} received {received}'
+            for topic, receiver, published, received in self.deliveries
+            if published != received
+        ]
+        found += [f'{topic}: a number is not finite' for topic in self.not_finite]
+        came, *fates = self.readings
+        if came != sum(fates):
+            found.append(f'of {came} readings {sum(fates)} are accounted for')
+        return found
+
+    def summary(self) -> dict[str, Any]:
+        """Return it for JSON, without what was seen second by second."""
+        came, fused, rejected, dropped = self.readings
+        return {
+            'seconds': float(self.time[-1]),
+            'rate': self.rate,
+            'growth': {name: each._asdict() for name, each in self.growth.items()},
+            'allowed_growth': self.allowed_growth,
+            'missed': int(self.missed[-1]),
+            'unexplained': self.unexplained,
+            'withheld': float(self.withheld[-1]),
+            'latency': dict(zip(('50 %', '90 %', '99 %'), self.latency)),
+            'deliveries': [each._asdict() for each in self.deliveries],
+            'readings': {'came': came, 'fused': fused, 'rejected': rejected, 'dropped': dropped},
+            'broken': self.broken,
+        }

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+
+from kalman_ros.simulation import closed_loop, scenario
+from kalman_ros.simulation.bounds import posterior_cramer_rao
+
+
+def test_for_a_linear_system_the_bound_is_the_covariance_of_the_kalman_filter():
+    built = scenario.build({})
+    # the bound takes the first belief to hold after the first readings
+    run = closed_loop.run(built, None, 1.0, 0, arrives=lambda _, time: time > 0.0)
+    P = posterior_cramer_rao(built, run.truth, run.input)
+    np.testing.assert_allclose(P, run.covariance, rtol=1e-9, atol=1e-12)
+
+
+def test_more_noise_bounds_less():
+    built = scenario.build({})
+    worse = scenario.build({'position.noise': [0.1, 0.1]})
+    truth, input = np.zeros((50, 4)), np.zeros((50, 2))
+    P, more = (posterior_cramer_rao(each, truth, input) for each in (built, worse))
+    assert np.linalg.eigvalsh(more[1:] - P[1:]).min() > -1e-12
+    assert more[-1, 0, 0] > 2.0 * P[-1, 0, 0]
