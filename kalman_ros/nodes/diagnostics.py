@@ -8,7 +8,8 @@ from enum import Enum
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
+
+from .watcher import WatcherNode
 
 
 class Level(Enum):
@@ -40,7 +41,7 @@ class Diagnostics:
     """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
-        self._node: Node = node
+        self._node: WatcherNode = node
         self._report = report
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._connections: dict[str, int] = {}
@@ -58,9 +59,13 @@ class Diagnostics:
         found = {}
         for publisher in self._node.publishers:
             found[f'{HEARD_BY}{publisher.topic_name}'] = publisher.get_subscription_count()
-        for subscription in self._node.subscriptions:
+        for subscription in (*self._node.subscriptions, *self._node.watched):
             found[f'{HEARS}{subscription.topic_name}'] = subscription.get_publisher_count()
         return {key: count for key, count in found.items() if not key.endswith(_NOT_OURS)}
+
+    def soon(self) -> None:
+        """Publish with the next look, however often this is asked for until then."""
+        self._looks = _LOOKS
 
     def publish(self) -> None:
         """Publish now."""

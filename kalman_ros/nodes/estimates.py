@@ -9,11 +9,12 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from kalman_ros.codecs.signal_codec import SignalCodec, named
+from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Gaussian, Signal, Space
-from kalman_ros.estimators.filter import Correction
+from kalman_ros.estimators.correction import Correction
 from kalman_ros.simulation.scenario import Scenario
 
-from .topics import QUEUE
+from .topics import HISTORY
 
 
 class EstimatePublisher:
@@ -21,31 +22,39 @@ class EstimatePublisher:
 
     def __init__(self, node: Any, scenario: Scenario, frame: str, child_frame: str) -> None:
         space, signal = scenario.model.state, scenario.state
-        self._estimate = SignalCodec(signal, frame, child_frame)
+        self._estimate = WireWriter(SignalCodec(signal, frame, child_frame))
         state = Signal(f'{signal.topic}/state', '', ())
-        self._state = SignalCodec(named(state, space.names), frame)
-        self._covariance = Float64MultiArray(data=[0.0] * space.size**2)
-        names = ','.join(space.names)
-        self._covariance.layout.dim = [
-            MultiArrayDimension(label=names, size=space.size, stride=space.size**2),
-            MultiArrayDimension(label=names, size=space.size, stride=space.size),
-        ]
-        self._flat = np.frombuffer(self._covariance.data)
+        self._state = WireWriter(SignalCodec(named(state, space.names), frame))
+        self._covariance = WireWriter(_matrix(f'{signal.topic}/covariance', space))
         create = node.create_publisher
-        self._publisher = create(self._estimate.message_type, signal.topic, QUEUE)
-        self._state_publisher = create(self._state.message_type, state.topic, QUEUE)
+        self._publisher = create(self._estimate.message_type, signal.topic, HISTORY)
+        self._state_publisher = create(self._state.message_type, state.topic, HISTORY)
         topic = f'{signal.topic}/covariance'
-        self._covariance_publisher = create(Float64MultiArray, topic, QUEUE)
+        self._covariance_publisher = create(Float64MultiArray, topic, HISTORY)
+        #: How many beliefs have been published.
+        self.count = 0
 
     def __call__(self, time: int, belief: Gaussian) -> None:
         """Publish a ``belief`` that holds at ``time``, in nanoseconds."""
+        self.count += 1
         x, P = belief.mean, belief.covariance
-        self._publisher.publish(self._estimate.encode(time, x, P))
+        self._publisher.publish(self._estimate(time, x, P))
         if self._state_publisher.get_subscription_count():
-            self._state_publisher.publish(self._state.encode(time, x))
+            self._state_publisher.publish(self._state(time, x))
         if self._covariance_publisher.get_subscription_count():
-            self._flat[:] = P.ravel()
-            self._covariance_publisher.publish(self._covariance)
+            self._covariance_publisher.publish(self._covariance(time, P.ravel()))
+
+
+def _matrix(topic: str, space: Space) -> SignalCodec:
+    """Return the codec of a matrix (n, n), row by row, whose dimensions are labelled."""
+    n = space.size
+    fields = tuple(f'data[{index}]' for index in range(n * n))
+    codec = SignalCodec(Signal(topic, 'std_msgs/Float64MultiArray', fields))
+    names = ','.join(space.names)
+    codec.message.layout.dim = [
+        MultiArrayDimension(label=names, size=n, stride=stride) for stride in (n * n, n)
+    ]
+    return codec
 
 
 class InnovationPublisher:
@@ -58,12 +67,12 @@ class InnovationPublisher:
     def __init__(self, node: Any, estimate: str, sensor: str, output: Space) -> None:
         names = (*output.names, *(f'{name}_std' for name in output.names), 'nis')
         signal = named(Signal(f'{estimate}/innovation/{sensor}', '', ()), names)
-        self._codec = SignalCodec(signal)
-        self._publisher = node.create_publisher(self._codec.message_type, signal.topic, QUEUE)
+        self._write = WireWriter(SignalCodec(signal))
+        self._publisher = node.create_publisher(self._write.message_type, signal.topic, HISTORY)
 
     def __call__(self, time: int, correction: Correction) -> None:
         """Publish what the reading taken at ``time`` said."""
         if self._publisher.get_subscription_count():
             std = np.sqrt(correction.innovation_covariance.diagonal())
             values = np.concatenate((correction.innovation, std, (correction.nis,)))
-            self._publisher.publish(self._codec.encode(time, values))
+            self._publisher.publish(self._write(time, values))

@@ -4,33 +4,45 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from operator import itemgetter
+from time import monotonic
 from typing import Any, Optional
 
 import numpy as np
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
 from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
-from kalman_ros.codecs.messages import nanoseconds
+from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.codecs.wire import Sample, WireReader
-from kalman_ros.core import Array, Option, Sensor, Value
-from kalman_ros.estimators import build_filter, filter_options
-from kalman_ros.estimators.consistency import ChiSquareWindow, chi_square_gate
-from kalman_ros.estimators.filter import Correction, Filter
-from kalman_ros.estimators.online import OnlineEstimator, Outcome, Policy
+from kalman_ros.codecs.tick import read_tick
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import Array, Gaussian, Option, Value
+from kalman_ros.estimators import filter_options
+from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.simulation.local_observability import ObservabilityMeter
 from kalman_ros.simulation.observability import observability
 from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
-from .diagnostics import Diagnostics, Level, Report
-from .estimates import EstimatePublisher, InnovationPublisher
+from .channel import SensorChannel
+from .diagnostics import Level, Report
+from .estimates import EstimatePublisher
+from .fusion import fusion
 from .initial_pose import PoseReader
+from .meters import Latency
 from .options import EstimatorOptions
-from .readings import ReadingReader
+from .throttle import Throttle
 from .topics import QUEUE, sensor_queue
 from .turns import Turns
+
+#: No clock is published so out of order; less is as good as no jump.
+_BACK = Duration(seconds=-0.1)
 
 
 class EstimatorNode(runtime.ScenarioNode):
@@ -38,64 +50,121 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def __init__(self) -> None:
         super().__init__('estimator', EstimatorOptions)
+
+    def configure(self) -> None:
+        """Build the filter, and what it reads and publishes."""
+        super().configure()
         scenario, options = self.scenario, self.options
-        filter, sensors, policy = self._design(scenario, options)
+        self._warn = Throttle(self.get_logger().warning)
+        found = fusion(scenario, options, self.extra)
         zero = np.zeros(scenario.model.input.size)
         seen = observability(scenario)
-        self._online = OnlineEstimator(filter, sensors, scenario.initial_belief, zero, policy)
+        self._online = OnlineEstimator(
+            found.filter, found.sensors, scenario.initial_belief, zero, found.policy
+        )
         self._publish = EstimatePublisher(self, scenario, options.frame, options.child_frame)
         self._read_input = WireReader(SignalCodec(scenario.input))
-        self._readers: dict[str, ReadingReader] = {}
-        self._innovations: dict[str, InnovationPublisher] = {}
-        self._nis: dict[str, ChiSquareWindow] = {}
+        self._read_pose = PoseReader(scenario)
         self._inputs: Counter[Outcome] = Counter()
-        for name, source in scenario.sensors.items():
-            output, signal = source.sensor.output, source.signal
-            self._readers[name] = ReadingReader(signal)
-            self._innovations[name] = InnovationPublisher(self, scenario.state.topic, name, output)
-            self._nis[name] = ChiSquareWindow(output.size)
+        self._latency = Latency()
+        self._observability = ObservabilityMeter(scenario)
+        self._channels = {
+            name: SensorChannel(self, name, source, scenario.state.topic)
+            for name, source in scenario.sensors.items()
+        }
+        self.get_logger().info(str(seen))  # now that nothing is refused any more
+
+    def activate(self) -> None:
+        """Start from the initial belief, and listen.
+
+        What was believed before is of no use: nobody told it which inputs there were meanwhile.
+        """
+        scenario, options = self.scenario, self.options
+        self._online.reset(scenario.initial_belief)
+        self._told = -1
+        subscribe = partial(self.create_subscription, raw=True)
+        for name, channel in self._channels.items():
+            source = scenario.sensors[name]
             queue = QUEUE if options.lockstep else sensor_queue(reliable=source.reliable)
-            callback = partial(self._on_reading, name)
-            kind = self._readers[name].message_type
-            self.create_subscription(kind, signal.topic, callback, queue, raw=True)
-        kind = self._read_input.message_type
-        self.create_subscription(kind, scenario.input.topic, self._on_input, QUEUE, raw=True)
+            callback = partial(self._on_turn if options.lockstep else self._on_reading, channel)
+            kind, topic = channel.message_type, source.signal.topic
+            channel.subscription = subscribe(kind, topic, callback, queue)
+        driven = bool(scenario.input.fields)
+        if driven:
+            kind = self._read_input.message_type
+            subscribe(kind, scenario.input.topic, self._on_input, QUEUE)
         self._turns: Optional[Turns] = None
         if options.lockstep:
-            self._turns = Turns({source.signal.topic: n for n, source in scenario.sensors.items()})
-            self.create_subscription(TimeReference, 'tick', self._on_tick, QUEUE)
-        elif options.publish_rate:
-            self.create_timer(1.0 / options.publish_rate, self._publish_now)
-        self._read_pose = PoseReader(scenario)
-        kind = self._read_pose.message_type
-        self.create_subscription(kind, 'initialpose', self._on_initial_pose, QUEUE, raw=True)
+            topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
+            self._turns = Turns(topics, answered=driven)
+            subscribe(TimeReference, 'tick', self._on_tick, QUEUE)
+        else:
+            self.at_the_end(self._watch_clock().unregister)
+            if options.publish_rate:
+                self.create_timer(1.0 / options.publish_rate, self._publish_now)
+        subscribe(self._read_pose.message_type, 'initialpose', self._on_initial_pose, QUEUE)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        self.diagnostics = Diagnostics(self, self._report)
-        self.get_logger().info(str(seen))
 
-    def extra_options(self, given: Mapping[str, Value]) -> Iterable[Option]:
+    def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
         """Return the options of the filter."""
-        filter, implementation = given.get('filter', 'kf'), given.get('implementation', 'native')
-        return filter_options(str(filter), str(implementation))
+        implementation = str(chosen.get('implementation', 'native'))
+        return filter_options(str(chosen['filter']), implementation)
+
+    def _watch_clock(self) -> Any:
+        """Start anew whenever simulated time goes back, as that of a bag that is played again."""
+        back = JumpThreshold(min_forward=None, min_backward=_BACK, on_clock_change=False)
+        return self.get_clock().create_jump_callback(back, post_callback=self._on_clock_back)
+
+    def _on_clock_back(self, jump: Any) -> None:
+        back = -jump.delta.nanoseconds * 1e-9
+        self.get_logger().warning(f'the clock went back by {back:.3g} s: starting anew')
+        self._restart()
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    def _on_reading(self, name: str, data: bytes) -> None:
-        source = self.scenario.sensors[name]
-        if not source.timed.enabled:
-            return
-        reading = self._readers[name](data, source)
-        time = reading.time or self._now()
-        if self._turns is not None:
-            self._turns.reading(name, time, reading)
+    def _on_turn(self, channel: SensorChannel, data: bytes) -> None:
+        """Take in a reading of a step in lockstep."""
+        source = self.scenario.sensors[channel.name]
+        if source.timed.enabled and self._turns is not None:
+            reading = channel.read(data, source)
+            self._turns.reading(channel.name, reading.time, reading)
             self._take_turns(self._turns)
-        else:
-            correction = self._fuse(name, time, reading, self._now() or None)
+
+    def _on_reading(self, first: SensorChannel, data: bytes) -> None:
+        """Take in what has come of all sensors, and publish once what is believed then.
+
+        As long as nothing waits, that is reading by reading. When more comes than there is time
+        for, estimates become fewer, not old.
+        """
+        came, corrections = monotonic(), []
+        come = [(y.time or self._now(), channel, y) for channel, y in self._come(first, data)]
+        # in the order of their stamps, for each that comes late makes those after it anew
+        for time, channel, reading in sorted(come, key=itemgetter(0)):
+            correction = self._fuse(channel.name, time, reading, self._now() or None)
             if correction is not None:
-                if self._online.time is not None and not self.options.publish_rate:
-                    self._publish(self._online.time, self._online.belief)
-                self._innovations[name](time, correction)
+                corrections.append((channel, time, correction))
+        if not corrections:
+            return
+        if self._online.time is not None and not self.options.publish_rate:
+            self._publish(self._online.time, self._online.belief)
+            self._latency.add(monotonic() - came)
+            for channel, time, _ in corrections:
+                channel.age.add(((self._now() or time) - time) * 1e-9)
+        for channel, time, correction in corrections:
+            channel.publish(time, correction)
+
+    def _come(self, first: SensorChannel, data: bytes) -> Iterator[tuple[SensorChannel, Sample]]:
+        """Yield the readings that have come, after ``data`` of the sensor that woke the node."""
+        for name, channel in self._channels.items():
+            source = self.scenario.sensors[name]
+            messages, missed = channel.take([data] if channel is first else [])
+            if not source.timed.enabled:
+                continue
+            if missed:
+                self._online.counts[name][Outcome.OVERRUN] += missed
+                self._warn(f'readings of {name} {Outcome.OVERRUN.value}')
+            yield from ((channel, channel.read(message, source)) for message in messages)
 
     def _fuse(
         self, name: str, time: int, reading: Sample, now: Optional[int] = None
@@ -103,10 +172,10 @@ class EstimatorNode(runtime.ScenarioNode):
         outcome, correction = self._online.add_reading(
             name, time, reading.values, reading.covariance, now
         )
-        if correction is not None:
-            self._nis[name].add(correction.nis)
         if outcome is not Outcome.FUSED:
             self._warn(f'reading of {name} {outcome.value}')
+        if outcome.accepted:
+            self._observability.reading(name, time)
         return correction
 
     def _on_input(self, data: bytes) -> None:
@@ -115,41 +184,48 @@ class EstimatorNode(runtime.ScenarioNode):
         except LookupError as error:
             self._warn(f'{self.scenario.input.topic}: {error}')
             return
-        time = input.time or self._now()
         if self._turns is not None:
-            self._turns.input(time, input.values)
+            self._turns.input(input.time, input.values)
             self._take_turns(self._turns)
         else:
-            self._add_input(time, input.values)
+            now = self._now()
+            self._add_input(input.time or now, input.values, now or None)
 
-    def _add_input(self, time: int, u: Array) -> None:
-        outcome = self._online.add_input(time, u)
+    def _add_input(self, time: int, u: Array, now: Optional[int] = None) -> None:
+        outcome = self._online.add_input(time, u, now)
         self._inputs[outcome] += 1
+        if outcome.accepted:
+            self._observability.input(time, u)
         if outcome is not Outcome.FUSED:
             self._warn(f'{self.scenario.input.topic} {outcome.value}')
 
-    def _on_tick(self, tick: TimeReference) -> None:
+    def _on_tick(self, data: bytes) -> None:
         if self._turns is None:
             return
-        if self._turns.tick(nanoseconds(tick.header.stamp), tick.source):
+        if self._turns.tick(*read_tick(data)):
             self.get_logger().info('time went back: starting anew')
-            self._online.reset(self.scenario.initial_belief)
+            self._restart()
         self._take_turns(self._turns)
 
     def _take_turns(self, turns: Turns) -> None:
         for turn in turns.complete():
             if turn.input is not None:
                 self._add_input(*turn.input)
-            corrections = [(name, self._fuse(name, turn.time, y)) for name, y in turn.readings]
+            corrections = []
+            for name, y in turn.readings:
+                time = y.time or turn.time
+                corrections.append((name, time, self._fuse(name, time, y)))
             self._publish(turn.time, self._online.predicted(turn.time))
-            for name, correction in corrections:
+            for name, time, correction in corrections:
                 if correction is not None:
-                    self._innovations[name](turn.time, correction)
+                    self._channels[name].publish(time, correction)
 
     def _publish_now(self) -> None:
-        now = self._now()
-        if self._online.time is not None:
-            time = max(now, self._online.time)
+        if self._online.time is None:
+            return
+        time = max(self._now(), self._online.time)
+        if time != self._told:  # simulated time may rest between two ticks of a timer
+            self._told = time
             self._publish(time, self._online.predicted(time))
 
     def _on_initial_pose(self, data: bytes) -> None:
@@ -158,60 +234,59 @@ class EstimatorNode(runtime.ScenarioNode):
         except ValueError as error:
             self._warn(f'initialpose: {error}')
             return
-        self._online.reset(belief)
+        self._start_anew(belief)
         self.get_logger().info('started anew from initialpose')
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        self._online.reset(self.scenario.initial_belief)
+        self._start_anew(self.scenario.initial_belief)
         response.success, response.message = True, 'back at the initial belief'
         return response
 
-    def _warn(self, message: str) -> None:
-        self.get_logger().warning(message, throttle_duration_sec=1.0)
+    def _start_anew(self, belief: Gaussian) -> None:
+        """Forget what came, with what it said of the filter; counts go on."""
+        self._online.reset(belief)
+        self._judge_anew()
+
+    def _restart(self) -> None:
+        """Forget what came, for time went back, and count that."""
+        self._online.restart()
+        self._judge_anew()
+
+    def _judge_anew(self) -> None:
+        for channel in self._channels.values():
+            channel.start_anew()
 
     def prepare(self, scenario: Scenario, options: EstimatorOptions) -> Callable[[], None]:
         """Change the model's parameters, noise or gates; the belief stays."""
-        filter, sensors, policy = self._design(scenario, options)
-        return lambda: self._online.configure(filter, sensors, policy)
+        found = fusion(scenario, options, self.extra)
 
-    def _design(
-        self, scenario: Scenario, options: EstimatorOptions
-    ) -> tuple[Filter, dict[str, Sensor], Policy]:
-        """Return the filter, the sensors by name and the policy; ValueError if there is none."""
-        filter = build_filter(options.filter, scenario.plan, self.extra, options.implementation)
-        sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-        if options.initialize not in ('belief', 'reading'):
-            raise ValueError(f"initialize: expected belief or reading, got '{options.initialize}'")
-        gates = {}
-        if options.gate < 1.0:
-            gates = {n: chi_square_gate(options.gate, s.output.size) for n, s in sensors.items()}
-        policy = Policy(
-            options.window,
-            gates,
-            options.gate_recover_after,
-            options.restart_after,
-            options.max_gap,
-            options.future_tolerance,
-            options.initialize == 'reading',
-        )
-        return filter, sensors, policy
+        def apply() -> None:
+            self._online.configure(found.filter, found.sensors, found.policy)
+            self._observability.configure(scenario)
 
-    def _report(self) -> Report:
+        return apply
+
+    def report(self) -> Report:
+        """Return what became of the readings, and whether they scatter as expected."""
         values: dict[str, Any] = {}
-        doubtful = []
         for name, counts in self._online.counts.items():
-            nis = self._nis[name]
-            values[f'{name}: readings'] = sum(counts.values())
-            for outcome, count in counts.items():
-                values[f'{name}: {outcome.value}'] = count
-            values[f'{name}: NIS / expected'] = nis.mean
-            if not nis.inside():
-                doubtful.append(name)
+            values.update(self._channels[name].report(counts))
+        sources = self.scenario.sensors
+        silent = [name for name, found in self._channels.items() if found.silent(sources[name])]
+        doubtful = [name for name, found in self._channels.items() if not found.nis.inside()]
+        if str(self._latency):
+            key = 'from arrival to publication, 50 / 90 / 99 % [ms]'
+            values[key] = str(self._latency)
         values[f'{self.scenario.input.topic}: used'] = self._inputs[Outcome.FUSED]
+        values[f'{self.scenario.input.topic}: heard'] = self._inputs.total()
+        values['estimates published'] = self._publish.count
+        values.update(self._observability.report(self._online.belief.mean))
         values['restarts'] = self._online.restarts
         values['repairs of the covariance'] = self._online.belief.repairs
         if self._online.time is None:
             return Level.WARN, 'no reading has come', values
+        if silent and not self.options.lockstep:
+            return Level.WARN, f'no readings of {" and ".join(silent)} come', values
         if doubtful:
             which = ' and '.join(doubtful)
             return Level.WARN, f'innovations of {which} do not scatter as expected', values

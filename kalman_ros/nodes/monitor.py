@@ -9,19 +9,24 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codec import SignalCodec, named
-from kalman_ros.codecs.wire import Sample, WireReader
+from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Gaussian, Signal
 from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import ChiSquareWindow
-from kalman_ros.simulation.regulator import regulator
+from kalman_ros.simulation.regulator import price
 from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
-from .diagnostics import Diagnostics, Level, Report
+from .diagnostics import Level, Report
 from .options import MonitorOptions
 from .pairing import Pairing
+from .throttle import Throttle
 from .topics import WATCH, on_topic
+
+#: Seconds between two looks at what has come.
+_PERIOD = 0.02
 
 
 class MonitorNode(runtime.ScenarioNode):
@@ -29,14 +34,19 @@ class MonitorNode(runtime.ScenarioNode):
 
     def __init__(self) -> None:
         super().__init__('monitor', MonitorOptions)
-        self._comparison = self._fresh_comparison(self.scenario, self.options)
+
+    def activate(self) -> None:
+        """Begin to compare, and listen."""
         scenario = self.scenario
+        self._warn = Throttle(self.get_logger().warning)
+        self._comparison = self._fresh_comparison(scenario, self.options)
         estimate, n = scenario.state.topic, scenario.model.state.size
         matrix = tuple(f'data[{index}]' for index in range(n * n))
         whole = Signal(f'{estimate}/covariance', 'std_msgs/Float64MultiArray', matrix)
         self._watch(on_topic(scenario.state, 'ground_truth'), self._on_truth)
         self._watch(scenario.state, self._on_estimate)
-        self._watch(scenario.input, self._on_input)
+        if scenario.input.fields:
+            self._watch(scenario.input, self._on_input)
         self._whole = self._watch(whole, self._on_covariance)
         self._pairing = Pairing()
         self._nis: dict[str, ChiSquareWindow] = {}
@@ -46,12 +56,13 @@ class MonitorNode(runtime.ScenarioNode):
             self._watch(source.signal, partial(self._on_reading, name))
             nis = named(Signal(f'{estimate}/innovation/{name}', '', ()), ('nis',))
             self._watch(nis, partial(self._on_nis, name))
-        self.diagnostics = Diagnostics(self, self._report)
+        self.look_every(_PERIOD)
 
     def _fresh_comparison(self, scenario: Scenario, options: MonitorOptions) -> Comparison:
         sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-        _, cost = regulator(scenario)
-        return Comparison(scenario.model.state, sensors, cost.weight, options.monitor_window)
+        return Comparison(
+            scenario.model.state, sensors, price(scenario).weight, options.monitor_window
+        )
 
     def _watch(self, signal: Signal, take: Callable[[Sample], None]) -> Any:
         """Subscribe to a signal; messages that cannot be read are passed over."""
@@ -61,12 +72,10 @@ class MonitorNode(runtime.ScenarioNode):
             try:
                 take(read(data))
             except (LookupError, ValueError):
-                self.get_logger().warning(
-                    f'{signal.topic}: a message cannot be read', throttle_duration_sec=1.0
-                )
+                self._warn(f'{signal.topic}: a message cannot be read')
 
         kind, topic = read.message_type, signal.topic
-        return self.create_subscription(kind, topic, on_message, WATCH, raw=True)
+        return self.watch(kind, topic, on_message, WATCH)
 
     def _on_truth(self, sample: Sample) -> None:
         self._comparison.truth(sample.time or 0, sample.values)
@@ -86,15 +95,17 @@ class MonitorNode(runtime.ScenarioNode):
         """Take the estimate at once, or when its whole covariance has come, if one will."""
         n, P = sample.values.size, sample.covariance
         belief = Gaussian(sample.values, np.zeros((n, n)) if P is None else P)
+        pair: tuple[int, Gaussian] | None = sample.time or 0, belief
         if self._whole.get_publisher_count():
-            for pair in self._pairing.estimate(sample.time or 0, belief):
-                self._comparison.estimate(*pair)
-        else:
-            self._comparison.estimate(sample.time or 0, belief)
+            pair = self._pairing.estimate(sample.time or 0, belief)
+        self._compare(pair)
 
     def _on_covariance(self, sample: Sample) -> None:
         n = self.scenario.model.state.size
-        for pair in self._pairing.covariance(sample.values.reshape(n, n)):
+        self._compare(self._pairing.covariance(sample.values.reshape(n, n)))
+
+    def _compare(self, pair: tuple[int, Gaussian] | None) -> None:
+        if pair is not None:
             self._comparison.estimate(*pair)
 
     def prepare(self, scenario: Scenario, options: MonitorOptions) -> Callable[[], None]:
@@ -106,7 +117,8 @@ class MonitorNode(runtime.ScenarioNode):
 
         return apply
 
-    def _report(self) -> Report:
+    def report(self) -> Report:
+        """Return errors, consistency and cost, and what is outside its bounds."""
         comparison, space = self._comparison, self.scenario.model.state
         miss = 1.0 - self.options.confidence
         values: dict[str, Any] = {'estimates compared': comparison.error.count}
@@ -122,8 +134,11 @@ class MonitorNode(runtime.ScenarioNode):
         doubtful = []
         for name, window in verdicts.items():
             low, high = window.bounds(miss)
-            values[f'{name} / expected'] = f'{window.mean:.3f} ({low:.3f} to {high:.3f})'
-            if name != 'NEES' and not window.inside(miss):
+            # innovations are white; errors are not, so they scatter more than the bounds say
+            white = name != 'NEES'
+            bounds = f'{low:.3f} to {high:.3f}{"" if white else " if errors were white"}'
+            values[f'{name} / expected'] = f'{window.mean:.3f} ({bounds})'
+            if white and not window.inside(miss):
                 doubtful.append(name)
         if comparison.steps:
             per_second = comparison.cost / comparison.steps * self.scenario.rate

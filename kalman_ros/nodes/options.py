@@ -7,35 +7,55 @@ that belongs to none is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated
 
+from kalman_ros.control.laws import LAWS, law_options
 from kalman_ros.core import About, options_of
+from kalman_ros.simulation.faults.body import BodyOptions
 
 #: What some filters may be told; named here so that no node has to load the filters.
-FILTER_OPTIONS = ('alpha', 'beta', 'kappa', 'observer_poles')
+FILTER_OPTIONS = ('alpha', 'beta', 'kappa', 'hypotheses', 'observer_poles')
 
 Lockstep = Annotated[
     bool, About('step in turns with the other nodes instead of in real time; for tests')
+]
+Autostart = Annotated[
+    bool,
+    About('configure and activate at once, instead of when asked by ~/change_state'),
 ]
 Frame = Annotated[str, About('frame in which positions are given')]
 
 
 @dataclass(frozen=True)
-class PlantOptions:
+class PlantOptions(BodyOptions):
     """Options of the plant."""
 
+    autostart: Autostart = True
     seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
     lockstep: Lockstep = False
     lockstep_timeout: Annotated[
         float, About('how long to wait for an answer before saying so', 's', minimum=1e-3)
     ] = 2.0
+    wait_for_estimate: Annotated[
+        bool,
+        About('lockstep: wait for the estimate, too, where the controller does not use it'),
+    ] = False
     force_timeout: Annotated[
         float, About('real time: the input goes to zero when none came so long', 's', minimum=0.0)
     ] = 0.5
     run_until: Annotated[
         float, About('seconds of simulated time after which to pause', 's', live=True)
     ] = 1e9
+    actuator_gain: Annotated[
+        Sequence[float],
+        About('what each input is multiplied with before it acts; one for all', live=True),
+    ] = (1.0,)
+    actuator_delay: Annotated[
+        float, About('how late the input acts', 's', 0.0, 10.0, live=True)
+    ] = 0.0
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'
 
@@ -44,7 +64,7 @@ class PlantOptions:
 class EstimatorOptions:
     """Options of the estimator."""
 
-    filter: Annotated[str, About('kf, ekf, ukf, steady_state or luenberger')] = 'kf'
+    autostart: Autostart = True
     implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
     lockstep: Lockstep = False
     publish_rate: Annotated[
@@ -58,15 +78,6 @@ class EstimatorOptions:
     ] = 'belief'
     window: Annotated[
         float, About('late readings are still fused if no older than this', 's', 0.0, live=True)
-    ] = 1.0
-    gate: Annotated[
-        float,
-        About(
-            'probability with which a good reading passes the gate; 1 for no gate',
-            minimum=0.5,
-            maximum=1.0,
-            live=True,
-        ),
     ] = 1.0
     gate_recover_after: Annotated[
         int,
@@ -99,7 +110,45 @@ class EstimatorOptions:
 class ControllerOptions:
     """Options of the controller."""
 
+    autostart: Autostart = True
+    lockstep: Lockstep = False
     enabled: Annotated[bool, About('whether forces are computed; else they are zero')] = True
+    input_limit: Annotated[
+        Sequence[float],
+        About('largest magnitude of each input; one for all', minimum=0.0, live=True),
+    ] = (inf,)
+    input_rate_limit: Annotated[
+        Sequence[float],
+        About('largest change of each input a second; one for all', minimum=0.0, live=True),
+    ] = (inf,)
+    estimate_timeout: Annotated[
+        float,
+        About(
+            'real time: the input goes to zero when the estimate is older, by its stamp or by '
+            'its arrival; 0 for never',
+            's',
+            minimum=0.0,
+            live=True,
+        ),
+    ] = 0.5
+    max_std: Annotated[
+        Sequence[float],
+        About(
+            'largest standard deviation of each state that is acted upon; one for all',
+            minimum=0.0,
+            live=True,
+        ),
+    ] = (inf,)
+    resume: Annotated[
+        str, About("after a fault go on by itself, 'auto', or when asked by ~/enable, 'enable'")
+    ] = 'auto'
+    transition_time: Annotated[
+        float,
+        About('how slowly the input goes over to other gains; 0 for a jump', 's', 0.0, live=True),
+    ] = 0.5
+    predict_latency: Annotated[
+        bool, About('real time: predict each estimate by its age before answering it', live=True)
+    ] = False
     frame: Frame = 'map'
 
 
@@ -107,6 +156,7 @@ class ControllerOptions:
 class MonitorOptions:
     """Options of the monitor."""
 
+    autostart: Autostart = True
     monitor_window: Annotated[
         int, About('estimates over which NEES and NIS are averaged', minimum=10)
     ] = 500
@@ -116,10 +166,67 @@ class MonitorOptions:
     ] = 0.999
 
 
-ALL = (PlantOptions, EstimatorOptions, ControllerOptions, MonitorOptions)
+@dataclass(frozen=True)
+class MicrophoneArrayOptions:
+    """Options of the microphone array."""
+
+    autostart: Autostart = True
+    seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
+    lockstep: Lockstep = False
+    frame: Frame = 'map'
+    hears_for: Annotated[
+        str, About('name of the sensor, of kind bearing, whose readings it publishes')
+    ] = 'bearing'
+    microphones: Annotated[
+        Sequence[float], About('x and y of each microphone from the centre of the array', 'm')
+    ] = (0.1, 0.0, 0.05, 0.0866, -0.05, 0.0866, -0.1, 0.0, -0.05, -0.0866, 0.05, -0.0866)
+    speed_of_sound: Annotated[float, About('speed of sound', 'm/s', minimum=1.0)] = 343.0
+    band: Annotated[
+        Sequence[float], About('lowest and highest frequency that it listens to', 'Hz')
+    ] = (200.0, 3000.0)
+    frame_duration: Annotated[
+        float, About('how long it listens for one bearing', 's', minimum=1e-3, maximum=10.0)
+    ] = 0.1
+    least_odds: Annotated[
+        float,
+        About(
+            'a bearing is published if a source is so many times likelier than noise; '
+            'noise alone passes in at most one frame of so many',
+            minimum=1.0,
+            live=True,
+        ),
+    ] = 1000.0
+    largest_std: Annotated[
+        float,
+        About(
+            'a bearing is published if its standard deviation is no larger', 'rad', 0.0, live=True
+        ),
+    ] = 0.2
+    recording: Annotated[
+        str, About("WAV file, one channel a microphone; '' to simulate what there is to hear")
+    ] = ''
+    sample_rate: Annotated[
+        float, About('of what is simulated; a recording has its own', 'Hz', minimum=100.0)
+    ] = 16000.0
+    sound_level: Annotated[
+        float, About('simulated source: sound pressure at 1 m, RMS', 'Pa', minimum=0.0)
+    ] = 1.0
+    microphone_noise: Annotated[
+        float, About('simulated noise of each microphone, RMS', 'Pa', minimum=0.0)
+    ] = 0.02
+
+
+ALL = (
+    PlantOptions,
+    EstimatorOptions,
+    ControllerOptions,
+    MonitorOptions,
+    MicrophoneArrayOptions,
+)
 
 
 def names() -> set[str]:
     """Return the names of the options of every node, whichever filter the estimator runs."""
     own = {option.name for options in ALL for option in options_of(options)}
-    return own | set(FILTER_OPTIONS)
+    laws = {option.name for law in LAWS for option in law_options(law)}
+    return own | laws | set(FILTER_OPTIONS)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 #: Simulated time starts here: ROS takes a stamp of zero for "not set".
 FIRST_STAMP = 1_000_000_000
-#: A plant that fell behind by more steps than this drops them rather than hurry after them.
+#: A plant whose next step is further away than so many drops them rather than hurry or wait.
 MOST_BEHIND = 100
 
 
@@ -30,33 +30,39 @@ class Stepped(Protocol):
 
 
 class RealTime:
-    """Steps on a steady clock, and counts the steps that came late.
+    """Steps on a steady clock, or on simulated time, and counts the steps that came late.
 
     A step is taken when it ends: its input is the one that came during it, as an answer to the
     readings at its beginning. It counts as missed when it is taken later than the next one
-    should have been.
+    should have been. When the clock jumps, or the plant has fallen far behind, it goes on from
+    there, with stamps that are the time again. While simulated time rests, so does the plant.
     """
 
     def __init__(self, plant: Any) -> None:
-        self.first_stamp: int = plant.get_clock().now().nanoseconds
+        clock = plant.get_clock()
+        self.first_stamp: int = clock.now().nanoseconds
         self.missed = 0
-        self._plant: Stepped = plant
+        self._plant: Any = plant
         self._next: int | None = None
-        self._timer = plant.create_timer(plant.period, self._fire, clock=plant.steady)
+        self._clock = clock if clock.ros_time_is_active else plant.steady
+        self._timer = plant.create_timer(plant.period, self._fire, clock=self._clock)
 
     def _fire(self) -> None:
         plant = self._plant
-        now = plant.steady.now().nanoseconds
+        now = self._clock.now().nanoseconds
         period = round(plant.period * 1e9)
+        if self._next is not None and abs(now - self._next) > MOST_BEHIND * period:
+            self.missed += max(0, (now - self._next) // period)
+            self._next = None
         if self._next is None:
             if plant.elapsed <= plant.run_until:
+                # stamps are the time, after a pause too
+                time: int = plant.get_clock().now().nanoseconds
+                plant.origin = time - round(plant.elapsed * 1e9)
                 plant.publish_step()
                 self._next = now + period
             return
-        behind = (now - self._next) // period
-        self.missed += max(0, behind)
-        if behind > MOST_BEHIND:
-            self._next += behind * period
+        self.missed += max(0, (now - self._next) // period)
         # the timer itself may be early by a little
         while self._next <= now + period // 2:
             plant.step()
@@ -66,8 +72,11 @@ class RealTime:
                 return
             plant.publish_step()
 
-    def answered(self, time: int | None) -> None:
-        """Take note of an input; the clock does not wait for it."""
+    def close(self) -> None:
+        """Stop; the timer ends with the state of the node."""
+
+    def answered(self) -> None:
+        """Take note that the step is answered; the clock does not wait for it."""
 
     def changed(self) -> None:
         """Take note of a new ``run_until``; the timer looks at it by itself."""
@@ -117,10 +126,15 @@ class Lockstep:
         self._asked_at = plant.steady.now().nanoseconds
         plant.publish_step()
 
-    def answered(self, time: int | None) -> None:
-        """Step, if this is the input of the step that waits for one."""
+    def close(self) -> None:
+        """Stop listening."""
+        if self._listener is not None:
+            self._plant.destroy_subscription(self._listener)
+
+    def answered(self) -> None:
+        """Step, now that all have answered who are waited for."""
         plant = self._plant
-        if self._asked_at is None or time not in (None, plant.stamp):
+        if self._asked_at is None:
             return
         if self._silent_since is not None:
             self._resume()
@@ -157,7 +171,7 @@ class Lockstep:
     def _resume(self) -> None:
         if self._said:
             self._plant.get_logger().info('lockstep goes on')
-        self._plant.destroy_subscription(self._listener)
+        self.close()
         self._silent_since, self._said, self._estimated = None, 0, False
 
     def _matched(self, now: int) -> bool:

@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian
 
 #: So many of either are kept for what may still come.
-_KEPT = 50
+_KEPT = 1000
 
 
 class Pairing:
@@ -23,29 +21,28 @@ class Pairing:
         self._beliefs: list[tuple[int, Gaussian]] = []
         self._wholes: list[Array] = []
 
-    def estimate(self, time: int, belief: Gaussian) -> Iterator[tuple[int, Gaussian]]:
-        """Take an estimate, whose covariance may have zeros; yield the pairs that this makes."""
-        self._beliefs = [*self._beliefs[-_KEPT:], (time, belief)]
-        return self._pairs()
+    def estimate(self, time: int, belief: Gaussian) -> tuple[int, Gaussian] | None:
+        """Take an estimate, whose covariance may have zeros; return the pair that this makes."""
+        self._beliefs.append((time, belief))
+        del self._beliefs[:-_KEPT]
+        of = next((i for i, P in enumerate(self._wholes) if _agree(belief.covariance, P)), None)
+        return None if of is None else self._pair(len(self._beliefs) - 1, of)
 
-    def covariance(self, whole: Array) -> Iterator[tuple[int, Gaussian]]:
-        """Take a covariance (n, n); yield the pairs that this makes."""
-        self._wholes = [*self._wholes[-_KEPT:], whole]
-        return self._pairs()
+    def covariance(self, whole: Array) -> tuple[int, Gaussian] | None:
+        """Take a covariance (n, n); return the pair that this makes."""
+        self._wholes.append(whole)
+        del self._wholes[:-_KEPT]
+        beliefs = (belief for _, belief in self._beliefs)
+        at = next((i for i, b in enumerate(beliefs) if _agree(b.covariance, whole)), None)
+        return None if at is None else self._pair(at, len(self._wholes) - 1)
 
-    def _pairs(self) -> Iterator[tuple[int, Gaussian]]:
-        while (found := self._first_pair()) is not None:
-            at, of = found
-            time, belief = self._beliefs[at]
-            pair = time, Gaussian(belief.mean, self._wholes[of])
-            del self._beliefs[: at + 1], self._wholes[: of + 1]
-            yield pair
+    def _pair(self, at: int, of: int) -> tuple[int, Gaussian]:
+        (time, belief), whole = self._beliefs[at], self._wholes[of]
+        del self._beliefs[: at + 1], self._wholes[: of + 1]
+        return time, Gaussian(belief.mean, whole)
 
-    def _first_pair(self) -> tuple[int, int] | None:
-        for at, (_, belief) in enumerate(self._beliefs):
-            own = belief.covariance
-            part = own != 0.0
-            for of, whole in enumerate(self._wholes):
-                if np.array_equal(own[part], whole[part]):
-                    return at, of
-        return None
+
+def _agree(own: Array, whole: Array) -> bool:
+    """Tell whether ``whole`` has what ``own`` has, as far as that is not zero."""
+    part = own != 0.0
+    return np.array_equal(own[part], whole[part])

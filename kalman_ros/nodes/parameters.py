@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from math import isfinite
 from typing import Any
 
@@ -16,7 +16,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from kalman_ros.core import Option, Value
+from kalman_ros.core import Option, Value, refuse_unknown
 
 #: Parameters that rclpy itself reads from the same files.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
@@ -24,27 +24,27 @@ _LIMIT = 1e300
 
 
 def given(node: Node) -> dict[str, Value]:
-    """Return what the user set for this node, and forget it: nothing is declared yet.
-
-    The node must have been created with ``automatically_declare_parameters_from_overrides``.
-    """
-    found = {
+    """Return the values of the parameters that there are, but for those of rclpy."""
+    return {
         name: parameter.value
         for name, parameter in node.get_parameters_by_prefix('').items()
         if not name.startswith(_OF_RCLPY)
     }
-    for name in found:
+
+
+def free(node: Node, values: Mapping[str, Value]) -> None:
+    """Declare these values instead of all that there are, free to become anything else."""
+    free = {name: ParameterDescriptor(dynamic_typing=True) for name in values}
+    _replace(node, {name: (value, free[name]) for name, value in values.items()})
+
+
+def _replace(node: Node, declared: Mapping[str, tuple[Value, ParameterDescriptor]]) -> None:
+    """Declare values with their descriptors instead of all that there are."""
+    for name in given(node):
+        node.describe_parameter(name).read_only = False  # else it could not be taken back
         node.undeclare_parameter(name)
-    return found
-
-
-def declare(node: Node, options: Iterable[Option], values: Mapping[str, Value]) -> None:
-    """Declare every option with its value, its meaning and its range."""
-    node.declare_parameters(
-        '',
-        [(option.name, values[option.name], _descriptor(option)) for option in options],
-        ignore_override=True,
-    )
+    triples = [(name, value, descriptor) for name, (value, descriptor) in declared.items()]
+    node.declare_parameters('', triples, ignore_override=True)
 
 
 def _descriptor(option: Option) -> ParameterDescriptor:
@@ -63,14 +63,16 @@ def _descriptor(option: Option) -> ParameterDescriptor:
 
 
 class LiveParameters:
-    """Lets parameters change while the node runs: all that are set together, or none.
+    """Declares parameters and lets them change: all that are set together, or none.
 
     Parameters
     ----------
     node
-        The node; its parameters are declared.
+        The node. What it was given before comes back at the end.
     options
-        The same options, by name.
+        What each parameter means, by name.
+    values
+        The value of each.
     prepare
         Builds everything from a full set of values and returns a function that puts it in
         place. Raising ValueError refuses the change with that reason.
@@ -80,15 +82,29 @@ class LiveParameters:
         self,
         node: Node,
         options: Mapping[str, Option],
+        values: Mapping[str, Value],
         prepare: Callable[[dict[str, Value]], Callable[[], None]],
     ) -> None:
+        self._node = node
+        self._given = given(node)
         self._options = options
+        self._values = dict(values)
+        self._changes: dict[str, Value] = {}
         self._prepare = prepare
-        self._values = {name: node.get_parameter(name).value for name in options}
-        self._ready: Callable[[], None] | None = None
+        self._ready: Callable[[], None] = lambda: None
+        known = options.values()
+        _replace(node, {o.name: (values[o.name], _descriptor(o)) for o in known})
         node.add_pre_set_parameters_callback(self._typed)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
+
+    def close(self) -> None:
+        """Leave only what was given, with what has changed since, free to become anything."""
+        node = self._node
+        node.remove_pre_set_parameters_callback(self._typed)
+        node.remove_on_set_parameters_callback(self._check)
+        node.remove_post_set_parameters_callback(self._apply)
+        free(node, self._given)
 
     def _typed(self, parameters: list[Parameter]) -> list[Parameter]:
         """Turn whole numbers into numbers where those are wanted; leave what is wrong."""
@@ -106,19 +122,22 @@ class LiveParameters:
         changes: dict[str, Any] = {
             parameter.name: parameter.value
             for parameter in parameters
-            if parameter.name in self._options
+            if not parameter.name.startswith(_OF_RCLPY)
         }
         try:
+            refuse_unknown(changes, self._options, 'parameter')
             for name, value in changes.items():
                 self._options[name].check(value)
-            candidate = {**self._values, **changes}
-            self._ready = self._prepare(candidate) if changes else None
+            if changes:
+                self._ready = self._prepare({**self._values, **changes})
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self._candidate = candidate
+        self._changes = changes
         return SetParametersResult(successful=True)
 
     def _apply(self, _: list[Parameter]) -> None:
-        if self._ready is not None:
+        if self._changes:
             self._ready()
-            self._values, self._ready = self._candidate, None
+            self._values.update(self._changes)
+            self._given.update(self._changes)
+            self._changes = {}

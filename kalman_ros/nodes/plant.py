@@ -7,23 +7,27 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
-from kalman_ros.codecs.messages import message_type, write_stamp
+from kalman_ros.codecs.layout import Sample
+from kalman_ros.codecs.messages import leading_stamp, message_type, write_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.codecs.wire import Sample, WireReader
-from kalman_ros.core import Array, Signal
+from kalman_ros.codecs.tick import mention, write_tick
+from kalman_ros.codecs.wire import WireReader, WireWriter
+from kalman_ros.core import Array, Signal, TimedSensor, one_each
+from kalman_ros.simulation.faults.body import BodyFaults
+from kalman_ros.simulation.faults.links import Links
 from kalman_ros.simulation.plant import SimulatedPlant
 from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
-from .diagnostics import Diagnostics, Level, Report
+from .diagnostics import Level, Report
+from .managed import ACTIVE
 from .options import PlantOptions
 from .pacing import Lockstep, RealTime
-from .topics import QUEUE, on_topic
+from .topics import HISTORY, QUEUE, on_topic
 
 
 class PlantNode(runtime.ScenarioNode):
@@ -31,34 +35,57 @@ class PlantNode(runtime.ScenarioNode):
 
     def __init__(self) -> None:
         super().__init__('plant', PlantOptions)
+
+    def configure(self) -> None:
+        """Build the simulated plant and what it publishes."""
+        super().configure()
         options: PlantOptions = self.options
         self.run_until = options.run_until
         self.period = 1.0 / self.scenario.rate
-        self._plant = self._fresh_plant()
+        self._links = Links(options.seed)
+        self._restart()
         self._zero: Array = np.zeros(self.scenario.model.input.size)
-        self._force: Array = self._zero
-        self._disturbance: Array = self._zero
-        self._force_came: int | None = None
-        self._bad_forces = 0
+        self._forces = self._bad_forces = 0
         self._sensors = {
             name: self._publisher(source.signal) for name, source in self.scenario.sensors.items()
         }
         self._truth = self._publisher(on_topic(self.scenario.state, 'ground_truth'))
-        input = self.scenario.input
-        self._read_input = WireReader(SignalCodec(input))
-        kind = self._read_input.message_type
-        self._input = self.create_subscription(kind, input.topic, self._on_force, QUEUE, raw=True)
-        self.create_subscription(kind, 'disturbance', self._on_disturbance, QUEUE, raw=True)
-        self._tick = TimeReference()
         self._clock_message = Clock()
         if options.lockstep:
             self._tick_publisher = self.create_publisher(TimeReference, 'tick', QUEUE)
             self._clock_publisher = self.create_publisher(Clock, '/clock', QUEUE)
-        self.create_service(Trigger, '~/reset', self._on_reset)
-        self._pacer = self._build_pacer(options)
-        self._origin = self._pacer.first_stamp
         self._steps_before = 0
-        self.diagnostics = Diagnostics(self, self._report)
+
+    def activate(self) -> None:
+        """Go on from where it is, with no force until one comes."""
+        self._force: Array = self._zero
+        self._disturbance: Array = self._zero
+        self._force_came: int | None = None
+        self._answers = self._listen()
+        #: In lockstep, for which step each of those that are waited for has answered.
+        self._answered = dict.fromkeys(self._answers, -1)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self._pacer = self._build_pacer(self.options)
+        self.origin = self._pacer.first_stamp
+
+    def deactivate(self) -> None:
+        """Stop stepping."""
+        self._pacer.close()
+
+    def _listen(self) -> dict[str, Any]:
+        """Subscribe to what drives the plant; return the subscriptions that answer each step."""
+        input, state = self.scenario.input, self.scenario.state
+        subscribe = self.create_subscription
+        found = {}
+        if input.fields:
+            self._read_input = WireReader(SignalCodec(input))
+            kind = self._read_input.message_type
+            subscribe(kind, 'disturbance', self._on_disturbance, QUEUE, raw=True)
+            found['input'] = subscribe(kind, input.topic, self._on_force, QUEUE, raw=True)
+        if not input.fields or self.options.wait_for_estimate:
+            kind = message_type(state.type)
+            found['state'] = subscribe(kind, state.topic, self._on_estimate, QUEUE, raw=True)
+        return found
 
     def _build_pacer(self, options: PlantOptions) -> Lockstep | RealTime:
         if not options.lockstep:
@@ -67,16 +94,32 @@ class PlantNode(runtime.ScenarioNode):
         watched = (estimate.topic, message_type(estimate.type))
         return Lockstep(self, watched, options.lockstep_timeout)
 
-    def _fresh_plant(self) -> SimulatedPlant:
-        scenario = self.scenario
-        timed = {name: source.timed for name, source in scenario.sensors.items()}
-        return SimulatedPlant(
-            scenario.model, timed, scenario.rate, scenario.initial_state, self.options.seed
-        )
+    def _restart(self) -> None:
+        """Have a plant at its initial state, whose noise and faults begin anew."""
+        scenario, seed = self.scenario, self.options.seed
+        model, start = scenario.model, scenario.initial_state
+        self._plant = SimulatedPlant(model, _timed(scenario), scenario.rate, start, seed)
+        self._links.reset()
+        self._adapting(scenario, self.options)()
 
-    def _publisher(self, signal: Signal) -> tuple[SignalCodec, Any]:
-        codec = SignalCodec(signal, self.options.frame, self.options.child_frame)
-        return codec, self.create_publisher(codec.message_type, signal.topic, QoSProfile(depth=50))
+    def _adapting(self, scenario: Scenario, options: PlantOptions) -> Callable[[], None]:
+        """Return what adapts the plant to a scenario; ValueError if that cannot be."""
+        timed, model = _timed(scenario), scenario.model
+        wrong = {name: source.faults for name, source in scenario.sensors.items()}
+        gain = one_each('actuator_gain', options.actuator_gain, model.input.size)
+        faults = BodyFaults(options, model.input.size)
+
+        def adapt() -> None:
+            self._plant.configure(model, timed)
+            self._plant.actuator.adopt(gain, options.actuator_delay)
+            self._plant.faults = faults
+            self._links.configure(timed, wrong)
+
+        return adapt
+
+    def _publisher(self, signal: Signal) -> tuple[WireWriter, Any]:
+        write = WireWriter(SignalCodec(signal, self.options.frame, self.options.child_frame))
+        return write, self.create_publisher(write.message_type, signal.topic, HISTORY)
 
     @property
     def steps(self) -> int:
@@ -91,11 +134,12 @@ class PlantNode(runtime.ScenarioNode):
     @property
     def stamp(self) -> int:
         """The time of this step, in nanoseconds."""
-        return int(self._origin) + round(self.steps * self.period * 1e9)
+        return int(self.origin) + round(self.steps * self.period * 1e9)
 
     def endpoints_matched(self, *, every_sensor: bool) -> bool:
         """Tell whether an estimator listens and a controller answers."""
-        wanted = [self._tick_publisher.get_subscription_count, self._input.get_publisher_count]
+        wanted = [self._tick_publisher.get_subscription_count]
+        wanted += [subscription.get_publisher_count for subscription in self._answers.values()]
         if every_sensor:
             wanted += [publisher.get_subscription_count for _, publisher in self._sensors.values()]
         return all(count() > 0 for count in wanted)
@@ -104,25 +148,26 @@ class PlantNode(runtime.ScenarioNode):
         """Publish the readings that are due, the truth, and in lockstep the tick and clock."""
         time = self.stamp
         sources = self.scenario.sensors
-        readings = self._plant.readings()
-        for name, y in readings.items():
-            codec, publisher = self._sensors[name]
-            publisher.publish(codec.encode(time, y, sources[name].sensor.covariance))
+        arrivals = self._links(self._plant.time, time, self._plant.readings())
+        for name, taken, y in arrivals:
+            write, publisher = self._sensors[name]
+            publisher.publish(write(taken, y, sources[name].sensor.covariance))
         if self.options.lockstep:
-            write_stamp(self._tick.header.stamp, time)
-            self._tick.source = ','.join(sources[name].signal.topic for name in readings)
-            self._tick_publisher.publish(self._tick)
+            topics = tuple(
+                mention(sources[name].signal.topic, taken, time) for name, taken, _ in arrivals
+            )
+            self._tick_publisher.publish(write_tick(time, topics))
             if self._clock_publisher.get_subscription_count():
                 write_stamp(self._clock_message.clock, time)
                 self._clock_publisher.publish(self._clock_message)
-        codec, publisher = self._truth
+        write, publisher = self._truth
         if publisher.get_subscription_count():
-            publisher.publish(codec.encode(time, self._plant.state))
+            publisher.publish(write(time, self._plant.state))
 
     def step(self) -> None:
         """Move on by one step with the force that is held."""
         self._drop_old_force()
-        self._plant.step(self._force + self._disturbance)
+        self._plant.step(self._force, self._disturbance)
 
     def _drop_old_force(self) -> None:
         timeout = self.options.force_timeout
@@ -136,13 +181,22 @@ class PlantNode(runtime.ScenarioNode):
             self.diagnostics.publish()
 
     def _on_force(self, data: bytes) -> None:
+        self._forces += 1
         force = self._input_in(data)
         if force is None:
             return
         if self._force_came is None:
             self.get_logger().info(f'{self.scenario.input.topic} has come')
         self._force, self._force_came = force.values, self.steady.now().nanoseconds
-        self._pacer.answered(force.time)
+        self._on_answer('input', self.stamp if force.time is None else force.time)
+
+    def _on_estimate(self, data: bytes) -> None:
+        self._on_answer('state', leading_stamp(data))
+
+    def _on_answer(self, kind: str, time: int) -> None:
+        self._answered[kind] = time
+        if all(answer == self.stamp for answer in self._answered.values()):
+            self._pacer.answered()
 
     def _on_disturbance(self, data: bytes) -> None:
         disturbance = self._input_in(data)
@@ -162,34 +216,43 @@ class PlantNode(runtime.ScenarioNode):
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._steps_before = self.steps
-        self._plant = self._fresh_plant()
+        self._restart()
         response.success, response.message = True, 'back at the initial state; time goes on'
         return response
 
     def prepare(self, scenario: Scenario, options: PlantOptions) -> Callable[[], None]:
-        """Change noise, parameters of the model, or when to pause, without a jump."""
-        timed = {name: source.timed for name, source in scenario.sensors.items()}
+        """Change noise, the model, faults, or when to pause, without a jump."""
+        adapt = self._adapting(scenario, options)
 
         def apply() -> None:
-            self._plant.configure(scenario.model, timed)
+            adapt()
             self.run_until = options.run_until
-            self._pacer.changed()
+            if self.phase == ACTIVE:
+                self._pacer.changed()
 
         return apply
 
-    def _report(self) -> Report:
-        values = {
+    def report(self) -> Report:
+        """Return how far it is, and who keeps it waiting."""
+        values: dict[str, Any] = {
             'steps': self.steps,
             'simulated seconds': self.elapsed,
             'missed steps': self._pacer.missed,
+            'forces heard': self._forces,
             'forces not finite': self._bad_forces,
         }
+        values.update({f'{name}: readings': count for name, count in self._links.arrived.items()})
+        faults = ', '.join((*self._links.faults, *self._plant.faults.on))
         trouble = self._pacer.trouble()
         if trouble:
             return Level.ERROR, trouble, values
-        if self._force_came is None:
+        if self.scenario.input.fields and self._force_came is None:
             return Level.WARN, f'no {self.scenario.input.topic} comes: it is zero', values
-        return Level.OK, 'running', values
+        return Level.OK, f'running with {faults}' if faults else 'running', values
+
+
+def _timed(scenario: Scenario) -> dict[str, TimedSensor]:
+    return {name: source.timed for name, source in scenario.sensors.items()}
 
 
 def main() -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.codecs.wire import Sample, WireReader
+from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Signal
 from kalman_ros.simulation.scenario import SensorSource
 

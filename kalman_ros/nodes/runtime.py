@@ -9,27 +9,34 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import rclpy
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from kalman_ros import models
 from kalman_ros.core import Option, Value, options_of, refuse_unknown
 from kalman_ros.simulation import scenario
 from kalman_ros.simulation.scenario import Scenario
 
 from . import options as node_options
-from . import parameters
+from . import parameters, topics
+from .diagnostics import Diagnostics, Level, Report
+from .managed import ACTIVE, ManagedNode, reason
+from .transport import prefer_sockets
+from .watcher import WatcherNode
 
-#: How long a signal may wait to be noticed, in seconds.
-_PATIENCE = 0.1
+#: How long a signal may wait to be noticed by a node that does nothing, in seconds. Not shorter
+#: than need be, for each wait of this executor leaves some 30 bytes behind.
+_PATIENCE = 1.0
 
 
-class ScenarioNode(Node):  # type: ignore[misc]
-    """A node that is told a scenario and options of its own by parameters.
+class ScenarioNode(WatcherNode, ManagedNode):
+    """A managed node that is told a scenario and options of its own by parameters.
+
+    Until it is configured, any parameter may be set and none is checked; which ones there are
+    depends on the model. It configures and activates itself unless ``autostart`` is false.
 
     Parameters
     ----------
@@ -41,25 +48,38 @@ class ScenarioNode(Node):  # type: ignore[misc]
     Raises
     ------
     ValueError
-        If a parameter is unknown or wrong; nothing runs then.
+        If it is to start and a parameter is unknown or wrong; nothing runs then.
     """
 
+    #: What it runs when it is told nothing.
+    default_model = models.DEFAULT
+
     def __init__(self, name: str, options: type[Any]) -> None:
-        super().__init__(name, automatically_declare_parameters_from_overrides=True)
-        self.steady = Clock(clock_type=ClockType.STEADY_TIME)
-        given = parameters.given(self)
-        self._own = {option.name: option for option in options_of(options)}
-        self._extra = {option.name: option for option in self.extra_options(given)}
+        super().__init__(name)
         self._build_options = options
-        known = {**scenario.options(given), **self._own, **self._extra}
+        parameters.free(self, parameters.given(self))
+        self.diagnostics = Diagnostics(self, self._report_state)
+        # a wrong value is told of by configure
+        if parameters.given(self).get('autostart') is not False:
+            self.start()
+
+    def configure(self) -> None:
+        """Build the scenario and the options from the parameters, and declare them all."""
+        given = {'model': self.default_model, **parameters.given(self)}
+        self._own = {option.name: option for option in options_of(self._build_options)}
+        shared = scenario.options(given)
+        chosen = {**{name: option.default for name, option in shared.items()}, **given}
+        self._extra = {option.name: option for option in self.extra_options(chosen)}
+        known = {**shared, **self._own, **self._extra}
         refuse_unknown(given, {*known, *node_options.names()}, 'parameter')
         values = scenario.complete(given, known)
-        parameters.declare(self, known.values(), values)
         self.scenario, self.options, self.extra = self._build(values)
-        self._live = parameters.LiveParameters(self, known, self._prepare)
+        topics.check(self.scenario)
+        live = parameters.LiveParameters(self, known, values, self._prepare)
+        self.at_the_end(live.close)
 
-    def extra_options(self, given: Mapping[str, Value]) -> Iterable[Option]:
-        """Return further options, which depend on what is ``given``; none by default."""
+    def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
+        """Return further options, which depend on what is ``chosen``; none by default."""
         return ()
 
     def _build(self, values: Mapping[str, Value]) -> tuple[Scenario, Any, dict[str, Value]]:
@@ -87,30 +107,40 @@ class ScenarioNode(Node):  # type: ignore[misc]
         """
         raise NotImplementedError
 
+    def report(self) -> Report:
+        """Return what is to be said of the node while it is active."""
+        raise NotImplementedError
+
+    def _report_state(self) -> Report:
+        if self.phase == ACTIVE:
+            return self.report()
+        why = f': {self.refusal}' if self.refusal else ''
+        return Level.WARN, f'{self.phase}{why}', {}
+
 
 def main(build: Callable[[], Node]) -> None:
     """Run one node until SIGINT or SIGTERM; exit 1 with one line if it cannot start."""
-    stop = Future()
+    # a handler must not touch what has a lock, such as a Future, for it may come at any moment
+    came: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set_result(None))
+        signal.signal(number, lambda number, _: came.append(number))
     try:
         # what rcl logs when a parameter file cannot be read is said below, once
         set_logger_level('rcl', LoggingSeverity.FATAL)
+        prefer_sockets()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         set_logger_level('rcl', LoggingSeverity.INFO)
         node = build()
-    except ValueError as error:
-        sys.exit(f'{_program()}: {error}')
     except Exception as error:
-        # rcl reports an unreadable parameter file by an exception type of its own
-        if type(error).__module__.startswith(('rclpy', '_rclpy', 'rpyutils')):
-            sys.exit(f'{_program()}: {_first_line(error)}')
-        raise
+        if not reason(error):
+            raise
+        sys.exit(f'{_program()}: {reason(error)}')
     executor = EventsExecutor()
     executor.add_node(node)
-    while not stop.done():
+    never = Future()
+    while not came:
         # spin() of this executor neither waits properly nor notices signals; see its issues
-        executor.spin_until_future_complete(stop, _PATIENCE)
+        executor.spin_until_future_complete(never, _PATIENCE)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     executor.shutdown()
@@ -120,7 +150,3 @@ def main(build: Callable[[], Node]) -> None:
 
 def _program() -> str:
     return sys.argv[0].rpartition('/')[2]
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).partition('\n')[0].partition(', at ')[0]

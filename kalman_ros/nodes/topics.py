@@ -5,24 +5,43 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.validate_topic_name import validate_topic_name
 
 from kalman_ros.core import Signal
+from kalman_ros.simulation.scenario import Scenario
 
-#: Reliable, with room for what arrives while a callback runs.
-QUEUE = QoSProfile(depth=50)
+#: Reliable, with room for what comes while a node gets no processor time, a second or so. What
+#: a queue drops, nobody is told of: whoever has too much to read drops it, and counts it.
+QUEUE = QoSProfile(depth=5000)
+
+#: For writers: room for what a watcher of lockstep misses in that time. What a writer has dropped
+#: cannot be sent again.
+HISTORY = QoSProfile(depth=1000)
 
 
 def sensor_queue(*, reliable: bool) -> QoSProfile:
     """Return the quality of service of a sensor's subscription; best effort takes any."""
     policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-    return QoSProfile(depth=50, reliability=policy)
+    return QoSProfile(depth=QUEUE.depth, reliability=policy)
 
 
-#: For those who only watch: what they lose costs the others nothing.
-WATCH = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+#: For those who only watch, now and then: what they lose costs the others nothing.
+WATCH = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def on_topic(signal: Signal, topic: str) -> Signal:
     """Return the same fields on another topic."""
     return replace(signal, topic=topic)
+
+
+def check(scenario: Scenario) -> None:
+    """Raise ValueError if a topic of a scenario cannot be one."""
+    sensors = {name: source.signal for name, source in scenario.sensors.items()}
+    for name, signal in {'state': scenario.state, 'input': scenario.input, **sensors}.items():
+        try:
+            validate_topic_name(signal.topic)
+        except InvalidTopicNameException:
+            expected = 'expected the name of a topic'
+            raise ValueError(f"{name}.topic: {expected}, got '{signal.topic}'") from None

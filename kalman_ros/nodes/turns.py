@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
+
+from kalman_ros.codecs.tick import mentioned
 
 
 class Turn(NamedTuple):
@@ -15,44 +17,62 @@ class Turn(NamedTuple):
     readings: list[tuple[str, Any]]
 
 
+#: Before every time.
+_UNSTAMPED = -1
+#: In nanoseconds: readings that no tick has named for so long never will be.
+_FORGOTTEN = 60_000_000_000
+
+#: The name of a sensor, and a stamp.
+_Key = tuple[str, int]
+
+
 class Turns:
     """Puts together ticks, readings and inputs, which arrive in any order.
 
-    A turn is complete when every reading that its tick names has come, and the input that
-    answers the tick before it. A tick that is repeated makes a turn without readings; one that
-    is earlier than the last starts anew, for then the plant was restarted.
+    What comes without a stamp belongs to the first turn that waits for it.
+
+    A turn is complete when every reading that its tick names has come, the late ones too, and
+    the input that answers the tick before it. A tick that is repeated makes a turn without
+    readings; one that is earlier than the last starts anew, for then the plant was restarted.
 
     Parameters
     ----------
     names
         The sensor behind each topic; topics that are not listened to are not waited for.
+    answered
+        Whether an input answers each tick; nobody answers for a model without inputs.
     """
 
-    def __init__(self, names: dict[str, str]) -> None:
+    def __init__(self, names: dict[str, str], *, answered: bool = True) -> None:
         self._names = names
-        self._ticks: dict[int, list[str]] = {}
-        self._readings: dict[tuple[str, int], Any] = {}
+        self._answered = answered
+        self._ticks: dict[int, list[_Key]] = {}
+        # what has no stamp is at _UNSTAMPED, for one step is under way at a time
+        self._readings: dict[_Key, list[Any]] = {}
         self._inputs: dict[int, Any] = {}
         self._last: int | None = None
+        # by the last turn: what comes of it again, because the plant asked again, is not new
+        self._taken: list[_Key] = []
 
-    def reading(self, name: str, time: int, reading: Any) -> None:
+    def reading(self, name: str, time: int | None, reading: Any) -> None:
         """Take in a reading."""
-        self._readings[name, time] = reading
+        key = name, _UNSTAMPED if time is None else time
+        if key not in self._taken:
+            self._readings.setdefault(key, []).append(reading)
 
-    def input(self, time: int, value: Any) -> None:
+    def input(self, time: int | None, value: Any) -> None:
         """Take in the input that answers the step at ``time``."""
-        self._inputs[time] = value
+        self._inputs[_UNSTAMPED if time is None else time] = value
 
-    def tick(self, time: int, source: str) -> bool:
-        """Take in a tick, whose ``source`` has the topics of its readings, comma separated.
-
-        Returns whether time went back.
-        """
-        topics = [topic for topic in source.split(',') if topic]
-        self._ticks[time] = [self._names[topic] for topic in topics if topic in self._names]
+    def tick(self, time: int, topics: Iterable[str]) -> bool:
+        """Take in a tick with the topics of its readings; return whether time went back."""
+        named = [mentioned(topic, time) for topic in topics]
+        self._ticks[time] = [
+            (self._names[topic], stamp) for topic, stamp in named if topic in self._names
+        ]
         if self._last is None or time >= self._last:
             return False
-        self._last = None
+        self._last, self._taken = None, []
         self._inputs.clear()
         return True
 
@@ -60,15 +80,41 @@ class Turns:
         """Yield the turns that are complete by now, in order."""
         while self._ticks:
             time, last = min(self._ticks), self._last
-            names = self._ticks[time] if time != last else []
-            if any((name, time) not in self._readings for name in names):
+            keys = self._ticks[time] if time != last else []
+            readings = self._named(keys)
+            if readings is None:
                 return
-            if last is not None and time != last and last not in self._inputs:
-                return
-            input = (last, self._inputs[last]) if last is not None and time != last else None
-            readings = [(name, self._readings[name, time]) for name in names]
+            input = None
+            if self._answered and last is not None and time != last:
+                value = self._inputs.get(last, self._inputs.get(_UNSTAMPED))
+                if value is None:
+                    return
+                input = last, value
             self._last = time
             del self._ticks[time]
-            self._readings = {key: r for key, r in self._readings.items() if key[1] > time}
+            if keys:
+                self._taken = keys
+            self._forget(time)
             self._inputs = {stamp: u for stamp, u in self._inputs.items() if stamp >= time}
             yield Turn(time, input, readings)
+
+    def _named(self, keys: list[_Key]) -> list[tuple[str, Any]] | None:
+        """Return the readings that a tick names, in its order; None if one has not come."""
+        found: list[tuple[str, Any]] = []
+        for index, key in enumerate(keys):
+            name, _ = key
+            there = self._readings.get(key) or self._readings.get((name, _UNSTAMPED), [])
+            if len(there) < keys.count(key):
+                return None
+            # of those that were sent again the last
+            found.append((name, there[-keys[index:].count(key)]))
+        return found
+
+    def _forget(self, time: int) -> None:
+        """Drop the readings of the turn at ``time``, and others that nobody asked for."""
+        oldest = max(time - _FORGOTTEN, _UNSTAMPED)
+        self._readings = {
+            key: readings
+            for key, readings in self._readings.items()
+            if key not in self._taken and key[1] > oldest
+        }

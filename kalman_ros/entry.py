@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where every executable starts: signals are answered before anything slow is loaded.
+
+Python's own answer to SIGINT is a traceback of whatever was being imported. Until the program
+takes over there is nothing to clean up, so it just ends.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from functools import partial
+from importlib import import_module
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def _node(name: str) -> None:
+    """Run a node, which says by itself how it answers signals; exit 0 if one comes before."""
+    for number in _SIGNALS:
+        signal.signal(number, lambda *_: os._exit(0))
+    import_module(f'kalman_ros.nodes.{name}').main()
+
+
+def _command(name: str) -> None:
+    """Run a command; exit 128 + N if a signal N interrupts it."""
+    for number in _SIGNALS:
+        signal.signal(number, lambda number, _: os._exit(128 + number))
+    main = import_module(f'kalman_ros.commands.{name}').main
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+        main()
+    except KeyboardInterrupt:
+        sys.exit(128 + signal.SIGINT)
+    finally:
+        for number in _SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
+
+plant = partial(_node, 'plant')
+estimator = partial(_node, 'estimator')
+controller = partial(_node, 'controller')
+monitor = partial(_node, 'monitor')
+microphone_array = partial(_node, 'microphone_array')
+
+bench = partial(_command, 'bench')
+compare = partial(_command, 'compare')
+demo = partial(_command, 'demo')
+design = partial(_command, 'design')
+faults = partial(_command, 'faults')
+fuzz = partial(_command, 'fuzz')
+soak = partial(_command, 'soak')
+study = partial(_command, 'study')

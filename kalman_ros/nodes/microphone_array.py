@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The microphone array: sound in, simulated or recorded, and the bearing of its source out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import TimeReference
+
+from kalman_ros.acoustics import recording
+from kalman_ros.acoustics.array import MicrophoneArray
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.tick import read_tick, write_tick
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import Array, is_due, ratio
+from kalman_ros.sensors.bearing import Bearing
+from kalman_ros.simulation.scenario import Scenario, SensorSource
+from kalman_ros.simulation.sound import SimulatedSound, Sound
+
+from . import runtime
+from .diagnostics import Report
+from .hearing import Hearing
+from .options import MicrophoneArrayOptions
+from .playback import Playback
+from .topics import QUEUE, on_topic
+from .turns import Turns
+
+_TRUTH = 'ground_truth'
+#: In lockstep the ticks of the plant, by a remap, before a bearing is added to them.
+_PLANT_TICK = 'plant_tick'
+
+
+class MicrophoneArrayNode(runtime.ScenarioNode):
+    """Publishes the readings of a sensor of kind bearing, from what it hears.
+
+    A frame in which no source is heard, or in which its direction is not clear, gives no
+    reading; ``/diagnostics`` counts them.
+    """
+
+    default_model = 'bearing_tracker'
+
+    def __init__(self) -> None:
+        super().__init__('microphone_array', MicrophoneArrayOptions)
+
+    def configure(self) -> None:
+        """Build what hears, and what it publishes."""
+        super().configure()
+        options: MicrophoneArrayOptions = self.options
+        self._sensor = _bearing(self._source)
+        self._array = MicrophoneArray(np.array(options.microphones), options.speed_of_sound)
+        recorded = self._recorded = None
+        if options.recording:
+            if options.lockstep:
+                raise ValueError('lockstep: expected false, for a recording takes its own time')
+            recorded = self._recorded = recording.read(Path(options.recording), self._array.size)
+        rate = options.sample_rate if recorded is None else recorded.sample_rate
+        signal = self._source.signal
+        self._hearing = Hearing(signal, self._array, rate, options)
+        self._publisher = self.create_publisher(self._hearing.message_type, signal.topic, QUEUE)
+        if options.lockstep:
+            self._tick_publisher = self.create_publisher(TimeReference, 'tick', QUEUE)
+
+    def activate(self) -> None:
+        """Hear the recording from its beginning, or where the plant says that the source is."""
+        self._answer: Any = None
+        if self._recorded is None:
+            self._simulate()
+            return
+        interval, samples = 1.0 / self._source.timed.rate, self._hearing.samples
+        self._playback = Playback(
+            self, self._recorded, interval, samples, self._listened, self._hear
+        )
+
+    @property
+    def _source(self) -> SensorSource:
+        name = self.options.hears_for
+        if name not in self.scenario.sensors:
+            known = ', '.join(self.scenario.sensors)
+            raise ValueError(f"hears_for: expected a sensor among ({known}), got '{name}'")
+        return self.scenario.sensors[name]
+
+    def _listened(self) -> bool:
+        return bool(self._publisher.get_subscription_count())
+
+    def _hear(self, time: int, frame: Array) -> None:
+        self._answer = self._hearing(time, frame, self.options)
+        self._publish()
+
+    def _publish(self) -> None:
+        if self._answer is not None:
+            self._publisher.publish(self._answer)
+
+    def _simulate(self) -> None:
+        """Hear the source where the plant says that it is."""
+        self._start()
+        truth = on_topic(self.scenario.state, _TRUTH)
+        self._read_truth = WireReader(SignalCodec(truth))
+        self._turns = Turns({_TRUTH: _TRUTH}, answered=False)
+        self._topics: dict[int, tuple[str, ...]] = {}
+        kind = self._read_truth.message_type
+        self.create_subscription(kind, _TRUTH, self._on_truth, QUEUE, raw=True)
+        if self.options.lockstep:
+            self.create_subscription(TimeReference, _PLANT_TICK, self._on_tick, QUEUE, raw=True)
+
+    def _start(self) -> None:
+        options = self.options
+        low, high = options.band
+        sound = Sound(options.sound_level, (low, high), options.microphone_noise)
+        samples, rate = self._hearing.samples, options.sample_rate
+        self._sound = SimulatedSound(self._array, rate, samples, sound, options.seed)
+        self._first: int | None = None
+
+    def _on_truth(self, data: bytes) -> None:
+        time, x, _ = self._read_truth(data)
+        if time is None:
+            return
+        if not self.options.lockstep:
+            self._listen(time, x)
+            return
+        self._turns.reading(_TRUTH, time, x)
+        self._take_turns()
+
+    def _listen(self, time: int, x: Array) -> None:
+        """Hear what there is to hear in the state ``x``, if a reading is due."""
+        if self._first is None:
+            self._first = time
+        rate = self.scenario.rate
+        step = round((time - self._first) * 1e-9 * rate)
+        self._answer = None
+        if is_due(step, ratio(self._source.timed.rate, rate)):
+            self._hear(time, self._sound(self._sensor.line_of_sight(x)))
+
+    def _on_tick(self, data: bytes) -> None:
+        time, topics = read_tick(data)
+        self._topics[time] = topics
+        if self._turns.tick(time, [_TRUTH]):
+            self._start()
+        self._take_turns()
+
+    def _take_turns(self) -> None:
+        """Pass on the ticks whose truth has come, with the bearing if there is one."""
+        for turn in self._turns.complete():
+            for _, x in turn.readings:
+                self._listen(turn.time, x)
+            if not turn.readings:  # asked again
+                self._publish()
+            topics = self._topics.pop(turn.time)
+            if self._answer is not None:
+                topics = (*topics, self._source.signal.topic)
+            self._tick_publisher.publish(write_tick(turn.time, topics))
+
+    def prepare(self, scenario: Scenario, options: MicrophoneArrayOptions) -> Callable[[], None]:
+        """Take what asks more or less of a bearing; it is looked up with every frame."""
+        return lambda: None
+
+    def report(self) -> Report:
+        """Return what there was to be heard."""
+        return self._hearing.report()
+
+
+def _bearing(source: SensorSource) -> Bearing:
+    sensor = source.sensor
+    if not isinstance(sensor, Bearing):
+        raise ValueError(f'hears_for: expected a sensor of kind bearing, got {sensor.name}')
+    return sensor
+
+
+def main() -> None:
+    """Run the microphone array."""
+    runtime.main(MicrophoneArrayNode)

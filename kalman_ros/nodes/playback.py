@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording that is heard as though it were sounding now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from kalman_ros.acoustics.recording import Recording
+from kalman_ros.core import Array
+
+
+class Playback:
+    """Hands out frames of a recording as time goes on, until it is over.
+
+    Parameters
+    ----------
+    node
+        What has the clocks.
+    recorded
+        The sound, which begins as soon as somebody listens.
+    interval
+        From one frame to the next, in seconds.
+    samples
+        Of a frame.
+    listened
+        Tells whether anybody does.
+    hear
+        Takes the time of the middle of a frame, in nanoseconds, and the frame (M, samples).
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        recorded: Recording,
+        interval: float,
+        samples: int,
+        listened: Callable[[], bool],
+        hear: Callable[[int, Array], None],
+    ) -> None:
+        self._node, self._recorded = node, recorded
+        self._interval, self._samples, self._hear = interval, samples, hear
+        self._listened = listened
+        self._frames = 0
+        self._began = 0
+        self._timer = node.create_timer(interval, self._play, clock=node.steady)
+
+    def _play(self) -> None:
+        if not self._frames:
+            if not self._listened():
+                return
+            self._began = self._node.get_clock().now().nanoseconds
+        start = self._frames * self._interval
+        frame = self._recorded.frame(start, self._samples)
+        if frame is None:
+            self._node.get_logger().info(f'the recording is over after {start:g} s')
+            self._timer.cancel()
+            return
+        self._frames += 1
+        middle = start + 0.5 * self._samples / self._recorded.sample_rate
+        self._hear(self._began + round(middle * 1e9), frame)

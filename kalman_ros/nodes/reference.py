@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to regulate to: a state on ``reference``, or a pose on ``goal``, as RViz publishes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.simulation.regulator import tracking
+from kalman_ros.simulation.scenario import Scenario
+
+from .topics import QUEUE, on_topic
+
+_POSE = 'pose.pose.'
+
+
+class ReferenceReader:
+    """Finds the equilibrium of each reference that comes, and hands it on.
+
+    Of a pose the velocities are zero, and what a pose does not tell is at the model's own
+    equilibrium.
+
+    Parameters
+    ----------
+    node
+        Subscribes.
+    scenario
+        The system.
+    take
+        Called with the state (n,) and the input (m,) that holds it.
+    """
+
+    def __init__(
+        self, node: Any, scenario: Scenario, take: Callable[[Array, Array], None]
+    ) -> None:
+        self._node, self._scenario, self._take = node, scenario, take
+        self._rest = scenario.model.equilibrium
+        #: Of references, linearised about the equilibrium of the model.
+        self.equilibria = tracking(scenario)
+        self._space = scenario.model.state
+
+    def listen(self) -> None:
+        """Subscribe."""
+        state = self._scenario.state
+        self._subscribe(on_topic(state, 'reference'), list(range(self._space.size)))
+        fields = state.fields
+        told = [index for index, field in enumerate(fields) if field.startswith(_POSE)]
+        if told:
+            own = tuple(f'pose.{fields[index][len(_POSE) :]}' for index in told)
+            self._subscribe(Signal('goal', 'geometry_msgs/PoseStamped', own), told)
+
+    def _subscribe(self, signal: Signal, told: list[int]) -> None:
+        read = WireReader(SignalCodec(signal))
+
+        def on_message(data: bytes) -> None:
+            try:
+                self._on_values(read(data).values, told)
+            except (LookupError, ValueError) as error:
+                self._node.get_logger().warning(f'{signal.topic}: {error}; the old one stays')
+
+        self._node.create_subscription(
+            read.message_type, signal.topic, on_message, QUEUE, raw=True
+        )
+
+    def _on_values(self, values: Array, told: list[int]) -> None:
+        state = self._rest.state.copy()
+        state[told] = values
+        difference = self._space.subtract(state, self._rest.state)
+        if not np.isfinite(difference).all():
+            raise ValueError('expected finite numbers')
+        found = self.equilibria.equilibrium(difference)
+        target = self._rest.state + found.state, self._rest.input + found.input
+        if not all(map(is_finite, target)):
+            raise ValueError('expected numbers that can be reckoned with')
+        self._take(*target)

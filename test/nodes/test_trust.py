@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which estimates the controller acts upon, and the reason that it gives for the others."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from kalman_ros.codecs.layout import Sample
+from kalman_ros.core import Space
+from kalman_ros.nodes.trust import Trust
+
+SECOND = 1_000_000_000
+SPACE = Space(('x', 'v'), ('m', 'm/s'))
+
+
+def trust(timeout=0.5, most=(1.0, 2.0)):
+    return Trust(SPACE, timeout, np.array(most))
+
+
+def estimate(time=10 * SECOND, x=(0.0, 0.0), P=((0.5, -0.3), (-0.3, 0.5))):
+    return Sample(time, np.array(x), np.array(P))
+
+
+def test_a_good_estimate_is_trusted_with_negative_correlations_too():
+    assert trust().reason(estimate(), 10 * SECOND + SECOND // 10) == ''
+
+
+@pytest.mark.parametrize(
+    ('doubtful', 'reason'),
+    [
+        (estimate(x=(np.nan, 0.0)), 'not finite'),
+        (estimate(x=(0.0, np.inf)), 'not finite'),
+        (estimate(time=9 * SECOND), '1 s old'),
+        (estimate(time=11 * SECOND), '1 s ahead of the clock'),
+        (estimate(P=((4.0, 0.0), (0.0, 1.0))), 'estimate of x is uncertain by 2, more than 1'),
+        (estimate(P=((0.5, 0.0), (0.0, 4.1))), 'estimate of v'),
+        (estimate(P=((-1.0, 0.0), (0.0, 1.0))), 'covariance'),
+        (estimate(P=((np.nan, 0.0), (0.0, 1.0))), 'covariance'),
+    ],
+)
+def test_the_reason_is_given(doubtful, reason):
+    assert reason in trust().reason(doubtful, 10 * SECOND)
+
+
+def test_time_that_goes_back_is_told_once():
+    watch = trust()
+    assert watch.reason(estimate(), None) == ''
+    assert 'went back by 5 s' in watch.reason(estimate(time=5 * SECOND), None)
+    assert watch.reason(estimate(time=5 * SECOND + 1), None) == ''
+
+
+def test_without_limits_everything_finite_is_trusted():
+    free = trust(timeout=0.0, most=(np.inf, np.inf))
+    assert free.reason(estimate(P=((-1.0, 0.0), (0.0, 1.0))), 10**12) == ''
+
+
+def test_an_estimator_that_started_anew_is_told_once():
+    watch = trust(most=(np.inf, np.inf))
+    sure, unsure = ((1e-3, -1e-3), (-1e-3, 2.0)), ((1.0, 0.0), (0.0, 2.0))
+    for P in (unsure, sure, sure):
+        assert watch.reason(estimate(P=P), None) == ''
+    assert 'started anew: x is as uncertain as at first' in watch.reason(estimate(P=unsure), None)
+    assert watch.reason(estimate(P=unsure), None) == ''
+
+
+def test_what_grows_slowly_or_from_little_is_no_new_start():
+    watch = trust(most=(np.inf, np.inf))
+    for variance in (1e-9, 1.0, 1e-3, 0.1, 1.0, 2.0):
+        P = variance * np.eye(2)
+        found = watch.reason(estimate(P=P), None)
+        assert found == ''
+    watch = trust(most=(np.inf, np.inf))
+    for variance in (1.0, 1e-3, 0.02, 0.4, 1.0):
+        assert watch.reason(estimate(P=variance * np.eye(2)), None) == ''
+
+
+def test_time_that_went_back_explains_a_new_start_too():
+    watch = trust(most=(np.inf, np.inf))
+    watch.reason(estimate(P=np.eye(2)), None)
+    watch.reason(estimate(P=1e-3 * np.eye(2)), None)
+    assert 'went back' in watch.reason(estimate(time=SECOND, P=np.eye(2)), None)
+    assert watch.reason(estimate(time=SECOND + 1, P=np.eye(2)), None) == ''
