@@ -24,8 +24,9 @@ def signals(scenario: Scenario) -> dict[str, Signal]:
         'ground_truth': state,
         state.topic: state,
         f'{state.topic}/covariance': Signal('', 'std_msgs/Float64MultiArray', matrix),
-        scenario.input.topic: scenario.input,
     }
+    if scenario.input.fields:
+        found[scenario.input.topic] = scenario.input
     for name, source in scenario.enabled.items():
         output = source.sensor.output.names
         found[source.signal.topic] = source.signal
@@ -38,32 +39,45 @@ def trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Trajectory
     """Return what a recorder gathered, joined by stamps; time is counted from ``first``."""
     estimate, n = scenario.state.topic, scenario.model.state.size
     truth, state = recorder['ground_truth'], recorder[estimate]
-    force = recorder[scenario.input.topic]
+    # of a model without inputs there is nothing to wait for
+    force = recorder[scenario.input.topic if scenario.input.fields else estimate]
+    m = len(scenario.input.fields)
     covariance = recorder[f'{estimate}/covariance'].values.reshape(-1, n, n)
     # the covariance has no stamp: the k-th belongs to the k-th estimate
     length = min(len(state.stamp), len(covariance))
     stamps = np.intersect1d(truth.stamp, state.stamp[:length])
-    stamps = np.intersect1d(stamps, force.stamp)
+    # so does the k-th input, if it has no stamp
+    answered = force.stamp if len(force.stamp) else state.stamp[: len(force.values)]
+    stamps = np.intersect1d(stamps, answered)
     believed = _last_at(state.stamp[:length], stamps)
+    innovations = {
+        name: _innovations(_series(recorder[f'{estimate}/innovation/{name}'], first))
+        for name in scenario.enabled
+    }
     return Trajectory(
         time=(stamps - first) * 1e-9,
         truth=truth.values[_last_at(truth.stamp, stamps)],
         estimate=state.values[believed],
         covariance=covariance[believed],
-        input=force.values[_last_at(force.stamp, stamps)],
+        input=force.values[_last_at(answered, stamps), :m],
         readings={
-            name: _series(recorder[source.signal.topic], first)
+            name: _readings(_series(recorder[source.signal.topic], first), innovations[name])
             for name, source in scenario.enabled.items()
         },
-        innovations={
-            name: _innovations(_series(recorder[f'{estimate}/innovation/{name}'], first))
-            for name in scenario.enabled
-        },
+        innovations=innovations,
     )
 
 
 def _series(recorded: Any, first: int) -> Series:
     return Series((recorded.stamp - first) * 1e-9, recorded.values)
+
+
+def _readings(series: Series, innovations: Innovations) -> Series:
+    """Return readings with their times; those without stamps have the times of innovations."""
+    if len(series.time) == len(series.values):
+        return series
+    length = min(len(innovations.time), len(series.values))
+    return Series(innovations.time[:length], series.values[:length])
 
 
 def _innovations(series: Series) -> Innovations:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -18,20 +18,20 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
-def deferred(wake: Callable[[], object] = lambda: None) -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back inside the block; ``wake`` is called when one comes."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
+def deferred() -> Iterator[list[int]]:
+    """Hold SIGINT and SIGTERM back inside the block, and give the list of those that came."""
     noted: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield noted
+        return
 
     def note(number: int, _: FrameType | None) -> None:
+        # nothing more: what is interrupted may hold any lock
         noted.append(number)
-        wake()
 
     handlers: dict[signal.Signals, Any] = {s: signal.signal(s, note) for s in _SIGNALS}
     try:
-        yield
+        yield noted
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,24 +11,54 @@ import numpy as np
 import yaml
 
 
-def from_file(path: Path, node: str) -> dict[str, Any]:
+def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
     """Return the parameters that a ROS parameter file has for a node, flat.
+
+    With several nodes, what a later one is told overrides what those before it are.
 
     Raises
     ------
     ValueError
         If the file is not a ROS parameter file.
     """
-    try:
-        document = yaml.safe_load(path.read_text()) or {}
-        sections = [document.get(key, {}) for key in ('/**', f'/**/{node}', node, f'/{node}')]
-        merged: dict[str, Any] = {}
-        for section in sections:
-            merged.update(_flat(section.get('ros__parameters', {})))
-    except (yaml.YAMLError, AttributeError) as error:
-        first = str(error).partition('\n')[0]
-        raise ValueError(f'{path.name}: not a ROS parameter file: {first}') from None
+    document = _document(path)
+    merged: dict[str, Any] = {}
+    for key in ['/**', *(f'{where}{node}' for node in nodes for where in ('/**/', '', '/'))]:
+        merged.update(_flat(document.get(key, {}).get('ros__parameters', {})))
     return merged
+
+
+def sections(path: Path | None) -> set[str]:
+    """Return the names of the nodes that a ROS parameter file has a section for.
+
+    Raises
+    ------
+    ValueError
+        If the file is not a ROS parameter file.
+    """
+    return {str(key).rpartition('/')[2] for key in _document(path)}
+
+
+def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
+    """Return the sections of a file by the names that they have there."""
+    if path is None:
+        return {}
+    try:
+        found = yaml.safe_load(path.read_text()) or {}
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        mark = getattr(error, 'problem_mark', None)
+        line = f' in line {mark.line + 1}' if mark else ''
+        what = getattr(error, 'problem', None) or str(error).partition('\n')[0]
+        reason = f'not YAML: {what}{line}'
+    else:
+        if isinstance(found, Mapping) and all(map(_is_section, found.values())):
+            return found
+        reason = 'not a ROS parameter file: expected NODE: ros__parameters: NAME: VALUE'
+    raise ValueError(f'{path.name}: {reason}')
+
+
+def _is_section(value: Any) -> bool:
+    return isinstance(value, Mapping) and isinstance(value.get('ros__parameters', {}), Mapping)
 
 
 def _flat(section: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
@@ -38,6 +68,20 @@ def _flat(section: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
             found.update(_flat(value, f'{prefix}{key}.'))
         else:
             found[f'{prefix}{key}'] = value
+    return found
+
+
+def overrides(given: Sequence[str]) -> dict[str, Any]:
+    """Return ``NAME:=VALUE`` arguments as parameters; ValueError if one is none."""
+    found = {}
+    for text in given:
+        name, separator, value = text.partition(':=')
+        try:
+            found[name] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            separator = ''
+        if not separator:
+            raise ValueError(f"-p: expected NAME:=VALUE, got '{text}'")
     return found
 
 
@@ -51,4 +95,7 @@ def yaml_value(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, float):
         return repr(float(value))
+    if isinstance(value, str):
+        quoted = value.replace("'", "''")
+        return f"'{quoted}'"  # else an empty one is nothing, and y is true
     return str(value)

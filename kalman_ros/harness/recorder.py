@@ -14,6 +14,7 @@ from rclpy.qos import QoSProfile
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
+from kalman_ros.nodes.watcher import WatcherNode
 
 #: Deep enough for whatever comes while nobody looks.
 _QUEUE = QoSProfile(depth=100_000)
@@ -39,9 +40,9 @@ class Recorded:
 
 
 class Recorder:
-    """Subscribes to signals on a node and keeps the bytes of every message."""
+    """Watches signals on a node and keeps the bytes of every message."""
 
-    def __init__(self, node: Any, signals: Mapping[str, Signal]) -> None:
+    def __init__(self, node: WatcherNode, signals: Mapping[str, Signal]) -> None:
         self._codecs: dict[str, SignalCodec] = {}
         self.raw: dict[str, list[bytes]] = {}
         self._subscriptions: list[Any] = []
@@ -50,9 +51,7 @@ class Recorder:
             codec = self._codecs[topic] = SignalCodec(signal)
             self.raw[topic] = []
             keep = partial(self._keep, topic, self.raw[topic])
-            self._subscriptions.append(
-                node.create_subscription(codec.message_type, topic, keep, _QUEUE, raw=True)
-            )
+            self._subscriptions.append(node.watch(codec.message_type, topic, keep, _QUEUE))
 
     def _keep(self, topic: str, messages: list[bytes], data: bytes) -> None:
         messages.append(data)
@@ -66,6 +65,11 @@ class Recorder:
     def count(self) -> int:
         """Return how many messages have come, of all topics."""
         return sum(len(messages) for messages in self.raw.values())
+
+    def forget(self) -> None:
+        """Begin anew, so that a long run does not fill the memory."""
+        for messages in self.raw.values():
+            messages.clear()
 
     def __getitem__(self, topic: str) -> Recorded:
         """Return what came on ``topic``; KeyError if it was not recorded."""

@@ -17,15 +17,13 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import TwistWithCovarianceStamped, WrenchStamped
 from nav_msgs.msg import Odometry
-from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.task import Future
 
 from kalman_ros.nodes.runtime import main as run_node
 from kalman_ros.nodes.topics import QUEUE
 
-from .domain import Domain
-from .interrupts import deferred
-from .process import NodeProcess, isolated
+from .process import NodeProcess
+from .station import Station
 
 HOPS: list[tuple[Any, str]] = [
     (TwistWithCovarianceStamped, 'ring_velocity'),
@@ -48,31 +46,25 @@ def relay(number: int) -> Any:
     return node
 
 
+def start_relay(number: int, station: Station, folder: str) -> NodeProcess:
+    """Start the relay of hop ``number`` as a process; its output goes to the ``folder``."""
+    command = [sys.executable, '-m', __spec__.name, str(number)]
+    log = Path(folder) / f'relay{number}.log'
+    return NodeProcess(f'relay{number}', command, station.environment, log)
+
+
 class Ring:
     """The ring, with this process as its third member; use as a context manager."""
 
     def __enter__(self) -> Ring:
-        self._domain = Domain()
+        self._station = Station('ring')
         self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_ring_')
-        environment = isolated(self._domain.id)
-        self._relays = [
-            NodeProcess(
-                f'relay{number}',
-                [sys.executable, '-m', 'kalman_ros.harness.ring', str(number)],
-                environment,
-                Path(self._folder.name) / f'relay{number}.log',
-            )
-            for number in range(2)
-        ]
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, domain_id=self._domain.id)
-        self._node = rclpy.create_node('ring', context=self._context)
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._relays = [start_relay(number, self._station, self._folder.name) for number in (0, 1)]
+        node = self._station.node
         (first, source), (last, target) = HOPS[0], HOPS[-1]
         self._message = first()
-        self._publisher = self._node.create_publisher(first, source, QUEUE)
-        self._subscription = self._node.create_subscription(last, target, self._came, QUEUE)
+        self._publisher = node.create_publisher(first, source, QUEUE)
+        self._subscription = node.create_subscription(last, target, self._came, QUEUE)
         self._left = 0
         self._done = Future()
         return self
@@ -85,11 +77,8 @@ class Ring:
     ) -> None:
         for process in self._relays:
             process.stop()
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        self._station.close()
         self._folder.cleanup()
-        self._domain.close()
 
     def _came(self, _: Any) -> None:
         self._left -= 1
@@ -118,10 +107,7 @@ class Ring:
     def _round(self, count: int, patience: float) -> bool:
         self._left, self._done = count, Future()
         self._publisher.publish(self._message)
-        done = self._done
-        with deferred(lambda: done.done() or done.set_result(None)):
-            self._executor.spin_until_future_complete(done, patience)
-        return bool(done.done())
+        return self._station.spin(patience, self._done)
 
 
 if __name__ == '__main__':

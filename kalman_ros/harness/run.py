@@ -5,35 +5,31 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.experimental.events_executor import EventsExecutor
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
+from std_srvs.srv import Trigger
 
-from kalman_ros.codecs.wire import leading_stamp
+from kalman_ros.codecs.messages import message_type
 from kalman_ros.core import Signal
-from kalman_ros.nodes.diagnostics import HEARD_BY, HEARS
-from kalman_ros.simulation import scenario as scenarios
-from kalman_ros.simulation.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
-from . import executables
-from .domain import Domain
+from .cast import Cast
 from .gather import signals, trajectory
 from .interrupts import deferred
-from .parameters import from_file, yaml_value
-from .process import NodeProcess, isolated
+from .process import NodeProcess
+from .progress import Progress
+from .readiness import missing
 from .recorder import Recorder
-
-NODES = ('estimator', 'controller', 'monitor', 'plant')
+from .station import Station
 
 
 class NodeError(RuntimeError):
@@ -48,7 +44,8 @@ class Run:
     Parameters
     ----------
     scenario
-        The name of a scenario in ``config/``, or the path of a parameter file.
+        The name of a scenario in ``config/``, the path of a parameter file, or the parameters
+        themselves.
     overrides
         Parameters for every node, over those of the file: ``{'input_cost': [2.0, 2.0]}``.
     only
@@ -58,48 +55,46 @@ class Run:
     lockstep
         Step in turns, reproducibly and as fast as it goes; else in real time.
     nodes
-        Which nodes to start, in this order.
+        Which nodes to start, in this order; all that the scenario needs unless told otherwise.
     record
         Further signals to gather, by topic.
+    also
+        Further nodes by name, each one of those that there are: ``{'observer': 'estimator'}``.
+        What they publish needs a remap, or it mixes with what others do.
+    remaps
+        Other names for topics of one node: ``{'controller': {'estimate': 'ground_truth'}}``.
     """
 
     def __init__(
         self,
-        scenario: str = 'mass_spring_damper_2d',
+        scenario: str | Mapping[str, Any] = 'mass_spring_damper_2d',
         overrides: Mapping[str, Any] | None = None,
         *,
         only: Mapping[str, Mapping[str, Any]] | None = None,
         seed: int = 0,
         lockstep: bool = True,
-        nodes: Sequence[str] = NODES,
+        nodes: Sequence[str] | None = None,
         record: Mapping[str, Signal] | None = None,
+        also: Mapping[str, str] | None = None,
+        remaps: Mapping[str, Mapping[str, str]] | None = None,
     ) -> None:
-        self.file = executables.config(scenario)
         shared = {'seed': seed, 'lockstep': lockstep, 'run_until': -1.0, **(overrides or {})}
-        self._parameters = {name: {**shared, **(only or {}).get(name, {})} for name in NODES}
-        self.scenario: Scenario = scenarios.build(
-            {**from_file(self.file, 'plant'), **self._parameters['plant']}
-        )
+        self._cast = Cast(scenario, shared, only or {}, nodes, also or {}, remaps or {})
+        self.scenario = self._cast.scenario
         self.lockstep = lockstep
-        self._names = tuple(nodes)
         self._record = {**signals(self.scenario), **(record or {})}
+        self._progress = Progress(self.scenario)
+        self._until = -1.0
         self.processes: dict[str, NodeProcess] = {}
         self.diagnostics: dict[str, DiagnosticStatus] = {}
-        self._until = -1.0
-        self._goal = 0
-        self._reached = Future()
         self.drained = 0.0
-        self._last = self._first = self._answered = -1
 
     def __enter__(self) -> Run:
-        self._domain = Domain()
+        self._station = Station('harness', sockets=not self.lockstep)
         self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
-        self._environment = isolated(self._domain.id)
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, domain_id=self._domain.id)
         try:
             self._listen()
-            for name in self._names:
+            for name in self._cast.names:
                 self.start(name)
             self._until_ready()
         except BaseException:
@@ -118,29 +113,13 @@ class Run:
     @property
     def domain(self) -> int:
         """The ROS domain that the nodes run in."""
-        return self._domain.id
+        return self._station.domain
 
     def _listen(self) -> None:
-        self._node = rclpy.create_node(
-            'harness', context=self._context, start_parameter_services=False
-        )
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self.recorder = Recorder(self._node, self._record)
-        self.recorder.on_message = self._on_message
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
-        self._parameter_clients: dict[str, AsyncParameterClient] = {}
-
-    def _on_message(self, topic: str, data: bytes) -> None:
-        if topic == self.scenario.input.topic:
-            self._answered = leading_stamp(data)
-        elif topic == 'ground_truth':
-            self._last = leading_stamp(data)
-            if self._first < 0:
-                self._first = self._last
-                self._goal += self._first
-            if self._last >= self._goal and not self._reached.done():
-                self._reached.set_result(None)
+        self.recorder = Recorder(self.node, self._record)
+        self.recorder.on_message = self._progress.hear
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
+        self._clients: dict[str, Any] = {}
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -148,13 +127,11 @@ class Run:
 
     def start(self, name: str) -> None:
         """Start a node; one that was killed may be started again."""
-        command = [str(executables.executable(name)), '--ros-args']
-        command += ['--params-file', str(self.file)]
-        for key, value in self._parameters[name].items():
-            command += ['-p', f'{key}:={yaml_value(value)}']
         log = Path(self._folder.name) / f'{name}.log'
         with deferred():
-            self.processes[name] = NodeProcess(name, command, self._environment, log)
+            self.processes[name] = NodeProcess(
+                name, self._cast.command(name), self._station.environment, log
+            )
 
     def kill(self, name: str, number: int = 9) -> None:
         """Send a signal to a node, SIGKILL unless told otherwise, and wait for its end."""
@@ -168,9 +145,7 @@ class Run:
 
         It ends sooner when the future ``until`` is done.
         """
-        done = until or Future()
-        with deferred(lambda: done.done() or done.set_result(None)):
-            self._executor.spin_until_future_complete(done, seconds)
+        self._station.spin(seconds, until)
         for name, process in self.processes.items():
             if process.exit_code is not None:
                 raise NodeError(f'the {name} died: {process.last_words()}')
@@ -190,23 +165,7 @@ class Run:
         self.wait(lambda: not self._unready(), 30.0, lambda: f'not ready: {self._unready()}')
 
     def _unready(self) -> str:
-        """Return what is still missing; nothing if every connection is there."""
-        silent = [name for name in self._names if name not in self.diagnostics]
-        if silent:
-            return f'no word from {", ".join(silent)}'
-        connections = [
-            (value.key, int(value.value))
-            for name in self._names
-            for value in self.diagnostics[name].values
-            if value.key.startswith((HEARD_BY, HEARS))
-        ]
-        listeners = Counter(self.recorder.topics)
-        listeners.update(key[len(HEARS) :] for key, _ in connections if key.startswith(HEARS))
-        for key, count in connections:
-            topic = key[len(HEARD_BY) :]
-            if key.startswith(HEARD_BY) and count < listeners[topic]:
-                return f'{count} of {listeners[topic]} hear {topic}'
-        return ''
+        return missing(self._cast.names, self.diagnostics, self.recorder.topics)
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
         """Let the plant go on for so many simulated seconds and gather all that comes of it.
@@ -214,7 +173,7 @@ class Run:
         Parameters
         ----------
         seconds
-            How long; in real time it takes as long.
+            How long, to the nearest whole step; in real time it takes as long.
         progress
             Called now and then with the simulated seconds of this call that are done.
 
@@ -224,16 +183,16 @@ class Run:
             If a node dies, or one does not answer.
         """
         start = max(self._until, 0.0)
-        self._until = start + seconds
+        rate = self.scenario.rate
+        self._until = start + round(seconds * rate) / rate
         self.set_parameter('run_until', self._until)
-        self._goal = max(self._first, 0) + round((self._until - 0.5 / self.scenario.rate) * 1e9)
-        self._reached = Future()
-        last_news = time.monotonic()
-        seen = self._last
-        while self.elapsed < self._until - 0.5 / self.scenario.rate:
-            self.spin(until=self._reached)
-            if self._last != seen:
-                seen, last_news = self._last, time.monotonic()
+        found = self._progress
+        found.aim(self._until)
+        last_news, seen = time.monotonic(), found.last
+        while not found.arrived:
+            self.spin(until=found.reached)
+            if found.last != seen:
+                last_news, seen = time.monotonic(), found.last
             elif time.monotonic() - last_news > 1.0:
                 self._complain(time.monotonic() - last_news)
             if progress is not None:
@@ -242,8 +201,8 @@ class Run:
 
     @property
     def elapsed(self) -> float:
-        """Simulated seconds since the first step."""
-        return (self._last - self._first) * 1e-9
+        """Simulated seconds since the first step; pauses in real time do not count."""
+        return self._progress.elapsed
 
     def _complain(self, silence: float) -> None:
         plant = self.diagnostics.get('plant')
@@ -259,29 +218,91 @@ class Run:
         """Take in what is still under way: the last answer, and all until nothing comes."""
         start = time.monotonic()
         end = start + 2.0
-        while self.lockstep and self._answered < self._last and time.monotonic() < end:
+        while self.lockstep and self._behind() and time.monotonic() < end:
             self.spin()
         count = -1
         while count != self.recorder.count():
             count = self.recorder.count()
             self.spin(0.1)
         self.drained = time.monotonic() - start
+        missed = (
+            round(self.elapsed * self.scenario.rate) + 1 - len(self.recorder.raw['ground_truth'])
+        )
+        if self.lockstep and missed > 0:
+            raise NodeError(f'{missed} steps went by unheard: the machine has too much to do')
+
+    def _behind(self) -> bool:
+        """Tell whether the last answer, or what the estimator says after it, is still to come."""
+        topic, raw = self.scenario.state.topic, self.recorder.raw
+        told = len(raw[f'{topic}/covariance'])
+        return not self._progress.answered or told < len(raw[topic])
 
     @property
     def node(self) -> Any:
         """The `rclpy` node of this process in the run's domain, to publish and subscribe with."""
-        return self._node
+        return self._station.node
 
     def set_parameter(self, name: str, value: Any, node: str = 'plant') -> None:
         """Change a parameter of a node; ValueError with the reason if it is refused."""
-        client = self._parameter_clients.setdefault(node, AsyncParameterClient(self._node, node))
-        self.wait(client.services_are_ready, 20.0, lambda: f'the {node} was not reached')
-        future = client.set_parameters([Parameter(name, value=value)])
-        self.spin(1.0, until=future)
-        self.wait(future.done, 10.0, lambda: f'the {node} did not take {name}')
-        result = future.result().results[0]
+        self.set_parameters({name: value}, node)
+
+    def set_parameters(self, values: Mapping[str, Any], node: str = 'plant') -> None:
+        """Change parameters of a node, all or none; ValueError with the reason if refused."""
+        kind = SetParametersAtomically
+        wanted = [Parameter(name, value=value) for name, value in values.items()]
+        request = kind.Request(parameters=[each.to_parameter_msg() for each in wanted])
+        result = self.call(kind, f'{node}/set_parameters_atomically', request).result
         if not result.successful:
             raise ValueError(result.reason)
+
+    def call(self, kind: Any, service: str, request: Any) -> Any:
+        """Call a service of type ``kind`` and return its response; NodeError if none comes."""
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(kind, service)
+        client = self._clients[service]
+        self.wait(client.service_is_ready, 20.0, lambda: f'there is no service {service}')
+        for _ in range(10):
+            # a node that was killed and started again may not have been found yet
+            future = client.call_async(request)
+            self.spin(1.0, until=future)
+            if future.done():
+                return future.result()
+        raise NodeError(f'no answer from {service} within 10 s')
+
+    def trigger(self, service: str) -> None:
+        """Call a service without arguments, such as ``plant/reset``."""
+        self.call(Trigger, service, Trigger.Request())
+
+    def change_state(self, node: str, transition: str) -> bool:
+        """Ask a managed node to 'configure', 'activate', ...; return whether it did."""
+        request = ChangeState.Request(transition=Transition(label=transition))
+        return bool(self.call(ChangeState, f'{node}/change_state', request).success)
+
+    def state(self, node: str) -> str:
+        """Return the state of a managed node."""
+        answer = self.call(GetState, f'{node}/get_state', GetState.Request())
+        return str(answer.current_state.label)
+
+    def refresh(self, *nodes: str) -> None:
+        """Have nodes say in `diagnostics` how they are now.
+
+        They do so when a topic of theirs has one listener more: for the plant that is the truth,
+        for estimator and controller the estimate.
+        """
+        state = self.scenario.state
+        kind = message_type(state.type)
+        before = {node: self.diagnostics.get(node) for node in nodes}
+        topics = {'ground_truth' if node == 'plant' else state.topic for node in nodes}
+        ears = [self.node.create_subscription(kind, t, lambda _: None, 1) for t in topics]
+
+        def silent() -> list[str]:
+            return [node for node in nodes if self.diagnostics.get(node) is before[node]]
+
+        try:
+            self.wait(lambda: not silent(), 10.0, lambda: f'no word from {", ".join(silent())}')
+        finally:
+            for ear in ears:
+                self.node.destroy_subscription(ear)
 
     def reported(self, node: str, key: str) -> str:
         """Return a value that a node last said of itself on ``/diagnostics``, '' if it did not."""
@@ -291,7 +312,7 @@ class Run:
 
     def trajectory(self) -> Trajectory:
         """Return the run so far as arrays, step by step."""
-        return trajectory(self.scenario, self.recorder, self._first)
+        return trajectory(self.scenario, self.recorder, self._progress.first)
 
     def close(self) -> None:
         """Stop every node and give everything back; a signal meanwhile waits until it is done."""
@@ -304,9 +325,5 @@ class Run:
         for process in self.processes.values():
             process.wait(3.0)
             process.stop()
-        if hasattr(self, '_node'):
-            self._executor.shutdown()
-            self._node.destroy_node()
-        self._context.try_shutdown()
+        self._station.close()
         self._folder.cleanup()
-        self._domain.close()

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which nodes take part in a run, and what each of them is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from kalman_ros.simulation import scenario as scenarios
+from kalman_ros.simulation.scenario import Scenario
+
+from . import executables
+from .parameters import from_file, sections, yaml_value
+
+NODES = ('estimator', 'controller', 'monitor', 'plant')
+#: What may stand between plant and estimator, if the scenario's file has a section for it.
+BETWEEN = 'microphone_array'
+
+
+class Cast:
+    """The nodes of a run by name; the arguments are those of `Run`."""
+
+    def __init__(
+        self,
+        scenario: str | Mapping[str, Any],
+        shared: Mapping[str, Any],
+        only: Mapping[str, Mapping[str, Any]],
+        nodes: Sequence[str] | None,
+        also: Mapping[str, str],
+        remaps: Mapping[str, Mapping[str, str]],
+    ) -> None:
+        self._file = executables.config(scenario) if isinstance(scenario, str) else None
+        given = {} if isinstance(scenario, str) else dict(scenario)
+        between = (BETWEEN,) if BETWEEN in sections(self._file) else ()
+        self._also = also
+        self._parameters = {
+            name: {**given, **shared, **only.get(name, {})}
+            for name in (*NODES, *between, *(nodes or ()), *also)
+        }
+        # what the plant leaves to others to read is a part of the scenario, too
+        read = from_file(self._file) if between else from_file(self._file, 'plant')
+        #: As the plant has it.
+        self.scenario: Scenario = scenarios.build({**read, **self._parameters['plant']})
+        driven = bool(self.scenario.input.fields)
+        needed = NODES if driven else tuple(name for name in NODES if name != 'controller')
+        #: Those to start, in this order.
+        self.names = (*((*between, *needed) if nodes is None else nodes), *also)
+        self._remaps = dict(remaps)
+        if shared['lockstep'] and BETWEEN in self.names:
+            self._remaps.setdefault('plant', {'tick': 'plant_tick'})
+        if self.scenario.state.topic in self._remaps.get('controller', {}):
+            self._parameters['plant'].setdefault('wait_for_estimate', True)
+
+    def command(self, name: str) -> list[str]:
+        """Return the program of a node, with its arguments."""
+        program = executables.executable(self._also.get(name, name))
+        command = [str(program), '--ros-args', '-r', f'__node:={name}']
+        if self._file is not None:
+            command += ['--params-file', str(self._file)]
+        for key, value in self._parameters[name].items():
+            # for this node by name: else a section of its own in the file would win
+            command += ['-p', f'{name}:{key}:={yaml_value(value)}']
+        for topic, other in self._remaps.get(name, {}).items():
+            command += ['-r', f'{topic}:={other}']
+        return command

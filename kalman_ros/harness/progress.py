@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a run has come, by the stamps of what is heard of it."""
+
+from __future__ import annotations
+
+from rclpy.task import Future
+
+from kalman_ros.codecs.messages import leading_stamp, message_type
+from kalman_ros.simulation.scenario import Scenario
+
+
+class Progress:
+    """Counts the steps of the plant, and whether the last one is answered."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._rate = scenario.rate
+        signal = scenario.input if scenario.input.fields else scenario.state
+        self._answer = signal.topic
+        self._answer_stamped = hasattr(message_type(signal.type), 'header')
+        self._steps = 0
+        self._goal = 0.0
+        self._answered = -1
+        #: Stamps of the first and the last step, -1 before there was one.
+        self.first = self.last = -1
+        #: Done when the goal is reached.
+        self.reached = Future()
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds since the first step; pauses in real time do not count."""
+        return (self._steps - 1) / self._rate
+
+    @property
+    def answered(self) -> bool:
+        """Whether the last step is answered."""
+        return self._answered >= self.last
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the goal is reached."""
+        return self.elapsed >= self._goal
+
+    def aim(self, seconds: float) -> None:
+        """Set the goal: the step at so many seconds from the start."""
+        self._goal = seconds - 0.5 / self._rate
+        self.reached = Future()
+
+    def hear(self, topic: str, data: bytes) -> None:
+        """Take in a message."""
+        if topic == self._answer:
+            # an answer without a stamp is to the last step
+            self._answered = leading_stamp(data) if self._answer_stamped else self.last
+        elif topic == 'ground_truth':
+            stamp = leading_stamp(data)
+            self._steps += stamp > self.last
+            self.last = stamp
+            if self.first < 0:
+                self.first = stamp
+            if self.arrived and not self.reached.done():
+                self.reached.set_result(None)

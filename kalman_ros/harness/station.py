@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where this process listens: a node of its own, in a ROS domain of its own."""
+
+from __future__ import annotations
+
+import time
+
+import rclpy
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.task import Future
+
+from kalman_ros.nodes.watcher import WatcherNode
+
+from .domain import Domain
+from .interrupts import deferred
+from .process import isolated
+
+#: Seconds between two looks at what has come on the topics that are watched.
+_PERIOD = 0.01
+#: How long a signal may wait to be noticed, in seconds.
+_PATIENCE = 0.1
+
+
+class Station:
+    """A node with its executor, in a domain that nobody else on this machine has.
+
+    Parameters
+    ----------
+    name
+        Of the node.
+    sockets
+        Whether the processes that share the domain are to use sockets alone, so that none waits
+        for one that was killed.
+    """
+
+    def __init__(self, name: str, *, sockets: bool = False) -> None:
+        self._domain = Domain()
+        #: For processes that are to share the domain.
+        self.environment = isolated(self._domain.id, sockets=sockets)
+        self._context = rclpy.Context()
+        # NAME:=VALUE among this program's own arguments is for the nodes, and no remap of this one
+        rclpy.init(args=[], context=self._context, domain_id=self._domain.id)
+        self.node = WatcherNode(name, context=self._context, start_parameter_services=False)
+        self.node.look_every(_PERIOD)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self.node)
+
+    @property
+    def domain(self) -> int:
+        """The number of the domain."""
+        return self._domain.id
+
+    def spin(self, seconds: float, until: Future | None = None) -> bool:
+        """Take in what comes for so long, or until a future is done; return whether it is.
+
+        A signal meanwhile ends it, and is acted upon then.
+        """
+        done, end = until or Future(), time.monotonic() + seconds
+        with deferred() as signals:
+            while True:
+                left = end - time.monotonic()
+                self._executor.spin_until_future_complete(done, min(max(left, 0.0), _PATIENCE))
+                if signals or done.done() or left <= _PATIENCE:
+                    return bool(done.done())
+
+    def close(self) -> None:
+        """Give everything back."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+        self._domain.close()
