@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+from math import ceil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from kalman_ros.core import Array
 from kalman_ros.simulation.scenario import Scenario
@@ -16,16 +19,20 @@ from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, legend_below, picture
 SIGMAS = 3.0
 #: The length of the close-up of the states, in seconds.
 CLOSE_UP = 4.0
+#: Of a state, in the overview.
+MOST_READINGS = 200
 
 
 def draw_all(scenario: Scenario, run: Trajectory, folder: Path) -> list[Path]:
     """Draw every picture of a run into ``folder`` and return their paths."""
     pictures = {
+        'overview.png': overview,
         'states.png': states,
         'errors.png': errors,
         'innovations.png': innovations,
-        'force.png': force,
     }
+    if scenario.model.input.size:
+        pictures['force.png'] = force
     paths = []
     for name, draw in pictures.items():
         path = folder / name
@@ -45,23 +52,63 @@ def _read_states(scenario: Scenario, run: Trajectory) -> dict[str, tuple[Array, 
     return found
 
 
+def overview(scenario: Scenario, run: Trajectory, path: Path) -> None:
+    """Draw truth, readings and estimate with its band in little room, two states a row."""
+    space, read = scenario.model.state, _read_states(scenario, run)
+    columns = min(2, space.size)
+    rows = ceil(space.size / columns)
+    with picture(path, rows, columns, (6.8, 1.2 * rows + 0.7)) as (figure, axes):
+        for index, (name, axis) in enumerate(zip(space.names, axes.flat)):
+            seen = read.get(name)
+            if seen is not None:  # as many as can be told apart
+                step = ceil(len(seen[0]) / MOST_READINGS)
+                seen = seen[0][::step], seen[1][::step]
+            _state(axis, run, index, seen, wraps=name in space.angles)
+            axis.set_ylabel(space.label(name))
+            axis.set_ylim(*_limits(run.truth[:, index], seen))
+        for column in range(space.size % columns, columns if space.size % columns else 0):
+            axes[-1, column].set_axis_off()
+            axes[-2, column].tick_params(labelbottom=True)
+            axes[-2, column].set_xlabel('time [s]')
+        # where nothing reads a state, the legend has no reading
+        first = next((axes.flat[i] for i, name in enumerate(space.names) if name in read), None)
+        legend_below(figure, axes[0, 0] if first is None else first)
+    # for a page that shows many: a third of the size, and nobody sees the difference
+    with Image.open(path) as image:
+        image.convert('RGB').quantize(48).save(path, optimize=True)
+
+
+def _state(
+    axis: Any, run: Trajectory, index: int, read: tuple[Array, Array] | None, *, wraps: bool
+) -> None:
+    """Draw truth, readings and estimate with its band of one state; an angle ``wraps``."""
+    mean, truth = run.estimate[:, index], run.truth[:, index]
+    if wraps:
+        mean, truth = _broken(mean), _broken(truth)
+    band = SIGMAS * np.sqrt(run.covariance[:, index, index])
+    if read is not None:
+        axis.plot(*read, '.', ms=2.0, color=READING, alpha=0.6, label='reading')
+    axis.fill_between(
+        run.time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
+        label=f'estimate, {SIGMAS:g} sigma',
+    )  # fmt: skip
+    axis.plot(run.time, mean, color=ESTIMATE, lw=1.0, label='estimate')
+    axis.plot(run.time, truth, color=TRUTH, lw=0.8, label='truth')
+
+
+def _broken(angle: Array) -> Array:
+    """Return an angle (N,) with a gap wherever it goes from one end to the other."""
+    return np.where(np.abs(np.diff(angle, prepend=angle[0])) > np.pi, np.nan, angle)
+
+
 def states(scenario: Scenario, run: Trajectory, path: Path) -> None:
     """Draw truth, readings and estimate with its band, of every state."""
     space = scenario.model.state
     read = _read_states(scenario, run)
-    std = np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))
     with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.6)) as (figure, axes):
         for index, name in enumerate(space.names):
-            mean, band = run.estimate[:, index], SIGMAS * std[:, index]
             for axis in axes[index]:
-                if name in read:
-                    axis.plot(*read[name], '.', ms=2.0, color=READING, alpha=0.6, label='reading')
-                axis.fill_between(
-                    run.time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
-                    label=f'estimate, {SIGMAS:g} sigma',
-                )  # fmt: skip
-                axis.plot(run.time, mean, color=ESTIMATE, lw=1.0, label='estimate')
-                axis.plot(run.time, run.truth[:, index], color=TRUTH, lw=0.8, label='truth')
+                _state(axis, run, index, read.get(name), wraps=name in space.angles)
             axes[index, 0].set_ylabel(space.label(name))
             axes[index, 0].set_ylim(*_limits(run.truth[:, index], read.get(name)))
             late = run.time > run.time[-1] - CLOSE_UP
@@ -77,7 +124,7 @@ def states(scenario: Scenario, run: Trajectory, path: Path) -> None:
 def _limits(truth: Array, read: tuple[Array, Array] | None) -> tuple[float, float]:
     """Return limits that show the truth whole and nearly all of the readings."""
     low, high = float(np.min(truth)), float(np.max(truth))
-    if read is not None:
+    if read is not None and len(read[1]):
         few, most = np.quantile(read[1], (0.001, 0.999))
         low, high = min(low, float(few)), max(high, float(most))
     margin = 0.08 * (high - low)

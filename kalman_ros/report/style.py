@@ -39,19 +39,40 @@ _STYLE = {
 def picture(
     path: Path, rows: int, columns: int, size: tuple[float, float]
 ) -> Iterator[tuple[Any, Any]]:
-    """Give a figure and its axes (rows, columns), with time across; save it to ``path``."""
-    with plt.rc_context(_STYLE):
-        figure, axes = plt.subplots(
-            rows, columns, figsize=size, sharex='col', squeeze=False, layout='constrained'
-        )
+    """Give a figure and its axes (rows, columns), with time across unless labelled; save it."""
+    with figure_with(path, rows, columns, size, sharex='col') as (figure, axes):
         yield figure, axes
         for axis in axes[-1]:
-            axis.set_xlabel('time [s]')
+            axis.set_xlabel(axis.get_xlabel() or 'time [s]')
+
+
+@contextmanager
+def figure_with(
+    path: Path, rows: int, columns: int, size: tuple[float, float], **options: Any
+) -> Iterator[tuple[Any, Any]]:
+    """Give a figure and its axes (rows, columns); save it to ``path``."""
+    with canvas(path, size) as figure:
+        yield figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+@contextmanager
+def canvas(path: Path, size: tuple[float, float]) -> Iterator[Any]:
+    """Give an empty figure; save it to ``path``."""
+    with plt.rc_context(_STYLE):
+        figure = plt.figure(figsize=size, layout='constrained')
+        yield figure
         figure.savefig(path)
         plt.close(figure)
 
 
-def legend_below(figure: Any, axis: Any) -> None:
+def shades(count: int) -> list[Any]:
+    """Return colours of a family of curves, from light to dark."""
+    return [mpl.colormaps['Blues'](0.3 + 0.7 * k / max(1, count - 1)) for k in range(count)]
+
+
+def legend_below(figure: Any, axis: Any, markerscale: float = 3.0) -> None:
     """Put the legend of ``axis`` under the figure, where it covers no data."""
     handles, labels = axis.get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', ncols=len(labels), markerscale=3)
+    figure.legend(
+        handles, labels, loc='outside lower center', ncols=len(labels), markerscale=markerscale
+    )

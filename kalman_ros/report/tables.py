@@ -15,18 +15,9 @@ from kalman_ros.simulation.verdicts import Check
 
 def checks_table(title: str, checks: Sequence[Check]) -> Table:
     """Return a table of theory beside measurement."""
-    table = Table(
-        title=title,
-        title_justify='left',
-        title_style='bold',
-        box=box.HORIZONTALS,
-        show_edge=False,
-        padding=(0, 1, 0, 0),
-    )
+    table = plain_table(title, ('theory', 'measured', 'allowed'))
     table.add_column('', no_wrap=True)
-    for column in ('theory', 'measured', 'allowed'):
-        table.add_column(column, justify='right', no_wrap=True)
-    table.add_column('')
+    table.columns[0].no_wrap = False  # where it is narrow names break, not numbers and verdicts
     for check in checks:
         if isinstance(check.expected, complex) and check.expected.imag < 0.0:
             continue  # its conjugate is shown
@@ -42,13 +33,29 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
     return table
 
 
+def plain_table(title: str, columns: Sequence[str]) -> Table:
+    """Return an empty table: a column of names, and ``columns`` of numbers; '' for no title."""
+    table = Table(
+        title=title or None,
+        title_justify='left',
+        title_style='bold',
+        box=box.HORIZONTALS,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column('', no_wrap=True)
+    for column in columns:
+        table.add_column(column, justify='right', no_wrap=True)
+    return table
+
+
 def number(value: complex) -> str:
     """Return a real number, or a complex one for itself and its conjugate, with four digits."""
     if isinstance(value, complex):
         if abs(value.imag) < 1e-9:
             return f'{value.real:.2f}'
         return f'{value.real:.2f} ± {abs(value.imag):.2f}j'
-    return f'{value:.4g}'
+    return '' if isnan(value) else f'{value:.4g}'
 
 
 def checks_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
@@ -57,17 +64,18 @@ def checks_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
         {
             'name': check.name,
             'unit': check.unit,
-            'theory': _plain(check.expected),
-            'measured': _plain(check.measured),
-            'low': _plain(check.low),
-            'high': _plain(check.high),
+            'theory': plain(check.expected),
+            'measured': plain(check.measured),
+            'low': plain(check.low),
+            'high': plain(check.high),
             'passed': bool(check.passed),
         }
         for check in checks
     ]
 
 
-def _plain(value: complex) -> Any:
+def plain(value: complex) -> Any:
+    """Return a number as JSON has it: a complex one as a pair, one that is not finite as null."""
     if isinstance(value, complex):
         return [value.real, value.imag]
     return float(value) if isfinite(value) else None

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of a design: where its poles are, what its loops bear, how good its estimate gets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, isfinite, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.patches import Circle
+from matplotlib.ticker import FormatStrFormatter, LogLocator, MultipleLocator, NullFormatter
+
+from kalman_ros.control.stability import Mode
+from kalman_ros.core import Array
+from kalman_ros.simulation.advice import loop_names
+from kalman_ros.simulation.design import DesignReport
+from kalman_ros.simulation.input_loops import InputLoops, Loop
+from kalman_ros.simulation.scenario import Scenario
+
+from .style import ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below
+
+#: Poles whose sizes differ by more are drawn on logarithmic axes.
+WIDE = 200.0
+
+#: The half plane of what grows.
+GROWTH = '#f6e9e2'
+
+#: The gains that are drawn, in dB.
+GAINS = (-45.0, 45.0)
+
+#: Frequencies of a response, as many a picture.
+_POINTS = 800
+
+
+def draw_all(report: DesignReport, folder: Path) -> list[Path]:
+    """Draw every picture of a design into ``folder`` and return their paths."""
+    pictures = {'poles.png': poles, 'uncertainty.png': uncertainty}
+    if report.regulator:
+        pictures['loops.png'] = loops
+    for name, draw in pictures.items():
+        draw(report, folder / name)
+    return [folder / name for name in pictures]
+
+
+def poles(report: DesignReport, path: Path) -> None:
+    """Draw the poles of the open loop, of the regulator and of the estimator."""
+    groups = [('open loop', report.modes, 'x', TRUTH)]
+    if report.regulator:
+        groups.append(('regulator', report.regulator.modes, 's', INPUT))
+    if report.estimator:
+        groups.append(('estimator', report.estimator.modes, 'o', ESTIMATE))
+    with canvas(path, (6.4, 4.4)) as figure:
+        axis = figure.add_subplot()
+        every = np.concatenate([_both(modes) for _, modes, _, _ in groups])
+        reach = max(float(np.abs(every).max()), 1e-3)
+        right = max(1.3 * float(every.real.max()), 0.2 * reach)
+        axis.axvspan(0.0, right, color=GROWTH, lw=0.0, zorder=0)
+        axis.set_xlim(1.15 * float(every.real.min()) - 0.05 * reach, right)
+        axis.axhline(0.0, color=READING, lw=0.8)
+        axis.axvline(0.0, color=READING, lw=0.8)
+        for label, modes, marker, colour in groups:
+            s = _both(modes)
+            axis.plot(s.real, s.imag, marker, ms=7, mew=1.5, mfc='none', color=colour,
+                      label=label, zorder=3)  # fmt: skip
+        sizes = np.abs(every[np.abs(every) > 0.0])
+        if sizes.size and sizes.max() > WIDE * sizes.min():
+            inner = 10.0 ** np.floor(np.log10(sizes.min()))
+            axis.set_xscale('symlog', linthresh=inner)
+            axis.set_yscale('symlog', linthresh=inner)
+            axis.set_xlim(right=max(3.0 * float(every.real.max()), inner))
+        axis.set_xlabel('real part [1/s]')
+        axis.set_ylabel('imaginary part [rad/s]')
+        axis.set_title('Poles: what grows is on the right, what settles fast on the left')
+        legend_below(figure, axis, markerscale=1.0)
+
+
+def _both(modes: Sequence[Mode]) -> Any:
+    """Return all finite poles, with the conjugates."""
+    s = np.array([mode.pole for mode in modes if np.isfinite(mode.pole)], dtype=complex)
+    return np.concatenate((s, s[s.imag > 0.0].conj()))
+
+
+def uncertainty(report: DesignReport, path: Path) -> None:
+    """Draw how the error of each state goes from the first belief to its steady state."""
+    space, found = report.scenario.model.state, report.prediction
+    columns = 2 if space.size > 1 else 1
+    rows = -(-space.size // columns)
+    with canvas(path, (4.2 * columns, 1.8 * rows + 0.9)) as figure:
+        figure.suptitle('Standard deviation of the error, from the first belief on',
+                        x=0.01, ha='left', fontsize=10, fontweight='bold')  # fmt: skip
+        axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+        for index, (axis, name) in enumerate(zip(axes, space.names)):
+            axis.semilogy(found.time, found.std[:, index], color=ESTIMATE, lw=1.2,
+                          label='estimate')  # fmt: skip
+            if report.estimator:
+                steady = float(report.estimator.std[index])
+                axis.axhline(steady, color=ESTIMATE, lw=0.8, ls=':')
+                axis.set_title(f'settles at {steady:.3g}', loc='right', fontweight='normal')
+            if name in report.sensor_std:
+                axis.axhline(report.sensor_std[name], color=READING, lw=1.2, label='one reading')
+            low, high = axis.get_ylim()
+            axis.set_ylim(low / 1.4, high * 1.4)  # room for a second tick
+            axis.set_ylabel(space.label(name))
+            axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.yaxis.set_major_formatter(FormatStrFormatter('%g'))
+            axis.yaxis.set_minor_formatter(NullFormatter())
+        for axis in axes[space.size :]:
+            axis.set_visible(False)
+        for axis in axes[max(0, space.size - columns) : space.size]:
+            axis.set_xlabel('time [s]')
+            axis.tick_params(labelbottom=True)
+        legend_below(figure, max(axes, key=lambda axis: len(axis.get_legend_handles_labels()[1])))
+
+
+def loops(report: DesignReport, path: Path) -> None:
+    """Draw Bode and Nyquist plots at each input, of the state and of the estimate fed back."""
+    broken = report.regulator.loops if report.regulator else ()
+    with canvas(path, (9.5, 4.0 * len(broken) + 0.3)) as figure:
+        parts = figure.subfigures(len(broken), 1, squeeze=False)[:, 0]
+        for part, at in zip(parts, broken):
+            _draw_input(part, at, report.scenario)
+        legend_below(figure, parts[-1].axes[-1])
+
+
+def _draw_input(part: Any, at: InputLoops, scenario: Scenario) -> None:
+    """Draw the loop at one input: gain and phase on the left, the complex plane on the right."""
+    grid = part.add_gridspec(2, 2, width_ratios=(1.2, 1.0))
+    gain = part.add_subplot(grid[0, 0])
+    phase = part.add_subplot(grid[1, 0], sharex=gain)
+    plane = part.add_subplot(grid[:, 1])
+    known, estimated = loop_names(scenario.law)
+    drawn = {f'{known}, all states known': (at.known, TRUTH)}
+    if at.estimated is not None:
+        drawn[f'{estimated}, with the estimate'] = (at.estimated, ESTIMATE)
+    w = _frequencies([loop for loop, _ in drawn.values()], scenario.rate)
+    for label, (loop, colour) in drawn.items():
+        _bode((gain, phase), loop, w, colour, 'above' if loop is at.known else 'below')
+        _nyquist(plane, loop, w, colour, label)
+    _frame(gain, phase, plane)
+    gain.set_title(f'Loop at {at.input}')
+
+
+def _frequencies(loops: Sequence[Loop], rate: float) -> Array:
+    """Return frequencies (k,) from below all margins to nearly half the rate, in rad/s."""
+    margins = [loop.margins or loop.prompt for loop in loops]
+    marks = [
+        mark.frequency for m in margins for mark in (m.lower_gain, m.upper_gain, m.lag, m.lead)
+    ]
+    low = min((mark for mark in marks if 0.0 < mark < inf), default=0.01 * pi * rate)
+    return np.asarray(np.geomspace(0.1 * low, 0.97 * pi * rate, _POINTS), dtype=float)
+
+
+def _bode(axes: tuple[Any, Any], loop: Loop, w: Array, colour: str, side: str) -> None:
+    """Draw gain and phase of one loop, and its margins with their numbers ``above`` or below."""
+    gain, phase = axes
+    L = loop.broken.response(w)[:, 0, 0]
+    turn = np.degrees(np.unwrap(np.angle(L)))
+    found = loop.margins or loop.prompt
+    lag = found.lag
+    if isfinite(lag.value):  # the whole turns with which the lag ends at -180 degrees
+        turn -= 180.0 + _at(lag.frequency, w, turn) - np.degrees(lag.value)
+    gain.semilogx(w, 20.0 * np.log10(np.abs(L)), color=colour, lw=1.3)
+    phase.semilogx(w, turn, color=colour, lw=1.3)
+    if loop.margins is None:
+        return
+    for mark in (found.lower_gain, found.upper_gain):
+        if w[0] < mark.frequency < w[-1]:
+            size = -20.0 * np.log10(mark.value)
+            _bar(gain, mark.frequency, (0.0, size), f'{mark.value:.2g}', (colour, side))
+    for mark, sign in ((found.lag, -1.0), (found.lead, 1.0)):
+        if w[0] < mark.frequency < w[-1]:
+            start, size = _at(mark.frequency, w, turn), np.degrees(mark.value)
+            _bar(
+                phase, mark.frequency, (start, start + sign * size), f'{size:.0f}°', (colour, side)
+            )
+
+
+def _at(frequency: float, w: Array, values: Array) -> float:
+    return float(np.interp(np.log(frequency), np.log(w), values))
+
+
+def _bar(
+    axis: Any, frequency: float, ends: tuple[float, float], text: str, look: tuple[str, str]
+) -> None:
+    """Draw a margin from where the loop is to where it would be at the brink."""
+    colour, side = look
+    axis.plot([frequency] * 2, ends, color=colour, lw=2.4, alpha=0.6)
+    above = side == 'above'
+    axis.annotate(
+        text, (frequency, max(ends) if above else min(ends)), xytext=(0, 3 if above else -3),
+        textcoords='offset points', ha='center', va='bottom' if above else 'top', color=colour,
+        fontsize=8, bbox={'fc': 'white', 'ec': 'none', 'alpha': 0.8, 'pad': 0.5}, zorder=4,
+    )  # fmt: skip
+
+
+def _nyquist(plane: Any, loop: Loop, w: Array, colour: str, label: str) -> None:
+    """Draw one loop about -1, and the disk that its margin keeps free."""
+    L = loop.broken.response(w)[:, 0, 0]
+    for part in (L, L.conj()):
+        plane.plot(part.real, part.imag, color=colour, lw=1.3, label=label if part is L else None)
+    if loop.margins is None or loop.margins.disk.alpha >= 2.0:
+        return
+    ends = -loop.margins.disk.lower_gain, -loop.margins.disk.upper_gain
+    centre, radius = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[0] - ends[1])
+    plane.add_patch(Circle((centre, 0.0), radius, color=colour, alpha=0.12, lw=0.0))
+
+
+def _frame(gain: Any, phase: Any, plane: Any) -> None:
+    """Label the axes, and draw what loops are compared with: 1, half a turn, and -1."""
+    gain.axhline(0.0, color=READING, lw=0.8)
+    gain.set_ylabel('gain [dB]')
+    low, high = gain.get_ylim()
+    gain.set_ylim(max(low, GAINS[0]), min(high, GAINS[1]))
+    gain.tick_params(labelbottom=False)
+    low, high = phase.get_ylim()
+    phase.set_ylim(low - 40.0, high + 20.0)
+    for odd in range(int(low // 180) - 1, int(high // 180) + 2):
+        if odd % 2 and low - 20.0 <= 180.0 * odd <= high + 20.0:
+            phase.axhline(180.0 * odd, color=READING, lw=0.8)
+    phase.yaxis.set_major_locator(MultipleLocator(90.0))
+    phase.set_ylabel('phase [deg]')
+    phase.set_xlabel('frequency [rad/s]')
+    plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, ls=':', color=READING))
+    plane.plot(-1.0, 0.0, '+', color='#c0182b', ms=11, mew=1.8, zorder=5)
+    plane.set_aspect('equal')
+    plane.set_xlim(-3.0, 1.5)
+    plane.set_ylim(-2.25, 2.25)
+    plane.set_xlabel('real part')
+    plane.set_ylabel('imaginary part')
+    plane.set_title('Nyquist: disks that the loops keep off -1')
