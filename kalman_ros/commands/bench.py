@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 import platform
-import signal
 import statistics
 import sys
 from collections.abc import Sequence
@@ -23,7 +22,7 @@ from kalman_ros.harness import NodeError
 from .contests import Contest
 
 #: The groups of contests, each a module of `contests`.
-GROUPS = ('filters', 'lockstep')
+GROUPS = ('filters', 'estimator', 'lockstep')
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,6 @@ def results_table(results: Sequence[Result]) -> Table:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run every contest; exit 1 if a goal is missed."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     parser = argparse.ArgumentParser(prog='bench', description=__doc__)
     parser.add_argument('groups', nargs='*', default=GROUPS, help=f'of {", ".join(GROUPS)}')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the results there, too')
@@ -82,9 +80,8 @@ def main(argv: Sequence[str] | None = None) -> None:
                     console.print(f'{contest.name} ...', style='dim')
                     results.append(compete(contest, options.rounds))
     except (ValueError, NodeError, RuntimeError) as error:
-        sys.exit(f'bench: {error}')
-    except KeyboardInterrupt:
-        sys.exit(130)
+        print(f'bench: {error}', file=sys.stderr)
+        sys.exit(2)
     console.print(results_table(results))
     console.print(f'{platform.machine()}, Python {platform.python_version()}, medians')
     if options.json is not None:

@@ -5,21 +5,22 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import sys
 import time
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from kalman_ros import models
 from kalman_ros.harness import NodeError, Run
-from kalman_ros.simulation import verdicts
+from kalman_ros.harness.interrupts import deferred
+from kalman_ros.harness.parameters import overrides
+from kalman_ros.simulation.judgement import judge
 from kalman_ros.simulation.trajectory import Trajectory
 
 
@@ -52,19 +53,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def overrides(given: Sequence[str]) -> dict[str, Any]:
-    """Return ``NAME:=VALUE`` arguments as parameters; ValueError if one is none."""
-    found = {}
-    for text in given:
-        name, separator, value = text.partition(':=')
-        if not separator:
-            raise ValueError(f"-p: expected NAME:=VALUE, got '{text}'")
-        found[name] = yaml.safe_load(value)
-    return found
-
-
 def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajectory, float, int]:
     """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
+    if not 0.0 < options.duration < inf:
+        raise ValueError(f'duration: expected more than 0 s, got {options.duration:g}')
     run = Run(
         options.scenario,
         overrides(options.parameters),
@@ -93,19 +85,18 @@ def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajecto
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the demo; the exit code says whether theory and measurement agree."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     options = arguments(argv)
     console = Console()
     try:
         run, trajectory, wall, missed = gather(options, console)
-        theory = verdicts.theory(run.scenario)
-        checks = verdicts.checks(run.scenario, theory, trajectory)
+        judgement = judge(run.scenario, trajectory)
     except (ValueError, NodeError, RuntimeError) as error:
         print(f'demo: {error}', file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         print('demo: interrupted; every node was stopped', file=sys.stderr)
         sys.exit(130)
+    checks = judgement.checks
     failed = [check.name for check in checks if not check.passed]
     name = Path(options.scenario).stem
     folder = options.out or Path('out') / name
@@ -118,27 +109,30 @@ def main(argv: Sequence[str] | None = None) -> None:
     console.print(tables.checks_table(title, checks))
     console.print(
         f'{options.duration:g} simulated seconds took {wall:.1f} s, with {missed} of '
-        f'{len(trajectory.time)} steps late; the first {theory.settling_time:.1f} s settle and '
-        f"do not count. The theory of J is the LQG optimum tr(S Q) + tr(K'(R + G'S G) K P)."
+        f'{len(trajectory.time)} steps late; the first {judgement.settling_time:.1f} s settle '
+        f'and do not count. {judgement.basis}'
     )
-    _write(folder, trajectory, {
-        'scenario': name, 'mode': mode, 'seed': options.seed, 'duration': options.duration,
-        'wall': wall, 'missed_steps': missed, 'settling_time': theory.settling_time,
-        'passed': not failed,
-        'checks': tables.checks_json(checks),
-    })  # fmt: skip
-    drawn = pictures.draw_all(run.scenario, trajectory, folder)
+    # the summary last: where it is, all is whole
+    with deferred():
+        _write(folder, trajectory)
+        drawn = pictures.draw_all(run.scenario, trajectory, folder)
+        summary = {
+            'scenario': name, 'mode': mode, 'seed': options.seed, 'duration': options.duration,
+            'wall': wall, 'missed_steps': missed, 'settling_time': judgement.settling_time,
+            'passed': not failed,
+            'checks': tables.checks_json(checks),
+        }  # fmt: skip
+        (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     files = ', '.join(['summary.json', 'data.npz', *(path.name for path in drawn)])
     console.print(f'In {folder}: {files}')
     if failed:
         unique = ', '.join(dict.fromkeys(failed))
         console.print(f'[bold red]Theory and measurement disagree:[/] {unique}')
         sys.exit(1)
-    console.print('[green]The loop is stable and its statistics hold.[/]')
+    console.print(f'[green]{judgement.claim}[/]')
 
 
-def _write(folder: Path, run: Trajectory, summary: dict[str, Any]) -> None:
-    (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
+def _write(folder: Path, run: Trajectory) -> None:
     columns: dict[str, Any] = {
         'time': run.time,
         'truth': run.truth,

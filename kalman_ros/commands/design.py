@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What theory says of a scenario before anything runs: modes, gains, errors, margins."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from kalman_ros import models
+from kalman_ros.core import refuse_unknown
+from kalman_ros.harness import executables
+from kalman_ros.harness.parameters import from_file, overrides
+from kalman_ros.nodes import options as node_options
+from kalman_ros.simulation import advice, design, scenario
+from kalman_ros.simulation.scenario import Scenario
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='design',
+        description='Print what theory says of a scenario, and draw it. No node is started.',
+        epilog='Exit code: 0 if there is a design, with or without warnings, 2 if there is none.',
+    )
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        'scenario', nargs='?', default=models.DEFAULT,
+        help='a name in config/, or a parameter file of your own (default: %(default)s)',
+    )  # fmt: skip
+    where.add_argument(
+        '--params-file', type=Path, metavar='FILE', help='the same as a parameter file'
+    )
+    parser.add_argument(
+        '--delay', type=float, metavar='S',
+        help='seconds from a reading to the input that answers it; without it margins are of a '
+        'loop without delay, and warnings expect one sample',
+    )  # fmt: skip
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO/design)'
+    )
+    parser.add_argument(
+        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
+        help='a parameter, over those of the file; may be repeated',
+    )  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def believed(path: Path, changes: dict[str, Any]) -> Scenario:
+    """Return the scenario that estimator and controller believe in, by a parameter file.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or wrong.
+    """
+    values = {**from_file(path, 'estimator', 'controller'), **changes}
+    refuse_unknown(values, {*scenario.options(values), *node_options.names()}, 'parameter')
+    return scenario.build(values)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print and draw a design."""
+    options = arguments(argv)
+    console = Console(highlight=False)
+    try:
+        path = options.params_file or executables.config(options.scenario)
+        built = believed(path, overrides(options.parameters))
+        report = design.report(built, options.delay or 0.0)
+        folder = options.out or Path('out') / path.stem / 'design'
+        folder.mkdir(parents=True, exist_ok=True)
+    except (ValueError, RuntimeError, OSError) as error:
+        print(f'design: {error}', file=sys.stderr)
+        sys.exit(2)
+    latency = 1.0 / built.rate if options.delay is None else options.delay
+    notes, warnings = advice.notes(report), advice.warnings(report, latency)
+
+    from kalman_ros.report import design_pictures, design_tables  # matplotlib is slow to load
+
+    law = f', law {built.law}' if built.law else ''
+    console.print(f'[bold]{path.stem} at {built.rate:g} Hz{law}[/]')
+    console.print(design_tables.structure(report))
+    for title, table in design_tables.tables(report):
+        console.print(f'\n[bold]{title}[/]')
+        console.print(table)
+    console.print()
+    for sentence in (*design_tables.closing(report), *notes):
+        console.print(sentence, markup=False)
+    for sentence in warnings:
+        console.print(f'[yellow]Warning:[/] {sentence}')
+    summary = {'scenario': path.stem, **design_tables.design_json(report, notes, warnings)}
+    (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
+    drawn = design_pictures.draw_all(report, folder)
+    console.print(f'In {folder}: {", ".join(["summary.json", *(p.name for p in drawn)])}')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mode decays, stays or grows as its eigenvalue is negative, zero or positive.
+
+Three modes side by side, left to themselves: the force is switched off. The rates are those of
+the logarithm of what the plant says of itself.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from kalman_ros.control.stability import modes
+from kalman_ros.harness import Run
+from kalman_ros.simulation.trajectory import Trajectory
+
+from . import Findings, close
+from .systems import linear
+
+RATES = {'decays': -0.8, 'stays': 0.0, 'grows': 0.4}
+
+
+def study(size: float = 1.0) -> Findings:
+    """Let the three modes go for 8 s."""
+    A = np.diag(list(RATES.values()))
+    system = linear(
+        dict.fromkeys(RATES, ''), A, np.eye(3), np.full(3, 1e-12), np.eye(3), [0.01] * 3,
+        initial_state=[1.0] * 3, enabled=False,
+    )  # fmt: skip
+    with Run(system) as run:
+        run.advance(8.0 * max(size, 0.25))
+        found = run.trajectory()
+    checks = []
+    for index, (name, rate) in enumerate(RATES.items()):
+        slope = np.polyfit(found.time, np.log(np.abs(found.truth[:, index])), 1)[0]
+        checks.append(close(f'rate of the mode that {name}', '1/s', rate, float(slope), 1e-3))
+    fates = sorted((mode.pole.real, mode.fate) for mode in modes(A))
+    predicted = [fate for _, fate in fates]
+    agree = float(predicted == list(RATES))
+    checks.append(close('modes classified as they went / 3', '', 1.0, agree, 0.0))
+    return Findings(checks, lambda path: _draw(found, path))
+
+
+def _draw(run: Trajectory, path: Path) -> None:
+    from kalman_ros.report.style import ESTIMATE, INPUT, TRUTH, legend_below, picture
+
+    colours = (ESTIMATE, TRUTH, INPUT)
+    with picture(path, 1, 1, (6.5, 3.0)) as (figure, ((axis,),)):
+        for index, ((name, rate), colour) in enumerate(zip(RATES.items(), colours)):
+            axis.plot(run.time, run.truth[:, index], color=colour, label=f'{name}: {rate:g} 1/s')
+            axis.plot(run.time, np.exp(rate * run.time), '--', color='white', lw=0.8)
+        axis.set_yscale('log')
+        axis.set_ylabel('state (log)')
+        axis.set_title('What eigenvalues mean (dashed: as predicted)')
+        legend_below(figure, axis)
