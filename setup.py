@@ -6,31 +6,28 @@ from glob import glob
 from setuptools import find_packages, setup
 
 PACKAGE = 'kalman_ros'
-NODES = ('plant', 'estimator', 'controller', 'monitor')
-COMMANDS = ('demo', 'bench')
+NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
+COMMANDS = ('bench', 'compare', 'demo', 'design', 'faults', 'fuzz', 'soak', 'study')
 
 setup(
     name=PACKAGE,
     version='0.1.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed']},
+    package_data={PACKAGE: ['py.typed', 'harness/*.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
-        (f'share/{PACKAGE}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{PACKAGE}/config', sorted(glob('config/*.yaml') + glob('config/*.xml'))),
     ],
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'scipy', 'pyyaml', 'rich', 'matplotlib'],
-    extras_require={'test': ['pytest', 'pytest-timeout', 'hypothesis', 'filterpy']},
+    extras_require={'test': ['pytest', 'pytest-timeout', 'hypothesis', 'filterpy', 'rosbags']},
     zip_safe=False,
     maintainer='The kalman_ros authors',
     maintainer_email='kalman_ros@users.noreply.github.com',
     description='State estimation and optimal control for ROS 2: any model, any topic.',
     license='Apache-2.0',
     entry_points={
-        'console_scripts': [
-            *(f'{name} = {PACKAGE}.nodes.{name}:main' for name in NODES),
-            *(f'{name} = {PACKAGE}.commands.{name}:main' for name in COMMANDS),
-        ],
+        'console_scripts': [f'{name} = {PACKAGE}.entry:{name}' for name in (*NODES, *COMMANDS)],
     },
 )

@@ -12,11 +12,12 @@ ROOT = Path(__file__).parents[1] / 'kalman_ros'
 BELOW = {
     'core': set(),
     'models': {'core'},
+    'acoustics': {'core'},
     'sensors': {'core'},
     'estimators': {'core'},
     'control': {'core'},
     'codecs': {'core'},
-    'simulation': {'core', 'models', 'sensors', 'estimators', 'control'},
+    'simulation': {'core', 'models', 'sensors', 'estimators', 'control', 'acoustics'},
 }
 BELOW['nodes'] = {*BELOW, 'simulation'}
 BELOW['harness'] = {*BELOW, 'nodes'}
@@ -61,7 +62,9 @@ def test_every_layer_is_known():
     assert folders == set(BELOW)
 
 
-@pytest.mark.parametrize('node', ['plant', 'estimator', 'controller', 'monitor'])
+@pytest.mark.parametrize(
+    'node', ['plant', 'estimator', 'controller', 'monitor', 'microphone_array']
+)
 def test_a_node_loads_nothing_slow(node):
     pytest.importorskip('rclpy')
     slow = ['matplotlib', 'scipy.signal', 'scipy.stats', 'filterpy', 'control', 'rich']

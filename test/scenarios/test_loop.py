@@ -6,8 +6,12 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from nav_msgs.msg import Odometry
+
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.harness import NodeError, Run
+from kalman_ros.harness.executables import executable
+from kalman_ros.harness.process import NodeProcess, isolated
 from kalman_ros.simulation import closed_loop, verdicts
 
 SECONDS = 2.0
@@ -56,7 +60,7 @@ def test_separation_over_topics(default_run):
 
 def test_the_nodes_do_what_the_loop_in_one_process_does(default_run):
     _, run, scenario = default_run
-    gain = verdicts.theory(scenario).design.gain
+    gain = verdicts.theory(scenario).feedback.gain
     alone = closed_loop.run(scenario, gain, SECONDS, 3)
     np.testing.assert_allclose(run.truth, alone.truth, atol=1e-12)
     np.testing.assert_allclose(run.estimate, alone.estimate, atol=1e-12)
@@ -98,6 +102,14 @@ def test_a_run_goes_on_where_it_paused():
             run.advance(SECONDS / 4)
         pieces = b''.join(run.recorder.raw['estimate'])
     assert pieces == record(seed=3)[0]
+
+
+def test_steps_that_were_not_heard_are_an_error_in_lockstep():
+    with Run() as run:
+        run.advance(0.5)
+        del run.recorder.raw['ground_truth'][10:13]
+        with pytest.raises(NodeError, match='3 steps went by unheard'):
+            run.advance(0.5)
 
 
 def test_a_dead_node_is_named():
@@ -205,3 +217,38 @@ def test_parameters_explain_themselves():
     assert seed.read_only
     assert seed.integer_range[0].from_value == 0
     assert 'standard deviation' in noise.description
+
+
+def test_two_robots_side_by_side_in_namespaces(tmp_path):
+    names = ('plant', 'estimator', 'controller')
+    heard = {'/estimate': [], '/r2/estimate': []}
+    with Run(lockstep=False, nodes=names) as run:
+        for topic, messages in heard.items():
+            run.node.create_subscription(Odometry, topic, messages.append, 50)
+        others = []
+        for name in names:
+            command = [str(executable(name)), '--ros-args', '-r', '__ns:=/r2']
+            log = tmp_path / f'{name}.log'
+            others.append(NodeProcess(name, command, isolated(run.domain), log))
+        try:
+            enough = lambda: all(len(messages) > 20 for messages in heard.values())  # noqa: E731
+            run.advance(2.0)
+            run.wait(enough, 10.0, lambda: 'estimates of both robots have not come')
+            assert {p for p, *_ in run.node.get_topic_names_and_types()} >= {'/force', '/r2/force'}
+            for topic in ('/estimate', '/r2/estimate', '/force', '/r2/force', '/r2/velocity'):
+                one = lambda: run.node.count_publishers(topic) == 1  # noqa: B023, E731
+                run.wait(one, 10.0, lambda: f'{topic}: {run.node.count_publishers(topic)}')  # noqa: B023
+            both = {'plant', 'r2/plant'}
+            run.wait(lambda: both <= set(run.diagnostics), 5.0, lambda: 'no word from r2/plant')
+        finally:
+            for process in others:
+                process.stop()
+
+
+def test_the_controller_may_use_the_truth_by_a_remap(default_run):
+    _, lqg, _ = default_run
+    remaps = {'controller': {'estimate': 'ground_truth'}}
+    _, full_state, scenario = record(seed=3, remaps=remaps)
+    gain = verdicts.theory(scenario).feedback.gain
+    np.testing.assert_allclose(full_state.input, -full_state.truth @ gain.T, atol=1e-12)
+    assert np.abs(lqg.input + lqg.truth @ gain.T).max() > 0.01

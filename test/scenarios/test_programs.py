@@ -13,8 +13,10 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.harness import executables
 from kalman_ros.harness.domain import Domain
+from kalman_ros.harness.parameters import from_file, sections
 
-NODES = ('plant', 'estimator', 'controller', 'monitor')
+LOOP = ('plant', 'estimator', 'controller', 'monitor')
+NODES = (*LOOP, 'microphone_array')
 
 
 @pytest.fixture
@@ -71,10 +73,10 @@ def test_a_mistake_is_one_line_and_an_exit_code(environment, node, arguments, sa
     assert len(output.strip().splitlines()) == 1, output
 
 
-def test_a_parameter_file_serves_every_node_and_a_typo_in_it_none(environment, tmp_path):
+def test_a_parameter_file_serves_the_whole_loop_and_a_typo_in_it_none(environment, tmp_path):
     path = tmp_path / 'robot.yaml'
     path.write_text('/**:\n  ros__parameters:\n    position:\n      niose: [0.1, 0.1]\n')
-    for node in NODES:
+    for node in LOOP:
         code, output = finish(start(environment, node, '--ros-args', '--params-file', str(path)))
         assert code == 1
         assert "unknown parameter 'position.niose'; did you mean 'position.noise'?" in output
@@ -166,7 +168,10 @@ def test_the_demo_fails_when_the_statistics_do_not_hold(environment, tmp_path):
         (['-p', 'input_cost:=[0.0, 1.0]'], 'demo: input_cost: expected a positive definite'),
         (['-p', 'input_cost'], "demo: -p: expected NAME:=VALUE, got 'input_cost'"),
         (['-p', 'inptu_cost:=[1.0, 1.0]'], "unknown parameter 'inptu_cost'"),
+        (['-p', 'filter:=ukff'], "unknown filter 'ukff'; did you mean 'ukf'?"),
         (['--duration', '1'], 'demo: duration: expected at least'),
+        (['--duration', 'nan'], 'demo: duration: expected more than 0 s, got nan'),
+        (['--duration', '-5'], 'demo: duration: expected more than 0 s, got -5'),
     ],
 )
 def test_the_demo_says_what_is_wrong(environment, tmp_path, arguments, says):
@@ -174,6 +179,26 @@ def test_the_demo_says_what_is_wrong(environment, tmp_path, arguments, says):
     assert code == 2
     assert says in output
     assert 'Traceback' not in output
+    assert 'WARN' not in output
+
+
+@pytest.mark.parametrize(
+    ('text', 'says'),
+    [
+        ('/**:\n  a: 1\n    b: 2\n', 'not YAML: mapping values are not allowed here in line 3'),
+        ('a: [1\n', 'not YAML: expected '),
+        ('[1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
+        ('/**: [1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
+    ],
+)
+def test_a_file_that_is_no_parameter_file_is_one_line(tmp_path, text, says):
+    path = tmp_path / 'robot.yaml'
+    path.write_text(text)
+    with pytest.raises(ValueError, match='robot.yaml: not ') as raised:
+        sections(path)
+        from_file(path, 'plant')
+    assert says in str(raised.value)
+    assert '\n' not in str(raised.value)
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Signals at any moment: while a node starts, during a step, while a command loads; also twice."""
+
+import os
+import random
+import re
+import signal
+import subprocess
+import time
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from kalman_ros.harness import Run, executables
+from kalman_ros.harness.domain import Domain
+
+NODES = ('plant', 'estimator', 'controller', 'monitor')
+#: A line of a traceback that is in the package.
+OURS = re.compile(r'File ".*/kalman_ros/\w+(/\w+)*\.py"')
+
+
+def ends(process, number):
+    """Return how a process ended, and what is wrong with that; '' if nothing is."""
+    try:
+        output, _ = process.communicate(timeout=20.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return f'it did not end: {process.communicate()[0]}'
+    # before the first line of ours a signal does what it does to any Python
+    early = {-number, 128 + number, 1} if number == signal.SIGINT else {-number}
+    if process.returncode and (process.returncode not in early or '[INFO]' in output):
+        return f'exit code {process.returncode}: {output}'
+    if OURS.search(output) or ('Traceback' in output and not process.returncode):
+        return output
+    return ''
+
+
+@pytest.mark.parametrize('twice', [False, True])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_at_any_moment_of_the_start(number, twice):
+    rng = random.Random(f'{number} {twice}')
+    domain = Domain()
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain.id)}
+    try:
+        for _ in range(6):
+            started = time.monotonic()
+            processes = {
+                name: subprocess.Popen(
+                    [str(executables.executable(name))],
+                    env=environment,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                    start_new_session=True,
+                )
+                for name in NODES
+            }
+            moments = sorted((rng.uniform(0.0, 1.5), name) for name in NODES)
+            for moment, name in moments:
+                left = started + moment - time.monotonic()
+                with pytest.raises(subprocess.TimeoutExpired):  # it is there until it is told
+                    processes[name].wait(max(left, 0.0))
+                for _ in range(1 + twice):
+                    os.killpg(processes[name].pid, number)
+            wrong = [(m, name, ends(processes[name], number)) for m, name in moments]
+            assert not [case for case in wrong if case[2]]
+    finally:
+        domain.close()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('lockstep', [True, False])
+def test_a_signal_during_a_step(lockstep, number):
+    for node in NODES:
+        with Run(lockstep=lockstep) as run:
+            run.set_parameter('run_until', 1e6)
+            run.wait(lambda: run.elapsed > 0.3, 20.0, lambda: 'the loop stands')
+            process = run.processes.pop(node)
+            for _ in range(2):
+                process.signal(number)
+            assert process.wait(10.0), node
+            assert process.exit_code == 0, process.output()
+            assert 'Traceback' not in process.output()
+
+
+@pytest.mark.parametrize('command', ['demo', 'study', 'bench', 'design'])
+def test_a_command_that_is_interrupted_while_it_loads_says_nothing(command):
+    rng = random.Random(command)
+    for _ in range(4):
+        process = subprocess.Popen(
+            [str(executables.executable(command)), '--help'],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        try:
+            process.wait(rng.uniform(0.0, 1.0))
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGINT)
+        output, _ = process.communicate(timeout=20.0)
+        assert process.returncode in (0, 130, -2), output
+        assert not OURS.search(output), output

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The loop in real time with faults on; `soak` goes on for longer."""
+
+import json
+import subprocess
+
+from kalman_ros.harness.executables import executable
+
+
+def test_the_loop_holds_out(tmp_path):
+    command = [str(executable('soak')), '--minutes', '0.5', '--out', str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=110)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert 'Every promise holds.' in done.stdout
+    assert json.loads((tmp_path / 'summary.json').read_text())
+    assert (tmp_path / 'soak.png').stat().st_size > 10_000

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each study alone, at a reduced size, on the real nodes."""
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from importlib import import_module
+
+from kalman_ros.commands import studies
+from kalman_ros.commands.study import claim
+
+
+@pytest.mark.parametrize('name', studies.STUDIES)
+def test_theory_and_measurement_agree(name, tmp_path):
+    findings = import_module(f'{studies.__name__}.{name}').study(0.3)
+    assert findings.checks
+    assert [check.name for check in findings.checks if not check.passed] == []
+    findings.draw(tmp_path / 'picture.png')
+    assert (tmp_path / 'picture.png').stat().st_size > 5000
+    assert claim(name).endswith('.')
