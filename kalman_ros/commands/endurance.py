@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from kalman_ros.codecs.messages import leading_stamp, message_type
 from kalman_ros.core import Array
 from kalman_ros.harness import Run
-from kalman_ros.harness.machine import stolen, usage
+from kalman_ros.harness.machine import Withheld, usage
 from kalman_ros.nodes.topics import HISTORY
 from kalman_ros.simulation.soak_findings import Delivery, Soak
 
@@ -73,7 +73,7 @@ class Endurance:
                 kind, scenario.input.topic, self._on_force, HISTORY, raw=True
             )
             run.set_parameter('run_until', 1e9)
-            self._begin = self._withheld()
+            self._withheld = Withheld([run.processes['plant'].pid])
             start = self._clock()
             while self._clock() - start < seconds:
                 run.spin(1.0)
@@ -88,9 +88,6 @@ class Endurance:
     def _on_force(self, data: bytes) -> None:
         self._ages.append(self._clock() - leading_stamp(data) * 1e-9)
 
-    def _withheld(self) -> float:
-        return usage(self._run.processes['plant'].pid).delayed + stolen()
-
     def _look(self, time: float) -> None:
         """Take note of all, and forget what has come."""
         run = self._run
@@ -98,8 +95,7 @@ class Endurance:
         missed = int(run.reported('plant', 'missed steps') or 0)
         resident = [usage(process.pid).resident for process in run.processes.values()]
         middle, tail = np.percentile(ages, (50, 99))
-        withheld = self._withheld() - self._begin
-        self._looks.append((time, missed, withheld, float(middle), float(tail), *resident))
+        self._looks.append((time, missed, self._withheld(), float(middle), float(tail), *resident))
         self._all_ages.append(ages)
         self._ages.clear()
         for topic in run.recorder.raw:

@@ -18,6 +18,9 @@ class Linear(Sensor):
     def measure(self, x):
         return x @ self.C.T
 
+    def jacobian(self, x):
+        return self.C
+
 
 def random_plan(seed, n=4, m=2, k=2):
     rng = np.random.default_rng(seed)

@@ -122,10 +122,10 @@ def test_a_bag_that_is_played_again_starts_the_estimator_anew(loop):
     times = stamps(run, 'estimate') * 1e-9
     assert np.count_nonzero(np.diff(times) < 0.0) == 2
     assert 100.0 < times.min() < times.max() <= 102.0
-    # each time it begins as uncertain as the first time
+    # each time it begins as uncertain as one is after a reading or two
     back = np.flatnonzero(np.diff(times) < 0.0) + 1
-    P = run.recorder['estimate'].covariance
-    np.testing.assert_allclose(P[back], P[[0, 0]], rtol=0.5)
+    variance = run.recorder['estimate'].covariance.diagonal(axis1=1, axis2=2)
+    assert (variance[back] > 1.5 * variance[back - 1]).all(), variance[back]
     found = latencies(run)
     assert found.size
     assert found.min() >= 0.0
@@ -142,8 +142,7 @@ def test_a_clock_that_jumps_ahead(loop, seconds):
     bag.now += round(seconds * SECOND)
     jumped = bag.now
     bag.play(1.0)
-    later = lambda: np.sum(stamps(run, 'estimate') >= jumped)  # noqa: E731
-    run.wait(lambda: later() > 50, 5.0, lambda: 'no estimates')
+    run.wait(lambda: stamps(run, 'estimate')[-1] == bag.now, 5.0, lambda: 'no new estimates')
     restarts = lambda: run.reported('estimator', 'restarts')  # noqa: E731
     run.wait(lambda: restarts() == ('1' if seconds > 60.0 else '0'), 5.0, restarts)
     found = run.recorder['estimate']
