@@ -33,6 +33,7 @@ def _command(name: str) -> None:
         signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         main()
     except KeyboardInterrupt:
+        print(f'{name}: interrupted; nothing is left running', file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
     finally:
         for number in _SIGNALS:

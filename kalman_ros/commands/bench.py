@@ -87,7 +87,3 @@ def main(argv: Sequence[str] | None = None) -> None:
     if options.json is not None:
         options.json.write_text(json.dumps([asdict(result) for result in results], indent=2))
     sys.exit(any(result.ratio > result.goal for result in results))
-
-
-if __name__ == '__main__':
-    main()

@@ -78,7 +78,3 @@ def main(argv: Sequence[str] | None = None) -> None:
     (options.out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     report.study_picture(results, options.out / 'errors.png')
     console.print(f'In {options.out}: summary.json, errors.png')
-
-
-if __name__ == '__main__':
-    main()

@@ -93,9 +93,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (ValueError, NodeError, RuntimeError) as error:
         print(f'demo: {error}', file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print('demo: interrupted; every node was stopped', file=sys.stderr)
-        sys.exit(130)
     checks = judgement.checks
     failed = [check.name for check in checks if not check.passed]
     name = Path(options.scenario).stem
@@ -146,7 +143,3 @@ def _write(folder: Path, run: Trajectory) -> None:
         columns[f'{name}_innovation'] = innovations.values
         columns[f'{name}_nis'] = innovations.nis
     np.savez_compressed(folder / 'data.npz', **columns)
-
-
-if __name__ == '__main__':
-    main()

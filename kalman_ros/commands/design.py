@@ -97,7 +97,3 @@ def main(argv: Sequence[str] | None = None) -> None:
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     drawn = design_pictures.draw_all(report, folder)
     console.print(f'In {folder}: {", ".join(["summary.json", *(p.name for p in drawn)])}')
-
-
-if __name__ == '__main__':
-    main()

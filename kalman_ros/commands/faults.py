@@ -71,9 +71,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (ValueError, NodeError, RuntimeError) as error:
         print(f'faults: {error}', file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print('faults: interrupted; every node was stopped', file=sys.stderr)
-        sys.exit(130)
     wall = time.monotonic() - start
     _report(options, schedule, findings, wall, console)
     broken = [found for found in findings if found.broken]
@@ -113,7 +110,3 @@ def _report(
     page = options.page or options.out / 'faults.md'
     page.write_text(fault_page(findings, command, machine, about))
     console.print(f'{about} In {options.out}: summary.json; {page}', style='dim')
-
-
-if __name__ == '__main__':
-    main()

@@ -35,7 +35,3 @@ def main(argv: Sequence[str] | None = None) -> None:
     except BrokenPromiseError as violation:
         sys.exit(f'fuzz: {violation}')
     print(f'{filters.total()} steps, nothing broken: {dict(filters)}')
-
-
-if __name__ == '__main__':
-    main()

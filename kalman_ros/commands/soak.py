@@ -8,7 +8,6 @@ import json
 import os
 import platform
 import shlex
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -57,7 +56,6 @@ def soak(options: argparse.Namespace, console: Console) -> Soak:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run, print the table, write the results; exit 1 if a promise is broken."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     options = arguments(argv)
     console = Console()
     try:
@@ -65,9 +63,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (ValueError, NodeError, RuntimeError, ProcessLookupError) as error:
         print(f'soak: {error}', file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print('soak: interrupted; every node was stopped', file=sys.stderr)
-        sys.exit(130)
     _report(options, found, console)
     for what in found.broken:
         console.print(f'[bold red]broken:[/] {what}')
@@ -101,7 +96,3 @@ def _report(options: argparse.Namespace, found: Soak, console: Console) -> None:
 
 
 _COLUMNS = ('time', 'missed', 'withheld', 'median', 'tail')
-
-
-if __name__ == '__main__':
-    main()

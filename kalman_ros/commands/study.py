@@ -60,9 +60,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (ValueError, NodeError, RuntimeError) as error:
         print(f'study: {error}', file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print('study: interrupted; every node was stopped', file=sys.stderr)
-        sys.exit(130)
     if failed:
         console.print(f'[bold red]Theory and measurement disagree:[/] {", ".join(failed)}')
         sys.exit(1)
@@ -87,7 +84,3 @@ def _report(console: Console, folder: Path, findings: Findings, wall: float) -> 
         findings.draw(folder / f'{folder.name}.png')
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     console.print(f'{wall:.1f} s; in {folder}: summary.json, {folder.name}.png', style='dim')
-
-
-if __name__ == '__main__':
-    main()
