@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -82,10 +83,21 @@ def blocks(paths: Sequence[Path], sample: Any, explicit: str = '') -> tuple[Bloc
     """Return the covariance blocks of the fields ``paths`` of messages like ``sample``.
 
     ``explicit`` is the path of an array that holds the covariance of exactly these fields.
+
+    Raises
+    ------
+    ValueError
+        If that is not the path of an array with room for it, or of a number for a single field.
     """
     if explicit:
         everything = tuple(range(len(paths)))
-        return (Block(tuple(explicit.split('.')), everything, everything, len(paths)),)
+        way = tuple(explicit.split('.'))
+        if not _has_room(sample, way, len(paths)):
+            kind, count = type(sample).__name__, len(paths) ** 2
+            raise ValueError(
+                f"covariance: expected the path of {count} numbers in {kind}, got '{explicit}'"
+            )
+        return (Block(way, everything, everything, len(paths)),)
     found: dict[tuple[str, ...], list[tuple[int, int, int]]] = {}
     for index, path in enumerate(paths):
         place = _carried(path, sample)
@@ -96,6 +108,19 @@ def blocks(paths: Sequence[Path], sample: Any, explicit: str = '') -> tuple[Bloc
         Block(way, tuple(i for i, _, _ in rows), tuple(row for _, row, _ in rows), rows[0][2])
         for way, rows in found.items()
     )
+
+
+def _has_room(sample: Any, way: tuple[str, ...], size: int) -> bool:
+    """Tell whether a covariance of ``size`` rows has room at the end of ``way``."""
+    try:
+        found = walk(sample, way)
+    except AttributeError:
+        return False
+    if isinstance(found, np.ndarray):  # of a fixed length
+        return bool(found.dtype == float and found.size == size**2)
+    if isinstance(found, array):
+        return found.typecode == 'd'
+    return isinstance(found, float) and size == 1
 
 
 def _carried(path: Path, sample: Any) -> tuple[tuple[str, ...], int, int] | None:

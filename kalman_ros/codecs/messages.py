@@ -8,6 +8,8 @@ import struct
 from typing import Any
 
 _NANOSECONDS = 1_000_000_000
+#: Seconds in a stamp are a signed number of 32 bits.
+_FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
 #: The stamp of a leading header in a serialised message.
 STAMP = struct.Struct('<iI')
 #: It stands behind the four bytes that begin every message.
@@ -51,8 +53,11 @@ def write_stamp(stamp: Any, time: int) -> None:
 
 
 def split(time: int) -> tuple[int, int]:
-    """Return ``time`` in nanoseconds as whole seconds and the nanoseconds that are left."""
-    return divmod(time, _NANOSECONDS)
+    """Return ``time`` in nanoseconds as whole seconds and the nanoseconds that are left.
+
+    Of a time that no stamp can hold, it is the nearest that one can.
+    """
+    return divmod(min(max(time, _FIRST), _LAST), _NANOSECONDS)
 
 
 def leading_stamp(data: bytes) -> int:

@@ -15,6 +15,8 @@ from operator import attrgetter
 from typing import Any
 
 _PATH = re.compile(r'^([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\[([^\]]+)\])?$')
+#: No array that is fused has more numbers.
+_LONGEST = 100_000
 ANGLES = ('roll', 'pitch', 'yaw')
 
 
@@ -57,7 +59,9 @@ def parse(text: str, sample: Any) -> Path:
             raise ValueError(f"fields: no '{attribute}' in {kind} for '{text}'; {offers}")
         at = getattr(at, attribute)
     bracket = match[2]
-    index = int(bracket) if bracket is not None and bracket.isdigit() else None
+    index = int(bracket) if bracket is not None and bracket.isdecimal() else None
+    if index is not None and index >= _LONGEST:
+        raise ValueError(f"fields: expected an index below {_LONGEST}, got '{text}'")
     name = bracket if index is None else None
     if name is not None and not hasattr(walk(sample, way[:-1]), 'name'):
         raise ValueError(

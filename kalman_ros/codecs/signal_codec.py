@@ -38,11 +38,11 @@ class SignalCodec:
             self.message_type = message_type(signal.type)
             self.message = self.message_type()
             self._paths = [parse(field, self.message) for field in signal.fields]
+            self._blocks = blocks(self._paths, self.message, signal.covariance)
         except ValueError as error:
             raise ValueError(f"signal '{signal.topic}': {error}") from None
         self.size = len(self._paths)
         self._readers = [reader(path, self.message) for path in self._paths]
-        self._blocks = blocks(self._paths, self.message, signal.covariance)
         covered = sum(len(block.own) for block in self._blocks)
         self.carries_covariance = covered == self.size
         self.has_covariance = covered > 0
