@@ -115,6 +115,11 @@ class Run:
         """The ROS domain that the nodes run in."""
         return self._station.domain
 
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """The environment of the nodes, for other programs that are to take part."""
+        return self._station.environment
+
     def _listen(self) -> None:
         self.recorder = Recorder(self.node, self._record)
         self.recorder.on_message = self._progress.hear

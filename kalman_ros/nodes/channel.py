@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One sensor as the estimator sees it: its messages in, its innovations out, and its account."""
+"""What the estimator listens to: messages in, innovations out, and an account of a sensor."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kalman_ros.codecs.layout import Sample
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import Signal
 from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.outcome import Outcome
@@ -19,11 +22,34 @@ from .watcher import waiting
 
 #: A sensor is silent after so many seconds without a reading, or so many of its intervals.
 _SILENCE, _INTERVALS = 1.0, 5.0
-#: So many readings are taken in at once, in a few milliseconds. Of more, the oldest are dropped.
+#: So many are taken in at once, in a few milliseconds. Of more, the oldest are dropped.
 _MOST = 50
 
 
-class SensorChannel:
+class Channel:
+    """Messages of one topic, all that have come at a time."""
+
+    #: While the node is active.
+    subscription: Any = None
+
+    def take(self, first: Sequence[bytes]) -> tuple[Sequence[bytes], int]:
+        """Return the newest messages that have come, the ``first`` ones and those that wait.
+
+        Beside them, how many older ones are left out.
+        """
+        come = [*first, *waiting(self.subscription)]
+        return come[-_MOST:], max(0, len(come) - _MOST)
+
+
+class InputChannel(Channel):
+    """Reads the known input."""
+
+    def __init__(self, signal: Signal) -> None:
+        self.read = WireReader(SignalCodec(signal))
+        self.message_type = self.read.message_type
+
+
+class SensorChannel(Channel):
     """Reads a sensor's messages, publishes what they said, and measures how it goes."""
 
     def __init__(self, node: Any, name: str, source: SensorSource, estimate: str) -> None:
@@ -31,8 +57,6 @@ class SensorChannel:
         self.name = name
         self._read = ReadingReader(source.signal)
         self.message_type = self._read.message_type
-        #: While the node is active.
-        self.subscription: Any = None
         self._publish = InnovationPublisher(node, estimate, name, output)
         self.nis = ChiSquareWindow(output.size)
         self._rate = Rate()
@@ -42,14 +66,6 @@ class SensorChannel:
     def start_anew(self) -> None:
         """Judge the innovations from now on by themselves."""
         self.nis = ChiSquareWindow(self.nis.degrees)
-
-    def take(self, first: Sequence[bytes]) -> tuple[Sequence[bytes], int]:
-        """Return the newest messages that have come, the ``first`` ones and those that wait.
-
-        Beside them, how many older ones are left out.
-        """
-        come = [*first, *waiting(self.subscription)]
-        return come[-_MOST:], max(0, len(come) - _MOST)
 
     def read(self, data: bytes, source: SensorSource) -> Sample:
         """Return the reading in a message."""

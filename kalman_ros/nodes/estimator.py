@@ -17,9 +17,7 @@ from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import read_tick
-from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Gaussian, Option, Value
 from kalman_ros.estimators import filter_options
 from kalman_ros.estimators.correction import Correction
@@ -30,7 +28,7 @@ from kalman_ros.simulation.observability import observability
 from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
-from .channel import SensorChannel
+from .channel import Channel, InputChannel, SensorChannel
 from .diagnostics import Level, Report
 from .estimates import EstimatePublisher
 from .fusion import fusion
@@ -63,7 +61,7 @@ class EstimatorNode(runtime.ScenarioNode):
             found.filter, found.sensors, scenario.initial_belief, zero, found.policy
         )
         self._publish = EstimatePublisher(self, scenario, options.frame, options.child_frame)
-        self._read_input = WireReader(SignalCodec(scenario.input))
+        self._input = InputChannel(scenario.input)
         self._read_pose = PoseReader(scenario)
         self._inputs: Counter[Outcome] = Counter()
         self._latency = Latency()
@@ -83,16 +81,21 @@ class EstimatorNode(runtime.ScenarioNode):
         self._online.reset(scenario.initial_belief)
         self._told = -1
         subscribe = partial(self.create_subscription, raw=True)
+        callback: Callable[..., None]
         for name, channel in self._channels.items():
             source = scenario.sensors[name]
             queue = QUEUE if options.lockstep else sensor_queue(reliable=source.reliable)
-            callback = partial(self._on_turn if options.lockstep else self._on_reading, channel)
+            callback = partial(self._on_turn if options.lockstep else self._on_message, channel)
             kind, topic = channel.message_type, source.signal.topic
             channel.subscription = subscribe(kind, topic, callback, queue)
+        self._listened: list[Channel] = list(self._channels.values())
         driven = bool(scenario.input.fields)
         if driven:
-            kind = self._read_input.message_type
-            subscribe(kind, scenario.input.topic, self._on_input, QUEUE)
+            kind, topic = self._input.message_type, scenario.input.topic
+            on_message = partial(self._on_message, self._input)
+            callback = self._on_answer if options.lockstep else on_message
+            self._input.subscription = subscribe(kind, topic, callback, QUEUE)
+            self._listened.append(self._input)
         self._turns: Optional[Turns] = None
         if options.lockstep:
             topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
@@ -131,17 +134,27 @@ class EstimatorNode(runtime.ScenarioNode):
             self._turns.reading(channel.name, reading.time, reading)
             self._take_turns(self._turns)
 
-    def _on_reading(self, first: SensorChannel, data: bytes) -> None:
-        """Take in what has come of all sensors, and publish once what is believed then.
+    def _on_answer(self, data: bytes) -> None:
+        """Take in the input of a step in lockstep."""
+        input = self._read_input(data)
+        if input is not None and self._turns is not None:
+            self._turns.input(input.time, input.values)
+            self._take_turns(self._turns)
+
+    def _on_message(self, first: Channel, data: bytes) -> None:
+        """Take in all that has come, of every topic, and publish once what is believed then.
 
         As long as nothing waits, that is reading by reading. When more comes than there is time
         for, estimates become fewer, not old.
         """
         came, corrections = monotonic(), []
-        come = [(y.time or self._now(), channel, y) for channel, y in self._come(first, data)]
-        # in the order of their stamps, for each that comes late makes those after it anew
-        for time, channel, reading in sorted(come, key=itemgetter(0)):
-            correction = self._fuse(channel.name, time, reading, self._now() or None)
+        # in the order of the stamps, for each that comes late makes those after it anew
+        for time, channel, sample in sorted(self._come(first, data), key=itemgetter(0)):
+            now = self._now() or None
+            if not isinstance(channel, SensorChannel):
+                self._add_input(time, sample.values, now)
+                continue
+            correction = self._fuse(channel.name, time, sample, now)
             if correction is not None:
                 corrections.append((channel, time, correction))
         if not corrections:
@@ -154,17 +167,23 @@ class EstimatorNode(runtime.ScenarioNode):
         for channel, time, correction in corrections:
             channel.publish(time, correction)
 
-    def _come(self, first: SensorChannel, data: bytes) -> Iterator[tuple[SensorChannel, Sample]]:
-        """Yield the readings that have come, after ``data`` of the sensor that woke the node."""
-        for name, channel in self._channels.items():
-            source = self.scenario.sensors[name]
+    def _come(self, first: Channel, data: bytes) -> Iterator[tuple[int, Channel, Sample]]:
+        """Yield what has come, after ``data`` of the topic that woke the node, with its time."""
+        for channel in self._listened:
             messages, missed = channel.take([data] if channel is first else [])
-            if not source.timed.enabled:
-                continue
+            if isinstance(channel, SensorChannel):
+                source = self.scenario.sensors[channel.name]
+                if not source.timed.enabled:
+                    continue
+                samples = [channel.read(message, source) for message in messages]
+                account, what = self._online.counts[channel.name], f'readings of {channel.name}'
+            else:
+                samples = [found for found in map(self._read_input, messages) if found is not None]
+                account, what = self._inputs, self.scenario.input.topic
             if missed:
-                self._online.counts[name][Outcome.OVERRUN] += missed
-                self._warn(f'readings of {name} {Outcome.OVERRUN.value}')
-            yield from ((channel, channel.read(message, source)) for message in messages)
+                account[Outcome.OVERRUN] += missed
+                self._warn(f'{what} {Outcome.OVERRUN.value}')
+            yield from ((sample.time or self._now(), channel, sample) for sample in samples)
 
     def _fuse(
         self, name: str, time: int, reading: Sample, now: Optional[int] = None
@@ -178,18 +197,13 @@ class EstimatorNode(runtime.ScenarioNode):
             self._observability.reading(name, time)
         return correction
 
-    def _on_input(self, data: bytes) -> None:
+    def _read_input(self, data: bytes) -> Optional[Sample]:
+        """Return the input in a message; None, with a warning, if there is none in it."""
         try:
-            input = self._read_input(data)
+            return self._input.read(data)
         except LookupError as error:
             self._warn(f'{self.scenario.input.topic}: {error}')
-            return
-        if self._turns is not None:
-            self._turns.input(input.time, input.values)
-            self._take_turns(self._turns)
-        else:
-            now = self._now()
-            self._add_input(input.time or now, input.values, now or None)
+            return None
 
     def _add_input(self, time: int, u: Array, now: Optional[int] = None) -> None:
         outcome = self._online.add_input(time, u, now)

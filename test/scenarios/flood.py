@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A program that publishes velocities at a rate, for so long; it says how many, and when."""
+
+import sys
+import time
+
+import numpy as np
+import rclpy
+from rclpy.qos import QoSProfile
+
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireWriter
+from kalman_ros.simulation import scenario
+
+#: Seconds between two bursts.
+BURST = 0.005
+#: They know so little that, however many they are, the estimate is as good as without them.
+STD = 50.0
+
+
+def main(rate, seconds):
+    rng = np.random.default_rng(0)
+    rclpy.init()
+    node = rclpy.create_node('flood')
+    write = WireWriter(SignalCodec(scenario.build({}).sensors['velocity'].signal))
+    publisher = node.create_publisher(write.message_type, 'velocity', QoSProfile(depth=5000))
+    while publisher.get_subscription_count() < 3:  # the estimator, the monitor and the harness
+        time.sleep(0.01)
+    R = STD**2 * np.eye(2)
+    start, sent = time.time(), 0
+    while sent < rate * seconds:
+        time.sleep(BURST)
+        due = (time.time() - start) * rate
+        while sent < min(due, rate * seconds):
+            stamp = round((start + sent / rate) * 1e9)
+            publisher.publish(write(stamp, STD * rng.standard_normal(2), R))
+            sent += 1
+    publisher.wait_for_all_acked()
+    print(sent, start, time.time())
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main(float(sys.argv[1]), float(sys.argv[2]))

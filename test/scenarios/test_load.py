@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""More than there is time for: twenty sensors at once, and one that floods."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from kalman_ros.harness import Run
+from kalman_ros.harness.machine import Withheld
+from kalman_ros.simulation import verdicts
+
+PERIOD = 0.01
+#: Of a flood, in Hz.
+RATE = 5000
+FLOOD = Path(__file__).with_name('flood.py')
+
+
+def twenty():
+    """Return the default system with ten of each of its sensors, each at 100 Hz."""
+    found = {'sensors': [f'{kind}_{k}' for k in range(10) for kind in ('place', 'speed')]}
+    of_kind = {
+        'place': {
+            'measures': ['x', 'y'],
+            'noise': [0.5, 0.5],
+            'type': 'geometry_msgs/PoseWithCovarianceStamped',
+            'fields': ['pose.pose.position.x', 'pose.pose.position.y'],
+        },
+        'speed': {
+            'measures': ['v_x', 'v_y'],
+            'noise': [0.5, 0.5],
+            'type': 'geometry_msgs/TwistWithCovarianceStamped',
+            'fields': ['twist.twist.linear.x', 'twist.twist.linear.y'],
+        },
+    }
+    for name in found['sensors']:
+        options = {
+            **of_kind[name[:5]],
+            'kind': 'states',
+            'rate': 100.0,
+            'topic': name,
+            'reliable': True,
+        }
+        found.update({f'{name}.{key}': value for key, value in options.items()})
+    return found
+
+
+def fates(run, name):
+    """Return how many readings of a sensor came to the estimator, and what became of them."""
+    said = run.diagnostics['estimator'].values
+    prefix = f'{name}: '
+    counts = {
+        value.key[len(prefix) :]: int(value.value)
+        for value in said
+        if value.key.startswith(prefix) and not value.key.endswith(']') and value.value.isdigit()
+    }
+    return counts.pop('readings'), counts
+
+
+def silent(stamps, start, end):
+    """Return for how long no force came between two times, beyond the two steps that are usual."""
+    within = np.unique(stamps[(stamps >= start) & (stamps <= end)])
+    gaps = np.diff(np.concatenate(([start], within, [end])))
+    return np.maximum(0.0, gaps - 2.0 * PERIOD).sum()
+
+
+def test_twenty_sensors_at_100_hz():
+    with Run(twenty(), lockstep=False, seed=2) as run:
+        stolen = Withheld([])
+        run.advance(14.0)
+        lost = stolen()
+        found = run.trajectory()
+        stamps = run.recorder['force'].stamp * 1e-9
+        run.refresh('plant', 'estimator')
+        checks = verdicts.checks(run.scenario, verdicts.theory(run.scenario), found)
+        accounts = {name: fates(run, name) for name in run.scenario.sensors}
+        sent = {name: int(run.reported('plant', f'{name}: readings')) for name in accounts}
+    assert len(accounts) == 20
+    for name, (came, became) in accounts.items():
+        assert came == sent[name] > 1000
+        assert became == {'fused': came}
+    assert silent(stamps, stamps[0], stamps[-1]) < 0.02 * 14.0 + lost
+    assert not [check for check in checks if not check.passed]
+
+
+class Flood:
+    """A run with a program that floods the estimator with velocities, and what came of them."""
+
+    def __init__(self, run, seconds):
+        self.run = run
+        command = [sys.executable, str(FLOOD), str(RATE), str(seconds)]
+        run.set_parameter('run_until', 1e6)
+        self._process = subprocess.Popen(
+            command, env=run.environment, stdout=subprocess.PIPE, text=True
+        )
+
+    def wait(self):
+        """Wait for its end and until all is said."""
+        run, process = self.run, self._process
+        try:
+            run.wait(lambda: process.poll() is not None, 30.0, lambda: 'the flood does not end')
+        finally:
+            process.kill()
+        count, self.start, self.end = map(float, process.communicate()[0].split())
+        run.set_parameter('run_until', 0.0)
+        run.spin(1.0)
+        run.refresh('plant', 'estimator')
+        self.sent = count + int(run.reported('plant', 'velocity: readings'))
+        self.came, self.became = fates(run, 'velocity')
+
+
+def test_a_flood_takes_no_control():
+    with Run(overrides={'velocity.reliable': True}, lockstep=False, seed=4) as run:
+        stolen = Withheld([])
+        flood = Flood(run, 6.0)
+        flood.wait()
+        lost = stolen()
+        stamps = run.recorder['force'].stamp * 1e-9
+        found = run.trajectory()
+    assert flood.came == flood.sent == sum(flood.became.values())
+    assert flood.became['fused'] > 0.5 * flood.sent
+    assert silent(stamps, flood.start, flood.end) < 0.02 * (flood.end - flood.start) + lost
+    error = np.abs(found.truth - found.estimate)
+    std = np.sqrt(found.covariance.diagonal(axis1=1, axis2=2))
+    assert np.all(error[100:] < 6.0 * std[100:])
+
+
+def test_of_a_flood_that_waits_the_oldest_are_dropped():
+    with Run(overrides={'velocity.reliable': True}, lockstep=False, seed=4) as run:
+        flood = Flood(run, 3.0)
+        fused = lambda: run.recorder['estimate'].stamp  # noqa: E731
+        run.wait(lambda: fused().size > 300, 20.0, lambda: 'no estimates')
+        run.processes['estimator'].signal(signal.SIGSTOP)
+        time.sleep(0.5)
+        again = time.time_ns()
+        run.processes['estimator'].signal(signal.SIGCONT)
+        flood.wait()
+        stamps = fused()
+    assert flood.came == flood.sent == sum(flood.became.values())
+    assert flood.became['dropped: more came than could be taken in'] > 0.3 * RATE
+    # what it was doing when it was stopped, and then at once what is new
+    gap = np.argmax(np.diff(stamps))
+    assert stamps[gap + 1] > again - 20_000_000
