@@ -27,7 +27,7 @@ def ratio(rate: float, loop_rate: float) -> Fraction:
     ValueError
         If the sensor would be faster than the loop.
     """
-    exact = Fraction(rate / loop_rate).limit_denominator(10_000)
+    exact = Fraction(min(rate / loop_rate, 2.0)).limit_denominator(10_000)
     if not 0 < exact <= 1:
         raise ValueError(f'rate: expected more than 0 and at most {loop_rate:g} Hz, got {rate:g}')
     return exact

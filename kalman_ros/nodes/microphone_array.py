@@ -15,7 +15,7 @@ from kalman_ros.acoustics.array import MicrophoneArray
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import read_tick, write_tick
 from kalman_ros.codecs.wire import WireReader
-from kalman_ros.core import Array, is_due, ratio
+from kalman_ros.core import Array, is_due, is_finite, ratio
 from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.simulation.scenario import Scenario, SensorSource
 from kalman_ros.simulation.sound import SimulatedSound, Sound
@@ -25,6 +25,7 @@ from .diagnostics import Report
 from .hearing import Hearing
 from .options import MicrophoneArrayOptions
 from .playback import Playback
+from .throttle import Throttle
 from .topics import QUEUE, on_topic
 from .turns import Turns
 
@@ -49,6 +50,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         """Build what hears, and what it publishes."""
         super().configure()
         options: MicrophoneArrayOptions = self.options
+        self._warn = Throttle(self.get_logger().warning)
         self._sensor = _bearing(self._source)
         self._array = MicrophoneArray(np.array(options.microphones), options.speed_of_sound)
         recorded = self._recorded = None
@@ -114,8 +116,12 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         self._first: int | None = None
 
     def _on_truth(self, data: bytes) -> None:
-        time, x, _ = self._read_truth(data)
-        if time is None:
+        try:
+            time, x, _ = self._read_truth(data)
+        except LookupError as error:
+            self._warn(f'{_TRUTH}: {error}')
+            return
+        if time is None or not is_finite(x):
             return
         if not self.options.lockstep:
             self._listen(time, x)

@@ -249,6 +249,8 @@ def _model(system: System, parameters: Mapping[str, Any]) -> Model:
         model: Model = build_with(system.build, parameters)
     except ValueError as error:
         raise ValueError(f'model_parameters.{error}') from None
+    except ArithmeticError:
+        raise ValueError('model_parameters: too large or too small to reckon with') from None
     return model
 
 
