@@ -12,7 +12,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import Imu
 
 from kalman_ros import models
-from kalman_ros.codecs.messages import nanoseconds
+from kalman_ros.codecs.messages import message_type, nanoseconds
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.harness import Run
 from kalman_ros.nodes.topics import QUEUE
@@ -25,10 +25,14 @@ class Player:
         self.run = run
         self.publishers = {}
         self.answered = Future()
-        run.recorder.on_message = self.came
+        # the recorder looks now and then, which is too seldom to wait for
+        kind = message_type(run.scenario.state.type)
+        run.node.create_subscription(kind, 'estimate', self.came, QUEUE, raw=True)
+        heard = lambda: run.reported('estimator', 'heard by: /estimate')  # noqa: E731
+        run.wait(lambda: heard() == '2', 10.0, heard)
 
-    def came(self, topic, _):
-        if topic == 'estimate' and not self.answered.done():
+    def came(self, _):
+        if not self.answered.done():
             self.answered.set_result(None)
 
     def publish(self, topic, message):
@@ -68,6 +72,7 @@ def replay_lidar_radar(model, std):
         for name, y, time, _ in readings:
             message = codecs[name].encode(time, y, sources[name].sensor.covariance)
             player.publish(sources[name].signal.topic, message)
+        run.spin(0.1)
         estimates = run.recorder['estimate']
     np.testing.assert_array_equal(estimates.stamp, [time for _, _, time, _ in readings])
     found = estimates.values[:, :4].copy()
