@@ -10,11 +10,12 @@ from rich.table import Table
 from kalman_ros.core import Array
 from kalman_ros.simulation.soak_findings import Soak
 
-from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, legend_below, picture
+from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, picture
 from .tables import plain_table
 
 _MEGABYTE = 1e6
 _COLOURS = (TRUTH, ESTIMATE, INPUT, READING)
+_WARM_UP = '#eef1f3'
 
 
 def soak_rows(soak: Soak) -> list[tuple[str, str, str]]:
@@ -92,23 +93,26 @@ _LEGEND = (
 
 def draw_soak(soak: Soak, path: Path) -> None:
     """Draw memory, latency and missed steps over time."""
-    with picture(path, 3, 1, (8.0, 6.4)) as (figure, axes):
+    with picture(path, 3, 1, (8.0, 6.4)) as (_, axes):
         memory, latency, missed = axes[:, 0]
         for (name, y), colour in zip(soak.resident.items(), _COLOURS):
             memory.plot(soak.time, _since(y, soak), color=colour, lw=1.0, label=name)
-        memory.axvspan(0.0, soak.time[soak.warm][0], color=BOUND, alpha=0.15, lw=0)
-        memory.set_title('Memory stays as it is, from the end of the warm-up on')
-        memory.set_ylabel('memory, change [MB]')
-        latency.plot(soak.time, 1e3 * soak.tail, color=READING, lw=0.8)
-        latency.plot(soak.time, 1e3 * soak.median, color=ESTIMATE, lw=1.0)
+        warm = soak.time[soak.warm][0]
+        memory.axvspan(0.0, warm, color=_WARM_UP, lw=0, label='warm-up')
+        memory.set_title('Memory of each node, beside that at the end of the warm-up')
+        memory.set_ylabel('change [MB]')
+        latency.plot(soak.time, 1e3 * soak.tail, color=READING, lw=0.8, label='99 %')
+        latency.plot(soak.time, 1e3 * soak.median, color=ESTIMATE, lw=1.0, label='median')
         latency.set_yscale('log')
-        latency.set_title('From a reading to its force: the median of each second, and 99 %')
+        latency.set_title('From a reading to its force, in each second')
         latency.set_ylabel('[ms]')
-        missed.step(soak.time, soak.missed, where='post', color=TRUTH, lw=1.0)
-        missed.plot(soak.time, soak.withheld * soak.rate, color=BOUND, lw=1.0)
-        missed.set_title('Steps missed, and steps for which the plant was kept from running')
+        missed.step(soak.time, soak.missed, where='post', color=TRUTH, lw=1.0, label='missed')
+        withheld = soak.withheld * soak.rate
+        missed.plot(soak.time, withheld, color=BOUND, lw=1.0, label='kept from running')
+        missed.set_title('Steps that the plant missed, and for which it was kept from running')
         missed.set_ylabel('steps so far')
-        legend_below(figure, memory)
+        for axis in axes[:, 0]:
+            axis.legend(loc='center left', bbox_to_anchor=(1.0, 0.5))
 
 
 def _since(y: Array, soak: Soak) -> Array:
