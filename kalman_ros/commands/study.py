@@ -12,12 +12,16 @@ from importlib import import_module
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from kalman_ros.core import refuse_unknown
 from kalman_ros.harness import NodeError
 from kalman_ros.harness.interrupts import deferred
 
 from .studies import STUDIES, Findings
+
+#: What moves while a study runs.
+_COLUMNS = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -54,7 +58,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         for number, name in enumerate(names, start=1):
             console.print(f'\n[bold]{name}[/] ({number} of {len(names)}): {claim(name)}')
             start = time.monotonic()
-            findings = import_module(f'{__package__}.studies.{name}').study(options.size)
+            with Progress(*_COLUMNS, console=console, transient=True) as bar:
+                bar.add_task('running the nodes')
+                findings = import_module(f'{__package__}.studies.{name}').study(options.size)
             _report(console, options.out / name, findings, time.monotonic() - start)
             failed += [name] if not all(check.passed for check in findings.checks) else []
     except (ValueError, NodeError, RuntimeError) as error:
