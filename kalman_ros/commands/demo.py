@@ -20,7 +20,7 @@ from kalman_ros import models
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.interrupts import deferred
 from kalman_ros.harness.parameters import overrides
-from kalman_ros.simulation.judgement import judge
+from kalman_ros.simulation.judgement import judge, least_duration
 from kalman_ros.simulation.trajectory import Trajectory
 
 
@@ -55,14 +55,15 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajectory, float, int]:
     """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
-    if not 0.0 < options.duration < inf:
-        raise ValueError(f'duration: expected more than 0 s, got {options.duration:g}')
     run = Run(
         options.scenario,
         overrides(options.parameters),
         seed=options.seed,
         lockstep=not options.realtime,
     )
+    least = least_duration(run.scenario)
+    if not least <= options.duration < inf:
+        raise ValueError(f'duration: expected {least:.4g} s or more, got {options.duration:g}')
     bar = Progress(
         TextColumn('{task.description}'),
         BarColumn(),

@@ -25,6 +25,7 @@ from . import parameters, topics
 from .diagnostics import Diagnostics, Level, Report
 from .managed import ACTIVE, ManagedNode, reason
 from .transport import prefer_sockets
+from .usage import usage, wants_help
 from .watcher import WatcherNode
 
 #: How long a signal may wait to be noticed by a node that does nothing, in seconds. Not shorter
@@ -119,7 +120,10 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
 
 def main(build: Callable[[], Node]) -> None:
-    """Run one node until SIGINT or SIGTERM; exit 1 with one line if it cannot start."""
+    """Run one node until SIGINT or SIGTERM; exit 1 with one line if it cannot start.
+
+    With ``--help`` among its arguments it only says what it is, and which parameters it has.
+    """
     # a handler must not touch what has a lock, such as a Future, for it may come at any moment
     came: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -135,17 +139,25 @@ def main(build: Callable[[], Node]) -> None:
         if not reason(error):
             raise
         sys.exit(f'{_program()}: {reason(error)}')
+    if wants_help(sys.argv[1:]):
+        print(usage(node))
+    else:
+        _spin(node, came)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def _spin(node: Node, signals: list[int]) -> None:
+    """Let a node work until a signal is in the list."""
     executor = EventsExecutor()
     executor.add_node(node)
     never = Future()
-    while not came:
+    while not signals:
         # spin() of this executor neither waits properly nor notices signals; see its issues
         executor.spin_until_future_complete(never, _PATIENCE)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
     executor.shutdown()
-    node.destroy_node()
-    rclpy.try_shutdown()
 
 
 def _program() -> str:

@@ -39,6 +39,17 @@ class Judgement:
     claim: str
 
 
+def least_duration(scenario: Scenario) -> float:
+    """Return the seconds that a run must last to be judged; DesignError as `judge`."""
+    if _has_theory(scenario):
+        return verdicts.theory(scenario).least_duration
+    return 1.0 / scenario.rate
+
+
+def _has_theory(scenario: Scenario) -> bool:
+    return scenario.plan.linear and bool(scenario.law)
+
+
 def judge(scenario: Scenario, run: Trajectory) -> Judgement:
     """Return the judgement of a run.
 
@@ -49,7 +60,7 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
     ValueError
         If the run is too short to judge.
     """
-    if scenario.plan.linear and scenario.law:
+    if _has_theory(scenario):
         theory = verdicts.theory(scenario)
         found = verdicts.checks(scenario, theory, run)
         basis = "The theory of J is the LQG optimum tr(S Q) + tr(K'(R + G'S G) K P)."

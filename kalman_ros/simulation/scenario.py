@@ -31,6 +31,7 @@ from kalman_ros.core import (
     build_with,
     options_of,
     ratio,
+    refuse_unknown,
     semidefinite,
     variances,
     vector,
@@ -273,6 +274,7 @@ def build(values: Mapping[str, Any]) -> Scenario:
         If anything is wrong, with the name of the option at fault.
     """
     full: dict[str, Any] = complete(values, options(values))
+    refuse_unknown([full['filter']], FILTERS, 'filter')
     system = models.system(full['model'])
     model = _model(system, _section(full, 'model_parameters'))
     rate = full['rate']

@@ -64,6 +64,22 @@ class LqgTheory:
         slowest = float(np.max(np.abs(poles)))
         return log(1e-3) / log(slowest) * self.dt
 
+    @property
+    def settled(self) -> int:
+        """The step, at the beginning of a period, from which on a run counts."""
+        period = len(self.loop.schedule)
+        return period * ceil(self.settling_time / self.dt / period)
+
+    @property
+    def least_steps(self) -> int:
+        """How many steps after that a run must have to be judged."""
+        return max(200, 20 * len(self.loop.schedule))
+
+    @property
+    def least_duration(self) -> float:
+        """Seconds that a run must last to be judged."""
+        return (self.settled + self.least_steps) * self.dt
+
 
 def schedule(scenario: Scenario, x: Array) -> list[Readings]:
     """Return what is read at each step of a period, with the sensors linearised about x (n,)."""
@@ -107,12 +123,10 @@ def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check
     """
     loop, dt = theory.loop, theory.dt
     p = len(loop.schedule)
-    settled = p * ceil(theory.settling_time / dt / p)
+    settled = theory.settled
     steps = (len(run.time) - settled) // p * p
-    least = max(200, 20 * p)
-    if steps < least:
-        needed = (settled + least) * dt
-        raise ValueError(f'duration: expected at least {needed:.0f} s to judge the run')
+    if steps < theory.least_steps:
+        raise ValueError(f'run: expected {theory.least_duration:.4g} s or more to judge it')
     part = slice(settled, settled + steps)
     space, rest = scenario.model.state, scenario.model.equilibrium
     x = space.subtract(run.truth[part], rest.state)

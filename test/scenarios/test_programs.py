@@ -169,9 +169,9 @@ def test_the_demo_fails_when_the_statistics_do_not_hold(environment, tmp_path):
         (['-p', 'input_cost'], "demo: -p: expected NAME:=VALUE, got 'input_cost'"),
         (['-p', 'inptu_cost:=[1.0, 1.0]'], "unknown parameter 'inptu_cost'"),
         (['-p', 'filter:=ukff'], "unknown filter 'ukff'; did you mean 'ukf'?"),
-        (['--duration', '1'], 'demo: duration: expected at least'),
-        (['--duration', 'nan'], 'demo: duration: expected more than 0 s, got nan'),
-        (['--duration', '-5'], 'demo: duration: expected more than 0 s, got -5'),
+        (['--duration', '1'], 'demo: duration: expected 6.9 s or more, got 1'),
+        (['--duration', 'nan'], 'demo: duration: expected 6.9 s or more, got nan'),
+        (['cart_pole', '--duration', '-5'], 'demo: duration: expected 0.01 s or more, got -5'),
     ],
 )
 def test_the_demo_says_what_is_wrong(environment, tmp_path, arguments, says):
@@ -180,6 +180,16 @@ def test_the_demo_says_what_is_wrong(environment, tmp_path, arguments, says):
     assert says in output
     assert 'Traceback' not in output
     assert 'WARN' not in output
+
+
+@pytest.mark.parametrize('name', NODES)
+def test_every_node_has_help(environment, name):
+    arguments = ['--params-file', str(executables.config('sound_tracker'))]
+    code, output = finish(start(environment, name, '--help', '--ros-args', *arguments))
+    assert code == 0
+    assert output[output.index('usage: ') :].startswith(f'usage: {name} [--ros-args')
+    assert "  model: 'bearing_tracker'\n      name of the model" in output
+    assert 'Traceback' not in output
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_separation_the_error_does_not_know_the_regulator(system, theory):
 
 def test_a_run_that_is_too_short_is_not_judged(system, theory):
     run = closed_loop.run(system, theory.feedback.gain, 2.0, 0)
-    with pytest.raises(ValueError, match='duration: expected at least 7 s'):
+    with pytest.raises(ValueError, match='run: expected 6.9 s or more to judge it'):
         verdicts.checks(system, theory, run)
 
 
