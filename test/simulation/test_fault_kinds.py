@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each fault as statistics, and faults together: order, windows, streams of their own."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from scipy.stats import binomtest
@@ -303,13 +305,13 @@ def test_every_fault_is_off_by_default_and_can_be_switched_on():
 
 
 def test_a_new_fault_is_a_class_and_a_name_in_the_list(monkeypatch):
+    @dataclass
     class Saturation(Fault):
-        def __init__(self, timed, random, saturation: float = 0.0):
-            super().__init__(timed, random)
-            self.most = saturation
+        saturation: float = 0.0
 
         def __call__(self, reading):
-            return reading._replace(values=np.clip(reading.values, -self.most, self.most))
+            most = self.saturation
+            return reading._replace(values=np.clip(reading.values, -most, most))
 
     for module in ('kalman_ros.simulation.faults', 'kalman_ros.simulation.faults.links'):
         monkeypatch.setattr(f'{module}.FAULTS', (*faults.FAULTS, Saturation))

@@ -58,4 +58,4 @@ def check(timed: TimedSensor, values: Mapping[str, Value]) -> None:
     for kind in FAULTS:
         settings = settings_of(kind, values)
         if settings is not None:
-            build_with(kind, settings, timed, np.random.default_rng(0))
+            build_with(kind, settings).of(timed, np.random.default_rng(0))

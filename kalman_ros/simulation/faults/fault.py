@@ -39,19 +39,24 @@ class Fault(ABC):
     """One thing that may go wrong with the readings of a sensor.
 
     It sees every reading once, in the order in which they are taken, also those that are lost:
-    so none shifts the random numbers of another. The keyword arguments of a subclass are its
+    so none shifts the random numbers of another. A subclass is a dataclass, whose fields are its
     options; it is off while the first of them is zero.
-
-    Parameters
-    ----------
-    timed
-        The sensor.
-    random
-        Random numbers of its own.
     """
 
-    def __init__(self, timed: TimedSensor, random: np.random.Generator) -> None:
+    def of(self, timed: TimedSensor, random: np.random.Generator) -> Fault:
+        """Return it, as that of a sensor, with random numbers of its own.
+
+        Raises
+        ------
+        ValueError
+            If its options do not suit the sensor.
+        """
         self.timed, self.random = timed, random
+        self.begin()
+        return self
+
+    def begin(self) -> None:  # noqa: B027, most need nothing
+        """Take up what it needs to know of its sensor, and how it starts; nothing by default."""
 
     @abstractmethod
     def __call__(self, reading: Reading) -> Reading:

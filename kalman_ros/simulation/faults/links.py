@@ -62,7 +62,7 @@ class Link:
                 self._settings.pop(kind, None)
             elif settings != self._settings.get(kind):
                 self._settings[kind] = settings
-                self._faults[kind] = build_with(kind, settings, timed, self._stream(kind))
+                self._faults[kind] = build_with(kind, settings).of(timed, self._stream(kind))
 
     def _stream(self, kind: type[Fault]) -> np.random.Generator:
         name = f'fault {self._name} {kind.__name__}'

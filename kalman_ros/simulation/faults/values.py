@@ -4,29 +4,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, TimedSensor, one_each
+from kalman_ros.core import About, Array, one_each
 
 from .fault import Fault, Reading
 
 
+@dataclass
 class Bias(Fault):
     """Off by a constant."""
 
-    def __init__(
-        self,
-        timed: TimedSensor,
-        random: np.random.Generator,
-        bias: Annotated[
-            Sequence[float],
-            About('constant error of each coordinate; one for all', live=True),
-        ] = (0.0,),
-    ) -> None:
-        super().__init__(timed, random)
-        self._bias = one_each('bias', bias, timed.sensor.output.size)
+    bias: Annotated[
+        Sequence[float],
+        About('constant error of each coordinate; one for all', live=True),
+    ] = (0.0,)
+
+    def begin(self) -> None:
+        """Take one number for all."""
+        self._bias = one_each('bias', self.bias, self.timed.sensor.output.size)
 
     def __call__(self, reading: Reading) -> Reading:
         """Return it with the bias."""
@@ -36,9 +35,9 @@ class Bias(Fault):
 class Creep(Fault):
     """Off by what grows from reading to reading; it begins at zero."""
 
-    def __init__(self, timed: TimedSensor, random: np.random.Generator) -> None:
-        super().__init__(timed, random)
-        self._offset: Array = np.zeros(timed.sensor.output.size)
+    def begin(self) -> None:
+        """Begin at zero."""
+        self._offset: Array = np.zeros(self.timed.sensor.output.size)
         self._last: int | None = None
 
     def growth(self, dt: float) -> Array:
@@ -53,90 +52,83 @@ class Creep(Fault):
         return reading._replace(values=reading.values + self._offset)
 
 
+@dataclass
 class Drift(Creep):
     """Off by a ramp."""
 
-    def __init__(
-        self,
-        timed: TimedSensor,
-        random: np.random.Generator,
-        drift: Annotated[
-            Sequence[float],
-            About('growth of the error of each coordinate a second; one for all', live=True),
-        ] = (0.0,),
-    ) -> None:
-        super().__init__(timed, random)
-        self._slope = one_each('drift', drift, timed.sensor.output.size)
+    drift: Annotated[
+        Sequence[float],
+        About('growth of the error of each coordinate a second; one for all', live=True),
+    ] = (0.0,)
+
+    def begin(self) -> None:
+        """Take one number for all."""
+        super().begin()
+        self._slope = one_each('drift', self.drift, self.timed.sensor.output.size)
 
     def growth(self, dt: float) -> Array:
         """Return it in proportion to time."""
         return self._slope * dt
 
 
+@dataclass
 class RandomWalk(Creep):
     """Off by a random walk."""
 
-    def __init__(
-        self,
-        timed: TimedSensor,
-        random: np.random.Generator,
-        random_walk: Annotated[
-            Sequence[float],
-            About(
-                'standard deviation of what the error of each coordinate walks in a second; '
-                'one for all',
-                minimum=0.0,
-                live=True,
-            ),
-        ] = (0.0,),
-    ) -> None:
-        super().__init__(timed, random)
-        self._std = one_each('random_walk', random_walk, timed.sensor.output.size)
+    random_walk: Annotated[
+        Sequence[float],
+        About(
+            'standard deviation of what the error of each coordinate walks in a second; '
+            'one for all',
+            minimum=0.0,
+            live=True,
+        ),
+    ] = (0.0,)
+
+    def begin(self) -> None:
+        """Take one number for all."""
+        super().begin()
+        self._std = one_each('random_walk', self.random_walk, self.timed.sensor.output.size)
 
     def growth(self, dt: float) -> Array:
         """Return a step of variance in proportion to time."""
         return np.asarray(self._std * np.sqrt(dt) * self.random.standard_normal(self._std.size))
 
 
+@dataclass
 class Outliers(Fault):
     """Now and then far off."""
 
-    def __init__(
-        self,
-        timed: TimedSensor,
-        random: np.random.Generator,
-        outliers: Annotated[
-            float, About('probability that a reading is far off', '', 0.0, 1.0, live=True)
-        ] = 0.0,
-        outlier_size: Annotated[
-            float,
-            About('how far, in standard deviations of its noise; either way', '', 0.0, live=True),
-        ] = 20.0,
-    ) -> None:
-        super().__init__(timed, random)
-        self._probability = outliers
-        self._size = outlier_size * np.sqrt(timed.sensor.covariance.diagonal())
+    outliers: Annotated[
+        float, About('probability that a reading is far off', '', 0.0, 1.0, live=True)
+    ] = 0.0
+    outlier_size: Annotated[
+        float,
+        About('how far, in standard deviations of its noise; either way', '', 0.0, live=True),
+    ] = 20.0
+
+    def begin(self) -> None:
+        """Reckon in the sensor's noise."""
+        self._size = self.outlier_size * np.sqrt(self.timed.sensor.covariance.diagonal())
 
     def __call__(self, reading: Reading) -> Reading:
         """Return it, or far off, each coordinate either way."""
         signs = self.random.choice((-1.0, 1.0), self._size.size)
-        if not self.happens(self._probability):
+        if not self.happens(self.outliers):
             return reading
         return reading._replace(values=reading.values + signs * self._size)
 
 
+@dataclass
 class Freeze(Fault):
     """Stuck at the first value, with new stamps."""
 
-    def __init__(
-        self,
-        timed: TimedSensor,
-        random: np.random.Generator,
-        freeze: Annotated[
-            bool, About('stuck at the value read when this begins, with new stamps', live=True)
-        ] = False,
-    ) -> None:
-        super().__init__(timed, random)
+    freeze: Annotated[
+        bool, About('stuck at the value read when this begins, with new stamps', live=True)
+    ] = False
+
+    def begin(self) -> None:
+        """Begin unstuck."""
         self._stuck: Array | None = None
 
     def __call__(self, reading: Reading) -> Reading:
@@ -146,22 +138,16 @@ class Freeze(Fault):
         return reading._replace(values=self._stuck)
 
 
+@dataclass
 class NotANumber(Fault):
     """Now and then no number at all."""
 
-    def __init__(
-        self,
-        timed: TimedSensor,
-        random: np.random.Generator,
-        nan: Annotated[
-            float, About('probability that a reading is not a number', '', 0.0, 1.0, live=True)
-        ] = 0.0,
-    ) -> None:
-        super().__init__(timed, random)
-        self._probability = nan
+    nan: Annotated[
+        float, About('probability that a reading is not a number', '', 0.0, 1.0, live=True)
+    ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:
         """Return it, or NaN in every coordinate."""
-        if not self.happens(self._probability):
+        if not self.happens(self.nan):
             return reading
         return reading._replace(values=np.full(reading.values.size, np.nan))
