@@ -56,11 +56,14 @@ class RealTime:
             self._next = None
         if self._next is None:
             if plant.elapsed <= plant.run_until:
-                # stamps are the time, after a pause too
-                time: int = plant.get_clock().now().nanoseconds
+                # stamps are the time, after a pause too: that for which the timer was set, or
+                # all that follow would be ahead by as much as this call is late
+                late = period - (self._timer.time_until_next_call() or 0)
+                late = min(max(late, 0), period)
+                time: int = plant.get_clock().now().nanoseconds - late
                 plant.origin = time - round(plant.elapsed * 1e9)
                 plant.publish_step()
-                self._next = now + period
+                self._next = now - late + period
             return
         self.missed += max(0, (now - self._next) // period)
         # the timer itself may be early by a little

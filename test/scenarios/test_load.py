@@ -77,11 +77,14 @@ def test_twenty_sensors_at_100_hz():
         lost = stolen()
         found = run.trajectory()
         stamps = run.recorder['force'].stamp * 1e-9
-        run.refresh('plant', 'estimator')
+        run.refresh('plant', 'estimator', 'controller')
         checks = verdicts.checks(run.scenario, verdicts.theory(run.scenario), found)
         accounts = {name: fates(run, name) for name in run.scenario.sensors}
         sent = {name: int(run.reported('plant', f'{name}: readings')) for name in accounts}
+        age = run.reported('controller', 'age of estimates, 50 / 90 / 99 % [ms]')
     assert len(accounts) == 20
+    # a reading's stamp is when it was taken, and never ahead of the clock
+    assert 0.0 < float(age.split(' / ')[0]) < 1e3 * PERIOD, age
     for name, (came, became) in accounts.items():
         assert came == sent[name] > 1000
         assert became == {'fused': came}
