@@ -14,7 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, symmetric
+from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, mirrored
 
 from .correction import Correction
 from .factor import cholesky
@@ -92,7 +92,7 @@ class UnscentedKalmanFilter:
         moved = model.step(belief.mean + offsets, u, dt)
         mean, d, weighted = self._spread(model.state, moved)
         Q = model.transition(belief.mean, u, dt).Q
-        return Gaussian(mean, symmetric(weighted.dot(d) + Q), repairs)
+        return Gaussian(mean, mirrored(weighted.dot(d) + Q), repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
@@ -110,7 +110,7 @@ class UnscentedKalmanFilter:
         mean = space.wrap(belief.mean + K.dot(innovation))
         left = dx - dy.dot(K.T)
         covariance = (self._weights[1] * left).T.dot(left) + K.dot(sensor.covariance).dot(K.T)
-        posterior = Gaussian(mean, symmetric(covariance), repairs)
+        posterior = Gaussian(mean, mirrored(covariance), repairs)
         return Correction(posterior, innovation, S)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, Space, identity, symmetric
+from kalman_ros.core import Array, Gaussian, Sensor, Space, identity, mirrored
 
 from .correction import Correction
 from .lapack import dposv
@@ -36,7 +36,7 @@ def joseph_update(belief: Gaussian, y: Array, sensor: Sensor, state: Space) -> C
     joseph += K.dot(R).dot(K.T)
     mean = K.dot(innovation)
     mean += x
-    posterior = Gaussian(state.wrap(mean), symmetric(joseph), belief.repairs)
+    posterior = Gaussian(state.wrap(mean), mirrored(joseph), belief.repairs)
     return Correction(posterior, innovation, S)
 
 
