@@ -3,30 +3,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 #: Simulated time starts here: ROS takes a stamp of zero for "not set".
 FIRST_STAMP = 1_000_000_000
 #: A plant whose next step is further away than so many drops them rather than hurry or wait.
 MOST_BEHIND = 100
-
-
-class Stepped(Protocol):
-    """What paces, as far as the pacers know it."""
-
-    period: float
-    run_until: float
-    steady: Any
-
-    @property
-    def elapsed(self) -> float:
-        """Simulated seconds since the start."""
-
-    def publish_step(self) -> None:
-        """Publish what this step has to say."""
-
-    def step(self) -> None:
-        """Go on to the next step, with the input that is held."""
 
 
 class RealTime:

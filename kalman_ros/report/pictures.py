@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from kalman_ros.core import Array
+from kalman_ros.simulation.bounds import posterior_cramer_rao
 from kalman_ros.simulation.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -136,9 +137,15 @@ def errors(scenario: Scenario, run: Trajectory, path: Path) -> None:
     space = scenario.model.state
     error = space.subtract(run.truth, run.estimate)
     std = np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))
+    least = _least_std(scenario, run)
     with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6)) as (figure, axes):
         for index, name in enumerate(space.names):
             axis = axes[index, 0]
+            if least is not None:
+                axis.fill_between(
+                    run.time, -SIGMAS * least[:, index], SIGMAS * least[:, index],
+                    color=BOUND, alpha=0.35, lw=0, label=f'{SIGMAS:g} sigma at best (Cramér-Rao)',
+                )  # fmt: skip
             axis.plot(run.time, error[:, index], color=TRUTH, lw=0.8, label='truth - estimate')
             for sign in (-SIGMAS, SIGMAS):
                 axis.plot(
@@ -150,8 +157,23 @@ def errors(scenario: Scenario, run: Trajectory, path: Path) -> None:
             outside = float(np.mean(np.abs(error[:, index]) > SIGMAS * std[:, index]))
             axis.set_title(f'{100 * outside:.2f}% outside', loc='right', fontweight='normal')
             axis.set_ylabel(f'error of {space.label(name)}')
-        axes[0, 0].set_title('The error stays in the band that the filter gives')
+        axes[0, 0].set_title('The error, and the band that the filter gives')
         legend_below(figure, axes[0, 0])
+
+
+def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:
+    """Return the least standard deviations (N, n) that any estimator can reach on this path.
+
+    None where the filter itself reaches them, and where steps are missing.
+    """
+    dt = scenario.plan.dt
+    if scenario.plan.linear or not np.allclose(np.diff(run.time), dt, atol=0.1 * dt):
+        return None
+    try:
+        bound = posterior_cramer_rao(scenario, run.truth, run.input)
+    except np.linalg.LinAlgError:
+        return None
+    return np.sqrt(bound.diagonal(axis1=1, axis2=2))
 
 
 def innovations(scenario: Scenario, run: Trajectory, path: Path) -> None:
