@@ -17,6 +17,8 @@ from kalman_ros.codecs.messages import nanoseconds
 from kalman_ros.harness import Run
 from kalman_ros.harness.machine import Withheld
 
+pytestmark = pytest.mark.real_time
+
 KILLS = 50
 TIMEOUT, PERIOD = 0.3, 0.01
 #: From a reading until the force that answers it is heard, unless the machine is in the way.

@@ -157,6 +157,7 @@ def velocity(stamp, value):
     return message
 
 
+@pytest.mark.real_time
 def test_nothing_that_came_meanwhile_is_replayed():
     with alone('estimator') as run:
         estimates = []
@@ -191,6 +192,7 @@ def test_nothing_that_came_meanwhile_is_replayed():
         run.wait(lambda: readings() == '2', 5.0, readings)
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize('limit', [np.inf, 20.0])
 def test_the_controller_says_zero_before_it_is_quiet(limit):
     """However it goes: deactivated, shut down or interrupted."""
@@ -240,6 +242,7 @@ def test_the_controller_says_zero_before_it_is_quiet(limit):
         is_quiet(lambda: run.kill('controller', 15))
 
 
+@pytest.mark.real_time
 def test_an_inactive_plant_stands_still_and_goes_on():
     with Run(lockstep=False) as run:
         run.advance(0.5)
@@ -260,6 +263,7 @@ def test_an_inactive_plant_stands_still_and_goes_on():
         run.wait(running, 5.0, lambda: run.diagnostics['plant'].message)
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize('node', ['estimator', 'controller'])
 def test_the_loop_resumes_in_real_time(node):
     with Run(lockstep=False, overrides={'force_timeout': 0.3}) as run:

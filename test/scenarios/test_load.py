@@ -16,6 +16,8 @@ from kalman_ros.harness import Run
 from kalman_ros.harness.machine import Withheld
 from kalman_ros.simulation import verdicts
 
+pytestmark = pytest.mark.real_time
+
 PERIOD = 0.01
 #: Of a flood, in Hz.
 RATE = 5000

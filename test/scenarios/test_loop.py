@@ -134,6 +134,7 @@ def test_who_does_not_answer_is_named_and_may_come_back(node, what):
     assert np.abs(found.truth[-1]).max() < 1.5
 
 
+@pytest.mark.real_time
 def test_real_time_pauses_for_nobody_and_resumes():
     """The controller dies: the force goes to zero; it comes back: the loop is closed again."""
     with Run(lockstep=False, overrides={'force_timeout': 0.3}) as run:
@@ -149,6 +150,7 @@ def test_real_time_pauses_for_nobody_and_resumes():
         )
 
 
+@pytest.mark.real_time
 def test_real_time_keeps_its_statistics():
     with Run(lockstep=False, seed=1) as run:
         withheld = Withheld(process.pid for process in run.processes.values())

@@ -9,6 +9,7 @@ import pytest
 from kalman_ros.harness.executables import executable
 
 
+@pytest.mark.real_time
 @pytest.mark.timeout(200)
 def test_the_loop_holds_out(tmp_path):
     command = [str(executable('soak')), '--minutes', '1', '--out', str(tmp_path)]

@@ -107,6 +107,7 @@ def test_lockstep_in_simulated_time_is_the_same_to_the_last_bit():
     assert found[0] == found[1]
 
 
+@pytest.mark.real_time
 def test_a_bag_that_is_played_again_starts_the_estimator_anew(loop):
     run, bag = loop
     for again in range(3):
@@ -133,6 +134,7 @@ def test_a_bag_that_is_played_again_starts_the_estimator_anew(loop):
     finite(run)
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize('seconds', [5.0, 1000.0])
 def test_a_clock_that_jumps_ahead(loop, seconds):
     """After a short gap the belief is predicted, after a long one it is worth nothing."""
@@ -154,6 +156,7 @@ def test_a_clock_that_jumps_ahead(loop, seconds):
     finite(run)
 
 
+@pytest.mark.real_time
 def test_a_clock_that_rests(loop):
     """The controller's watchdog does not rest: the force is zero, said once, and goes on."""
     run, bag = loop
@@ -178,6 +181,7 @@ def test_a_clock_that_rests(loop):
     finite(run)
 
 
+@pytest.mark.real_time
 def test_without_a_clock_nothing_is_trusted_and_nothing_is_absurd(loop):
     run, bag = loop
     for _ in range(50):
@@ -193,6 +197,7 @@ def test_without_a_clock_nothing_is_trusted_and_nothing_is_absurd(loop):
     finite(run)
 
 
+@pytest.mark.real_time
 def test_estimates_at_a_fixed_rate_rest_with_the_clock_and_go_back_with_it():
     overrides = {**SIMULATED, 'publish_rate': 25.0}
     with Run(lockstep=False, nodes=('estimator',), overrides=overrides) as run:
@@ -212,6 +217,7 @@ def test_estimates_at_a_fixed_rate_rest_with_the_clock_and_go_back_with_it():
         assert 100.0 <= again.min() <= again.max() <= 101.0
 
 
+@pytest.mark.real_time
 def test_a_plant_goes_with_somebody_elses_clock():
     """At half the pace, resting, ahead and back: its stamps are the time."""
     with Run(lockstep=False, nodes=('plant',), overrides=SIMULATED) as run:
@@ -240,7 +246,7 @@ def test_a_plant_goes_with_somebody_elses_clock():
         assert np.abs(np.diff(place, axis=0)).max() < 0.5  # the body knows nothing of it
 
 
-@pytest.mark.parametrize('lockstep', [True, False])
+@pytest.mark.parametrize('lockstep', [True, pytest.param(False, marks=pytest.mark.real_time)])
 def test_a_plant_that_is_restarted(lockstep):
     """In lockstep its time begins again; in real time its body is suddenly elsewhere."""
     elsewhere = {'initial_state': [3.0, 0.0, 3.0, 0.0]}
