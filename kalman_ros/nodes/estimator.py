@@ -42,6 +42,11 @@ from .turns import Turns
 #: No clock is published so out of order; less is as good as no jump.
 _BACK = Duration(seconds=-0.1)
 
+#: What the reading of a sensor, taken at a time, did to the belief.
+_Correction = tuple[SensorChannel, int, Correction]
+#: The time of what has come, and what takes it in, given when that is.
+_Come = tuple[int, Callable[[Optional[int]], Optional[_Correction]]]
+
 
 class EstimatorNode(runtime.ScenarioNode):
     """Feeds an `OnlineEstimator` from topics and publishes what it believes."""
@@ -88,14 +93,12 @@ class EstimatorNode(runtime.ScenarioNode):
             callback = partial(self._on_turn if options.lockstep else self._on_message, channel)
             kind, topic = channel.message_type, source.signal.topic
             channel.subscription = subscribe(kind, topic, callback, queue)
-        self._listened: list[Channel] = list(self._channels.values())
         driven = bool(scenario.input.fields)
         if driven:
             kind, topic = self._input.message_type, scenario.input.topic
             on_message = partial(self._on_message, self._input)
             callback = self._on_answer if options.lockstep else on_message
             self._input.subscription = subscribe(kind, topic, callback, QUEUE)
-            self._listened.append(self._input)
         self._turns: Optional[Turns] = None
         if options.lockstep:
             topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
@@ -147,16 +150,11 @@ class EstimatorNode(runtime.ScenarioNode):
         As long as nothing waits, that is reading by reading. When more comes than there is time
         for, estimates become fewer, not old.
         """
-        came, corrections = monotonic(), []
+        came = monotonic()
+        come = [*self._inputs_come(first, data), *self._readings_come(first, data)]
         # in the order of the stamps, for each that comes late makes those after it anew
-        for time, channel, sample in sorted(self._come(first, data), key=itemgetter(0)):
-            now = self._now() or None
-            if not isinstance(channel, SensorChannel):
-                self._add_input(time, sample.values, now)
-                continue
-            correction = self._fuse(channel.name, time, sample, now)
-            if correction is not None:
-                corrections.append((channel, time, correction))
+        taken = [take_in(self._now() or None) for _, take_in in sorted(come, key=itemgetter(0))]
+        corrections = [found for found in taken if found is not None]
         if not corrections:
             return
         if self._online.time is not None and not self.options.publish_rate:
@@ -167,27 +165,39 @@ class EstimatorNode(runtime.ScenarioNode):
         for channel, time, correction in corrections:
             channel.publish(time, correction)
 
-    def _come(self, first: Channel, data: bytes) -> Iterator[tuple[int, Channel, Sample]]:
-        """Yield what has come, after ``data`` of the topic that woke the node, with its time."""
-        for channel in self._listened:
+    def _readings_come(self, first: Channel, data: bytes) -> Iterator[_Come]:
+        """Yield the readings that have come, after ``data`` of what woke the node."""
+        for name, channel in self._channels.items():
+            source = self.scenario.sensors[name]
             messages, missed = channel.take([data] if channel is first else [])
-            if isinstance(channel, SensorChannel):
-                source = self.scenario.sensors[channel.name]
-                if not source.timed.enabled:
-                    continue
-                samples = [channel.read(message, source) for message in messages]
-                account, what = self._online.counts[channel.name], f'readings of {channel.name}'
-            else:
-                samples = [found for found in map(self._read_input, messages) if found is not None]
-                account, what = self._inputs, self.scenario.input.topic
-            if missed:
-                account[Outcome.OVERRUN] += missed
-                self._warn(f'{what} {Outcome.OVERRUN.value}')
-            yield from ((sample.time or self._now(), channel, sample) for sample in samples)
+            if source.timed.enabled:
+                self._overrun(self._online.counts[name], missed, f'readings of {name}')
+                for message in messages:
+                    reading = channel.read(message, source)
+                    time = reading.time or self._now()
+                    yield time, partial(self._fuse, channel, time, reading)
+
+    def _inputs_come(self, first: Channel, data: bytes) -> Iterator[_Come]:
+        """Yield the inputs that have come, after ``data`` of what woke the node."""
+        if self._input.subscription is None:
+            return
+        messages, missed = self._input.take([data] if self._input is first else [])
+        self._overrun(self._inputs, missed, self.scenario.input.topic)
+        for message in messages:
+            input = self._read_input(message)
+            if input is not None:
+                time = input.time or self._now()
+                yield time, partial(self._add_input, time, input.values)
+
+    def _overrun(self, account: Counter[Outcome], missed: int, what: str) -> None:
+        if missed:
+            account[Outcome.OVERRUN] += missed
+            self._warn(f'{what} {Outcome.OVERRUN.value}')
 
     def _fuse(
-        self, name: str, time: int, reading: Sample, now: Optional[int] = None
-    ) -> Optional[Correction]:
+        self, channel: SensorChannel, time: int, reading: Sample, now: Optional[int] = None
+    ) -> Optional[_Correction]:
+        name = channel.name
         outcome, correction = self._online.add_reading(
             name, time, reading.values, reading.covariance, now
         )
@@ -195,7 +205,7 @@ class EstimatorNode(runtime.ScenarioNode):
             self._warn(f'reading of {name} {outcome.value}')
         if outcome.accepted:
             self._observability.reading(name, time)
-        return correction
+        return None if correction is None else (channel, time, correction)
 
     def _read_input(self, data: bytes) -> Optional[Sample]:
         """Return the input in a message; None, with a warning, if there is none in it."""
@@ -225,14 +235,15 @@ class EstimatorNode(runtime.ScenarioNode):
         for turn in turns.complete():
             if turn.input is not None:
                 self._add_input(*turn.input)
-            corrections = []
-            for name, y in turn.readings:
-                time = y.time or turn.time
-                corrections.append((name, time, self._fuse(name, time, y)))
+            corrections = [
+                self._fuse(self._channels[name], y.time or turn.time, y)
+                for name, y in turn.readings
+            ]
             self._publish(turn.time, self._online.predicted(turn.time))
-            for name, time, correction in corrections:
-                if correction is not None:
-                    self._channels[name].publish(time, correction)
+            for found in corrections:
+                if found is not None:
+                    channel, time, correction = found
+                    channel.publish(time, correction)
 
     def _publish_now(self) -> None:
         if self._online.time is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from matplotlib.ticker import LogLocator, StrMethodFormatter
 from rich.table import Table
 
 from kalman_ros.core import Array
@@ -22,9 +23,9 @@ def soak_rows(soak: Soak) -> list[tuple[str, str, str]]:
     """Return what was measured, what it came to, and what is allowed."""
     rows = [
         (
-            f'memory of the {name}, growth [B/s]',
+            f'memory of the {name} grows [B/s]',
             f'{each.value:.0f} ({each.low:.0f} to {each.high:.0f})',
-            f'{soak.allowed_growth:.0f} or less',
+            f'to {soak.allowed_growth:.0f}',
         )
         for name, each in soak.growth.items()
     ]
@@ -41,11 +42,7 @@ def soak_rows(soak: Soak) -> list[tuple[str, str, str]]:
             (f'{topic} to {receiver}, lost', f'{sent - got} of {sent}', '0')
             for topic, receiver, sent, got in soak.deliveries
         ),
-        (
-            'readings = fused + rejected + dropped',
-            f'{came} = {fused} + {rejected} + {dropped}',
-            'equal',
-        ),
+        ('fused + rejected + dropped', f'{fused} + {rejected} + {dropped}', f'{came}'),
         ('topics with NaN or infinity', ', '.join(soak.not_finite) or 'none', 'none'),
     ]
 
@@ -80,7 +77,8 @@ def soak_page(soak: Soak, command: str, machine: str, about: str, picture: str) 
 
 
 _LEGEND = (
-    'Memory is what each process occupies, each second; its growth is the slope after the',
+    'From a reading to its force is from the stamp of the reading on, with the delays that are',
+    'faults. Memory is what each process occupies, each second; its growth is the slope after the',
     'warm-up, with an interval that holds it in 999 of 1000 cases where means over stretches',
     'scatter about a line. What is allowed is 200 bytes a second, 17 MB a day, and a quarter of',
     'a megabyte that heaps and queues may take late, once. A step is missed when the plant takes',
@@ -104,12 +102,18 @@ def draw_soak(soak: Soak, path: Path) -> None:
         latency.plot(soak.time, 1e3 * soak.tail, color=READING, lw=0.8, label='99 %')
         latency.plot(soak.time, 1e3 * soak.median, color=ESTIMATE, lw=1.0, label='median')
         latency.set_yscale('log')
+        latency.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        latency.yaxis.set_major_formatter(StrMethodFormatter('{x:g}'))
+        latency.yaxis.set_minor_formatter(StrMethodFormatter('{x:g}'))
         latency.set_title('From a reading to its force, in each second')
         latency.set_ylabel('[ms]')
         missed.step(soak.time, soak.missed, where='post', color=TRUTH, lw=1.0, label='missed')
         withheld = soak.withheld * soak.rate
         missed.plot(soak.time, withheld, color=BOUND, lw=1.0, label='kept from running')
         missed.set_title('Steps that the plant missed, and for which it was kept from running')
+        missed.set_yscale('symlog', linthresh=10.0)
+        missed.yaxis.set_major_formatter(StrMethodFormatter('{x:g}'))
+        missed.set_ylim(0.0)
         missed.set_ylabel('steps so far')
         for axis in axes[:, 0]:
             axis.legend(loc='center left', bbox_to_anchor=(1.0, 0.5))
