@@ -151,7 +151,10 @@ class EstimatorNode(runtime.ScenarioNode):
         for, estimates become fewer, not old.
         """
         came = monotonic()
-        come = [*self._inputs_come(first, data), *self._readings_come(first, data)]
+        come = list(self._readings_come(first, data))
+        # no input waits long behind a single reading
+        if first is self._input or len(come) > 1:
+            come += self._inputs_come(first, data)
         # in the order of the stamps, for each that comes late makes those after it anew
         taken = [take_in(self._now() or None) for _, take_in in sorted(come, key=itemgetter(0))]
         corrections = [found for found in taken if found is not None]
