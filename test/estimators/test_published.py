@@ -21,6 +21,7 @@ def flows():
 
 def nile(flows, kind='kf', implementation='native'):
     """Run the flows, a year a second, through the scenario of config/nile.yaml."""
+    pytest.importorskip('rclpy')
     from kalman_ros.harness.parameters import from_file
 
     built = scenario.build(from_file(CONFIG / 'nile.yaml', 'estimator'))
