@@ -33,7 +33,7 @@ def usage(node: Any) -> str:
         descriptor = node.describe_parameter(key)
         when = '' if descriptor.read_only else ' (may change while it runs)'
         lines.append(f'  {key}: {_text(value)}')
-        lines += [_indented(f'{descriptor.description}{when}')]
+        lines.append(_indented(f'{descriptor.description}{when}'))
     return '\n'.join(lines)
 
 

@@ -141,7 +141,7 @@ def test_of_a_flood_that_waits_the_oldest_are_dropped():
         fused = lambda: run.recorder['estimate'].stamp  # noqa: E731
         run.wait(lambda: fused().size > 300, 20.0, lambda: 'no estimates')
         run.processes['estimator'].signal(signal.SIGSTOP)
-        time.sleep(0.5)
+        run.spin(0.5)
         again = time.time_ns()
         run.processes['estimator'].signal(signal.SIGCONT)
         flood.wait()
