@@ -197,7 +197,7 @@ def innovations(scenario: Scenario, run: Trajectory, path: Path) -> None:
             settled = SIGMAS * float(np.max(of.std[len(of.std) // 2 :, column]))
             axis.set_ylim(-1.8 * settled, 1.8 * settled)
             axis.set_ylabel(f'{name}\n{output.label(output.names[column])}')
-        axes[0, 0].set_title('Readings minus their predictions: white, and as wide as expected')
+        axes[0, 0].set_title('Readings minus their predictions, and how wide they should be')
         legend_below(figure, axes[0, 0])
 
 
