@@ -43,7 +43,9 @@ class Discretization:
             AQ = A.dot(Q) if k > 1 else 0.5 * W
             F, G, Q = A.dot(F) / k, (A.dot(G) if k > 1 else B) / k, (AQ + AQ.T) / k
             table.append((F, G, Q))
-        self._table = np.array([np.concatenate([each.ravel() for each in row]) for row in table])
+        # column-major, for BLAS
+        columns = [[each.ravel('F') for each in row] for row in table]
+        self._table = np.array([np.concatenate(row) for row in columns])
 
     def __call__(self, dt: float) -> tuple[Array, Array, Array]:
         """Return F, G and Q of a step of ``dt`` seconds."""
@@ -51,13 +53,13 @@ class Discretization:
         halvings = ceil(log2(reach)) if reach > 1.0 else 0
         n, m = self._shapes
         flat = ((dt / 2.0**halvings) ** self._powers).dot(self._table)
-        F = flat[: n * n].reshape(n, n)
-        G = flat[n * n : n * (n + m)].reshape(n, m)
-        Q = flat[n * (n + m) :].reshape(n, n)
+        F = flat[: n * n].reshape(n, n, order='F')
+        G = flat[n * n : n * (n + m)].reshape(n, m, order='F')
+        Q = flat[n * (n + m) :].reshape(n, n, order='F')
         for _ in range(halvings):
             G, Q = G + F.dot(G), Q + F.dot(Q).dot(F.T)
             F = F.dot(F)
-        return F, G, symmetric(Q)
+        return F, G, symmetric(Q).T
 
 
 def exponential(A: Array) -> Array:

@@ -9,32 +9,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, Model, Sensor
+from kalman_ros.core import Array, Gaussian
 
-from .correction import Correction
 from .filter import Plan
-from .update import joseph_update
+from .lapack import dgemm
+from .update import LinearUpdate
 
 
 @dataclass(frozen=True)
-class ExtendedKalmanFilter:
+class ExtendedKalmanFilter(LinearUpdate):
     """A Kalman filter of the model and the sensors linearised about the estimate.
 
     The mean moves by the model itself, the covariance by the linear one.
     """
 
-    model: Model
-
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = step(x, u), P = F P F' + Q."""
-        x, P = belief.mean, belief.covariance
+        x, P, repairs = belief
         step = self.model.transition(x, u, dt)
         F, Q = step.F, step.Q
-        return Gaussian(self.model.step(x, u, dt), F.dot(P).dot(F.T) + Q, belief.repairs)
-
-    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Fuse a reading."""
-        return joseph_update(belief, y, sensor, self.model.state)
+        covariance = dgemm(1.0, dgemm(1.0, F, P), F, 1.0, Q, 0, 1)
+        return Gaussian(self.model.step(x, u, dt), covariance, repairs)
 
 
 def build(plan: Plan) -> ExtendedKalmanFilter:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor, identity, mirrored
+from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor, identity, symmetric
 
 from .correction import Correction
 
@@ -36,7 +36,7 @@ class FixedGainObserver:
         innovation = sensor.output.subtract(y, sensor.measure(x))
         S = C @ P @ C.T + R
         I_LC = identity(x.size) - L @ C
-        covariance = mirrored(I_LC @ P @ I_LC.T + L @ R @ L.T)
+        covariance = symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
         posterior = Gaussian(
             self.system.state.wrap(x + L @ innovation), covariance, belief.repairs
         )

@@ -5,35 +5,31 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor
+from kalman_ros.core import Array, Gaussian, LinearSystem
 
-from .correction import Correction
 from .filter import Plan, linear_system
-from .update import joseph_update
+from .lapack import dgemm, dgemv
+from .update import LinearUpdate
 
 
 @dataclass(frozen=True)
-class KalmanFilter:
+class KalmanFilter(LinearUpdate):
     """The best estimator of a linear system with Gaussian noise.
 
-    Every step is discretised exactly for its own length, so readings may come at any time.
+    Every step is discretised exactly for its own length, so readings may come at any time; the
+    sensors must be linear in the state.
     """
 
-    system: LinearSystem
+    model: LinearSystem
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = F x + G u, P = F P F' + Q."""
-        step = self.system.sampled(dt)
+        step = self.model.sampled(dt)
         F, G, Q = step.F, step.G, step.Q
-        x, P = belief.mean, belief.covariance
-        mean, covariance = F.dot(x), F.dot(P).dot(F.T)
-        mean += G.dot(u)
-        covariance += Q
-        return Gaussian(mean, covariance, belief.repairs)
-
-    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Fuse a reading; the sensor must be linear in the state."""
-        return joseph_update(belief, y, sensor, self.system.state)
+        x, P, repairs = belief
+        mean = dgemv(1.0, F, x, 1.0, G.dot(u), 0, 1, 0, 1, 0, 1)
+        covariance = dgemm(1.0, dgemm(1.0, F, P), F, 1.0, Q, 0, 1)
+        return Gaussian(mean, covariance, repairs)
 
 
 def build(plan: Plan) -> KalmanFilter:

@@ -14,12 +14,13 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, mirrored
+from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, identity
 
 from .correction import Correction
 from .factor import cholesky
 from .filter import Plan
-from .update import gain
+from .lapack import dgemm, dgemv, dger, dsymm
+from .update import transposed_gain
 
 Alpha = Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)]
 Beta = Annotated[float, About('weight of the centre; 2 suits a Gaussian')]
@@ -59,59 +60,87 @@ class UnscentedKalmanFilter:
 
     @cached_property
     def _directions(self) -> Array:
-        """Where the sigma points lie, in standard deviations from the mean (2n + 1, n)."""
+        """Where the sigma points lie, in standard deviations from the mean (n, 2n + 1)."""
         eye = sqrt(self._scale) * np.eye(self._n)
-        return np.vstack((np.zeros(self._n), eye, -eye))
+        return np.asfortranarray(np.hstack((np.zeros((self._n, 1)), eye, -eye)))
 
     @cached_property
-    def _weights(self) -> tuple[Array, Array]:
-        """The weights of means (2n + 1,) and of covariances (2n + 1, 1)."""
+    def _ones(self) -> Array:
+        """A one for each sigma point (2n + 1,)."""
+        return np.ones(2 * self._n + 1)
+
+    @cached_property
+    def _mean_weights(self) -> Array:
+        """The weights of means (2n + 1,)."""
         c, n = self._scale, self._n
-        mean = np.full(2 * n + 1, 0.5 / c)
-        mean[0] = 1.0 - n / c
-        covariance = mean.copy()
-        covariance[0] += 1.0 - self.alpha**2 + self.beta
-        return mean, covariance[:, np.newaxis]
+        weights = np.full(2 * n + 1, 0.5 / c)
+        weights[0] = 1.0 - n / c
+        return weights
+
+    @cached_property
+    def _weights(self) -> _Repeated:
+        """The weights of covariances, k times for vectors of k numbers (k, 2n + 1)."""
+        weights = self._mean_weights.copy()
+        weights[0] += 1.0 - self.alpha**2 + self.beta
+        return _Repeated(weights)
 
     def _offsets(self, belief: Gaussian) -> tuple[Array, int]:
-        """Return the sigma points less the mean (2n + 1, n), and the repairs so far."""
+        """Return the sigma points less the mean (n, 2n + 1), and the repairs so far."""
         L, _, repairs = cholesky(belief.covariance)
-        return self._directions.dot(L.T), belief.repairs + repairs
+        return dgemm(1.0, L, self._directions), belief.repairs + repairs
 
-    def _spread(self, space: Space, points: Array) -> tuple[Array, Array, Array]:
-        """Return mean, deviations, and deviations times weights of points."""
-        means, covariances = self._weights
-        mean = space.mean(points, means)
-        deviations = space.subtract(points, mean)
-        return mean, deviations, (covariances * deviations).T
+    def _points(self, mean: Array, offsets: Array) -> Array:
+        """Return the sigma points (2n + 1, n)."""
+        points: Array = dger(1.0, mean, self._ones, 1, 1, offsets).T
+        return points
+
+    def _spread(self, space: Space, points: Array) -> tuple[Array, Array]:
+        """Return mean (k,) and deviations (k, 2n + 1) of ``points`` (2n + 1, k)."""
+        mean = space.mean(points, self._mean_weights)
+        deviations = dger(-1.0, mean, self._ones, 1, 1, points.T)
+        return mean, space.wrap(deviations.T).T
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Move every point by the model; P = sum of W d d' + Q."""
         model = self.model
         offsets, repairs = self._offsets(belief)
-        moved = model.step(belief.mean + offsets, u, dt)
-        mean, d, weighted = self._spread(model.state, moved)
+        moved = model.step(self._points(belief.mean, offsets), u, dt)
+        mean, d = self._spread(model.state, moved)
         Q = model.transition(belief.mean, u, dt).Q
-        return Gaussian(mean, mirrored(weighted.dot(d) + Q), repairs)
+        covariance = dgemm(1.0, self._weights[self._n] * d, d, 1.0, Q, 0, 1)
+        return Gaussian(mean, dsymm(1.0, covariance, identity(self._n)), repairs)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
 
         This is P - K S K' as a sum of squares: what the form of Bucy and Joseph is to points.
         """
-        space = self.model.state
+        x, R = belief.mean, sensor.covariance.T
         dx, repairs = self._offsets(belief)
-        seen = sensor.measure(belief.mean + dx)
-        predicted, dy, weighted = self._spread(sensor.output, seen)
-        S = weighted.dot(dy) + sensor.covariance
-        P_yx = weighted.dot(dx)
+        predicted, dy = self._spread(sensor.output, sensor.measure(self._points(x, dx)))
         innovation = sensor.output.subtract(y, predicted)
-        K = gain(S, P_yx)
-        mean = space.wrap(belief.mean + K.dot(innovation))
-        left = dx - dy.dot(K.T)
-        covariance = (self._weights[1] * left).T.dot(left) + K.dot(sensor.covariance).dot(K.T)
-        posterior = Gaussian(mean, mirrored(covariance), repairs)
-        return Correction(posterior, innovation, S)
+        weighted = self._weights[y.size] * dy
+        S = dgemm(1.0, weighted, dy, 1.0, R, 0, 1)
+        Kt = transposed_gain(S, dgemm(1.0, weighted, dx, 0.0, None, 0, 1))
+        mean = dgemv(1.0, Kt, innovation, 1.0, x, 0, 1, 0, 1, 1)  # x + K innovation
+        left = dgemm(-1.0, Kt, dy, 1.0, dx, 1, 0, 1)  # dx - K dy
+        KRK = dgemm(1.0, dgemm(1.0, Kt, R, 0.0, None, 1), Kt)
+        covariance = dgemm(1.0, self._weights[self._n] * left, left, 1.0, KRK, 0, 1, 1)
+        P = dsymm(1.0, covariance, identity(self._n))
+        return Correction(Gaussian(self.model.state.wrap(mean), P, repairs), innovation, S)
+
+
+class _Repeated(dict[int, Array]):
+    """A row (p,) k times below itself (k, p), by k: numpy takes three times as long to."""
+
+    def __init__(self, row: Array) -> None:
+        super().__init__()
+        self._row = row
+
+    def __missing__(self, k: int) -> Array:
+        """Return the row ``k`` times, remembered for the next call."""
+        self[k] = np.asfortranarray(np.tile(self._row, (k, 1)))
+        return self[k]
 
 
 def build(

@@ -1,47 +1,53 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measurement update that the linear and linearised filters share."""
+"""The measurement update that the linear and the extended filter share."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, Space, identity, mirrored
+from kalman_ros.core import Array, Gaussian, Model, Sensor, identity
 
 from .correction import Correction
-from .lapack import dposv
+from .lapack import dgemm, dgemv, dposv, dsymm
 
 
-def joseph_update(belief: Gaussian, y: Array, sensor: Sensor, state: Space) -> Correction:
-    """Fuse the reading ``y`` (k,), with the sensor linearised about the mean.
+@dataclass(frozen=True)
+class LinearUpdate:
+    """What filters have in common that linearise a sensor about the mean.
 
-    ``state`` is the space of the mean, which has its angles wrapped.
-
-    The covariance is in the form of Bucy and Joseph, a sum of two positive semi-definite terms
-    for any gain (Bar-Shalom et al., equation 5.2.3-18).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the innovation covariance is not positive definite.
+    Parameters
+    ----------
+    model
+        How the state moves.
     """
-    x, P = belief.mean, belief.covariance
-    H, R = sensor.jacobian(x), sensor.covariance
-    innovation = sensor.output.subtract(y, sensor.measure(x))
-    HP = H.dot(P)  # for small matrices dot takes half the time of @
-    S = HP.dot(H.T)
-    S += R
-    K = gain(S, HP)
-    I_KH = identity(x.size) - K.dot(H)
-    joseph = I_KH.dot(P).dot(I_KH.T)
-    joseph += K.dot(R).dot(K.T)
-    mean = K.dot(innovation)
-    mean += x
-    posterior = Gaussian(state.wrap(mean), mirrored(joseph), belief.repairs)
-    return Correction(posterior, innovation, S)
+
+    model: Model
+
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Fuse a reading.
+
+        The covariance is in the form of Bucy and Joseph, a sum of two positive semi-definite
+        terms for any gain (Bar-Shalom et al., equation 5.2.3-18).
+        """
+        x, P, repairs = belief
+        H, R = np.asfortranarray(sensor.jacobian(x)), sensor.covariance.T
+        innovation = sensor.output.subtract(y, sensor.measure(x))
+        HP = dgemm(1.0, H, P)
+        S = dgemm(1.0, HP, H, 1.0, R, 0, 1)  # H P H' + R
+        Kt = transposed_gain(S, HP)
+        eye = identity(x.size)
+        I_KH = dgemm(-1.0, Kt, H, 1.0, eye, 1)
+        KRK = dgemm(1.0, dgemm(1.0, Kt, R, 0.0, None, 1), Kt)
+        joseph = dgemm(1.0, dgemm(1.0, I_KH, P), I_KH, 1.0, KRK, 0, 1, 1)
+        mean = dgemv(1.0, Kt, innovation, 1.0, x, 0, 1, 0, 1, 1)  # x + K innovation
+        P = dsymm(1.0, joseph, eye)  # symmetric to the last bit
+        return Correction(Gaussian(self.model.state.wrap(mean), P, repairs), innovation, S)
 
 
-def gain(S: Array, P_yx: Array) -> Array:
-    """Return the gain K = P_xy S^-1 (n, k), by a Cholesky factor of S.
+def transposed_gain(S: Array, P_yx: Array) -> Array:
+    """Return K' = S^-1 P_yx (k, n), the transpose of the gain, by a Cholesky factor of S.
 
     Raises
     ------
@@ -51,5 +57,5 @@ def gain(S: Array, P_yx: Array) -> Array:
     _, solved, info = dposv(S, P_yx)
     if info != 0:
         raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
-    K: Array = solved.T
-    return K
+    Kt: Array = solved
+    return Kt

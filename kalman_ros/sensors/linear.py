@@ -40,7 +40,7 @@ class Linear(Sensor):
         labels = given if len(given) == k else [f'y{index}' for index in range(k)]
         self.output = Space(tuple(labels), ('',) * k)
         self.covariance = variances('noise', noise, k)
-        self._C = matrix('C', np.array(C), (k, state.size))
+        self._C = np.asfortranarray(matrix('C', np.array(C), (k, state.size)))
 
     def measure(self, x: Array) -> Array:
         """Return C x."""

@@ -35,7 +35,7 @@ class States(Sensor):
         self._indices = np.array(state.indices(measures, 'measures'), dtype=np.intp)
         self.output = state.select(measures)
         self.covariance = variances('noise', noise, self.output.size)
-        self._jacobian = np.eye(state.size)[self._indices]
+        self._jacobian = np.asfortranarray(np.eye(state.size)[self._indices])
 
     def measure(self, x: Array) -> Array:
         """Return the states that are read."""

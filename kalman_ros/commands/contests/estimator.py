@@ -26,7 +26,7 @@ from kalman_ros.nodes.topics import QUEUE
 from . import Contest
 
 #: Readings a measurement.
-_READINGS = 200
+_READINGS = 1000
 #: How much later than a bare node the estimator may be ready, in seconds.
 _HEAD_START = 0.4
 
@@ -71,6 +71,8 @@ class Respondent:
         )
         self._done = Future()
         self._start()
+        self._until(lambda: self._answered(0.1))  # it may not have found us yet
+        self.answer()  # what is done for the first time takes longer
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -104,13 +106,17 @@ class Respondent:
         return float(np.median([self._once() for _ in range(_READINGS)]))
 
     def _once(self) -> float:
-        self._done = Future()
-        write_stamp(self._message.header.stamp, time.time_ns())
         start = time.perf_counter()
-        self._publisher.publish(self._message)
-        if not self._station.spin(5.0, self._done):
+        if not self._answered(5.0):
             raise RuntimeError(f'no estimate: {self._process.last_words()}')
         return time.perf_counter() - start
+
+    def _answered(self, patience: float) -> bool:
+        """Publish a velocity, and return whether it is answered within ``patience`` seconds."""
+        self._done = Future()
+        write_stamp(self._message.header.stamp, time.time_ns())
+        self._publisher.publish(self._message)
+        return self._station.spin(patience, self._done)
 
     def _came(self, _: bytes) -> None:
         if not self._done.done():
