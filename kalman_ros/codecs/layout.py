@@ -52,25 +52,31 @@ class Layout:
         self._covariance = None
         if covariance is not None:
             # what stands between two blocks of a covariance is zero and not in the message
-            there = np.flatnonzero(covariance)
-            self._covariance = (there, self._places(offsets, covariance.ravel()[there]))
+            there = covariance != 0.0
+            whole = ... if there.all() else there
+            self._covariance = (whole, self._places(offsets, covariance[whole]))
         self._fixed = [(run, data[run]) for run in _fixed_runs(data, marked, offsets, stamped)]
         self._buffer = bytearray(data)
+        self._numbers = self._numbers_of(self._buffer)
 
     def _places(self, offsets: dict[float, int], marks: Array) -> npt.NDArray[np.intp]:
-        return np.array([(offsets[mark] - self._base) // 8 for mark in marks.tolist()], np.intp)
+        found = [(offsets[mark] - self._base) // 8 for mark in marks.ravel().tolist()]
+        return np.array(found, np.intp).reshape(marks.shape)
+
+    def _numbers_of(self, data: bytes | bytearray) -> Array:
+        return np.frombuffer(data, '<f8', self._count, self._base)
 
     def read(self, data: bytes) -> Sample:
         """Return what a message says that `fits`."""
-        numbers = np.frombuffer(data, dtype='<f8', count=self._count, offset=self._base)
+        numbers = self._numbers_of(data)
         time = leading_stamp(data) if self._stamped else None
         if self._covariance is None:
             return Sample(time, numbers[self._values], None)
         own, places = self._covariance
         n = len(self._values)
-        flat = np.zeros(n * n)
-        flat[own] = numbers[places]
-        return Sample(time, numbers[self._values], flat.reshape(n, n))
+        covariance = np.zeros((n, n))
+        covariance[own] = numbers[places]
+        return Sample(time, numbers[self._values], covariance)
 
     def write(self, sample: Sample) -> bytes:
         """Return the message that was learnt from, with another stamp and other numbers.
@@ -78,11 +84,11 @@ class Layout:
         Without a covariance, that of the last message stays.
         """
         time, values, covariance = sample
-        numbers = np.frombuffer(self._buffer, '<f8', self._count, self._base)
+        numbers = self._numbers
         numbers[self._values] = values
         if covariance is not None and self._covariance is not None:
             own, places = self._covariance
-            numbers[places] = covariance.ravel()[own]
+            numbers[places] = covariance[own]
         if self._stamped and time is not None:
             STAMP.pack_into(self._buffer, STAMP_START, *split(time))
         return bytes(self._buffer)

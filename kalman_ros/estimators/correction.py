@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 from math import inf
-from typing import NamedTuple
 
 from kalman_ros.core import Array, Gaussian
 
 from .lapack import dposv
 
 
-class Correction(NamedTuple):
+class Correction:
     """What one reading did to a belief.
 
     Parameters
@@ -24,9 +23,15 @@ class Correction(NamedTuple):
         S (k, k), what the innovation was expected to scatter by.
     """
 
-    posterior: Gaussian
-    innovation: Array
-    innovation_covariance: Array
+    __slots__ = ('_nis', 'innovation', 'innovation_covariance', 'posterior')
+
+    def __init__(
+        self, posterior: Gaussian, innovation: Array, innovation_covariance: Array
+    ) -> None:
+        self.posterior = posterior
+        self.innovation = innovation
+        self.innovation_covariance = innovation_covariance
+        self._nis: float | None = None
 
     @property
     def nis(self) -> float:
@@ -36,5 +41,7 @@ class Correction(NamedTuple):
         and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4).
         Infinite if S is not positive definite.
         """
-        _, weighted, info = dposv(self.innovation_covariance, self.innovation)
-        return float(self.innovation.dot(weighted)) if info == 0 else inf
+        if self._nis is None:
+            _, weighted, info = dposv(self.innovation_covariance, self.innovation)
+            self._nis = float(self.innovation.dot(weighted)) if info == 0 else inf
+        return self._nis

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from kalman_ros.core import Array, identity, is_finite
@@ -15,16 +13,17 @@ from .lapack import dpotrf
 _REPAIRS = (1e-14, 1e-12, 1e-10, 1e-8)
 
 
-class Factor(NamedTuple):
-    """A lower triangular L (n, n), P = L L', and how often P had to be repaired for it."""
-
-    L: Array
-    P: Array
-    repairs: int
-
-
-def cholesky(P: Array) -> Factor:
+def cholesky(P: Array) -> tuple[Array, Array, int]:
     """Factorise a symmetric positive semi-definite ``P`` (n, n).
+
+    Returns
+    -------
+    L
+        Lower triangular (n, n).
+    P
+        L L' (n, n), the one given unless it had to be repaired.
+    repairs
+        How often it had to be, 0 or 1.
 
     Raises
     ------
@@ -36,11 +35,11 @@ def cholesky(P: Array) -> Factor:
         raise np.linalg.LinAlgError('the covariance is not finite')
     L, info = dpotrf(P, lower=1, clean=1)
     if info == 0:
-        return Factor(L, P, 0)
+        return L, P, 0
     largest = float(np.max(P.diagonal()))
     for size in _REPAIRS:
         repaired = P + size * largest * identity(len(P))
         L, info = dpotrf(repaired, lower=1, clean=1)
         if info == 0 and largest > 0.0:
-            return Factor(L, repaired, 1)
+            return L, repaired, 1
     raise np.linalg.LinAlgError('the covariance is not positive semi-definite')

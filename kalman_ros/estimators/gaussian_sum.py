@@ -102,7 +102,8 @@ class GaussianSumFilter:
         if not found:
             return correction
         weights, parts = zip(*found)
-        return correction._replace(posterior=self._mixture(np.array(weights), parts))
+        mixture = self._mixture(np.array(weights), parts)
+        return Correction(mixture, correction.innovation, correction.innovation_covariance)
 
     def _mixture(self, weights: Array, parts: Sequence[Gaussian]) -> Mixture:
         """Return the parts that are likely enough, with weights of sum 1."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from kalman_ros.codecs.layout import Sample
@@ -32,13 +32,14 @@ class Channel:
     #: While the node is active.
     subscription: Any = None
 
-    def take(self, first: Sequence[bytes]) -> tuple[Sequence[bytes], int]:
+    def take(self, first: list[bytes]) -> tuple[list[bytes], int]:
         """Return the newest messages that have come, the ``first`` ones and those that wait.
 
         Beside them, how many older ones are left out.
         """
-        come = [*first, *waiting(self.subscription)]
-        return come[-_MOST:], max(0, len(come) - _MOST)
+        come = first + waiting(self.subscription)
+        missed = len(come) - _MOST
+        return (come[missed:], missed) if missed > 0 else (come, 0)
 
 
 class InputChannel(Channel):

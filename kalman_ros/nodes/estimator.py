@@ -44,8 +44,8 @@ _BACK = Duration(seconds=-0.1)
 
 #: What the reading of a sensor, taken at a time, did to the belief.
 _Correction = tuple[SensorChannel, int, Correction]
-#: The time of what has come, and what takes it in, given when that is.
-_Come = tuple[int, Callable[[Optional[int]], Optional[_Correction]]]
+#: What has come: its time, whence, and what it says.
+_Come = tuple[int, Channel, Sample]
 
 
 class EstimatorNode(runtime.ScenarioNode):
@@ -156,15 +156,24 @@ class EstimatorNode(runtime.ScenarioNode):
         if first is self._input or len(come) > 1:
             come += self._inputs_come(first, data)
         # in the order of the stamps, for each that comes late makes those after it anew
-        taken = [take_in(self._now() or None) for _, take_in in sorted(come, key=itemgetter(0))]
-        corrections = [found for found in taken if found is not None]
+        come.sort(key=itemgetter(0))
+        now, began = self._now() or None, monotonic()
+        corrections = []
+        for time, channel, sample in come:
+            if isinstance(channel, SensorChannel):
+                found = self._fuse(channel, time, sample, now)
+                if found is not None:
+                    corrections.append(found)
+            else:
+                self._add_input(time, sample.values, now)
         if not corrections:
             return
         if self._online.time is not None and not self.options.publish_rate:
             self._publish(self._online.time, self._online.belief)
-            self._latency.add(monotonic() - came)
+            done = monotonic()
+            self._latency.add(done - came)
             for channel, time, _ in corrections:
-                channel.age.add(((self._now() or time) - time) * 1e-9)
+                channel.age.add(((now or time) - time) * 1e-9 + done - began)
         for channel, time, correction in corrections:
             channel.publish(time, correction)
 
@@ -178,7 +187,7 @@ class EstimatorNode(runtime.ScenarioNode):
                 for message in messages:
                     reading = channel.read(message, source)
                     time = reading.time or self._now()
-                    yield time, partial(self._fuse, channel, time, reading)
+                    yield time, channel, reading
 
     def _inputs_come(self, first: Channel, data: bytes) -> Iterator[_Come]:
         """Yield the inputs that have come, after ``data`` of what woke the node."""
@@ -190,7 +199,7 @@ class EstimatorNode(runtime.ScenarioNode):
             input = self._read_input(message)
             if input is not None:
                 time = input.time or self._now()
-                yield time, partial(self._add_input, time, input.values)
+                yield time, self._input, input
 
     def _overrun(self, account: Counter[Outcome], missed: int, what: str) -> None:
         if missed:

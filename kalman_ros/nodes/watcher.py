@@ -12,15 +12,17 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 
-def waiting(subscription: Any) -> Iterator[bytes]:
-    """Yield what has come of a subscription and nobody has been given yet."""
+def waiting(subscription: Any) -> list[bytes]:
+    """Return what has come of a subscription and nobody has been given yet."""
     take, kind = subscription.handle.take_message, subscription.msg_type
+    come: list[bytes] = []
     # no more than its queue holds, for more may come meanwhile, and never end
     for _ in range(subscription.qos_profile.depth):
         found = take(kind, True)
         if found is None:
-            return
-        yield found[0]
+            break
+        come.append(found[0])
+    return come
 
 
 class WatcherNode(Node):  # type: ignore[misc]
