@@ -124,7 +124,7 @@ class OnlineEstimator:
     def predicted(self, time: int) -> Gaussian:
         """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
         head = self._head
-        return head.belief if head.time is None else self._predict(head, time)
+        return head.belief if head.time is None else self._sound(self._prior(head, time))
 
     def add_input(self, time: int, u: Array, now: int | None = None) -> Outcome:
         """Take the input that is in effect from ``time`` on; of one stamp, the last one counts.
@@ -239,43 +239,59 @@ class OnlineEstimator:
             self._base = items[gone - 1].after
             del items[:gone]
 
-    def _predict(self, state: _State, time: int) -> Gaussian:
-        """Return the belief at ``time``: the initial one if the old is worth nothing by then."""
+    def _prior(self, state: _State, time: int) -> Gaussian:
+        """Return what is believed of ``time``, which may be unsound.
+
+        It is the initial belief if the old is worth nothing by then.
+        """
         if state.time is None or time == state.time:
             return state.belief
         if self._max_gap and time - state.time > self._max_gap:
             return self._initial
         try:
-            dt = (time - state.time) * 1e-9
-            return _committed(self._filter.predict(state.belief, state.u, dt))
+            return self._filter.predict(state.belief, state.u, (time - state.time) * 1e-9)
+        except np.linalg.LinAlgError:
+            return self._initial
+
+    def _sound(self, prior: Gaussian) -> Gaussian:
+        """Return the belief itself if it may be kept, the initial one if not."""
+        try:
+            return _committed(prior)
         except np.linalg.LinAlgError:
             return self._initial
 
     def _process(self, item: _Item, state: _State) -> _State:
         """Bring ``state`` to the item's time and take the item in."""
         time, order = item.key
-        belief = self._predict(state, time)
-        if belief is self._initial and state.time not in (None, time) and not item.restarted:
+        prior = self._prior(state, time)
+        u, rejections, posterior = state.u, state.rejections, None
+        if item.sensor is None:
+            u = item.value
+        else:
+            posterior = self._posterior(prior, item, state)
+            streak = rejections[order] + 1 if item.outcome is Outcome.REJECTED else 0
+            if streak != rejections[order]:
+                rejections = (*rejections[:order], streak, *rejections[order + 1 :])
+        belief = self._sound(prior) if posterior is None else posterior
+        anew = prior is self._initial or belief is self._initial
+        if anew and state.time not in (None, time) and not item.restarted:
             item.restarted = True
             self.restarts += 1
-        if item.sensor is None:
-            item.after = _State(time, belief, item.value, state.rejections)
-            return item.after
-        streak = state.rejections[order]
+        item.after = _State(time, belief, u, rejections)
+        return item.after
+
+    def _posterior(self, prior: Gaussian, item: _Item, state: _State) -> Gaussian | None:
+        """Return the belief with a reading, None if it leaves that as it was."""
+        assert item.sensor is not None
         try:
-            first = state.time is None and self._policy.from_reading
-            start = _at_its_word(belief, item.value, item.sensor) if first else belief
-            item.outcome, item.correction = self._correct(start, item, streak)
-            if item.outcome.accepted:
-                belief = _committed(item.correction.posterior)
+            if state.time is None and self._policy.from_reading:
+                prior = _at_its_word(prior, item.value, item.sensor)
+            streak = state.rejections[item.key[1]]
+            item.outcome, item.correction = self._correct(prior, item, streak)
+            return _committed(item.correction.posterior) if item.outcome.accepted else None
         except np.linalg.LinAlgError:
             item.outcome, item.correction = Outcome.INDEFINITE, None
-        rejections = state.rejections
-        streak = streak + 1 if item.outcome is Outcome.REJECTED else 0
-        if streak != rejections[order]:
-            rejections = (*rejections[:order], streak, *rejections[order + 1 :])
-        item.after = _State(time, belief, state.u, rejections)
-        return item.after
+            return None
 
     def _correct(self, belief: Gaussian, item: _Item, streak: int) -> tuple[Outcome, Correction]:
         """Correct by a reading, or reject it; after too many rejections, make it pass."""
