@@ -16,7 +16,7 @@ from geometry_msgs.msg import TwistWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rclpy.task import Future
 
-from kalman_ros.codecs.messages import write_stamp
+from kalman_ros.codecs.messages import leading_stamp, write_stamp
 from kalman_ros.harness import bare
 from kalman_ros.harness.executables import executable
 from kalman_ros.harness.process import NodeProcess
@@ -69,7 +69,7 @@ class Respondent:
         self._subscription = self._station.node.create_subscription(
             Odometry, 'estimate', self._came, QUEUE, raw=True
         )
-        self._done = Future()
+        self._done, self._stamp = Future(), 0
         self._start()
         self._until(lambda: self._answered(0.1))  # it may not have found us yet
         self.answer()  # what is done for the first time takes longer
@@ -113,11 +113,12 @@ class Respondent:
 
     def _answered(self, patience: float) -> bool:
         """Publish a velocity, and return whether it is answered within ``patience`` seconds."""
-        self._done = Future()
-        write_stamp(self._message.header.stamp, time.time_ns())
+        self._done, self._stamp = Future(), time.time_ns()
+        write_stamp(self._message.header.stamp, self._stamp)
         self._publisher.publish(self._message)
         return self._station.spin(patience, self._done)
 
-    def _came(self, _: bytes) -> None:
-        if not self._done.done():
+    def _came(self, data: bytes) -> None:
+        # an answer to an earlier question may be on its way still
+        if leading_stamp(data) == self._stamp and not self._done.done():
             self._done.set_result(None)
