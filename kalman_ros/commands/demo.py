@@ -19,8 +19,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from kalman_ros import models
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.interrupts import deferred
-from kalman_ros.harness.parameters import overrides
 from kalman_ros.simulation.judgement import judge, least_duration
+from kalman_ros.simulation.parameters import overrides
 from kalman_ros.simulation.trajectory import Trajectory
 
 

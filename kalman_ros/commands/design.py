@@ -15,9 +15,9 @@ from rich.console import Console
 from kalman_ros import models
 from kalman_ros.core import refuse_unknown
 from kalman_ros.harness import executables
-from kalman_ros.harness.parameters import from_file, overrides
 from kalman_ros.nodes import options as node_options
 from kalman_ros.simulation import advice, design, scenario
+from kalman_ros.simulation.parameters import from_file, overrides
 from kalman_ros.simulation.scenario import Scenario
 
 

@@ -14,6 +14,7 @@ from kalman_ros.estimators import FILTERS, build_filter
 from kalman_ros.simulation import scenario
 from kalman_ros.simulation.monte_carlo import consistency
 from kalman_ros.simulation.observability import observability
+from kalman_ros.simulation.parameters import from_file
 
 CONFIG = Path(__file__).parents[2] / 'config'
 CONFIGS = sorted(CONFIG.glob('*.yaml'))
@@ -133,8 +134,6 @@ class TestModel:
         )
 
     def test_the_parameter_file_is_the_built_in_wiring(self, name):
-        from kalman_ros.harness.parameters import from_file
-
         path = CONFIG / f'{name}.yaml'
         values = from_file(path, 'plant')
         known = scenario.options({'model': name})
@@ -147,8 +146,6 @@ class TestModel:
 
 @pytest.mark.parametrize('path', CONFIGS, ids=lambda path: path.stem)
 def test_a_parameter_file_is_a_whole_scenario(path):
-    from kalman_ros.harness.parameters import from_file
-
     values = from_file(path, 'plant')
     assert set(values) <= set(scenario.options(values))
     built = scenario.build(values)

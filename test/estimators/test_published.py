@@ -11,6 +11,7 @@ from kalman_ros.core import Gaussian
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.online import OnlineEstimator, Outcome
 from kalman_ros.simulation import scenario
+from kalman_ros.simulation.parameters import from_file
 
 CONFIG = Path(__file__).parents[2] / 'config'
 
@@ -21,9 +22,6 @@ def flows():
 
 def nile(flows, kind='kf', implementation='native'):
     """Run the flows, a year a second, through the scenario of config/nile.yaml."""
-    pytest.importorskip('rclpy')
-    from kalman_ros.harness.parameters import from_file
-
     built = scenario.build(from_file(CONFIG / 'nile.yaml', 'estimator'))
     filter = build_filter(kind, built.plan, implementation=implementation)
     sensors = {'reading': built.sensors['reading'].sensor}

@@ -13,7 +13,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.harness import executables
 from kalman_ros.harness.domain import Domain
-from kalman_ros.harness.parameters import from_file, sections
+from kalman_ros.simulation.parameters import from_file, sections
 
 LOOP = ('plant', 'estimator', 'controller', 'monitor')
 NODES = (*LOOP, 'microphone_array')
