@@ -12,9 +12,13 @@ from typing import Any
 
 
 def names(package: str) -> list[str]:
-    """Return the names that ``package`` offers: its modules. Nothing is imported but itself."""
+    """Return the names that ``package`` offers: its modules, but for what they share (``_NAME``).
+
+    Nothing is imported but itself.
+    """
     path = importlib.import_module(package).__path__
-    return sorted(module.name for module in pkgutil.iter_modules(path))
+    found = (module.name for module in pkgutil.iter_modules(path))
+    return sorted(name for name in found if not name.startswith('_'))
 
 
 def find(kind: str, name: str, package: str, attribute: str) -> Any:

@@ -7,7 +7,9 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+from kalman_ros.core import About, LinearSystem, Signal, Space, System
+
+from ._lidar_radar import lidar_and_radar
 
 
 def constant_velocity(
@@ -32,30 +34,7 @@ def constant_velocity(
 
 SYSTEM = System(
     build=constant_velocity,
-    sensors={
-        'lidar': SensorSetup(
-            kind='states',
-            options={'measures': ['x', 'y']},
-            noise=(0.15, 0.15),
-            rate=10.0,
-            signal=Signal(
-                'lidar',
-                'geometry_msgs/PoseWithCovarianceStamped',
-                ('pose.pose.position.x', 'pose.pose.position.y'),
-            ),
-        ),
-        'radar': SensorSetup(
-            kind='radar',
-            options={'measures': ['x', 'y', 'v_x', 'v_y']},
-            noise=(0.3, 0.03, 0.3),
-            rate=7.0,
-            signal=Signal(
-                'radar',
-                'sensor_msgs/JointState',
-                ('position[range]', 'position[bearing]', 'position[range_rate]'),
-            ),
-        ),
-    },
+    sensors=lidar_and_radar(['x', 'y', 'v_x', 'v_y']),
     state=Signal(
         'estimate',
         'sensor_msgs/JointState',
