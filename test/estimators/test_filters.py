@@ -96,6 +96,37 @@ def test_native_equals_filterpy_on_linear_systems(kind, seed):
     )  # fmt: skip
 
 
+def strided(M):
+    """Return the matrix as every other number of a larger one."""
+    wide = np.zeros((2 * M.shape[0], 2 * M.shape[1]))
+    wide[::2, ::2] = M
+    return wide[::2, ::2]
+
+
+@pytest.mark.parametrize('kind', sorted(FILTERS))
+@pytest.mark.parametrize('laid_out', [np.ascontiguousarray, np.asfortranarray, strided])
+def test_however_matrices_lie_in_memory_they_are_read_and_left_alone(kind, laid_out):
+    _, plan, sensor = random_plan(3)
+    P, u, y = np.diag([0.5, 1.0, 2.0, 1.0]) + 0.1, np.ones(2), np.array([0.3, -0.2])
+    expected = build_filter('kf', plan).correct(Gaussian(np.ones(4), P), y, sensor).posterior
+
+    filter = build_filter(kind, plan)
+    sensor.C, sensor.covariance = laid_out(sensor.C), laid_out(sensor.covariance)
+    prior = Gaussian(np.ones(4), laid_out(P))
+    for array in (prior.mean, prior.covariance, u, y, sensor.C, sensor.covariance):
+        array.flags.writeable = False
+    before = filter.predict(prior, u, 0.1)
+    found = filter.correct(prior, y, sensor)
+    posterior = found.posterior
+    np.testing.assert_array_equal(filter.predict(prior, u, 0.1).covariance, before.covariance)
+    if kind not in ('luenberger', 'steady_state'):
+        same_beliefs([posterior], [expected])
+    np.testing.assert_array_equal(posterior.covariance, posterior.covariance.T)
+    again = filter.correct(prior, y, sensor)
+    np.testing.assert_array_equal(again.posterior.covariance, posterior.covariance)
+    assert again.nis == found.nis
+
+
 @pytest.mark.parametrize('kind', ['ekf', 'ukf'])
 def test_native_equals_filterpy_on_a_nonlinear_system_with_angles(kind):
     pytest.importorskip('filterpy')

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
@@ -245,6 +246,34 @@ def test_after_a_long_gap_the_old_belief_is_worth_nothing():
     feed(online, ('velocity', 7200 * SECOND, 0.0))
     assert online.belief.std[0] == 1.0
     assert np.isfinite(online.belief.mean).all()
+
+
+class Overflowing(KalmanFilter):
+    """A filter that predicts nothing sound over more than a second."""
+
+    def predict(self, belief, u, dt):
+        prior = super().predict(belief, u, dt)
+        return prior if dt <= 1.0 else prior._replace(mean=prior.mean * np.inf)
+
+
+def test_a_prediction_that_is_not_sound_is_not_kept():
+    online = estimator()
+    online._filter = Overflowing(online._filter.model)
+    initial = online.belief
+    for k in range(5):
+        feed(online, ('position', SECOND + k * 20_000_000, 1.0))
+    assert online.predicted(4 * SECOND) is initial
+    assert feed(online, ('position', 4 * SECOND, 1.0)) is Outcome.INDEFINITE
+    assert online.belief is initial
+    assert online.restarts == 1
+    assert feed(online, ('position', 4 * SECOND + 20_000_000, 1.0)) is Outcome.FUSED
+    assert feed(online, ('input', 8 * SECOND, 1.0)) is Outcome.FUSED
+    assert online.belief is initial
+    assert online.restarts == 2
+    # late ones come in between, so that there is no longer than a second to predict
+    for late in (2 * SECOND, 3 * SECOND):
+        assert feed(online, ('position', late, 1.0)) is Outcome.FUSED
+    assert online.counts['position'] == {Outcome.FUSED: 9, Outcome.INDEFINITE: 0}
 
 
 def test_stamps_in_the_future_are_refused():
