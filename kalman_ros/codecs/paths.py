@@ -14,6 +14,8 @@ from math import asin, atan2, copysign, cos, pi, sin
 from operator import attrgetter
 from typing import Any
 
+from .numbers import element_kind, number_kind
+
 _PATH = re.compile(r'^([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\[([^\]]+)\])?$')
 #: No array that is fused has more numbers.
 _LONGEST = 100_000
@@ -22,12 +24,16 @@ ANGLES = ('roll', 'pitch', 'yaw')
 
 @dataclass(frozen=True)
 class Path:
-    """A path into a message: a way of attributes, and an index or a name at its end."""
+    """A path into a message: a way of attributes, and an index or a name at its end.
+
+    ``kind`` is that of the number there, ``double`` or ``int32``.
+    """
 
     text: str
     way: tuple[str, ...]
     index: int | None
     name: str | None
+    kind: str
 
     @property
     def parent(self) -> tuple[str, ...]:
@@ -47,17 +53,17 @@ def parse(text: str, sample: Any) -> Path:
     if match is None:
         raise ValueError(f"fields: expected a path such as 'pose.pose.position.x', got '{text}'")
     way = tuple(match[1].split('.'))
-    at = sample
+    at, declared = sample, ''
     for attribute in way:
         if attribute in ANGLES and is_quaternion(at):
-            at = 0.0
+            at, declared = 0.0, 'double'
             continue
         known = at.get_fields_and_field_types() if hasattr(at, 'SLOT_TYPES') else {}
         if attribute not in known:
             offers = f'it has {", ".join(known)}' if known else 'it is a plain value'
             kind = type(at).__name__
             raise ValueError(f"fields: no '{attribute}' in {kind} for '{text}'; {offers}")
-        at = getattr(at, attribute)
+        at, declared = getattr(at, attribute), known[attribute]
     bracket = match[2]
     index = int(bracket) if bracket is not None and bracket.isdecimal() else None
     if index is not None and index >= _LONGEST:
@@ -67,11 +73,13 @@ def parse(text: str, sample: Any) -> Path:
         raise ValueError(
             f"fields: '{text}' needs a message with an array 'name' beside '{way[-1]}'"
         )
-    is_array = hasattr(at, '__len__') and not isinstance(at, str)
-    if not (is_array if bracket else isinstance(at, (int, float))):
-        wanted = 'an array of numbers' if bracket else 'a number'
+    kind, most = element_kind(declared) if bracket else (number_kind(declared), None)
+    if not kind:
+        wanted = 'in an array of numbers' if bracket else 'a number'
         raise ValueError(f"fields: '{text}' is not {wanted}")
-    return Path(text, way, index, name)
+    if index is not None and most is not None and index >= most:
+        raise ValueError(f"fields: '{text}' is beyond the end of {most} numbers")
+    return Path(text, way, index, name, kind)
 
 
 def walk(message: Any, way: tuple[str, ...]) -> Any:

@@ -12,6 +12,7 @@ from kalman_ros.core import Array, Signal
 
 from .covariances import Block, blocks, flat_indices
 from .messages import message_type, write_stamp
+from .numbers import converter
 from .paths import ANGLES, Path, is_quaternion, parse, reader, walk, write_euler
 
 
@@ -116,35 +117,38 @@ def _size_arrays(paths: list[Path], message: Any) -> None:
         length = len(owner.name) if path.index is None else path.index + 1
         values = getattr(owner, attribute)
         if len(values) < length:
-            setattr(owner, attribute, [0.0] * length)
+            convert = converter(path.kind)
+            setattr(owner, attribute, [0.0 if convert is None else convert(0.0)] * length)
 
 
 def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
     """Return a function that writes numbers into ``message`` in place."""
-    slots: list[tuple[Any, str | int]] = []
+    slots: list[tuple[Any, str | int, Any]] = []
     turns: dict[tuple[str, ...], dict[str, int]] = {}
     for number, path in enumerate(paths):
         owner = walk(message, path.parent)
         if path.way[-1] in ANGLES and is_quaternion(owner):
             turns.setdefault(path.parent, {})[path.way[-1]] = number
-            slots.append((_NOWHERE, 0))
+            slots.append((_NOWHERE, 0, None))
         elif path.index is not None:
-            slots.append((getattr(owner, path.way[-1]), path.index))
+            slots.append((getattr(owner, path.way[-1]), path.index, converter(path.kind)))
         elif path.name is not None:
-            slots.append((getattr(owner, path.way[-1]), owner.name.index(path.name)))
+            place = owner.name.index(path.name)
+            slots.append((getattr(owner, path.way[-1]), place, converter(path.kind)))
         else:
-            slots.append((owner, path.way[-1]))
+            slots.append((owner, path.way[-1], converter(path.kind)))
     quaternions = [
         (walk(message, way), [which.get(angle) for angle in ANGLES])
         for way, which in turns.items()
     ]
 
     def write(values: list[float]) -> None:
-        for (owner, place), value in zip(slots, values):
+        for (owner, place, convert), value in zip(slots, values):
+            number = value if convert is None else convert(value)
             if isinstance(place, str):
-                setattr(owner, place, value)
+                setattr(owner, place, number)
             else:
-                owner[place] = value
+                owner[place] = number
         for quaternion, numbers in quaternions:
             write_euler(quaternion, *(0.0 if n is None else values[n] for n in numbers))
 

@@ -17,6 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from kalman_ros.core import refuse_unknown
 from kalman_ros.harness import NodeError
 
 from .contests import Contest
@@ -72,9 +73,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     console = Console()
     results = []
     try:
+        refuse_unknown(options.groups, GROUPS, 'group')
         for group in options.groups:
-            if group not in GROUPS:
-                raise ValueError(f"unknown group '{group}'; known are {', '.join(GROUPS)}")
             with import_module(f'{__package__}.contests.{group}').contests() as contests:
                 for contest in contests:
                     console.print(f'{contest.name} ...', style='dim')

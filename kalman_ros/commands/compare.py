@@ -18,6 +18,8 @@ from kalman_ros.estimators import FILTERS
 from kalman_ros.simulation.hard_cases import CASES
 from kalman_ros.simulation.study import Result, study
 
+from .results import ready
+
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the parsed command line."""
@@ -42,6 +44,7 @@ def compare(options: argparse.Namespace, console: Console) -> list[Result]:
     refuse_unknown(options.filters, FILTERS, 'filter')
     if options.runs < 1:
         raise ValueError(f'runs: expected at least 1, got {options.runs}')
+    ready(options.out)
     asked = [
         (CASES[name], width, filter)
         for name in options.cases
@@ -73,7 +76,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     console.print(report.study_table(results))
     machine = f'{platform.machine()}, Python {platform.python_version()}'
     console.print(f'{machine}, {options.runs} runs each, with the seeds 0, 1, ...')
-    options.out.mkdir(parents=True, exist_ok=True)
     summary = {'machine': machine, 'results': [result.summary() for result in results]}
     (options.out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     report.study_picture(results, options.out / 'errors.png')

@@ -23,13 +23,15 @@ from kalman_ros.simulation.judgement import judge, least_duration
 from kalman_ros.simulation.parameters import overrides
 from kalman_ros.simulation.trajectory import Trajectory
 
+from .results import ready
+
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(
         prog='demo',
-        description='Start plant, estimator, controller and monitor as processes of their own, '
-        'let them run, and compare what was measured with what theory says.',
+        description='Start plant, estimator, monitor and what else a scenario needs as processes '
+        'of their own, let them run, and compare what was measured with what theory says.',
         epilog='Exit code: 0 if the loop is stable and the statistics hold, 1 if not, '
         '2 if it could not be run.',
     )
@@ -53,7 +55,9 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajectory, float, int]:
+def gather(
+    options: argparse.Namespace, folder: Path, console: Console
+) -> tuple[Run, Trajectory, float, int]:
     """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
     run = Run(
         options.scenario,
@@ -64,6 +68,7 @@ def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajecto
     least = least_duration(run.scenario)
     if not least <= options.duration < inf:
         raise ValueError(f'duration: expected {least:.4g} s or more, got {options.duration:g}')
+    ready(folder)
     bar = Progress(
         TextColumn('{task.description}'),
         BarColumn(),
@@ -72,7 +77,7 @@ def gather(options: argparse.Namespace, console: Console) -> tuple[Run, Trajecto
         console=console,
     )
     with bar:
-        task = bar.add_task('starting 4 nodes', total=options.duration)
+        task = bar.add_task(f'starting {len(run.names)} nodes', total=options.duration)
         with run:
             bar.update(task, description=f'ROS_DOMAIN_ID={run.domain}')
             start = time.monotonic()
@@ -88,17 +93,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run the demo; the exit code says whether theory and measurement agree."""
     options = arguments(argv)
     console = Console()
+    name = Path(options.scenario).stem
+    folder = options.out or Path('out') / name
     try:
-        run, trajectory, wall, missed = gather(options, console)
+        run, trajectory, wall, missed = gather(options, folder, console)
         judgement = judge(run.scenario, trajectory)
     except (ValueError, NodeError, RuntimeError) as error:
         print(f'demo: {error}', file=sys.stderr)
         sys.exit(2)
     checks = judgement.checks
     failed = [check.name for check in checks if not check.passed]
-    name = Path(options.scenario).stem
-    folder = options.out or Path('out') / name
-    folder.mkdir(parents=True, exist_ok=True)
 
     from kalman_ros.report import pictures, tables  # matplotlib loads while nothing waits
 

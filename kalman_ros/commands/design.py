@@ -20,6 +20,8 @@ from kalman_ros.simulation import advice, design, scenario
 from kalman_ros.simulation.parameters import from_file, overrides
 from kalman_ros.simulation.scenario import Scenario
 
+from .results import ready
+
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the parsed command line."""
@@ -72,8 +74,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         path = options.params_file or executables.config(options.scenario)
         built = believed(path, overrides(options.parameters))
         report = design.report(built, options.delay or 0.0)
-        folder = options.out or Path('out') / path.stem / 'design'
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = ready(options.out or Path('out') / path.stem / 'design')
     except (ValueError, RuntimeError, OSError) as error:
         print(f'design: {error}', file=sys.stderr)
         sys.exit(2)

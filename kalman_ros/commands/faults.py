@@ -23,6 +23,7 @@ from kalman_ros.simulation.fault_cases import CASES, SCENARIO, SHORT, Schedule
 from kalman_ros.simulation.fault_findings import Finding
 
 from .fault_matrix import FaultMatrix
+from .results import ready
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -48,6 +49,7 @@ def faults(options: argparse.Namespace, schedule: Schedule, console: Console) ->
     cases = [case for case in CASES if options.only in case.name]
     if not cases:
         raise ValueError(f"only: no fault has '{options.only}' in its name")
+    ready(options.out)
     columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn())
     found: dict[str, list[Finding]] = {case.name: [] for case in cases}
     with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
@@ -97,7 +99,6 @@ def _report(
         f'`{SCENARIO}` in lockstep, seed {options.seed}; faults from {schedule.start:g} to '
         f'{schedule.end:g} s of {schedule.stop:g} s. {len(findings)} runs took {wall:.0f} s.'
     )
-    options.out.mkdir(parents=True, exist_ok=True)
     summary = {
         'machine': machine,
         'seed': options.seed,

@@ -21,6 +21,7 @@ from kalman_ros.harness import NodeError
 from kalman_ros.simulation.soak_findings import Soak
 
 from .endurance import FAULTS, RATE, SCENARIO, Endurance
+from .results import ready
 
 #: Shorter runs do not tell growth from the beginning.
 _LEAST = 0.3
@@ -45,6 +46,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def soak(options: argparse.Namespace, console: Console) -> Soak:
     """Run the nodes for so long and return what was found."""
+    ready(options.out)
     columns = TextColumn('{task.description}'), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(f'{RATE:g} Hz', total=60.0 * options.minutes)
@@ -84,7 +86,6 @@ def _report(options: argparse.Namespace, found: Soak, console: Console) -> None:
         'the body.'
     )
     folder = options.out
-    folder.mkdir(parents=True, exist_ok=True)
     summary = {'machine': machine, 'seed': options.seed, **found.summary()}
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     columns: dict[str, Any] = {name: getattr(found, name) for name in _COLUMNS}

@@ -18,6 +18,7 @@ from kalman_ros.core import refuse_unknown
 from kalman_ros.harness import NodeError
 from kalman_ros.harness.interrupts import deferred
 
+from .results import ready
 from .studies import STUDIES, Findings
 
 #: What moves while a study runs.
@@ -56,12 +57,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         refuse_unknown(names, STUDIES, 'study')
         for number, name in enumerate(names, start=1):
+            folder = ready(options.out / name)
             console.print(f'\n[bold]{name}[/] ({number} of {len(names)}): {claim(name)}')
             start = time.monotonic()
             with Progress(*_COLUMNS, console=console, transient=True) as bar:
                 bar.add_task('running the nodes')
                 findings = import_module(f'{__package__}.studies.{name}').study(options.size)
-            _report(console, options.out / name, findings, time.monotonic() - start)
+            _report(console, folder, findings, time.monotonic() - start)
             failed += [name] if not all(check.passed for check in findings.checks) else []
     except (ValueError, NodeError, RuntimeError) as error:
         print(f'study: {error}', file=sys.stderr)
@@ -76,7 +78,6 @@ def _report(console: Console, folder: Path, findings: Findings, wall: float) -> 
     """Print and write what a study found."""
     from kalman_ros.report import tables  # matplotlib loads while nothing waits
 
-    folder.mkdir(parents=True, exist_ok=True)
     console.print(tables.checks_table('', findings.checks))
     summary = {
         'study': folder.name,

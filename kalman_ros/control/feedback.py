@@ -124,7 +124,7 @@ class Regulator:
         if self._last is None:
             return np.zeros(len(self._feedback.gain))
         x, before = self._last
-        most = self._limits.rate * dt if np.isfinite(self._limits.rate).any() else inf
+        most = self._reach(dt)
         u: Array = before - np.clip(before, -most, most)
         self.follow(x, u)
         return u
@@ -136,12 +136,19 @@ class Regulator:
         wanted = self._wanted(x) + self._jump
         u = np.clip(wanted, -limits.magnitude, limits.magnitude)
         if self._last is not None and np.isfinite(limits.rate).any():
-            most, before = limits.rate * dt, self._last[1]
+            most, before = self._reach(dt), self._last[1]
             u = np.clip(u, before - most, before + most)
         self.limited += int(np.any(u != wanted))
         self._integrate(x, wanted - u, dt)
         self._last = x, u
         return u
+
+    def _reach(self, dt: float) -> Array:
+        """Return how far each input may go within ``dt`` seconds (m,)."""
+        rate = self._limits.rate
+        # in no time, too, an input without a limit may go anywhere
+        reach: Array = np.full(rate.shape, inf)
+        return np.multiply(rate, dt, out=reach, where=np.isfinite(rate))
 
     def _wanted(self, x: Array) -> Array:
         state, input = self.target

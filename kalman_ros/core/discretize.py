@@ -13,7 +13,7 @@ doubled again by F <- F F, G <- G + F G, Q <- Q + F Q F', in which no large term
 
 from __future__ import annotations
 
-from math import ceil, log2
+from math import ceil, inf, log2
 
 import numpy as np
 
@@ -48,8 +48,16 @@ class Discretization:
         self._table = np.array([np.concatenate(row) for row in columns])
 
     def __call__(self, dt: float) -> tuple[Array, Array, Array]:
-        """Return F, G and Q of a step of ``dt`` seconds."""
+        """Return F, G and Q of a step of ``dt`` seconds.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If A is so large that no halving makes the step short enough.
+        """
         reach = self._norm * abs(dt) / _LONGEST
+        if reach == inf:
+            raise np.linalg.LinAlgError('the Jacobian of the model is infinite')
         halvings = ceil(log2(reach)) if reach > 1.0 else 0
         n, m = self._shapes
         flat = ((dt / 2.0**halvings) ** self._powers).dot(self._table)

@@ -63,8 +63,12 @@ class Option:
             raise ValueError(f'{self.name}: expected {_KINDS[type(sample)]}, got {value!r}')
         low, high = self.about.minimum, self.about.maximum
         if isinstance(value, (int, float)) and not low <= value <= high:
-            wanted = f'at least {low:g}' if high == inf else f'{low:g} to {high:g}'
-            wanted = 'a number' if low == -inf else f'{wanted} {self.about.unit}'.rstrip()
+            wanted = f'{low:g} to {high:g}'
+            if high == inf:
+                wanted = 'a number' if low == -inf else f'at least {low:g}'
+            elif low == -inf:
+                wanted = f'at most {high:g}'
+            wanted = f'{wanted} {self.about.unit}'.rstrip()
             raise ValueError(f'{self.name}: expected {wanted}, got {value:g}')
         return value
 

@@ -19,18 +19,22 @@ class TimedSensor:
     enabled: bool = True
 
 
+#: So many steps may pass from one reading of a sensor to the next.
+_SLOWEST = 10_000
+
+
 def ratio(rate: float, loop_rate: float) -> Fraction:
     """Return how many readings a step brings, at most one.
 
     Raises
     ------
     ValueError
-        If the sensor would be faster than the loop.
+        If the sensor would be faster than the loop, or slower by a factor of more than 10 000.
     """
-    exact = Fraction(min(rate / loop_rate, 2.0)).limit_denominator(10_000)
-    if not 0 < exact <= 1:
-        raise ValueError(f'rate: expected more than 0 and at most {loop_rate:g} Hz, got {rate:g}')
-    return exact
+    slowest = loop_rate / _SLOWEST
+    if not slowest <= rate <= loop_rate:
+        raise ValueError(f'rate: expected {slowest:g} to {loop_rate:g} Hz, got {rate:g}')
+    return Fraction(rate / loop_rate).limit_denominator(_SLOWEST)
 
 
 def is_due(step: int, share: Fraction) -> bool:

@@ -22,7 +22,10 @@ def _builder(name: str, implementation: str) -> Callable[..., Any]:
     refuse_unknown([implementation], IMPLEMENTATIONS, 'implementation')
     builder: Callable[..., Any] = import_module(f'{__name__}.{name}').build
     if implementation == 'filterpy':
-        peers = import_module(f'{__name__}.peers').BUILDERS
+        try:
+            peers = import_module(f'{__name__}.peers').BUILDERS
+        except ModuleNotFoundError:
+            raise ValueError('implementation: filterpy is not installed') from None
         refuse_unknown([name], peers, 'filter of filterpy')
         builder = peers[name]
     return builder

@@ -106,7 +106,15 @@ class GaussianSumFilter:
         return Correction(mixture, correction.innovation, correction.innovation_covariance)
 
     def _mixture(self, weights: Array, parts: Sequence[Gaussian]) -> Mixture:
-        """Return the parts that are likely enough, with weights of sum 1."""
+        """Return the parts that are likely enough, with weights of sum 1.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If none is, for what they foresaw is not finite.
+        """
+        if not weights.sum() > 0.0:
+            raise np.linalg.LinAlgError('no hypothesis is left')
         kept = np.flatnonzero(weights >= _LEAST_WEIGHT * weights.sum())
         weights = weights[kept]
         return Mixture(weights / weights.sum(), [parts[k] for k in kept.tolist()], self._space)

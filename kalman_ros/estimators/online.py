@@ -15,6 +15,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Mapping
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -38,14 +39,22 @@ class _State(NamedTuple):
 
 
 class _Item:
-    """A reading, or an input (``sensor`` None), and where it left the estimator."""
+    """A reading, or an input (``sensor`` None), and where it left the estimator.
 
-    __slots__ = ('after', 'correction', 'key', 'outcome', 'restarted', 'sensor', 'value')
+    It keeps the filter that there was when it came, as it does the sensor.
+    """
 
-    def __init__(self, key: tuple[int, int], value: Array, sensor: Sensor | None) -> None:
+    __slots__ = (
+        'after', 'correction', 'filter', 'key', 'outcome', 'restarted', 'sensor', 'value'
+    )  # fmt: skip
+
+    def __init__(
+        self, key: tuple[int, int], value: Array, sensor: Sensor | None, filter: Filter
+    ) -> None:
         self.key = key
         self.value = value
         self.sensor = sensor
+        self.filter = filter
         self.outcome = Outcome.FUSED
         self.restarted = False
         self.correction: Correction | None = None
@@ -124,7 +133,9 @@ class OnlineEstimator:
     def predicted(self, time: int) -> Gaussian:
         """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
         head = self._head
-        return head.belief if head.time is None else self._sound(self._prior(head, time))
+        if head.time is None:
+            return head.belief
+        return self._predict(head, time, self._filter)
 
     def add_input(self, time: int, u: Array, now: int | None = None) -> Outcome:
         """Take the input that is in effect from ``time`` on; of one stamp, the last one counts.
@@ -138,7 +149,7 @@ class OnlineEstimator:
             return Outcome.WRONG_SIZE
         if not is_finite(u):
             return Outcome.NOT_FINITE
-        return self._insert(_Item((time, len(self._order)), u, None))
+        return self._insert(_Item((time, len(self._order)), u, None, self._filter))
 
     def add_reading(
         self,
@@ -172,7 +183,7 @@ class OnlineEstimator:
                 return Outcome.BAD_COVARIANCE, None
         if now is not None and self._is_future(time, now):
             return Outcome.FUTURE, None
-        item = _Item((time, self._order[name]), y, sensor)
+        item = _Item((time, self._order[name]), y, sensor, self._filter)
         outcome = self._insert(item)
         if outcome is not Outcome.TOO_OLD:
             self._old_in_a_row = 0
@@ -203,26 +214,27 @@ class OnlineEstimator:
         items = self._items
         if items and item.key <= items[-1].key:
             return self._insert_late(item)
+        self._process(item, items[-1].after if items else self._base)
         items.append(item)
-        self._process(item, items[-2].after if len(items) > 1 else self._base)
         self._forget()
         return item.outcome
 
     def _insert_late(self, item: _Item) -> Outcome:
-        items = self._items
-        if item.key[0] < items[-1].key[0] - self._window:
+        items, time, base = self._items, item.key[0], self._base.time
+        # before the base there may be nothing though the window has become wider
+        if time < items[-1].key[0] - self._window or (base is not None and time < base):
             return Outcome.TOO_OLD
         index = bisect_left(items, item.key, key=lambda other: other.key)
         if items[index].key == item.key:
             if item.sensor is not None or np.array_equal(items[index].value, item.value):
                 return Outcome.DUPLICATE
             del items[index]
+        state = self._process(item, items[index - 1].after if index else self._base)
         items.insert(index, item)
-        state = items[index - 1].after if index else self._base
-        for other in items[index:]:
+        for other in items[index + 1 :]:
             before = other.outcome
             state = self._process(other, state)
-            if other is not item and other.outcome is not before:
+            if other.outcome is not before:
                 counts = self.counts[self._names[other.key[1]]]
                 counts[before] -= 1
                 counts[other.outcome] += 1
@@ -239,72 +251,57 @@ class OnlineEstimator:
             self._base = items[gone - 1].after
             del items[:gone]
 
-    def _prior(self, state: _State, time: int) -> Gaussian:
-        """Return what is believed of ``time``, which may be unsound.
-
-        It is the initial belief if the old is worth nothing by then.
-        """
+    def _predict(self, state: _State, time: int, filter: Filter) -> Gaussian:
+        """Return the belief at ``time``: the initial one if the old is worth nothing by then."""
         if state.time is None or time == state.time:
             return state.belief
         if self._max_gap and time - state.time > self._max_gap:
             return self._initial
         try:
-            return self._filter.predict(state.belief, state.u, (time - state.time) * 1e-9)
-        except np.linalg.LinAlgError:
-            return self._initial
-
-    def _sound(self, prior: Gaussian) -> Gaussian:
-        """Return the belief itself if it may be kept, the initial one if not."""
-        try:
-            return _committed(prior)
+            return _committed(filter.predict(state.belief, state.u, (time - state.time) * 1e-9))
         except np.linalg.LinAlgError:
             return self._initial
 
     def _process(self, item: _Item, state: _State) -> _State:
         """Bring ``state`` to the item's time and take the item in."""
         time, order = item.key
-        prior = self._prior(state, time)
-        u, rejections, posterior = state.u, state.rejections, None
-        if item.sensor is None:
-            u = item.value
-        else:
-            posterior = self._posterior(prior, item, state)
-            streak = rejections[order] + 1 if item.outcome is Outcome.REJECTED else 0
-            if streak != rejections[order]:
-                rejections = (*rejections[:order], streak, *rejections[order + 1 :])
-        belief = self._sound(prior) if posterior is None else posterior
-        anew = prior is self._initial or belief is self._initial
-        if anew and state.time not in (None, time) and not item.restarted:
+        belief = self._predict(state, time, item.filter)
+        if belief is self._initial and state.time not in (None, time) and not item.restarted:
             item.restarted = True
             self.restarts += 1
-        item.after = _State(time, belief, u, rejections)
-        return item.after
-
-    def _posterior(self, prior: Gaussian, item: _Item, state: _State) -> Gaussian | None:
-        """Return the belief with a reading, None if it leaves that as it was."""
-        assert item.sensor is not None
+        if item.sensor is None:
+            item.after = _State(time, belief, item.value, state.rejections)
+            return item.after
+        streak = state.rejections[order]
         try:
-            if state.time is None and self._policy.from_reading:
-                prior = _at_its_word(prior, item.value, item.sensor)
-            streak = state.rejections[item.key[1]]
-            item.outcome, item.correction = self._correct(prior, item, streak)
-            return _committed(item.correction.posterior) if item.outcome.accepted else None
+            first = state.time is None and self._policy.from_reading
+            start = _at_its_word(belief, item.value, item.sensor) if first else belief
+            item.outcome, item.correction = self._correct(start, item, streak)
+            if item.outcome.accepted:
+                belief = _committed(item.correction.posterior)
         except np.linalg.LinAlgError:
             item.outcome, item.correction = Outcome.INDEFINITE, None
-            return None
+        rejections = state.rejections
+        streak = streak + 1 if item.outcome is Outcome.REJECTED else 0
+        if streak != rejections[order]:
+            rejections = (*rejections[:order], streak, *rejections[order + 1 :])
+        item.after = _State(time, belief, state.u, rejections)
+        return item.after
 
     def _correct(self, belief: Gaussian, item: _Item, streak: int) -> tuple[Outcome, Correction]:
         """Correct by a reading, or reject it; after too many rejections, make it pass."""
         assert item.sensor is not None
-        correction = self._filter.correct(belief, item.value, item.sensor)
+        correction = item.filter.correct(belief, item.value, item.sensor)
         gate = self._gates.get(item.key[1])
         if gate is None or correction.nis <= gate:
             return Outcome.FUSED, correction
+        if not isfinite(correction.nis):
+            raise np.linalg.LinAlgError('the innovation is not finite')
         if not self._policy.recover_after or streak + 1 < self._policy.recover_after:
             return Outcome.REJECTED, correction
         for _ in range(_MOST_WIDENINGS):
             belief = belief._replace(covariance=4.0 * belief.covariance)
-            correction = self._filter.correct(belief, item.value, item.sensor)
+            correction = item.filter.correct(belief, item.value, item.sensor)
             if correction.nis <= gate:
                 return Outcome.RECOVERED, correction
         return Outcome.REJECTED, correction

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from filterpy.kalman import (
@@ -20,11 +21,26 @@ from .correction import Correction
 from .filter import Plan, linear_system
 from .ukf import Alpha, Beta, Kappa
 
+R = TypeVar('R')
 
-def _correction(peer: Any, y: Array, innovation: Array, repairs: int) -> Correction:
+
+def _correction(peer: Any, innovation: Array, repairs: int) -> Correction:
     S = np.asarray(peer.S, dtype=float)
     posterior = Gaussian(np.array(peer.x, dtype=float), symmetric(np.array(peer.P)), repairs)
     return Correction(posterior, innovation, S)
+
+
+def _sound(method: Callable[..., R]) -> Callable[..., R]:
+    """Have a method say of numbers that are not finite what numpy says of them."""
+
+    @wraps(method)
+    def sound(*arguments: Any) -> R:
+        try:
+            return method(*arguments)
+        except ValueError as error:
+            raise np.linalg.LinAlgError(str(error)) from None
+
+    return sound
 
 
 class _Linearised:
@@ -39,6 +55,7 @@ class _Linearised:
         peer.x, peer.P = belief.mean.copy(), belief.covariance.copy()
         return peer
 
+    @_sound
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Let filterpy predict."""
         step = self._model.transition(belief.mean, u, dt)
@@ -51,6 +68,7 @@ class _Linearised:
             mean = self._model.step(belief.mean, u, dt)
         return Gaussian(mean, symmetric(np.array(peer.P)), belief.repairs)
 
+    @_sound
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Let filterpy update."""
         x, space = belief.mean, sensor.output
@@ -63,7 +81,7 @@ class _Linearised:
         else:
             peer.update(y, sensor.jacobian, sensor.measure, residual=space.subtract)
         peer.x = self._model.state.wrap(peer.x)
-        return _correction(peer, y, innovation, belief.repairs)
+        return _correction(peer, innovation, belief.repairs)
 
 
 class _Unscented:
@@ -91,6 +109,7 @@ class _Unscented:
         peer.x, peer.P = belief.mean.copy(), belief.covariance.copy()
         return peer
 
+    @_sound
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Let filterpy predict."""
         peer = self._peer(belief, None)
@@ -98,6 +117,7 @@ class _Unscented:
         peer.predict(dt=dt, fx=lambda x, dt: self._model.step(x, u, dt))
         return Gaussian(np.array(peer.x), symmetric(np.array(peer.P)), belief.repairs)
 
+    @_sound
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Let filterpy update."""
         peer = self._peer(belief, sensor)
@@ -105,7 +125,7 @@ class _Unscented:
         peer.sigmas_f = self._points.sigma_points(peer.x, peer.P)
         peer.update(y)
         peer.x = self._model.state.wrap(peer.x)
-        return _correction(peer, y, np.asarray(peer.y), belief.repairs)
+        return _correction(peer, np.asarray(peer.y), belief.repairs)
 
 
 def _kf(plan: Plan) -> _Linearised:

@@ -111,6 +111,11 @@ class Run:
         self.close()
 
     @property
+    def names(self) -> Sequence[str]:
+        """The nodes that take part."""
+        return self._cast.names
+
+    @property
     def domain(self) -> int:
         """The ROS domain that the nodes run in."""
         return self._station.domain
@@ -140,10 +145,11 @@ class Run:
 
     def kill(self, name: str, number: int = 9) -> None:
         """Send a signal to a node, SIGKILL unless told otherwise, and wait for its end."""
-        process = self.processes.pop(name)
+        process = self.processes[name]
         process.signal(number)
         if not process.wait(10.0):
             raise NodeError(f'the {name} did not end within 10 s of signal {number}')
+        del self.processes[name]
 
     def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
         """Take in what comes for so long, and see whether every node is still there.

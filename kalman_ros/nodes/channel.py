@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
 from kalman_ros.codecs.layout import Sample
@@ -75,8 +76,9 @@ class SensorChannel(Channel):
 
     def publish(self, time: int, correction: Correction) -> None:
         """Publish the innovation of the reading taken at ``time``."""
-        self.nis.add(correction.nis)
-        self._publish(time, correction)
+        if isfinite(correction.nis):
+            self.nis.add(correction.nis)
+            self._publish(time, correction)
 
     def silent(self, source: SensorSource) -> bool:
         """Tell whether no reading has come for longer than can be by chance."""

@@ -48,7 +48,7 @@ class ControllerNode(runtime.ScenarioNode):
         self._regulator = Regulator(
             model.state, feedback(scenario), model.equilibrium, _limits(scenario, options)
         )
-        self._trust = _trust(scenario, options)
+        self._trust = Trust(model.state, *_trusted(scenario, options))
         self._enabled = options.enabled
         #: Whether the input was let go, and answers are to go on from where it is.
         self._released = False
@@ -197,11 +197,11 @@ class ControllerNode(runtime.ScenarioNode):
     def prepare(self, scenario: Scenario, options: ControllerOptions) -> Callable[[], None]:
         """Design the gains again, for other weights, poles, limits or another model."""
         found, limits = feedback(scenario), _limits(scenario, options)
-        equilibria, trust = tracking(scenario), _trust(scenario, options)
+        equilibria, trusted = tracking(scenario), _trusted(scenario, options)
 
         def apply() -> None:
             self._regulator.adopt(found, limits)
-            self._trust = trust
+            self._trust.adopt(*trusted)
             self._reference.equilibria = equilibria
 
         return apply
@@ -223,10 +223,11 @@ class ControllerNode(runtime.ScenarioNode):
             'gain': np.array2string(gains.gain, precision=4),
             'poles': np.array2string(gains.poles, precision=4),
         }
+        zero = 'the force goes to zero' if self._force.any() else 'the force is zero'
         if self._fault:
-            return Level.ERROR, f'{self._fault}: the force is zero', values
+            return Level.ERROR, f'{self._fault}: {zero}', values
         if not self._enabled:
-            return Level.WARN, 'disabled: the force is zero', values
+            return Level.WARN, f'disabled: {zero}', values
         if not self._answered:
             return Level.WARN, f'no {self.scenario.state.topic} has come', values
         return Level.OK, 'running', values
@@ -239,12 +240,13 @@ def _limits(scenario: Scenario, options: ControllerOptions) -> Limits:
     return Limits(magnitude, rate, options.transition_time)
 
 
-def _trust(scenario: Scenario, options: ControllerOptions) -> Trust:
-    space = scenario.model.state
-    most = one_each('max_std', options.max_std, space.size)
+def _trusted(scenario: Scenario, options: ControllerOptions) -> tuple[float, Array, Array]:
+    """Return which estimates may be acted upon, as `Trust` takes it."""
+    most = one_each('max_std', options.max_std, scenario.model.state.size)
     if options.resume not in ('auto', 'enable'):
         raise ValueError(f"resume: expected auto or enable, got '{options.resume}'")
-    return Trust(space, options.estimate_timeout, most)
+    prior = scenario.initial_belief.covariance.diagonal()
+    return options.estimate_timeout, most, prior
 
 
 def main() -> None:

@@ -75,4 +75,5 @@ class InnovationPublisher:
         if self._publisher.get_subscription_count():
             std = np.sqrt(correction.innovation_covariance.diagonal())
             values = np.concatenate((correction.innovation, std, (correction.nis,)))
-            self._publisher.publish(self._write(time, values))
+            if np.isfinite(values).all():
+                self._publisher.publish(self._write(time, values))

@@ -83,7 +83,7 @@ class EstimatorNode(runtime.ScenarioNode):
         What was believed before is of no use: nobody told it which inputs there were meanwhile.
         """
         scenario, options = self.scenario, self.options
-        self._online.reset(scenario.initial_belief)
+        self._start_anew(scenario.initial_belief)
         self._told = -1
         subscribe = partial(self.create_subscription, raw=True)
         callback: Callable[..., None]
@@ -290,12 +290,14 @@ class EstimatorNode(runtime.ScenarioNode):
         self._judge_anew()
 
     def _judge_anew(self) -> None:
+        self._judged = self._online.restarts
         for channel in self._channels.values():
             channel.start_anew()
 
     def prepare(self, scenario: Scenario, options: EstimatorOptions) -> Callable[[], None]:
         """Change the model's parameters, noise or gates; the belief stays."""
         found = fusion(scenario, options, self.extra)
+        observability(scenario)  # what no filter can follow is refused
 
         def apply() -> None:
             self._online.configure(found.filter, found.sensors, found.policy)
@@ -305,6 +307,8 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def report(self) -> Report:
         """Return what became of the readings, and whether they scatter as expected."""
+        if self._online.restarts != self._judged:  # by itself, after a gap for one
+            self._judge_anew()
         values: dict[str, Any] = {}
         for name, counts in self._online.counts.items():
             values.update(self._channels[name].report(counts))

@@ -7,7 +7,7 @@ import numpy as np
 
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
-from kalman_ros.core import Gaussian, Signal, semidefinite
+from kalman_ros.core import Gaussian, Signal, is_finite, semidefinite
 from kalman_ros.simulation.scenario import Scenario
 
 _TYPE = 'geometry_msgs/PoseWithCovarianceStamped'
@@ -39,7 +39,7 @@ class PoseReader:
         if not self._own:
             raise ValueError('the state of this model has no pose')
         _, values, covariance = self._read(data)
-        if not np.isfinite(values).all():
+        if not is_finite(values):
             raise ValueError('expected finite numbers')
         k = len(self._own)
         R = semidefinite('covariance', covariance, k, definite=True)  # type: ignore[arg-type]

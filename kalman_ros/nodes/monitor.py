@@ -39,7 +39,7 @@ class MonitorNode(runtime.ScenarioNode):
         """Begin to compare, and listen."""
         scenario = self.scenario
         self._warn = Throttle(self.get_logger().warning)
-        self._comparison = self._fresh_comparison(scenario, self.options)
+        self._compare_anew(*self._fresh(scenario, self.options))
         estimate, n = scenario.state.topic, scenario.model.state.size
         matrix = tuple(f'data[{index}]' for index in range(n * n))
         whole = Signal(f'{estimate}/covariance', 'std_msgs/Float64MultiArray', matrix)
@@ -48,21 +48,26 @@ class MonitorNode(runtime.ScenarioNode):
         if scenario.input.fields:
             self._watch(scenario.input, self._on_input)
         self._whole = self._watch(whole, self._on_covariance)
-        self._pairing = Pairing()
-        self._nis: dict[str, ChiSquareWindow] = {}
         for name, source in scenario.sensors.items():
-            k = source.sensor.output.size
-            self._nis[name] = ChiSquareWindow(k, self.options.monitor_window)
             self._watch(source.signal, partial(self._on_reading, name))
             nis = named(Signal(f'{estimate}/innovation/{name}', '', ()), ('nis',))
             self._watch(nis, partial(self._on_nis, name))
         self.look_every(_PERIOD)
 
-    def _fresh_comparison(self, scenario: Scenario, options: MonitorOptions) -> Comparison:
+    @staticmethod
+    def _fresh(
+        scenario: Scenario, options: MonitorOptions
+    ) -> tuple[Comparison, dict[str, ChiSquareWindow]]:
         sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-        return Comparison(
-            scenario.model.state, sensors, price(scenario).weight, options.monitor_window
-        )
+        length = options.monitor_window
+        comparison = Comparison(scenario.model.state, sensors, price(scenario).weight, length)
+        nis = {
+            name: ChiSquareWindow(sensor.output.size, length) for name, sensor in sensors.items()
+        }
+        return comparison, nis
+
+    def _compare_anew(self, comparison: Comparison, nis: dict[str, ChiSquareWindow]) -> None:
+        self._comparison, self._nis, self._pairing = comparison, nis, Pairing()
 
     def _watch(self, signal: Signal, take: Callable[[Sample], None]) -> Any:
         """Subscribe to a signal; messages that cannot be read are passed over."""
@@ -110,12 +115,7 @@ class MonitorNode(runtime.ScenarioNode):
 
     def prepare(self, scenario: Scenario, options: MonitorOptions) -> Callable[[], None]:
         """Start to compare anew, with the changed model, noise or costs."""
-        comparison = self._fresh_comparison(scenario, options)
-
-        def apply() -> None:
-            self._comparison = comparison
-
-        return apply
+        return partial(self._compare_anew, *self._fresh(scenario, options))
 
     def report(self) -> Report:
         """Return errors, consistency and cost, and what is outside its bounds."""

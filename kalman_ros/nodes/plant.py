@@ -45,7 +45,7 @@ class PlantNode(runtime.ScenarioNode):
         self._links = Links(options.seed)
         self._restart()
         self._zero: Array = np.zeros(self.scenario.model.input.size)
-        self._forces = self._bad_forces = 0
+        self._forces = self._bad_inputs = 0
         self._sensors = {
             name: self._publisher(source.signal) for name, source in self.scenario.sensors.items()
         }
@@ -211,7 +211,7 @@ class PlantNode(runtime.ScenarioNode):
                 return sample
         except LookupError:
             pass
-        self._bad_forces += 1
+        self._bad_inputs += 1
         return None
 
     def _on_reset(self, _: Any, response: Any) -> Any:
@@ -239,7 +239,7 @@ class PlantNode(runtime.ScenarioNode):
             'simulated seconds': self.elapsed,
             'missed steps': self._pacer.missed,
             'forces heard': self._forces,
-            'forces not finite': self._bad_forces,
+            'inputs refused': self._bad_inputs,
         }
         values.update({f'{name}: readings': count for name, count in self._links.arrived.items()})
         faults = ', '.join((*self._links.faults, *self._plant.faults.on))

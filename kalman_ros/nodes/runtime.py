@@ -139,14 +139,16 @@ def main(build: Callable[[], Node]) -> None:
         if not reason(error):
             raise
         sys.exit(f'{_program()}: {reason(error)}')
-    if wants_help(sys.argv[1:]):
-        print(usage(node))
-    else:
-        _spin(node, came)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-    node.destroy_node()
-    rclpy.try_shutdown()
+    try:
+        if wants_help(sys.argv[1:]):
+            print(usage(node))
+        else:
+            _spin(node, came)
+    finally:  # a model of a user's own may raise anything; the force goes to zero all the same
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        node.destroy_node()
+        rclpy.try_shutdown()
 
 
 def _spin(node: Node, signals: list[int]) -> None:
@@ -154,10 +156,12 @@ def _spin(node: Node, signals: list[int]) -> None:
     executor = EventsExecutor()
     executor.add_node(node)
     never = Future()
-    while not signals:
-        # spin() of this executor neither waits properly nor notices signals; see its issues
-        executor.spin_until_future_complete(never, _PATIENCE)
-    executor.shutdown()
+    try:
+        while not signals:
+            # spin() of this executor neither waits properly nor notices signals; see its issues
+            executor.spin_until_future_complete(never, _PATIENCE)
+    finally:
+        executor.shutdown()
 
 
 def _program() -> str:

@@ -9,6 +9,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.validate_topic_name import validate_topic_name
 
+from kalman_ros.codecs.messages import message_type
 from kalman_ros.core import Signal
 from kalman_ros.simulation.scenario import Scenario
 
@@ -37,7 +38,7 @@ def on_topic(signal: Signal, topic: str) -> Signal:
 
 
 def check(scenario: Scenario) -> None:
-    """Raise ValueError if a topic of a scenario cannot be one."""
+    """Raise ValueError if a topic of a scenario cannot be one, or a state would have no stamp."""
     sensors = {name: source.signal for name, source in scenario.sensors.items()}
     for name, signal in {'state': scenario.state, 'input': scenario.input, **sensors}.items():
         try:
@@ -45,3 +46,6 @@ def check(scenario: Scenario) -> None:
         except InvalidTopicNameException:
             expected = 'expected the name of a topic'
             raise ValueError(f"{name}.topic: {expected}, got '{signal.topic}'") from None
+    if not hasattr(message_type(scenario.state.type), 'header'):
+        expected = f"expected a message with a header, got '{scenario.state.type}'"
+        raise ValueError(f'state.type: {expected}, which says no time')

@@ -20,17 +20,23 @@ class Trust:
         Seconds by which an estimate may be old; 0 for any.
     most
         The largest standard deviation of each state (n,); infinite for any.
+    prior
+        The variance of each state (n,) with which an estimator starts.
     """
 
-    def __init__(self, space: Space, timeout: float, most: Array) -> None:
-        self._space, self._most = space, most
-        self.timeout = timeout
+    def __init__(self, space: Space, timeout: float, most: Array, prior: Array) -> None:
+        self._space = space
+        self.adopt(timeout, most, prior)
         self.forget()
+
+    def adopt(self, timeout: float, most: Array, prior: Array) -> None:
+        """Use other limits from now on."""
+        self._timeout, self._most, self._prior = timeout, most, prior
 
     def forget(self) -> None:
         """Compare the next estimate with none before it."""
         self._last: int | None = None
-        self._first_variances: Array | None = None
+        self._first: Array | None = None
         self._variances: Array = np.empty(0)
 
     def reason(self, estimate: Sample, now: int | None) -> str:
@@ -47,23 +53,24 @@ class Trust:
             self.forget()
             self._last = time
             return f'the time of the estimate went back by {(last - time) * 1e-9:.3g} s'
-        if time is not None and now is not None and self.timeout:
+        if time is not None and now is not None and self._timeout:
             age = (now - time) * 1e-9
-            if age > self.timeout:
+            if age > self._timeout:
                 return f'the estimate is {age:.3g} s old'
-            if age < -self.timeout:
+            if age < -self._timeout:
                 return f'the estimate is {-age:.3g} s ahead of the clock'
         P = estimate.covariance
         return '' if P is None else self._restart(P.diagonal()) or self._doubt(P)
 
     def _restart(self, variances: Array) -> str:
         """Tell whether what was known well is known no better than at first, all at once."""
-        first, before = self._first_variances, self._variances
-        self._variances = variances
-        if first is None:
-            self._first_variances = variances
+        before, self._variances = self._variances, variances
+        if self._first is None:
+            self._first = variances
             return ''
-        lost = (variances > 0.5 * first) & (before < 0.01 * first)
+        # at first: before any reading, and as it was when this one came to know it
+        first = np.array([self._prior, self._first])
+        lost = np.any((variances > 0.5 * first) & (before < 0.01 * first), axis=0)
         names = [name for name, is_lost in zip(self._space.names, lost.tolist()) if is_lost]
         return (
             f'the estimator started anew: {names[0]} is as uncertain as at first' if names else ''

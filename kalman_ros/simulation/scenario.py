@@ -280,12 +280,14 @@ def build(values: Mapping[str, Any]) -> Scenario:
     rate = full['rate']
     n, m = model.state.size, model.input.size
     mean = vector('initial_estimate', full['initial_estimate'], n)
+    sources = {
+        name: _source(name, _section(full, name), model, rate) for name in _names(full['sensors'])
+    }
+    for name, source in sources.items():
+        _check_shapes(name, source.sensor, mean)
     return Scenario(
         model=model,
-        sensors={
-            name: _source(name, _section(full, name), model, rate)
-            for name in _names(full['sensors'])
-        },
+        sensors=sources,
         state=_signal('state', _section(full, 'state'), n),
         input=_signal('input', _section(full, 'input'), m) if m else system.input,
         rate=rate,
@@ -322,6 +324,20 @@ def _source(name: str, section: dict[str, Any], model: Model, loop_rate: float) 
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
     return SensorSource(timed, signal, policy, reliable, gate, wrong)
+
+
+def _check_shapes(name: str, sensor: Sensor, x: Array) -> None:
+    """Raise ValueError if what a sensor returns for a state (n,) has not the right shape."""
+    k, n = sensor.output.size, x.size
+    for what, found, shape in (
+        ('covariance', sensor.covariance, (k, k)),
+        ('measure', sensor.measure(x), (k,)),
+        ('jacobian', sensor.jacobian(x), (k, n)),
+    ):
+        if np.shape(found) != shape:
+            raise ValueError(
+                f'{name}.kind: expected of its {what} the shape {shape}, got {np.shape(found)}'
+            )
 
 
 def _signal(name: str, section: Mapping[str, Any], size: int) -> Signal:

@@ -148,6 +148,11 @@ def test_an_explicit_covariance_path():
         ('geometry_msgs/PoseStamped', 'pose..x', 'expected a path such as'),
         ('geometry_msgs/PoseStamped', 'pose.position.x[hip]', 'needs a message with an array'),
         ('sensor_msgs/JointState', 'position', 'is not a number'),
+        ('sensor_msgs/JointState', 'name[0]', 'is not in an array of numbers'),
+        ('sensor_msgs/MultiDOFJointState', 'twist[0]', 'is not in an array of numbers'),
+        ('sensor_msgs/Imu', 'orientation_covariance[9]', 'is beyond the end of 9 numbers'),
+        ('shape_msgs/SolidPrimitive', 'dimensions[3]', 'is beyond the end of 3 numbers'),
+        ('std_msgs/ByteMultiArray', 'data[0]', 'is not in an array of numbers'),
         ('geometry_msgs/Nothing', 'x', "has no message 'Nothing'"),
         ('nowhere_msgs/Thing', 'x', "'nowhere_msgs' is not installed"),
         ('Pose', 'x', "expected 'package/Name', got 'Pose'"),
@@ -158,6 +163,30 @@ def test_a_wrong_signal_says_what_and_where(type_, field, says):
     with pytest.raises(ValueError, match=says) as error:
         SignalCodec(Signal('somewhere', type_, (field,)))
     assert "signal 'somewhere'" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ('type_', 'field', 'value', 'read'),
+    [
+        ('std_msgs/Int32', 'data', 2.6, 3.0),
+        ('std_msgs/Int8', 'data', 1e9, 127.0),
+        ('std_msgs/UInt16', 'data', -3.0, 0.0),
+        ('std_msgs/UInt64', 'data', np.nan, 0.0),
+        ('std_msgs/Int64', 'data', np.inf, 2.0**63),
+        ('std_msgs/Bool', 'data', 0.7, 1.0),
+        ('std_msgs/Float32', 'data', 0.5, 0.5),
+        ('std_msgs/Int32MultiArray', 'data[2]', -7.4, -7.0),
+        ('std_msgs/UInt8MultiArray', 'data[0]', 300.0, 255.0),
+        ('std_msgs/Float32MultiArray', 'data[1]', 0.25, 0.25),
+    ],
+)
+def test_whole_numbers_are_written_as_the_nearest(type_, field, value, read):
+    codec = SignalCodec(Signal('somewhere', type_, (field,)))
+    raw = over_the_wire(codec, 0, [value])
+    np.testing.assert_array_equal(WireReader(codec)(raw).values, [read])
+    written = WireWriter(codec)(0, np.array([value]))
+    if not isinstance(written, bytes):
+        np.testing.assert_array_equal(codec.decode(written), [read])
 
 
 def test_named_values():

@@ -123,3 +123,14 @@ def test_every_law_has_options_that_explain_themselves():
         law('lqi', tracked=['v'])
     with pytest.raises(ValueError, match='regulator_poles'):
         law('placement', regulator_poles=[1.0])
+
+
+@pytest.mark.parametrize('dt', [0.0, DT])
+def test_one_input_may_be_limited_and_another_not(dt):
+    gains = Feedback(np.eye(2), np.empty((2, 0)), (), np.array([0.9, 0.9]))
+    space = Space(('x', 'y'), ('m', 'm'))
+    limits = Limits(np.array([np.inf, np.inf]), np.array([10.0, np.inf]))
+    held = Regulator(space, gains, (np.zeros(2), np.zeros(2)), limits)
+    held.answer(np.array([1.0, 1.0]), 0.0)
+    np.testing.assert_allclose(held.answer(np.array([3.0, 3.0]), dt), [-1.0 - 10.0 * dt, -3.0])
+    np.testing.assert_allclose(held.release(dt), [-1.0, 0.0])

@@ -14,8 +14,8 @@ SECOND = 1_000_000_000
 SPACE = Space(('x', 'v'), ('m', 'm/s'))
 
 
-def trust(timeout=0.5, most=(1.0, 2.0)):
-    return Trust(SPACE, timeout, np.array(most))
+def trust(timeout=0.5, most=(1.0, 2.0), prior=(np.inf, np.inf)):
+    return Trust(SPACE, timeout, np.array(most), np.array(prior))
 
 
 def estimate(time=10 * SECOND, x=(0.0, 0.0), P=((0.5, -0.3), (-0.3, 0.5))):
@@ -62,6 +62,21 @@ def test_an_estimator_that_started_anew_is_told_once():
         assert watch.reason(estimate(P=P), None) == ''
     assert 'started anew: x is as uncertain as at first' in watch.reason(estimate(P=unsure), None)
     assert watch.reason(estimate(P=unsure), None) == ''
+
+
+def test_a_new_start_is_told_by_what_an_estimator_starts_with_too():
+    """One that was sure before the controller began to listen may start anew."""
+    watch = trust(most=(np.inf, np.inf), prior=(1.0, 2.0))
+    assert watch.reason(estimate(P=1e-4 * np.eye(2)), None) == ''
+    assert 'anew: v is' in watch.reason(estimate(P=np.diag([1e-4, 2.0])), None)
+
+
+def test_other_limits_leave_what_is_known_of_the_estimator():
+    watch = trust()
+    assert watch.reason(estimate(P=np.eye(2)), None) == ''
+    assert watch.reason(estimate(P=1e-3 * np.eye(2)), None) == ''
+    watch.adopt(1.0, np.array([3.0, 3.0]), np.array([np.inf, np.inf]))
+    assert watch.reason(estimate(P=2.0 * np.eye(2)), None) != ''
 
 
 def test_what_grows_slowly_or_from_little_is_no_new_start():

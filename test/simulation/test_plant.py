@@ -46,9 +46,11 @@ def test_all_rates_repeat_after_their_period():
         assert first == [is_due(step, share) for step in range(p + 1, 2 * p + 1)]
 
 
-def test_a_sensor_faster_than_the_loop_is_refused():
-    with pytest.raises(ValueError, match='rate: expected more than 0 and at most 100 Hz, got 200'):
-        ratio(200.0, 100.0)
+@pytest.mark.parametrize('rate', [200.0, 0.004])
+def test_a_sensor_faster_than_the_loop_or_hardly_ever_is_refused(rate):
+    with pytest.raises(ValueError, match=f'rate: expected 0.01 to 100 Hz, got {rate:g}'):
+        ratio(rate, 100.0)
+    assert ratio(0.01, 100.0) == Fraction(1, 10_000)
 
 
 def test_a_seed_reproduces_and_another_does_not():

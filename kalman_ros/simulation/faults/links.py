@@ -63,6 +63,8 @@ class Link:
             elif settings != self._settings.get(kind):
                 self._settings[kind] = settings
                 self._faults[kind] = build_with(kind, settings).of(timed, self._stream(kind))
+        for fault in self._faults.values():
+            fault.timed = timed  # of another noise or rate, maybe
 
     def _stream(self, kind: type[Fault]) -> np.random.Generator:
         name = f'fault {self._name} {kind.__name__}'

@@ -107,16 +107,13 @@ class Outliers(Fault):
         About('how far, in standard deviations of its noise; either way', '', 0.0, live=True),
     ] = 20.0
 
-    def begin(self) -> None:
-        """Reckon in the sensor's noise."""
-        self._size = self.outlier_size * np.sqrt(self.timed.sensor.covariance.diagonal())
-
     def __call__(self, reading: Reading) -> Reading:
         """Return it, or far off, each coordinate either way."""
-        signs = self.random.choice((-1.0, 1.0), self._size.size)
+        std = np.sqrt(self.timed.sensor.covariance.diagonal())
+        signs = self.random.choice((-1.0, 1.0), std.size)
         if not self.happens(self.outliers):
             return reading
-        return reading._replace(values=reading.values + signs * self._size)
+        return reading._replace(values=reading.values + signs * self.outlier_size * std)
 
 
 @dataclass
