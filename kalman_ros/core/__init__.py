@@ -14,7 +14,7 @@ from .arrays import (
     variances,
     vector,
 )
-from .discretize import Discretization, exponential, van_loan, zero_order_hold
+from .discretize import Discretization, van_loan, zero_order_hold
 from .errors import DesignError
 from .gaussian import Gaussian
 from .linear_system import LinearSystem, linearize
@@ -46,7 +46,6 @@ __all__ = [
     'Transition',
     'Value',
     'build_with',
-    'exponential',
     'find',
     'identity',
     'is_due',

@@ -70,11 +70,6 @@ class Discretization:
         return F, G, symmetric(Q).T
 
 
-def exponential(A: Array) -> Array:
-    """Return the matrix exponential of ``A`` (n, n)."""
-    return zero_order_hold(A, np.zeros((len(A), 0)), 1.0)[0]
-
-
 def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
     """Return F (n, n) and G (n, m) of x(t + dt) = F x(t) + G u, with u held over the step."""
     F, G, _ = Discretization(A, B, np.zeros(A.shape))(dt)

@@ -60,7 +60,10 @@ class Trust:
             if age < -self._timeout:
                 return f'the estimate is {-age:.3g} s ahead of the clock'
         P = estimate.covariance
-        return '' if P is None else self._restart(P.diagonal()) or self._doubt(P)
+        if P is None:
+            return ''
+        started_anew = self._restart(P.diagonal())
+        return self._doubt(P) or started_anew
 
     def _restart(self, variances: Array) -> str:
         """Tell whether what was known well is known no better than at first, all at once."""

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, expm
 
 from kalman_ros.control.stability import modes
-from kalman_ros.core import exponential
 
 FREE = [[0.0, 1.0], [0.0, 0.0]]
 SWING = [[0.0, 2.0], [-2.0, 0.0]]
@@ -37,7 +36,7 @@ def fates(A, dt=None):
 )
 def test_fates(A, expected, dt):
     A = np.array(A, dtype=float)
-    assert fates(A if dt is None else exponential(A * dt), dt) == expected
+    assert fates(A if dt is None else expm(A * dt), dt) == expected
 
 
 @pytest.mark.parametrize('seed', range(10))
@@ -57,7 +56,7 @@ def test_a_jordan_block_is_found_in_any_coordinates(seed, size):
 def test_the_numbers_of_a_mode(dt):
     # x'' + 2 zeta w x' + w^2 x = 0 with w = 5, zeta = .2
     A = np.array([[0.0, 1.0], [-25.0, -2.0]])
-    (mode,) = modes(A if dt is None else exponential(A * dt), dt)
+    (mode,) = modes(A if dt is None else expm(A * dt), dt)
     np.testing.assert_allclose(mode.pole, complex(-1.0, np.sqrt(24.0)), rtol=1e-10)
     np.testing.assert_allclose(mode.time_constant, 1.0)
     np.testing.assert_allclose(mode.natural_frequency, 5.0)

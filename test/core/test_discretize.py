@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from kalman_ros.core import LinearSystem, Space, exponential, van_loan, zero_order_hold
+from kalman_ros.core import LinearSystem, Space, van_loan, zero_order_hold
 
 
 @pytest.mark.parametrize('scale', [1e-6, 0.1, 1.0, 30.0])
@@ -11,7 +11,11 @@ from kalman_ros.core import LinearSystem, Space, exponential, van_loan, zero_ord
 def test_exponential_equals_scipy(n, scale):
     A = scale * np.random.default_rng(n).normal(size=(n, n))
     expected = expm(A)
-    np.testing.assert_allclose(exponential(A), expected, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        zero_order_hold(A, np.zeros((len(A), 0)), 1.0)[0],
+        expected,
+        atol=1e-11 * np.abs(expected).max(),
+    )
 
 
 def test_zero_order_hold_of_a_double_integrator():
@@ -68,3 +72,9 @@ def test_noise_of_a_step_of_any_length_is_that_of_the_blocks_of_van_loan(dt):
 def test_the_noise_of_a_very_long_step_is_that_of_the_steady_state():
     A, W = np.array([[-5.0, 1.0], [0.0, -40.0]]), np.diag([0.1, 2.0])
     np.testing.assert_allclose(van_loan(A, W, 3600.0), solve_continuous_lyapunov(A, -W), rtol=1e-9)
+
+
+def test_a_model_that_changes_infinitely_fast_has_no_step():
+    A = np.array([[-1e308, 1e308], [1e308, -1e308]])
+    with np.errstate(over='ignore'), pytest.raises(np.linalg.LinAlgError, match='infinite'):
+        van_loan(A, np.eye(2), 1.0)

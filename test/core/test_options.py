@@ -13,6 +13,7 @@ def thing(
     on: bool = True,
     gains: tuple[float, ...] = (1.0, 2.0),
     words: tuple[str, ...] = ('a',),
+    pole: Annotated[float, About('of an error', '1/s', maximum=-0.1)] = -1.0,
 ):
     return size, count, name, on, gains, words
 
@@ -20,7 +21,7 @@ def thing(
 def test_options_are_the_keyword_arguments():
     options = {option.name: option for option in options_of(thing, 'thing.')}
     assert list(options) == [
-        f'thing.{n}' for n in ('size', 'count', 'name', 'on', 'gains', 'words')
+        f'thing.{n}' for n in ('size', 'count', 'name', 'on', 'gains', 'words', 'pole')
     ]
     assert options['thing.size'].description == 'its size [m]'
     assert options['thing.name'].description == 'name'
@@ -43,6 +44,7 @@ def test_whole_numbers_serve_as_numbers_and_an_item_as_a_list():
         ({'size': float('nan')}, 'size: expected at least 0 m, got nan'),
         ({'count': 2.5}, 'count: expected a whole number, got 2.5'),
         ({'count': 9}, 'count: expected 1 to 5, got 9'),
+        ({'pole': 4.0}, 'pole: expected at most -0.1 1/s, got 4'),
         ({'on': 1}, 'on: expected true or false, got 1'),
         ({'gains': ['a']}, "gains: expected a number, got 'a'"),
         ({'siez': 1.0}, "siez: unknown option; did you mean 'size'\\?"),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controller in the loop: laws, references, limits and changes while it runs."""
 
+import os
 import time
 
 import numpy as np
@@ -284,6 +285,58 @@ def test_after_a_fault_it_goes_on_from_where_the_force_is():
         # elsewhere by now: yet no bump
         assert abs(feed.answer(3.0)) < 0.2 * abs(steady)
         run.wait(lambda: feed.answer(3.0) < 2.0 * steady, 20.0, lambda: 'it does not come back')
+
+
+BREAKING = """
+from dataclasses import replace
+from functools import wraps
+
+from kalman_ros.core import LinearSystem
+from kalman_ros.models.mass_spring_damper_2d import SYSTEM
+
+
+class Breaking(LinearSystem):
+    def step(self, x, u, dt):
+        if x[0] > 5.0:
+            raise RuntimeError('out of range')
+        return super().step(x, u, dt)
+
+
+@wraps(SYSTEM.build)
+def build(**parameters):
+    model = SYSTEM.build(**parameters)
+    model.__class__ = Breaking
+    return model
+
+
+BREAKING = replace(SYSTEM, build=build)
+"""
+
+
+def test_a_model_that_raises_ends_the_controller_with_its_force_at_zero(monkeypatch, tmp_path):
+    (tmp_path / 'breaking.py').write_text(BREAKING)
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path), prepend=os.pathsep)
+    monkeypatch.syspath_prepend(tmp_path)
+    with alone(model='breaking:BREAKING', predict_latency=True) as run:
+        feed, process = Feed(run), run.processes['controller']
+        assert feed.answer(1.0, age=0.05) < -0.5
+        feed.send(9.0, age=0.05)
+        assert process.wait(10.0)
+        run._station.spin(0.5)
+        assert feed.forces[-1].wrench.force.x == 0.0
+        assert process.exit_code == 1
+        assert 'RuntimeError: out of range' in process.output()
+        run.processes.clear()
+
+
+def test_other_limits_do_not_make_it_forget_the_estimator():
+    with alone() as run:
+        feed = Feed(run)
+        feed.answer(1.0, variance=1.0)
+        assert feed.answer(1.0) < -1.0
+        run.set_parameter('state_cost', [9.0, 1.0, 9.0, 1.0], 'controller')
+        assert feed.answer(1.0) < -1.0
+        assert feed.answer(1.0, variance=1.0) == 0.0
 
 
 def test_an_estimator_that_started_anew_is_noticed():

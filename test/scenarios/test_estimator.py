@@ -78,6 +78,22 @@ def test_gates_and_noise_change_live_and_rejections_are_counted():
         feed.reported('position: readings', '4')
 
 
+def test_no_change_leaves_a_growing_mode_unseen():
+    speed = {
+        'kind': 'linear', 'C': [0.0, 1.0], 'noise': [0.1], 'rate': 20.0, 'topic': 'speed',
+        'type': 'sensor_msgs/JointState', 'fields': ['position[v]'],
+    }  # fmt: skip
+    overrides = {f'speed.{name}': value for name, value in speed.items()}
+    overrides |= {
+        'model_parameters.A': [0.5, 0.0, 0.0, -1.0], 'sensors': ['position', 'speed'],
+    }  # fmt: skip
+    with Run('linear', overrides, lockstep=False, nodes=('estimator',)) as run:
+        run.set_parameter('speed.enabled', False, 'estimator')
+        with pytest.raises(ValueError, match='no sensor sees the growing mode'):
+            run.set_parameter('position.enabled', False, 'estimator')
+        run.set_parameter('position.noise', [0.2], 'estimator')
+
+
 def test_initialpose_moves_the_belief_and_a_bad_one_does_not():
     with alone() as run:
         feed = Feed(run)

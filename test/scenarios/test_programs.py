@@ -62,6 +62,16 @@ MISTAKES = [
         'model_parameters.mass: expected at least',
     ),
     ('plant', ['--params-file', '/nowhere.yaml'], 'nowhere.yaml'),
+    (
+        'estimator',
+        [
+            '-p',
+            'state.type:=std_msgs/Float64MultiArray',
+            '-p',
+            "state.fields:=['data[0]', 'data[1]', 'data[2]', 'data[3]']",
+        ],
+        'state.type: expected a message with a header',
+    ),
 ]
 
 

@@ -122,6 +122,17 @@ def test_duplication():
     assert all(found[k][0] == found[k + 1][0] for k in twice)
 
 
+def test_a_fault_goes_with_the_noise_of_its_sensor():
+    links, settings = Links(0), {'outliers': 1.0, 'outlier_size': 10.0}
+    found = []
+    for time, noise in enumerate((0.1, 5.0)):
+        sensor = states.SENSOR(SPACE, [noise, noise], ('x', 'v'))
+        links.configure({'a': TimedSensor(sensor, 100.0)}, {'a': settings})
+        ((_, _, y),) = links(time, 0, {'a': np.zeros(2)})
+        found.append(np.abs(y))
+    np.testing.assert_allclose(found, [[1.0, 1.0], [50.0, 50.0]])
+
+
 def test_outliers_are_far_off_by_the_noise_of_each_coordinate_either_way():
     y = values_of(send({'outliers': 0.1, 'outlier_size': 30.0}))
     off = np.abs(y) > 0.0

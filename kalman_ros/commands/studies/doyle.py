@@ -52,14 +52,14 @@ def study(size: float = 1.0) -> Findings:
             trial(run, 'actuator_gain', 1.0 + share * (upper - 1.0), seconds)
             for share in (0.5, 1.5)
         )
-        found, trials = brink(run, 'actuator_gain', 1.0, 1.04, seconds)
+        found, _ = brink(run, 'actuator_gain', 1.0, 1.04, seconds)
     fates = float(inside.rate < 0.0 < outside.rate)
     checks += [
         # of the margin itself, beyond 1: the search stops within 0.3 %
         close('LQG: gain over topics', '', upper, found, 0.1 * (upper - 1.0)),
         close('stable half way to it, unstable half as far again', '', 1.0, fates, 0.0),
     ]
-    return Findings(checks, lambda path: _draw((inside, outside), (upper, found), trials, path))
+    return Findings(checks, lambda path: _draw((inside, outside), (upper, found), path))
 
 
 def system(
@@ -119,9 +119,7 @@ def _published() -> Check:
     return close('LQG: continuous gain margin, published', '', 1.05573, upper, 5e-6)
 
 
-def _draw(
-    sides: tuple[Trial, Trial], brinks: tuple[float, float], trials: list[Trial], path: Path
-) -> None:
+def _draw(sides: tuple[Trial, Trial], brinks: tuple[float, float], path: Path) -> None:
     from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, picture
 
     strengths: Array = np.asarray(np.geomspace(0.1, 1e4, 60), dtype=float)
