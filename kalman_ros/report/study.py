@@ -26,8 +26,9 @@ def study_table(results: Sequence[Result]) -> Table:
     a prediction and a correction.
     """
     table = Table(box=box.HORIZONTALS, show_edge=False, padding=(0, 1, 0, 0))
-    for column in ('uncertain at first by', 'filter'):
-        table.add_column(column, no_wrap=True)
+    # where it is narrow, words go on below; of a number no digit may be missing
+    table.add_column('uncertain at first by', overflow='fold')
+    table.add_column('filter', overflow='fold')
     for column in _COLUMNS:
         table.add_column(column, justify='right', no_wrap=True)
     case = None
