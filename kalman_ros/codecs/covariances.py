@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from kalman_ros.core import Array
 
-from .paths import ANGLES, Path, walk
+from .paths import ANGLES, Path, Way, walk
 
 _XYZ = ('x', 'y', 'z')
 
@@ -53,7 +53,7 @@ class Block:
     ``own`` are indices into the vector, ``rows`` into the array, ``size`` the array's width.
     """
 
-    way: tuple[str, ...]
+    way: Way
     own: tuple[int, ...]
     rows: tuple[int, ...]
     size: int
@@ -68,7 +68,7 @@ class Block:
         """
         numbers = np.asarray(walk(message, self.way), dtype=float).ravel()
         if numbers.size != self.size**2:
-            way = '.'.join(self.way)
+            way = '.'.join(map(str, self.way))
             raise ValueError(f'{way}: expected {self.size**2} numbers, got {numbers.size}')
         return numbers
 
@@ -91,14 +91,14 @@ def blocks(paths: Sequence[Path], sample: Any, explicit: str = '') -> tuple[Bloc
     """
     if explicit:
         everything = tuple(range(len(paths)))
-        way = tuple(explicit.split('.'))
+        way: Way = tuple(explicit.split('.'))
         if not _has_room(sample, way, len(paths)):
             kind, count = type(sample).__name__, len(paths) ** 2
             raise ValueError(
                 f"covariance: expected the path of {count} numbers in {kind}, got '{explicit}'"
             )
         return (Block(way, everything, everything, len(paths)),)
-    found: dict[tuple[str, ...], list[tuple[int, int, int]]] = {}
+    found: dict[Way, list[tuple[int, int, int]]] = {}
     for index, path in enumerate(paths):
         place = _carried(path, sample)
         if place is not None:
@@ -110,7 +110,7 @@ def blocks(paths: Sequence[Path], sample: Any, explicit: str = '') -> tuple[Bloc
     )
 
 
-def _has_room(sample: Any, way: tuple[str, ...], size: int) -> bool:
+def _has_room(sample: Any, way: Way, size: int) -> bool:
     """Tell whether a covariance of ``size`` rows has room at the end of ``way``."""
     try:
         found = walk(sample, way)
@@ -123,11 +123,11 @@ def _has_room(sample: Any, way: tuple[str, ...], size: int) -> bool:
     return isinstance(found, float) and size == 1
 
 
-def _carried(path: Path, sample: Any) -> tuple[tuple[str, ...], int, int] | None:
+def _carried(path: Path, sample: Any) -> tuple[Way, int, int] | None:
     """Return the covariance array that has a row for ``path``, the row, and the array's width."""
     for depth in range(len(path.way)):
         owner = walk(sample, path.way[:depth])
-        rest = '.'.join(path.way[depth:])
+        rest = '.'.join(map(str, path.way[depth:]))
         for attribute, rows in _CARRIED.get(type(owner).__name__, {}).items():
             if rest in rows:
                 return (*path.way[:depth], attribute), rows.index(rest), len(rows)

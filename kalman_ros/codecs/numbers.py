@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kinds of numbers that message fields hold, and how a real number becomes one of them."""
+"""What message fields are declared to hold, and how a real number becomes one of theirs."""
 
 from __future__ import annotations
 
@@ -28,6 +28,13 @@ def element_kind(declared: str) -> tuple[str, int | None]:
         return '', 0
     kind, most = match[1] or match[3], match[2] or match[4]
     return number_kind(kind), None if most is None else int(most)
+
+
+def message_kind(declared: str) -> str:
+    """Return the type of the messages in an array that is declared so; '' if it is none."""
+    match = _ARRAY.match(declared)
+    kind = '' if match is None else match[1] or match[3]
+    return kind if '/' in kind else ''
 
 
 def converter(kind: str) -> Callable[[float], float | int | bool] | None:

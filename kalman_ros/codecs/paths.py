@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dotted paths into messages: ``pose.pose.position.x``, ``position[hip]``, ``data[3]``.
+"""Dotted paths into messages: ``pose.pose.position.x``, ``position[hip]``, ``poses[2].x``.
 
 A path is resolved once, against an instance of its message type, so that a misspelt field is
 refused where a node is built and reading and writing are plain attribute access.
@@ -10,13 +10,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import asin, atan2, copysign, cos, pi, sin
 from operator import attrgetter
-from typing import Any
+from typing import Any, Union
 
-from .numbers import element_kind, number_kind
+from .messages import message_type
+from .numbers import element_kind, message_kind, number_kind
 
-_PATH = re.compile(r'^([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\[([^\]]+)\])?$')
+_STEP = re.compile(r'([A-Za-z_]\w*)(?:\[([^\]]+)\])?(?:\.(?=.)|$)')
+#: Where a path leads: attributes, and indices into arrays of messages.
+Way = tuple[Union[str, int], ...]
 #: No array that is fused has more numbers.
 _LONGEST = 100_000
 ANGLES = ('roll', 'pitch', 'yaw')
@@ -24,21 +28,26 @@ ANGLES = ('roll', 'pitch', 'yaw')
 
 @dataclass(frozen=True)
 class Path:
-    """A path into a message: a way of attributes, and an index or a name at its end.
+    """A path into a message: a way, and an index or a name in an array of numbers at its end.
 
     ``kind`` is that of the number there, ``double`` or ``int32``.
     """
 
     text: str
-    way: tuple[str, ...]
+    way: Way
     index: int | None
     name: str | None
     kind: str
 
     @property
-    def parent(self) -> tuple[str, ...]:
-        """The attributes before the last."""
+    def parent(self) -> Way:
+        """The way to what has the last attribute."""
         return self.way[:-1]
+
+    @property
+    def attribute(self) -> str:
+        """The last attribute."""
+        return str(self.way[-1])
 
 
 def parse(text: str, sample: Any) -> Path:
@@ -49,42 +58,89 @@ def parse(text: str, sample: Any) -> Path:
     ValueError
         If the path is not well formed or the message has no such field.
     """
-    match = _PATH.match(text)
-    if match is None:
-        raise ValueError(f"fields: expected a path such as 'pose.pose.position.x', got '{text}'")
-    way = tuple(match[1].split('.'))
-    at, declared = sample, ''
-    for attribute in way:
-        if attribute in ANGLES and is_quaternion(at):
-            at, declared = 0.0, 'double'
-            continue
-        known = at.get_fields_and_field_types() if hasattr(at, 'SLOT_TYPES') else {}
-        if attribute not in known:
-            offers = f'it has {", ".join(known)}' if known else 'it is a plain value'
-            kind = type(at).__name__
-            raise ValueError(f"fields: no '{attribute}' in {kind} for '{text}'; {offers}")
-        at, declared = getattr(at, attribute), known[attribute]
-    bracket = match[2]
-    index = int(bracket) if bracket is not None and bracket.isdecimal() else None
-    if index is not None and index >= _LONGEST:
-        raise ValueError(f"fields: expected an index below {_LONGEST}, got '{text}'")
-    name = bracket if index is None else None
-    if name is not None and not hasattr(walk(sample, way[:-1]), 'name'):
-        raise ValueError(
-            f"fields: '{text}' needs a message with an array 'name' beside '{way[-1]}'"
-        )
+    *onward, (last, bracket) = _steps(text)
+    way: list[str | int] = []
+    owner = sample
+    for attribute, inner in onward:
+        owner, declared = _field(owner, attribute, text)
+        way.append(attribute)
+        if inner:
+            owner = _element(declared, inner, text)
+            way.append(_index(inner, text))
+    _, declared = _field(owner, last, text)
+    index = _index(bracket, text) if bracket.isdecimal() else None
+    name = bracket if bracket and index is None else None
+    if name is not None and not hasattr(owner, 'name'):
+        raise ValueError(f"fields: '{text}' needs a message with an array 'name' beside '{last}'")
     kind, most = element_kind(declared) if bracket else (number_kind(declared), None)
     if not kind:
         wanted = 'in an array of numbers' if bracket else 'a number'
         raise ValueError(f"fields: '{text}' is not {wanted}")
     if index is not None and most is not None and index >= most:
         raise ValueError(f"fields: '{text}' is beyond the end of {most} numbers")
-    return Path(text, way, index, name, kind)
+    return Path(text, (*way, last), index, name, kind)
 
 
-def walk(message: Any, way: tuple[str, ...]) -> Any:
-    """Return what is found along ``way``."""
-    return attrgetter('.'.join(way))(message) if way else message
+def _steps(text: str) -> list[tuple[str, str]]:
+    """Return the attributes of a path, each with what stands in brackets behind it."""
+    steps, at = [], 0
+    while match := _STEP.match(text, at):
+        steps.append((match[1], match[2] or ''))
+        at = match.end()
+        if at == len(text):
+            return steps
+    raise ValueError(f"fields: expected a path such as 'pose.pose.position.x', got '{text}'")
+
+
+def _index(inner: str, text: str) -> int:
+    if int(inner) >= _LONGEST:
+        raise ValueError(f"fields: expected an index below {_LONGEST}, got '{text}'")
+    return int(inner)
+
+
+def _field(owner: Any, attribute: str, text: str) -> tuple[Any, str]:
+    """Return what an attribute of a message is, and how it is declared."""
+    if attribute in ANGLES and is_quaternion(owner):
+        return 0.0, 'double'
+    known = owner.get_fields_and_field_types() if hasattr(owner, 'SLOT_TYPES') else {}
+    if attribute not in known:
+        offers = f'it has {", ".join(known)}' if known else 'it is a plain value'
+        kind = type(owner).__name__
+        raise ValueError(f"fields: no '{attribute}' in {kind} for '{text}'; {offers}")
+    return getattr(owner, attribute), known[attribute]
+
+
+def _element(declared: str, inner: str, text: str) -> Any:
+    """Return a message like those in an array of messages."""
+    kind = message_kind(declared)
+    if not kind or not inner.isdecimal():
+        raise ValueError(f"fields: '[{inner}]' in '{text}' is no place in an array of messages")
+    return message_type(kind)()
+
+
+def size_arrays(way: Way, message: Any) -> None:
+    """Make every array of messages on the way long enough."""
+    for depth, step in enumerate(way):
+        if isinstance(step, int):
+            owner, attribute = walk(message, way[: depth - 1]), str(way[depth - 1])
+            there = getattr(owner, attribute)
+            if len(there) <= step:
+                kind = message_type(message_kind(owner.get_fields_and_field_types()[attribute]))
+                more = [kind() for _ in range(step + 1 - len(there))]
+                setattr(owner, attribute, [*there, *more])
+
+
+def walk(message: Any, way: Way) -> Any:
+    """Return what is found along ``way``; LookupError if an array is too short."""
+    for step in way:
+        message = message[step] if isinstance(step, int) else getattr(message, step)
+    return message
+
+
+def _getter(way: Way) -> Callable[[Any], Any]:
+    """Return a function that walks the ``way``, by attributes alone sooner than `walk`."""
+    names = [step for step in way if isinstance(step, str)]
+    return attrgetter('.'.join(names)) if len(names) == len(way) else partial(walk, way=way)
 
 
 def is_quaternion(value: Any) -> bool:
@@ -97,16 +153,16 @@ def reader(path: Path, sample: Any) -> Callable[[Any], float]:
 
     The function raises LookupError where an array is too short or has no such name.
     """
-    if path.way[-1] in ANGLES and path.parent and is_quaternion(walk(sample, path.parent)):
-        parent, which = attrgetter('.'.join(path.parent)), ANGLES.index(path.way[-1])
+    if path.attribute in ANGLES and path.parent and is_quaternion(walk(sample, path.parent)):
+        parent, which = _getter(path.parent), ANGLES.index(path.attribute)
         return lambda message: euler(parent(message))[which]
-    get: Callable[[Any], Any] = attrgetter('.'.join(path.way))
+    get = _getter(path.way)
     if path.index is not None:
         index = path.index
         return lambda message: float(get(message)[index])
     if path.name is not None:
         name = path.name
-        owner = attrgetter('.'.join((*path.parent, 'name')))
+        owner = _getter((*path.parent, 'name'))
         return lambda message: float(get(message)[_position(owner(message), name)])
     return get
 

@@ -13,7 +13,7 @@ from kalman_ros.core import Array, Signal
 from .covariances import Block, blocks, flat_indices
 from .messages import message_type, write_stamp
 from .numbers import converter
-from .paths import ANGLES, Path, is_quaternion, parse, reader, walk, write_euler
+from .paths import ANGLES, Path, Way, is_quaternion, parse, reader, size_arrays, walk, write_euler
 
 
 class SignalCodec:
@@ -39,6 +39,7 @@ class SignalCodec:
             self.message_type = message_type(signal.type)
             self.message = self.message_type()
             self._paths = [parse(field, self.message) for field in signal.fields]
+            _size_arrays(self._paths, self.message)
             self._blocks = blocks(self._paths, self.message, signal.covariance)
         except ValueError as error:
             raise ValueError(f"signal '{signal.topic}': {error}") from None
@@ -51,7 +52,6 @@ class SignalCodec:
             (block, flat_indices(block.own, self.size), flat_indices(block.rows, block.size))
             for block in self._blocks
         ]
-        _size_arrays(self._paths, self.message)
         self._write = _writer(self._paths, self.message)
         self._covariances = _covariance_views(self._blocks, self.message, self.size)
         header = getattr(self.message, 'header', None)
@@ -109,9 +109,10 @@ def named(values: Signal, names: tuple[str, ...]) -> Signal:
 def _size_arrays(paths: list[Path], message: Any) -> None:
     """Make every array that a path points into long enough, and write names beside it."""
     for path in paths:
+        size_arrays(path.way, message)
         if path.index is None and path.name is None:
             continue
-        owner, attribute = walk(message, path.parent), path.way[-1]
+        owner, attribute = walk(message, path.parent), path.attribute
         if path.name is not None and path.name not in owner.name:
             owner.name = [*owner.name, path.name]
         length = len(owner.name) if path.index is None else path.index + 1
@@ -124,19 +125,19 @@ def _size_arrays(paths: list[Path], message: Any) -> None:
 def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
     """Return a function that writes numbers into ``message`` in place."""
     slots: list[tuple[Any, str | int, Any]] = []
-    turns: dict[tuple[str, ...], dict[str, int]] = {}
+    turns: dict[Way, dict[str, int]] = {}
     for number, path in enumerate(paths):
         owner = walk(message, path.parent)
-        if path.way[-1] in ANGLES and is_quaternion(owner):
-            turns.setdefault(path.parent, {})[path.way[-1]] = number
+        if path.attribute in ANGLES and is_quaternion(owner):
+            turns.setdefault(path.parent, {})[path.attribute] = number
             slots.append((_NOWHERE, 0, None))
         elif path.index is not None:
-            slots.append((getattr(owner, path.way[-1]), path.index, converter(path.kind)))
+            slots.append((getattr(owner, path.attribute), path.index, converter(path.kind)))
         elif path.name is not None:
             place = owner.name.index(path.name)
-            slots.append((getattr(owner, path.way[-1]), place, converter(path.kind)))
+            slots.append((getattr(owner, path.attribute), place, converter(path.kind)))
         else:
-            slots.append((owner, path.way[-1], converter(path.kind)))
+            slots.append((owner, path.attribute, converter(path.kind)))
     quaternions = [
         (walk(message, way), [which.get(angle) for angle in ANGLES])
         for way, which in turns.items()
@@ -165,7 +166,7 @@ def _covariance_views(
     """Return, for each block, a flat view into the message, where to write and what."""
     views: list[tuple[Any, Any, Any]] = []
     for block in blocks:
-        owner, attribute = walk(message, block.way[:-1]), block.way[-1]
+        owner, attribute = walk(message, block.way[:-1]), str(block.way[-1])
         array = getattr(owner, attribute)
         if isinstance(array, float):
             views.append((_Scalar(owner, attribute), 0, block.own[0] * (size + 1)))

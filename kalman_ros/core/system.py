@@ -22,7 +22,8 @@ class Signal:
         A message type, ``package/Name``.
     fields
         A dotted path a coordinate, ``pose.pose.position.x``; ``position[NAME]`` finds a name
-        among the message's names, ``data[3]`` an element, ``orientation.yaw`` an angle.
+        among the message's names, ``data[3]`` an element, ``poses[2].position.x`` what is in
+        one, ``orientation.yaw`` an angle.
     covariance
         The path of an array with the covariance of exactly these coordinates, row by row. Left
         empty, it is taken from the covariance that the message type itself carries, if any.

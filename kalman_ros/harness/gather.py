@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.codecs.signal_codec import named
 from kalman_ros.core import Array, Signal
+from kalman_ros.nodes.topics import covariance_signal, innovation_signal
 from kalman_ros.simulation.scenario import Scenario
 from kalman_ros.simulation.trajectory import Innovations, Series, Trajectory
 
@@ -18,20 +18,14 @@ from .recorder import Recorder
 def signals(scenario: Scenario) -> dict[str, Signal]:
     """Return the signals of the plant, the estimator and the controller, by topic."""
     state = scenario.state
-    n = scenario.model.state.size
-    matrix = tuple(f'data[{index}]' for index in range(n * n))
-    found = {
-        'ground_truth': state,
-        state.topic: state,
-        f'{state.topic}/covariance': Signal('', 'std_msgs/Float64MultiArray', matrix),
-    }
+    whole = covariance_signal(state)
+    found = {'ground_truth': state, state.topic: state, whole.topic: whole}
     if scenario.input.fields:
         found[scenario.input.topic] = scenario.input
     for name, source in scenario.enabled.items():
-        output = source.sensor.output.names
+        innovation = innovation_signal(state, name, source.sensor.output)
         found[source.signal.topic] = source.signal
-        columns = (*output, *(f'{o}_std' for o in output), 'nis')
-        found[f'{state.topic}/innovation/{name}'] = named(Signal('', '', ()), columns)
+        found[innovation.topic] = innovation
     return found
 
 

@@ -19,6 +19,7 @@ from kalman_ros.simulation.scenario import SensorSource
 from .estimates import InnovationPublisher
 from .meters import Latency, Rate
 from .readings import ReadingReader
+from .topics import innovation_signal
 from .watcher import waiting
 
 #: A sensor is silent after so many seconds without a reading, or so many of its intervals.
@@ -54,12 +55,12 @@ class InputChannel(Channel):
 class SensorChannel(Channel):
     """Reads a sensor's messages, publishes what they said, and measures how it goes."""
 
-    def __init__(self, node: Any, name: str, source: SensorSource, estimate: str) -> None:
+    def __init__(self, node: Any, name: str, source: SensorSource, state: Signal) -> None:
         output = source.sensor.output
         self.name = name
         self._read = ReadingReader(source.signal)
         self.message_type = self._read.message_type
-        self._publish = InnovationPublisher(node, estimate, name, output)
+        self._publish = InnovationPublisher(node, innovation_signal(state, name, output))
         self.nis = ChiSquareWindow(output.size)
         self._rate = Rate()
         #: From the stamp of a reading until the estimate with it is out.

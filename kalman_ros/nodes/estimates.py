@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+from std_msgs.msg import MultiArrayDimension
 
 from kalman_ros.codecs.signal_codec import SignalCodec, named
 from kalman_ros.codecs.wire import WireWriter
@@ -14,7 +14,7 @@ from kalman_ros.core import Gaussian, Signal, Space
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.simulation.scenario import Scenario
 
-from .topics import HISTORY
+from .topics import HISTORY, covariance_signal
 
 
 class EstimatePublisher:
@@ -25,12 +25,12 @@ class EstimatePublisher:
         self._estimate = WireWriter(SignalCodec(signal, frame, child_frame))
         state = Signal(f'{signal.topic}/state', '', ())
         self._state = WireWriter(SignalCodec(named(state, space.names), frame))
-        self._covariance = WireWriter(_matrix(f'{signal.topic}/covariance', space))
+        whole = covariance_signal(signal)
+        self._covariance = WireWriter(_labelled(SignalCodec(whole), space))
         create = node.create_publisher
         self._publisher = create(self._estimate.message_type, signal.topic, HISTORY)
         self._state_publisher = create(self._state.message_type, state.topic, HISTORY)
-        topic = f'{signal.topic}/covariance'
-        self._covariance_publisher = create(Float64MultiArray, topic, HISTORY)
+        self._covariance_publisher = create(self._covariance.message_type, whole.topic, HISTORY)
         #: How many beliefs have been published.
         self.count = 0
 
@@ -45,12 +45,9 @@ class EstimatePublisher:
             self._covariance_publisher.publish(self._covariance(time, P.ravel()))
 
 
-def _matrix(topic: str, space: Space) -> SignalCodec:
-    """Return the codec of a matrix (n, n), row by row, whose dimensions are labelled."""
-    n = space.size
-    fields = tuple(f'data[{index}]' for index in range(n * n))
-    codec = SignalCodec(Signal(topic, 'std_msgs/Float64MultiArray', fields))
-    names = ','.join(space.names)
+def _labelled(codec: SignalCodec, space: Space) -> SignalCodec:
+    """Return the codec of a matrix (n, n), row by row, with its dimensions labelled."""
+    n, names = space.size, ','.join(space.names)
     codec.message.layout.dim = [
         MultiArrayDimension(label=names, size=n, stride=stride) for stride in (n * n, n)
     ]
@@ -64,9 +61,7 @@ class InnovationPublisher:
     normalised innovation squared of the reading, ``nis``.
     """
 
-    def __init__(self, node: Any, estimate: str, sensor: str, output: Space) -> None:
-        names = (*output.names, *(f'{name}_std' for name in output.names), 'nis')
-        signal = named(Signal(f'{estimate}/innovation/{sensor}', '', ()), names)
+    def __init__(self, node: Any, signal: Signal) -> None:
         self._write = WireWriter(SignalCodec(signal))
         self._publisher = node.create_publisher(self._write.message_type, signal.topic, HISTORY)
 

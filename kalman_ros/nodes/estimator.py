@@ -72,7 +72,7 @@ class EstimatorNode(runtime.ScenarioNode):
         self._latency = Latency()
         self._observability = ObservabilityMeter(scenario)
         self._channels = {
-            name: SensorChannel(self, name, source, scenario.state.topic)
+            name: SensorChannel(self, name, source, scenario.state)
             for name, source in scenario.sensors.items()
         }
         self.get_logger().info(str(seen))  # now that nothing is refused any more

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codec import SignalCodec, named
+from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Gaussian, Signal
 from kalman_ros.estimators.comparison import Comparison
@@ -23,7 +23,7 @@ from .diagnostics import Level, Report
 from .options import MonitorOptions
 from .pairing import Pairing
 from .throttle import Throttle
-from .topics import WATCH, on_topic
+from .topics import WATCH, covariance_signal, innovation_signal, on_topic
 
 #: Seconds between two looks at what has come.
 _PERIOD = 0.02
@@ -40,18 +40,15 @@ class MonitorNode(runtime.ScenarioNode):
         scenario = self.scenario
         self._warn = Throttle(self.get_logger().warning)
         self._compare_anew(*self._fresh(scenario, self.options))
-        estimate, n = scenario.state.topic, scenario.model.state.size
-        matrix = tuple(f'data[{index}]' for index in range(n * n))
-        whole = Signal(f'{estimate}/covariance', 'std_msgs/Float64MultiArray', matrix)
         self._watch(on_topic(scenario.state, 'ground_truth'), self._on_truth)
         self._watch(scenario.state, self._on_estimate)
         if scenario.input.fields:
             self._watch(scenario.input, self._on_input)
-        self._whole = self._watch(whole, self._on_covariance)
+        self._whole = self._watch(covariance_signal(scenario.state), self._on_covariance)
         for name, source in scenario.sensors.items():
             self._watch(source.signal, partial(self._on_reading, name))
-            nis = named(Signal(f'{estimate}/innovation/{name}', '', ()), ('nis',))
-            self._watch(nis, partial(self._on_nis, name))
+            innovation = innovation_signal(scenario.state, name, source.sensor.output)
+            self._watch(innovation, partial(self._on_innovation, name))
         self.look_every(_PERIOD)
 
     @staticmethod
@@ -93,8 +90,8 @@ class MonitorNode(runtime.ScenarioNode):
         if sample.time is not None and np.isfinite(sample.values).all():
             self._comparison.reading(name, sample.time, sample.values)
 
-    def _on_nis(self, name: str, sample: Sample) -> None:
-        self._nis[name].add(float(sample.values[0]))
+    def _on_innovation(self, name: str, sample: Sample) -> None:
+        self._nis[name].add(float(sample.values[-1]))
 
     def _on_estimate(self, sample: Sample) -> None:
         """Take the estimate at once, or when its whole covariance has come, if one will."""

@@ -10,7 +10,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.validate_topic_name import validate_topic_name
 
 from kalman_ros.codecs.messages import message_type
-from kalman_ros.core import Signal
+from kalman_ros.codecs.signal_codec import named
+from kalman_ros.core import Signal, Space
 from kalman_ros.simulation.scenario import Scenario
 
 #: Reliable, with room for what comes while a node gets no processor time, a second or so. What
@@ -30,6 +31,18 @@ def sensor_queue(*, reliable: bool) -> QoSProfile:
 
 #: For those who only watch, now and then: what they lose costs the others nothing.
 WATCH = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def covariance_signal(state: Signal) -> Signal:
+    """Return where the whole covariance (n, n) of an estimate is, row by row."""
+    fields = tuple(f'data[{index}]' for index in range(len(state.fields) ** 2))
+    return Signal(f'{state.topic}/covariance', 'std_msgs/Float64MultiArray', fields)
+
+
+def innovation_signal(state: Signal, sensor: str, output: Space) -> Signal:
+    """Return where a sensor's innovations are: each, each one's deviation, and their NIS."""
+    names = (*output.names, *(f'{name}_std' for name in output.names), 'nis')
+    return named(Signal(f'{state.topic}/innovation/{sensor}', '', ()), names)
 
 
 def on_topic(signal: Signal, topic: str) -> Signal:

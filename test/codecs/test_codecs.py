@@ -149,6 +149,15 @@ def test_an_explicit_covariance_path():
         ('geometry_msgs/PoseStamped', 'pose.position.x[hip]', 'needs a message with an array'),
         ('sensor_msgs/JointState', 'position', 'is not a number'),
         ('sensor_msgs/JointState', 'name[0]', 'is not in an array of numbers'),
+        (
+            'geometry_msgs/PoseArray',
+            'poses[0].positon.x',
+            "no 'positon' in Pose .* it has position",
+        ),
+        ('geometry_msgs/PoseArray', 'poses[a].position.x', 'is no place in an array of messages'),
+        ('geometry_msgs/PoseArray', 'poses.position.x', "no 'position' in list .* plain value"),
+        ('geometry_msgs/PoseArray', 'poses[999999].position.x', 'expected an index below'),
+        ('geometry_msgs/PoseArray', 'header[0].stamp.sec', 'is no place in an array of messages'),
         ('sensor_msgs/MultiDOFJointState', 'twist[0]', 'is not in an array of numbers'),
         ('sensor_msgs/Imu', 'orientation_covariance[9]', 'is beyond the end of 9 numbers'),
         ('shape_msgs/SolidPrimitive', 'dimensions[3]', 'is beyond the end of 3 numbers'),
@@ -187,6 +196,27 @@ def test_whole_numbers_are_written_as_the_nearest(type_, field, value, read):
     written = WireWriter(codec)(0, np.array([value]))
     if not isinstance(written, bytes):
         np.testing.assert_array_equal(codec.decode(written), [read])
+
+
+@pytest.mark.parametrize(
+    ('type_', 'fields'),
+    [
+        ('geometry_msgs/PoseArray', ('poses[1].position.x', 'poses[1].orientation.yaw')),
+        ('sensor_msgs/MultiDOFJointState', ('twist[0].linear.x', 'transforms[2].rotation.roll')),
+        ('trajectory_msgs/JointTrajectory', ('points[1].positions[2]', 'points[0].effort[0]')),
+        ('visualization_msgs/MarkerArray', ('markers[0].pose.position.z', 'markers[0].scale.x')),
+    ],
+)
+def test_fields_of_messages_in_arrays(type_, fields):
+    codec = SignalCodec(Signal('somewhere', type_, fields))
+    reader, writer = WireReader(codec), WireWriter(codec)
+    for values in ([0.5, -1.25], [2.0, 0.75]):
+        raw = over_the_wire(codec, 0, values)
+        np.testing.assert_allclose(reader(raw).values, values, rtol=0.0, atol=1e-15)
+        np.testing.assert_allclose(codec.decode(writer(0, np.array(values))), values, atol=1e-15)
+    empty = bytes(serialize_message(codec.message_type()))
+    with pytest.raises(LookupError):
+        reader(empty)
 
 
 def test_named_values():
