@@ -127,7 +127,7 @@ BLIND = ['-p', 'model:=linear', '-p', 'model_parameters.A:=[0.5, 0.0, 0.0, -1.0]
         (['--delay', 'nan'], 'delay: expected 0 to 1 s, got nan'),
         (['linear', *BLIND, '-p', 'model_parameters.B:=[0.0, 1.0]'], 'input: it does not move'),
         (['linear', *BLIND, '-p', 'position.C:=[0.0, 1.0]'], 'no sensor sees the growing mode'),
-        (['--out', 'taken'], "File exists: 'taken'"),
+        (['--out', 'taken'], 'out: cannot make taken: File exists'),
     ],
 )
 def test_what_is_wrong_is_one_line(arguments, says, tmp_path):

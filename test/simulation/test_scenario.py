@@ -12,7 +12,7 @@ from kalman_ros.simulation import scenario
         ({'model': 'nowhere:Thing'}, "model: cannot load 'nowhere:Thing'"),
         ({'state_cost': [1.0, 2.0]}, 'state_cost: expected 4 numbers'),
         ({'input_cost': [1.0, 0.0]}, 'input_cost: expected a positive definite'),
-        ({'velocity.rate': 200.0}, 'velocity.rate: expected .* at most 100 Hz, got 200'),
+        ({'velocity.rate': 200.0}, 'velocity.rate: expected 0.01 to 100 Hz, got 200'),
         ({'position.noise': [-1.0, 2.0]}, 'position.noise: expected positive standard dev'),
         ({'position.noise': [1.0]}, 'position.noise: expected 2 numbers, got 1'),
         (
