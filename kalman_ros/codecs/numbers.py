@@ -18,23 +18,16 @@ def number_kind(declared: str) -> str:
     return declared if declared in (*_REAL, *_WHOLE, 'boolean') else ''
 
 
-def element_kind(declared: str) -> tuple[str, int | None]:
-    """Return the kind of the numbers in an array, and how many it holds; ('', 0) if it is none.
+def array_of(declared: str) -> tuple[str, int | None]:
+    """Return what an array that is declared so holds, and how many; '' if it is no array.
 
     None stands for any number of them.
     """
     match = _ARRAY.match(declared)
     if match is None:
-        return '', 0
-    kind, most = match[1] or match[3], match[2] or match[4]
-    return number_kind(kind), None if most is None else int(most)
-
-
-def message_kind(declared: str) -> str:
-    """Return the type of the messages in an array that is declared so; '' if it is none."""
-    match = _ARRAY.match(declared)
-    kind = '' if match is None else match[1] or match[3]
-    return kind if '/' in kind else ''
+        return '', None
+    most = match[2] or match[4]
+    return match[1] or match[3], None if most is None else int(most)
 
 
 def converter(kind: str) -> Callable[[float], float | int | bool] | None:

@@ -16,7 +16,7 @@ from operator import attrgetter
 from typing import Any, Union
 
 from .messages import message_type
-from .numbers import element_kind, message_kind, number_kind
+from .numbers import array_of, number_kind
 
 _STEP = re.compile(r'([A-Za-z_]\w*)(?:\[([^\]]+)\])?(?:\.(?=.)|$)')
 #: Where a path leads: attributes, and indices into arrays of messages.
@@ -66,18 +66,17 @@ def parse(text: str, sample: Any) -> Path:
         way.append(attribute)
         if inner:
             owner = _element(declared, inner, text)
-            way.append(_index(inner, text))
+            way.append(int(inner))
     _, declared = _field(owner, last, text)
-    index = _index(bracket, text) if bracket.isdecimal() else None
+    held, most = array_of(declared) if bracket else (declared, None)
+    index = _index(bracket, most, text) if bracket.isdecimal() else None
     name = bracket if bracket and index is None else None
     if name is not None and not hasattr(owner, 'name'):
         raise ValueError(f"fields: '{text}' needs a message with an array 'name' beside '{last}'")
-    kind, most = element_kind(declared) if bracket else (number_kind(declared), None)
+    kind = number_kind(held)
     if not kind:
         wanted = 'in an array of numbers' if bracket else 'a number'
         raise ValueError(f"fields: '{text}' is not {wanted}")
-    if index is not None and most is not None and index >= most:
-        raise ValueError(f"fields: '{text}' is beyond the end of {most} numbers")
     return Path(text, (*way, last), index, name, kind)
 
 
@@ -92,9 +91,11 @@ def _steps(text: str) -> list[tuple[str, str]]:
     raise ValueError(f"fields: expected a path such as 'pose.pose.position.x', got '{text}'")
 
 
-def _index(inner: str, text: str) -> int:
-    if int(inner) >= _LONGEST:
-        raise ValueError(f"fields: expected an index below {_LONGEST}, got '{text}'")
+def _index(inner: str, most: int | None, text: str) -> int:
+    """Return the place in an array that holds at the ``most`` so many."""
+    most = _LONGEST if most is None else most
+    if int(inner) >= most:
+        raise ValueError(f"fields: expected an index below {most}, got '{text}'")
     return int(inner)
 
 
@@ -105,6 +106,8 @@ def _field(owner: Any, attribute: str, text: str) -> tuple[Any, str]:
     known = owner.get_fields_and_field_types() if hasattr(owner, 'SLOT_TYPES') else {}
     if attribute not in known:
         offers = f'it has {", ".join(known)}' if known else 'it is a plain value'
+        if isinstance(owner, list):
+            offers = "it is an array, in which '[0]' is the first"
         kind = type(owner).__name__
         raise ValueError(f"fields: no '{attribute}' in {kind} for '{text}'; {offers}")
     return getattr(owner, attribute), known[attribute]
@@ -112,9 +115,10 @@ def _field(owner: Any, attribute: str, text: str) -> tuple[Any, str]:
 
 def _element(declared: str, inner: str, text: str) -> Any:
     """Return a message like those in an array of messages."""
-    kind = message_kind(declared)
-    if not kind or not inner.isdecimal():
+    kind, most = array_of(declared)
+    if '/' not in kind or not inner.isdecimal():
         raise ValueError(f"fields: '[{inner}]' in '{text}' is no place in an array of messages")
+    _index(inner, most, text)
     return message_type(kind)()
 
 
@@ -125,7 +129,8 @@ def size_arrays(way: Way, message: Any) -> None:
             owner, attribute = walk(message, way[: depth - 1]), str(way[depth - 1])
             there = getattr(owner, attribute)
             if len(there) <= step:
-                kind = message_type(message_kind(owner.get_fields_and_field_types()[attribute]))
+                held, _ = array_of(owner.get_fields_and_field_types()[attribute])
+                kind = message_type(held)
                 more = [kind() for _ in range(step + 1 - len(there))]
                 setattr(owner, attribute, [*there, *more])
 
