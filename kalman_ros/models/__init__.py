@@ -36,7 +36,7 @@ def system(name: str) -> System:
     try:
         model = found()
     except TypeError as error:
-        raise ValueError(f"model: '{name}' needs a default for every argument: {error}") from None
+        raise ValueError(f"model: '{name}' cannot be built without arguments: {error}") from None
     if not isinstance(model, Model):
         raise ValueError(f"model: '{name}' gives a {type(model).__name__}, not a Model")
     return by_name(found, model)

@@ -14,6 +14,7 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
 
 from kalman_ros import models
 from kalman_ros.core import Option, Value, options_of, refuse_unknown
@@ -134,6 +135,10 @@ def main(build: Callable[[], Node]) -> None:
         prefer_sockets()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         set_logger_level('rcl', LoggingSeverity.INFO)
+        if wants_help(sys.argv[1:]):
+            set_logger_level('', LoggingSeverity.WARN)  # what it says once it runs
+        elif len(rest := remove_ros_args(sys.argv)) > 1:
+            raise ValueError(f"unknown argument '{rest[1]}'; parameters stand behind --ros-args")
         node = build()
     except Exception as error:
         if not reason(error):

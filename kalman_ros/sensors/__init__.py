@@ -26,7 +26,10 @@ def build(kind: str, state: Space, noise: Sequence[float], options: Mapping[str,
     ValueError
         If the kind is unknown, or refuses its noise or its options.
     """
-    sensor = build_with(find('kind', kind, __name__, 'SENSOR'), options, state, noise)
+    try:
+        sensor = build_with(find('kind', kind, __name__, 'SENSOR'), options, state, noise)
+    except TypeError as error:  # a method that is missing, for one
+        raise ValueError(f"kind: '{kind}': {error}") from None
     if not isinstance(sensor, Sensor):
         raise ValueError(f"kind: '{kind}' is not a Sensor but a {type(sensor).__name__}")
     return sensor

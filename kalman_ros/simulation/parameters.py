@@ -3,12 +3,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+
+#: The nodes whose sections these may be.
+_NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
+
+
+class _Bare(str):
+    """A word that other readers of YAML, that of ROS for one, take for true or false."""
+
+
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+    """PyYAML's safe loader, which notices such words."""
+
+
+_Loader.add_implicit_resolver('!bare', re.compile(r'^[yYnN]$'), list('yYnN'))
+_Loader.add_constructor('!bare', lambda loader, node: _Bare(node.value))
 
 
 def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
@@ -25,6 +41,13 @@ def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     for key in ['/**', *(f'{where}{node}' for node in nodes for where in ('/**/', '', '/'))]:
         merged.update(_flat(document.get(key, {}).get('ros__parameters', {})))
+    for name, value in merged.items():
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, _Bare):
+                known = 'ROS takes it for true or false'
+                raise ValueError(
+                    f"{path and path.name}: {name}: write '{item}' in quotes, for {known}"
+                )
     return merged
 
 
@@ -44,7 +67,7 @@ def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
     if path is None:
         return {}
     try:
-        found = yaml.safe_load(path.read_text()) or {}
+        found = yaml.load(path.read_text(), _Loader) or {}
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         mark = getattr(error, 'problem_mark', None)
         line = f' in line {mark.line + 1}' if mark else ''
@@ -52,13 +75,16 @@ def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
         reason = f'not YAML: {what}{line}'
     else:
         if isinstance(found, Mapping) and all(map(_is_section, found.values())):
+            if found and not {str(key).rpartition('/')[2] for key in found} & {'**', *_NODES}:
+                known = ', '.join(['/**', *_NODES])
+                raise ValueError(f'{path.name}: no section is for one of ({known})')
             return found
         reason = 'not a ROS parameter file: expected NODE: ros__parameters: NAME: VALUE'
     raise ValueError(f'{path.name}: {reason}')
 
 
 def _is_section(value: Any) -> bool:
-    return isinstance(value, Mapping) and isinstance(value.get('ros__parameters', {}), Mapping)
+    return isinstance(value, Mapping) and isinstance(value.get('ros__parameters'), Mapping)
 
 
 def _flat(section: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:

@@ -62,6 +62,8 @@ MISTAKES = [
         'model_parameters.mass: expected at least',
     ),
     ('plant', ['--params-file', '/nowhere.yaml'], 'nowhere.yaml'),
+    ('estimator', ['-p', 'sensors:=[position, position]'], 'sensors: expected each name once'),
+    ('estimator', ['-p', 'position.kind:=liner'], "position.kind: unknown kind 'liner'"),
     (
         'estimator',
         [
@@ -73,6 +75,14 @@ MISTAKES = [
         'state.type: expected a message with a header',
     ),
 ]
+
+
+def test_arguments_that_ros_would_not_see_are_refused(environment):
+    code, output = finish(start(environment, 'estimator', '--params-file', 'robot.yaml'))
+    assert code == 1
+    assert output == (
+        "estimator: unknown argument '--params-file'; parameters stand behind --ros-args\n"
+    )
 
 
 @pytest.mark.parametrize(('node', 'arguments', 'says'), MISTAKES)
@@ -208,13 +218,16 @@ def test_every_node_has_help(environment, name):
         ('/**:\n  a: 1\n    b: 2\n', 'not YAML: mapping values are not allowed here in line 3'),
         ('a: [1\n', 'not YAML: expected '),
         ('[1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
+        ('/**: {model: linear}\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
+        ('estimtor: {ros__parameters: {rate: 50.0}}\n', 'no section is for one of (/**, plant,'),
+        ('/**: {ros__parameters: {gps: {measures: [x, y]}}}\n', "measures: write 'y' in quotes"),
         ('/**: [1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
     ],
 )
 def test_a_file_that_is_no_parameter_file_is_one_line(tmp_path, text, says):
     path = tmp_path / 'robot.yaml'
     path.write_text(text)
-    with pytest.raises(ValueError, match='robot.yaml: not ') as raised:
+    with pytest.raises(ValueError, match='^robot.yaml: ') as raised:
         sections(path)
         from_file(path, 'plant')
     assert says in str(raised.value)

@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from kalman_ros.core import Model, Sensor, Space, variances
 from kalman_ros.simulation import scenario
 
 
@@ -53,3 +54,90 @@ def test_values_reach_the_objects():
 def test_every_option_has_a_meaning():
     for option in scenario.options({}).values():
         assert len(option.description.split()) > 1, option.name
+
+
+class Own(Sensor):
+    """A sensor of one's own, right but for what a test changes."""
+
+    def __init__(self, state, noise):
+        self.output, self.covariance = Space(('y',), ('',)), variances('noise', noise, 1)
+
+    def measure(self, x):
+        return x[..., :1]
+
+
+class WithoutMeasure(Sensor):
+    def __init__(self, state, noise):
+        self.output, self.covariance = Space(('y',), ('',)), variances('noise', noise, 1)
+
+
+def own(**changes):
+    return type('Own', (Own,), changes)
+
+
+ReturnsNothing = own(measure=lambda self, x: None)
+Raises = own(measure=lambda self, x: 1 / 0)
+OneAtATime = own(measure=lambda self, x: np.array([x[0]]))
+FlatJacobian = own(jacobian=lambda self, x: np.ones(4))
+
+
+class Mass(Model):
+    """A model of one's own, right but for what a test changes."""
+
+    state, input = Space(('x', 'v'), ('m', 'm/s')), Space(('f',), ('N',))
+
+    def derivative(self, x, u):
+        return np.stack((x[..., 1], u[..., 0]), axis=-1)
+
+    def noise_density(self, x):
+        return np.eye(2)
+
+
+class FlatNoise(Mass):
+    def noise_density(self, x):
+        return np.ones(2)
+
+
+class ShortDerivative(Mass):
+    def derivative(self, x, u):
+        return x[..., 1:]
+
+
+class OneState(Mass):
+    def derivative(self, x, u):
+        return np.array([x[1], u[0]])
+
+
+@pytest.mark.parametrize(
+    ('kind', 'says'),
+    [
+        ('WithoutMeasure', 'position.kind: .*WithoutMeasure.*abstract'),
+        ('ReturnsNothing', r'position.kind: its measure: expected the shape \(1,\), got \(\)'),
+        ('Raises', 'position.kind: its measure fails: ZeroDivisionError: division by zero'),
+        ('OneAtATime', r'measure of two states at once \(x\[..., 0\], not x\[0\]\): expected'),
+        ('FlatJacobian', r'its jacobian: expected the shape \(1, 4\), got \(4,\)'),
+        ('Own', 'velocity'),
+    ],
+)
+def test_mistakes_in_a_sensor_of_ones_own_are_named(kind, says):
+    values = {'position.kind': f'{__name__}:{kind}', 'position.noise': [0.1]}
+    values['position.fields'] = ['pose.pose.position.x']
+    if kind == 'Own':
+        assert says in scenario.build(values).sensors
+        return
+    with pytest.raises(ValueError, match=says):
+        scenario.build(values)
+
+
+@pytest.mark.parametrize(
+    ('model', 'says'),
+    [
+        ('FlatNoise', r'model: its noise_density: expected the shape \(2, 2\), got \(2,\)'),
+        ('ShortDerivative', r'model: its derivative: expected the shape \(2,\), got \(1,\)'),
+        ('OneState', r'model: its derivative of two states at once \(x\[..., 0\], not x\[0\]\)'),
+    ],
+)
+def test_mistakes_in_a_model_of_ones_own_are_named(model, says):
+    assert scenario.build({'model': f'{__name__}:Mass'})
+    with pytest.raises(ValueError, match=says):
+        scenario.build({'model': f'{__name__}:{model}'})
