@@ -43,6 +43,8 @@ def settles(run, node, direction, wanted):
 def test_every_node_goes_through_every_state(node):
     with alone(node, SCENARIOS.get(node, 'mass_spring_damper_2d')) as run:
         assert run.state(node) == 'active'
+        # the graph learns a node's name and its services by different messages
+        run.wait(lambda: node in run.node.get_node_names(), 10.0, lambda: 'it has no name')
         hears, says = (topics(run, node, way) for way in ('subscriber', 'publisher'))
         assert hears
         for transition, state, heard, said in [
