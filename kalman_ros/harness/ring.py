@@ -111,4 +111,5 @@ class Ring:
 
 
 if __name__ == '__main__':
-    run_node(lambda: relay(int(sys.argv[1])))
+    own = int(sys.argv.pop())  # the others are for ROS
+    run_node(lambda: relay(own))

@@ -13,6 +13,7 @@ from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.executables import executable
 from kalman_ros.harness.machine import Withheld
 from kalman_ros.harness.process import NodeProcess, isolated
+from kalman_ros.harness.ring import Ring
 from kalman_ros.simulation import closed_loop, verdicts
 
 SECONDS = 2.0
@@ -260,3 +261,9 @@ def test_the_controller_may_use_the_truth_by_a_remap(default_run):
     gain = verdicts.theory(scenario).feedback.gain
     np.testing.assert_allclose(full_state.input, -full_state.truth @ gain.T, atol=1e-12)
     assert np.abs(lqg.input + lqg.truth @ gain.T).max() > 0.01
+
+
+def test_the_ring_of_bare_nodes_goes_round():
+    """What `bench` measures the loop against."""
+    with Ring() as ring:
+        assert 0.0 < ring.rounds(50) < 1.0
