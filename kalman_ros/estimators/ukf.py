@@ -131,7 +131,7 @@ class UnscentedKalmanFilter:
 
 
 class _Repeated(dict[int, Array]):
-    """A row (p,) k times below itself (k, p), by k: numpy takes three times as long to."""
+    """A row (p,) k times below itself (k, p), by k; numpy takes long to stretch a row itself."""
 
     def __init__(self, row: Array) -> None:
         super().__init__()

@@ -7,14 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kalman_ros.simulation import scenario as scenarios
-from kalman_ros.simulation.parameters import from_file, sections, yaml_value
+from kalman_ros.simulation.parameters import BETWEEN, NODES, from_file, sections, yaml_value
 from kalman_ros.simulation.scenario import Scenario
 
 from . import executables
-
-NODES = ('estimator', 'controller', 'monitor', 'plant')
-#: What may stand between plant and estimator, if the scenario's file has a section for it.
-BETWEEN = 'microphone_array'
 
 
 class Cast:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-#: The nodes whose sections these may be.
-_NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
+#: The nodes of a loop, and what may stand between plant and estimator.
+NODES = ('estimator', 'controller', 'monitor', 'plant')
+BETWEEN = 'microphone_array'
 
 
 class _Bare(str):
@@ -44,10 +45,8 @@ def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
     for name, value in merged.items():
         for item in value if isinstance(value, list) else [value]:
             if isinstance(item, _Bare):
-                known = 'ROS takes it for true or false'
-                raise ValueError(
-                    f"{path and path.name}: {name}: write '{item}' in quotes, for {known}"
-                )
+                file, why = path.name if path else '', 'for ROS takes it for true or false'
+                raise ValueError(f"{file}: {name}: write '{item}' in quotes, {why}")
     return merged
 
 
@@ -75,9 +74,9 @@ def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
         reason = f'not YAML: {what}{line}'
     else:
         if isinstance(found, Mapping) and all(map(_is_section, found.values())):
-            if found and not {str(key).rpartition('/')[2] for key in found} & {'**', *_NODES}:
-                known = ', '.join(['/**', *_NODES])
-                raise ValueError(f'{path.name}: no section is for one of ({known})')
+            known = ('**', *NODES, BETWEEN)
+            if found and not {str(key).rpartition('/')[2] for key in found}.intersection(known):
+                raise ValueError(f'{path.name}: no section is for one of (/{", ".join(known)})')
             return found
         reason = 'not a ROS parameter file: expected NODE: ros__parameters: NAME: VALUE'
     raise ValueError(f'{path.name}: {reason}')

@@ -7,7 +7,7 @@ same system.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Annotated, Any
@@ -41,6 +41,7 @@ from kalman_ros.estimators import FILTERS
 from kalman_ros.estimators.filter import Plan
 
 from . import faults
+from .shapes import check_model, check_sensor
 
 POLICIES = ('message', 'configuration', 'larger')
 
@@ -290,9 +291,9 @@ def build(values: Mapping[str, Any]) -> Scenario:
     sources = {
         name: _source(name, _section(full, name), model, rate) for name in _names(full['sensors'])
     }
-    _check_model(model, mean)
+    check_model(model, mean)
     for name, source in sources.items():
-        _check_sensor(name, source.sensor, mean)
+        check_sensor(name, source.sensor, mean)
     return Scenario(
         model=model,
         sensors=sources,
@@ -332,41 +333,6 @@ def _source(name: str, section: dict[str, Any], model: Model, loop_rate: float) 
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
     return SensorSource(timed, signal, policy, reliable, gate, wrong)
-
-
-def _check(what: str, call: Callable[[], Any], shape: tuple[int, ...]) -> None:
-    """Raise ValueError if a method of a user's own fails, or returns another shape."""
-    try:
-        found = np.shape(call())
-    except Exception as error:
-        kind = type(error).__name__
-        raise ValueError(f'{what} fails: {kind}: {error}') from error
-    if found != shape:
-        raise ValueError(f'{what}: expected the shape {shape}, got {found}')
-
-
-def _check_model(model: Model, x: Array) -> None:
-    """Raise ValueError if what a model returns about a state (n,) has not the right shape."""
-    n, u = x.size, model.equilibrium.input
-    two, both = np.stack((x, x)), np.stack((u, u))
-    _check('model: its derivative', lambda: model.derivative(x, u), (n,))
-    _check(f'model: its derivative {_AT_ONCE}', lambda: model.derivative(two, both), (2, n))
-    _check('model: its noise_density', lambda: model.noise_density(x), (n, n))
-    _check('model: its state_jacobian', lambda: model.state_jacobian(x, u), (n, n))
-
-
-def _check_sensor(name: str, sensor: Sensor, x: Array) -> None:
-    """Raise ValueError if what a sensor returns for a state (n,) has not the right shape."""
-    k, n = sensor.output.size, x.size
-    two = np.stack((x, x))
-    _check(f'{name}.kind: its covariance', lambda: sensor.covariance, (k, k))
-    _check(f'{name}.kind: its measure', lambda: sensor.measure(x), (k,))
-    _check(f'{name}.kind: its measure {_AT_ONCE}', lambda: sensor.measure(two), (2, k))
-    _check(f'{name}.kind: its jacobian', lambda: sensor.jacobian(x), (k, n))
-
-
-#: The commonest mistake in a model or a sensor of one's own.
-_AT_ONCE = 'of two states at once (x[..., 0], not x[0])'
 
 
 def _signal(name: str, section: Mapping[str, Any], size: int) -> Signal:
