@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a model or a sensor returns what it should, said at the start: it may be a user's own."""
+"""Whether a model or a sensor, maybe a user's own, returns what it should: asked at the start."""
 
 from __future__ import annotations
 

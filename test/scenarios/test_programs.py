@@ -219,7 +219,7 @@ def test_every_node_has_help(environment, name):
         ('a: [1\n', 'not YAML: expected '),
         ('[1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
         ('/**: {model: linear}\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
-        ('estimtor: {ros__parameters: {rate: 50.0}}\n', 'no section is for one of (/**, estimator,'),
+        ('estimtor: {ros__parameters: {rate: 50.0}}\n', 'no section is for one of (/**,'),
         ('/**: {ros__parameters: {gps: {measures: [x, y]}}}\n', "measures: write 'y' in quotes"),
         ('/**: [1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
     ],
