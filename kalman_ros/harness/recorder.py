@@ -17,7 +17,7 @@ from kalman_ros.core import Array, Signal
 from kalman_ros.nodes.watcher import WatcherNode
 
 #: Deep enough for whatever comes while nobody looks.
-_QUEUE = QoSProfile(depth=100_000)
+QUEUE = QoSProfile(depth=100_000)
 
 
 @dataclass(frozen=True)
@@ -45,16 +45,21 @@ class Recorder:
     def __init__(self, node: WatcherNode, signals: Mapping[str, Signal]) -> None:
         self._codecs: dict[str, SignalCodec] = {}
         self.raw: dict[str, list[bytes]] = {}
+        #: How many messages have come, by the full name of the topic; `forget` keeps them.
+        self.received: dict[str, int] = {}
         self._subscriptions: list[Any] = []
         self.on_message: Callable[[str, bytes], None] = lambda topic, data: None
         for topic, signal in signals.items():
             codec = self._codecs[topic] = SignalCodec(signal)
             self.raw[topic] = []
-            keep = partial(self._keep, topic, self.raw[topic])
-            self._subscriptions.append(node.watch(codec.message_type, topic, keep, _QUEUE))
+            full = node.resolve_topic_name(topic)
+            self.received[full] = 0
+            keep = partial(self._keep, topic, full, self.raw[topic])
+            self._subscriptions.append(node.watch(codec.message_type, topic, keep, QUEUE))
 
-    def _keep(self, topic: str, messages: list[bytes], data: bytes) -> None:
+    def _keep(self, topic: str, full: str, messages: list[bytes], data: bytes) -> None:
         messages.append(data)
+        self.received[full] += 1
         self.on_message(topic, data)
 
     @property
@@ -64,7 +69,21 @@ class Recorder:
 
     def count(self) -> int:
         """Return how many messages have come, of all topics."""
-        return sum(len(messages) for messages in self.raw.values())
+        return sum(self.received.values())
+
+    def missing(self, published: Mapping[str, int]) -> dict[str, tuple[int, int]]:
+        """Return received and published of each topic of which less came than was published.
+
+        Parameters
+        ----------
+        published
+            How many messages were published, by the full name of the topic.
+        """
+        return {
+            topic: (count, published[topic])
+            for topic, count in self.received.items()
+            if count < published.get(topic, 0)
+        }
 
     def forget(self) -> None:
         """Begin anew, so that a long run does not fill the memory."""

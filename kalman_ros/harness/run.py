@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -20,9 +22,11 @@ from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.core import Signal
+from kalman_ros.nodes.published import SERVICE
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .cast import Cast
+from .confirmation import WINDOW, Confirmation
 from .gather import signals, trajectory
 from .interrupts import deferred
 from .process import NodeProcess
@@ -30,6 +34,11 @@ from .progress import Progress
 from .readiness import missing
 from .recorder import Recorder
 from .station import Station
+
+#: Seconds for which one look at the nodes counts at most.
+_LOOK = 0.1
+#: Seconds without any message after which what is missing will not come.
+_SILENCE = 20.0
 
 
 class NodeError(RuntimeError):
@@ -79,6 +88,8 @@ class Run:
         remaps: Mapping[str, Mapping[str, str]] | None = None,
     ) -> None:
         shared = {'seed': seed, 'lockstep': lockstep, 'run_until': -1.0, **(overrides or {})}
+        if lockstep:
+            shared.setdefault('lockstep_window', WINDOW)
         self._cast = Cast(scenario, shared, only or {}, nodes, also or {}, remaps or {})
         self.scenario = self._cast.scenario
         self.lockstep = lockstep
@@ -88,6 +99,8 @@ class Run:
         self.processes: dict[str, NodeProcess] = {}
         self.diagnostics: dict[str, DiagnosticStatus] = {}
         self.drained = 0.0
+        #: Whether a node was killed or has died: what it published last nobody knows.
+        self._interrupted = False
 
     def __enter__(self) -> Run:
         self._station = Station('harness', sockets=not self.lockstep)
@@ -128,6 +141,9 @@ class Run:
     def _listen(self) -> None:
         self.recorder = Recorder(self.node, self._record)
         self.recorder.on_message = self._progress.hear
+        self._confirmation: Confirmation | None = None
+        if self.lockstep:
+            self._confirmation = Confirmation(self.node, self.scenario, self.recorder)
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
         self._clients: dict[str, Any] = {}
 
@@ -146,6 +162,7 @@ class Run:
     def kill(self, name: str, number: int = 9) -> None:
         """Send a signal to a node, SIGKILL unless told otherwise, and wait for its end."""
         process = self.processes[name]
+        self._interrupted = True
         process.signal(number)
         if not process.wait(10.0):
             raise NodeError(f'the {name} did not end within 10 s of signal {number}')
@@ -176,7 +193,10 @@ class Run:
         self.wait(lambda: not self._unready(), 30.0, lambda: f'not ready: {self._unready()}')
 
     def _unready(self) -> str:
-        return missing(self._cast.names, self.diagnostics, self.recorder.topics)
+        topics = self.recorder.topics
+        if self._confirmation is not None:
+            topics = [*topics, self._confirmation.topic]
+        return missing(self._cast.names, self.diagnostics, topics)
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
         """Let the plant go on for so many simulated seconds and gather all that comes of it.
@@ -199,13 +219,16 @@ class Run:
         self.set_parameter('run_until', self._until)
         found = self._progress
         found.aim(self._until)
-        last_news, seen = time.monotonic(), found.last
+        silence, seen = 0.0, found.last
         while not found.arrived:
+            began = time.monotonic()
             self.spin(until=found.reached)
+            # while this process gets no processor time, it is not the loop that is silent
+            silence += min(time.monotonic() - began, _LOOK)
             if found.last != seen:
-                last_news, seen = time.monotonic(), found.last
-            elif time.monotonic() - last_news > 1.0:
-                self._complain(time.monotonic() - last_news)
+                silence, seen = 0.0, found.last
+            elif silence > 1.0:
+                self._complain(silence)
             if progress is not None:
                 progress(max(0.0, self.elapsed - start))
         self._drain()
@@ -219,28 +242,61 @@ class Run:
         plant = self.diagnostics.get('plant')
         if plant is not None and plant.level == DiagnosticStatus.ERROR:
             raise NodeError(plant.message)
-        if silence > 20.0:
+        if silence > _SILENCE:
             said = '; '.join(
                 f'{name}: {status.message}' for name, status in sorted(self.diagnostics.items())
             )
             raise NodeError(f'nothing came from the loop for {silence:.0f} s ({said})')
 
     def _drain(self) -> None:
-        """Take in what is still under way: the last answer, and all until nothing comes."""
+        """Take in what is still under way: in lockstep all that was published, and that once."""
         start = time.monotonic()
-        end = start + 2.0
-        while self.lockstep and self._behind() and time.monotonic() < end:
-            self.spin()
-        count = -1
-        while count != self.recorder.count():
-            count = self.recorder.count()
-            self.spin(0.1)
+        if self.lockstep:
+            self.wait(self._answered, _SILENCE, lambda: 'the last step was not answered')
+            self.complete()
+        else:
+            count = -1
+            while count != self.recorder.count():
+                count = self.recorder.count()
+                self.spin(0.1)
+        if self._confirmation is not None and not self._interrupted:
+            self._confirmation.drop_repeated()
         self.drained = time.monotonic() - start
-        missed = (
-            round(self.elapsed * self.scenario.rate) + 1 - len(self.recorder.raw['ground_truth'])
-        )
-        if self.lockstep and missed > 0:
-            raise NodeError(f'{missed} steps went by unheard: the machine has too much to do')
+
+    def complete(self) -> None:
+        """Take in what comes until all that the nodes have published is recorded.
+
+        What a node published before it was killed nobody knows, so then nothing is checked.
+
+        Raises
+        ------
+        NodeError
+            If something does not come, with what was recorded and what was published.
+        """
+        if self._interrupted:
+            self.spin(_LOOK)
+            return
+        published = self._published()
+        silence, count = 0.0, -1
+        while self.recorder.missing(published):
+            began = time.monotonic()
+            self.spin(0.02)
+            silence += min(time.monotonic() - began, _LOOK)
+            if count != self.recorder.count():
+                silence, count = 0.0, self.recorder.count()
+            if silence > _SILENCE:
+                raise NodeError(_incomplete(self.recorder.missing(published)))
+
+    def _published(self) -> Counter[str]:
+        """Return how many messages all nodes have published by now, by the topic's full name."""
+        found: Counter[str] = Counter()
+        for name in self.processes:
+            answer = self.call(Trigger, f'{name}/{SERVICE}', Trigger.Request())
+            found.update(json.loads(answer.message))
+        return found
+
+    def _answered(self) -> bool:
+        return not self._behind()
 
     def _behind(self) -> bool:
         """Tell whether the last answer, or what the estimator says after it, is still to come."""
@@ -338,3 +394,9 @@ class Run:
             process.stop()
         self._station.close()
         self._folder.cleanup()
+
+
+def _incomplete(missing: Mapping[str, tuple[int, int]]) -> str:
+    """Return what is said of a run of which messages were lost."""
+    counts = ', '.join(f'{topic} {got} of {sent}' for topic, (got, sent) in missing.items())
+    return f'the record is incomplete: {counts} messages'

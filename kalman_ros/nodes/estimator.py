@@ -238,10 +238,16 @@ class EstimatorNode(runtime.ScenarioNode):
     def _on_tick(self, data: bytes) -> None:
         if self._turns is None:
             return
-        if self._turns.tick(*read_tick(data)):
+        time, topics = read_tick(data)
+        asked_again = self._turns.waits_for(time)
+        if self._turns.tick(time, topics):
             self.get_logger().info('time went back: starting anew')
             self._restart()
         self._take_turns(self._turns)
+        unanswered = self._turns.unanswered
+        if asked_again and unanswered is not None:
+            # the input that answered it was lost on its way to here: have it said again
+            self._publish(unanswered, self._online.predicted(unanswered))
 
     def _take_turns(self, turns: Turns) -> None:
         for turn in turns.complete():

@@ -13,6 +13,8 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from .published import PublishedCounts, counted
+
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
 
 
@@ -44,6 +46,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
             automatically_declare_parameters_from_overrides=True,
         )
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
+        #: Of each topic, how many messages it has published.
+        self.published = PublishedCounts(self)
         change_state = self._service_change_state
         change_state.callback = partial(self._on_change_state, change_state.callback)
 
@@ -84,7 +88,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
 
     def create_publisher(self, *arguments: Any, **options: Any) -> Any:
         """Create a publisher that lives as long as the state that is being entered."""
-        created = super().create_publisher(*arguments, **options)
+        created = counted(super().create_publisher(*arguments, **options))
         return self._until_the_end(created, self.destroy_publisher)
 
     def create_subscription(self, *arguments: Any, **options: Any) -> Any:

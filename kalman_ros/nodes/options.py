@@ -39,6 +39,13 @@ class PlantOptions(BodyOptions):
     lockstep_timeout: Annotated[
         float, About('how long to wait for an answer before saying so', 's', minimum=1e-3)
     ] = 2.0
+    lockstep_window: Annotated[
+        int,
+        About(
+            'lockstep: steps that may go by before the recorder confirms them; 0 for no recorder',
+            minimum=0,
+        ),
+    ] = 0
     wait_for_estimate: Annotated[
         bool,
         About('lockstep: wait for the estimate, too, where the controller does not use it'),

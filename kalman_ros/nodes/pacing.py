@@ -63,8 +63,14 @@ class RealTime:
     def answered(self) -> None:
         """Take note that the step is answered; the clock does not wait for it."""
 
+    def confirm(self, time: int) -> None:
+        """Take note that all up to ``time`` is recorded; the clock does not wait for it."""
+
     def changed(self) -> None:
         """Take note of a new ``run_until``; the timer looks at it by itself."""
+
+    #: Nobody is waited for.
+    held = False
 
     def trouble(self) -> str:
         """Return nothing: nobody is waited for."""
@@ -75,7 +81,12 @@ class Lockstep:
     """Steps when the input of this step has come; says who did not answer in time.
 
     After half of the timeout it asks again, and listens to the estimate from then on, to know
-    who is silent.
+    who is silent. Where the answers have no stamp, two answers to one step look like answers to
+    two steps, so after asking again it steps only when no further answer has come for that time.
+
+    With a ``window`` it never gets further ahead than that of the step which the recorder has
+    confirmed last: writers keep what is younger, so nothing is lost while the recorder gets no
+    processor time.
 
     Parameters
     ----------
@@ -85,13 +96,31 @@ class Lockstep:
         Topic and message type of the estimate.
     timeout
         Seconds after which to say so, again and again.
+    window
+        Steps that may go by before the recorder confirms them; 0 if nobody records.
+    stamped
+        Whether the answers say which step they belong to.
     """
 
     first_stamp = FIRST_STAMP
     missed = 0
 
-    def __init__(self, plant: Any, estimate: tuple[str, Any], timeout: float) -> None:
+    def __init__(
+        self,
+        plant: Any,
+        estimate: tuple[str, Any],
+        timeout: float,
+        window: int = 0,
+        *,
+        stamped: bool = True,
+    ) -> None:
         self._plant: Any = plant
+        self._ahead = round(window * plant.period * 1e9) if window else None
+        self._confirmed = FIRST_STAMP
+        self._held_since: int | None = None
+        self._stamped = stamped
+        self._asked_again = False
+        self._answered_at: int | None = None
         self._estimate = estimate
         self._timeout = timeout
         self._asked_at: int | None = None
@@ -108,8 +137,24 @@ class Lockstep:
         if plant.elapsed > plant.run_until + 1e-9:
             self._asked_at = None
             return
-        self._asked_at = plant.steady.now().nanoseconds
+        self._asked_at = now = plant.steady.now().nanoseconds
+        if self._ahead is not None and plant.stamp - self._confirmed > self._ahead:
+            self._held_since = self._held_since or now
+            return
+        self._held_since = None
         plant.publish_step()
+
+    @property
+    def held(self) -> bool:
+        """Whether only the recorder is waited for."""
+        return self._held_since is not None
+
+    def confirm(self, time: int) -> None:
+        """Take note that all up to the step at ``time`` is recorded."""
+        self._confirmed = time
+        if self._held_since is not None:
+            self._resume()
+            self._ask()
 
     def close(self) -> None:
         """Stop listening."""
@@ -119,11 +164,18 @@ class Lockstep:
     def answered(self) -> None:
         """Step, now that all have answered who are waited for."""
         plant = self._plant
-        if self._asked_at is None:
+        if self._asked_at is None or self._held_since is not None:
             return
+        if self._asked_again and not self._stamped:
+            self._answered_at = plant.steady.now().nanoseconds
+            return
+        self._go_on()
+
+    def _go_on(self) -> None:
+        self._asked_again, self._answered_at = False, None
         if self._silent_since is not None:
             self._resume()
-        plant.step()
+        self._plant.step()
         self._ask()
 
     def changed(self) -> None:
@@ -138,17 +190,27 @@ class Lockstep:
             if plant.elapsed <= plant.run_until + 1e-9 and self._matched(now):
                 self._ask()
             return
-        if now - self._asked_at < 0.5e9 * self._timeout:
-            return
-        if self._silent_since is None:
-            self._silent_since = self._asked_at
-            topic, kind = self._estimate
-            self._listener = plant.create_subscription(kind, topic, self._on_estimate, 10)
-        if now - self._silent_since > (self._said + 1) * self._timeout * 1e9:
+        patience = 0.5e9 * self._timeout
+        if self._held_since is not None:
+            self._complain(now, self._held_since)
+        elif self._answered_at is not None:
+            if now - self._answered_at >= patience:
+                self._go_on()
+        elif now - self._asked_at >= patience:
+            if self._silent_since is None:
+                self._silent_since = self._asked_at
+                topic, kind = self._estimate
+                self._listener = plant.create_subscription(kind, topic, self._on_estimate, 10)
+            self._complain(now, self._silent_since)
+            self._asked_again = True
+            self._ask()
+
+    def _complain(self, now: int, since: int) -> None:
+        """Say who is waited for ``since`` then, once in each timeout."""
+        if now - since > (self._said + 1) * self._timeout * 1e9:
             self._said += 1
-            plant.get_logger().error(self.trouble())
-            plant.diagnostics.publish()
-        self._ask()
+            self._plant.get_logger().error(self.trouble())
+            self._plant.diagnostics.publish()
 
     def _on_estimate(self, _: Any) -> None:
         self._estimated = True
@@ -157,6 +219,7 @@ class Lockstep:
         if self._said:
             self._plant.get_logger().info('lockstep goes on')
         self.close()
+        self._listener = None
         self._silent_since, self._said, self._estimated = None, 0, False
 
     def _matched(self, now: int) -> bool:
@@ -174,6 +237,11 @@ class Lockstep:
         """Return who did not answer, or nothing."""
         if not self._said:
             return ''
+        if self._held_since is not None:
+            return (
+                f'step {self._plant.steps} is further ahead than lockstep_window allows: the '
+                f'recorder has not confirmed for {self._said * self._timeout:g} s; waiting for it'
+            )
         who, what = ('controller', 'force') if self._estimated else ('estimator', 'estimate')
         return (
             f'no {what} for step {self._plant.steps} within {self._said * self._timeout:g} s: '

@@ -66,6 +66,8 @@ class PlantNode(runtime.ScenarioNode):
         self._answered = dict.fromkeys(self._answers, -1)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self._pacer = self._build_pacer(self.options)
+        if self.options.lockstep and self.options.lockstep_window:
+            self.create_subscription(TimeReference, 'recorded', self._on_recorded, QUEUE, raw=True)
         self.origin = self._pacer.first_stamp
 
     def deactivate(self) -> None:
@@ -92,7 +94,10 @@ class PlantNode(runtime.ScenarioNode):
             return RealTime(self)
         estimate = self.scenario.state
         watched = (estimate.topic, message_type(estimate.type))
-        return Lockstep(self, watched, options.lockstep_timeout)
+        input = self.scenario.input
+        stamped = not input.fields or hasattr(message_type(input.type), 'header')
+        timeout, window = options.lockstep_timeout, options.lockstep_window
+        return Lockstep(self, watched, timeout, window, stamped=stamped)
 
     def _restart(self) -> None:
         """Have a plant at its initial state, whose noise and faults begin anew."""
@@ -185,10 +190,15 @@ class PlantNode(runtime.ScenarioNode):
         force = self._input_in(data)
         if force is None:
             return
+        if self.options.lockstep and force.time not in (None, self.stamp):
+            return  # it answers another step, for it was asked for twice
         if self._force_came is None:
             self.get_logger().info(f'{self.scenario.input.topic} has come')
         self._force, self._force_came = force.values, self.steady.now().nanoseconds
         self._on_answer('input', self.stamp if force.time is None else force.time)
+
+    def _on_recorded(self, data: bytes) -> None:
+        self._pacer.confirm(leading_stamp(data))
 
     def _on_estimate(self, data: bytes) -> None:
         self._on_answer('state', leading_stamp(data))
@@ -245,7 +255,7 @@ class PlantNode(runtime.ScenarioNode):
         faults = ', '.join((*self._links.faults, *self._plant.faults.on))
         trouble = self._pacer.trouble()
         if trouble:
-            return Level.ERROR, trouble, values
+            return Level.WARN if self._pacer.held else Level.ERROR, trouble, values
         if self.scenario.input.fields and self._force_came is None:
             return Level.WARN, f'no {self.scenario.input.topic} comes: it is zero', values
         return Level.OK, f'running with {faults}' if faults else 'running', values

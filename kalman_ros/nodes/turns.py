@@ -21,6 +21,8 @@ class Turn(NamedTuple):
 _UNSTAMPED = -1
 #: In nanoseconds: readings that no tick has named for so long never will be.
 _FORGOTTEN = 60_000_000_000
+#: So many ticks may wait for what they name.
+_MOST_TICKS = 10_000
 
 #: The name of a sensor, and a stamp.
 _Key = tuple[str, int]
@@ -34,6 +36,9 @@ class Turns:
     A turn is complete when every reading that its tick names has come, the late ones too, and
     the input that answers the tick before it. A tick that is repeated makes a turn without
     readings; one that is earlier than the last starts anew, for then the plant was restarted.
+
+    Each topic keeps its order, so when a reading has come that a later tick names, one of the same
+    topic that an earlier tick names will never come: that tick, which no plant sent, is dropped.
 
     Parameters
     ----------
@@ -70,11 +75,29 @@ class Turns:
         self._ticks[time] = [
             (self._names[topic], stamp) for topic, stamp in named if topic in self._names
         ]
+        if len(self._ticks) > _MOST_TICKS:  # no plant is so far ahead of its readings
+            del self._ticks[max(self._ticks)]
         if self._last is None or time >= self._last:
             return False
         self._last, self._taken = None, []
         self._inputs.clear()
         return True
+
+    def waits_for(self, time: int) -> bool:
+        """Tell whether a tick at ``time`` has come and its turn is not complete."""
+        return time in self._ticks
+
+    @property
+    def unanswered(self) -> int | None:
+        """The time of the last turn, if only the input that answers it keeps the next waiting."""
+        if not self._ticks or not self._answered or self._last is None:
+            return None
+        time, last = min(self._ticks), self._last
+        waits = time != last and self._input_at(last) is None
+        return last if waits and self._named(self._ticks[time]) is not None else None
+
+    def _input_at(self, time: int) -> Any:
+        return self._inputs.get(time, self._inputs.get(_UNSTAMPED))
 
     def complete(self) -> Iterator[Turn]:
         """Yield the turns that are complete by now, in order."""
@@ -83,10 +106,13 @@ class Turns:
             keys = self._ticks[time] if time != last else []
             readings = self._named(keys)
             if readings is None:
-                return
+                if not self._never(time):
+                    return
+                del self._ticks[time]
+                continue
             input = None
             if self._answered and last is not None and time != last:
-                value = self._inputs.get(last, self._inputs.get(_UNSTAMPED))
+                value = self._input_at(last)
                 if value is None:
                     return
                 input = last, value
@@ -98,12 +124,27 @@ class Turns:
             self._inputs = {stamp: u for stamp, u in self._inputs.items() if stamp >= time}
             yield Turn(time, input, readings)
 
+    def _never(self, time: int) -> bool:
+        """Tell whether a reading that the tick at ``time`` lacks will not come any more."""
+        wanted = self._ticks[time]
+        lacking = {key[0] for key in wanted if len(self._there(key)) < wanted.count(key)}
+        return any(
+            key[0] in lacking and key not in wanted and key in self._readings
+            for later, keys in self._ticks.items()
+            if later > time
+            for key in keys
+        )
+
+    def _there(self, key: _Key) -> list[Any]:
+        """Return what has come of a reading."""
+        return self._readings.get(key) or self._readings.get((key[0], _UNSTAMPED), [])
+
     def _named(self, keys: list[_Key]) -> list[tuple[str, Any]] | None:
         """Return the readings that a tick names, in its order; None if one has not come."""
         found: list[tuple[str, Any]] = []
         for index, key in enumerate(keys):
             name, _ = key
-            there = self._readings.get(key) or self._readings.get((name, _UNSTAMPED), [])
+            there = self._there(key)
             if len(there) < keys.count(key):
                 return None
             # of those that were sent again the last

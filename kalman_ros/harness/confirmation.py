@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recorder's part in lockstep: it confirms what it holds, and knows what was said twice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from sensor_msgs.msg import TimeReference
+
+from kalman_ros.codecs.messages import leading_stamp, message_type
+from kalman_ros.codecs.tick import mentioned, read_tick, write_tick
+from kalman_ros.core import Signal
+from kalman_ros.nodes.topics import QUEUE, covariance_signal
+from kalman_ros.simulation.scenario import Scenario
+
+from .recorder import QUEUE as RECORDING
+from .recorder import Recorder
+
+#: Steps of which the recorder may be unaware before the plant waits for it. Writers keep 1000.
+WINDOW = 250
+#: Readings of a sensor that may be under way when a step is confirmed.
+_UNDER_WAY = 500
+#: Seconds between two confirmations, and after how many looks one is repeated.
+_PERIOD, _LOOKS = 0.01, 20
+
+
+class Confirmation:
+    """Publishes on ``recorded`` up to which step a recorder holds everything.
+
+    That is a `sensor_msgs/TimeReference` with the stamp of the step. Confirmed is the last step
+    of which truth, estimate, covariance and input are here, as far as somebody publishes them,
+    while of each sensor not more than some of the readings are missing that ticks have named.
+
+    One recorder may take part; the plant believes the last confirmation that comes.
+    """
+
+    def __init__(self, node: Any, scenario: Scenario, recorder: Recorder) -> None:
+        self._recorder, self._scenario = recorder, scenario
+        signals = [scenario.state, *([scenario.input] if scenario.input.fields else ())]
+        #: Those that come once a step, and say at which.
+        self._stamped = ['ground_truth', *(s.topic for s in signals if _has_stamp(s))]
+        self._readings = {source.signal.topic for source in scenario.sensors.values()}
+        self._full: Callable[[str], str] = node.resolve_topic_name
+        self._named = dict.fromkeys(self._readings, 0)
+        self._first: int | None = None
+        self._ticks: list[bytes] = []
+        self._confirmed, self._looks = -1, 0
+        self._count = node.count_publishers
+        self._publisher = node.create_publisher(TimeReference, 'recorded', QUEUE)
+        self._subscription = node.watch(TimeReference, 'tick', self._on_tick, RECORDING)
+        node.create_timer(_PERIOD, self._confirm, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def topic(self) -> str:
+        """The full name of the topic of the ticks."""
+        return str(self._subscription.topic_name)
+
+    def _on_tick(self, data: bytes) -> None:
+        time, topics = read_tick(data)
+        self._ticks.append(data)
+        if self._first is None:
+            self._first = time
+        for topic in topics:
+            name, _ = mentioned(topic, time)
+            if name in self._named:
+                self._named[name] += 1
+
+    def _confirm(self) -> None:
+        """Publish how far everything has come, if that is news, or was long ago."""
+        self._looks += 1
+        held = self._held()
+        if held is None or (held == self._confirmed and self._looks < _LOOKS):
+            return
+        self._confirmed, self._looks = held, 0
+        self._publisher.publish(write_tick(held, ()))
+
+    def _held(self) -> int | None:
+        """Return the stamp up to which all is here; None where that cannot be told."""
+        received = self._recorder.received
+        for topic, count in self._named.items():
+            if count - received.get(self._full(topic), 0) > _UNDER_WAY:
+                return None
+        raw = self._recorder.raw
+        come = [topic for topic in self._stamped if raw[topic]]
+        absent = [topic for topic in self._stamped if not raw[topic]]
+        if self._first is None or any(map(self._count, absent)):
+            return self._first
+        return min((leading_stamp(raw[topic][-1]) for topic in come), default=None)
+
+    def drop_repeated(self) -> None:
+        """Drop from the record what came twice, because the plant asked twice for a step.
+
+        Raises
+        ------
+        RuntimeError
+            If an input without a stamp came twice, and nothing tells which one that was.
+        """
+        times = [leading_stamp(data) for data in self._ticks]
+        again = [earlier == later for earlier, later in pairwise([-1, *times])]
+        if not any(again):
+            return
+        raw = self._recorder.raw
+        self._drop_readings(again)
+        estimate, input = self._scenario.state, self._scenario.input
+        covariance = covariance_signal(estimate).topic
+        twice = _repeated(raw[estimate.topic])
+        if len(raw[covariance]) == len(twice):
+            _drop(raw[covariance], twice)
+        if input.fields and not _has_stamp(input):
+            if len(raw[input.topic]) != len(twice):
+                raise RuntimeError(f'{input.topic}: came twice for a step, and has no stamp')
+            _drop(raw[input.topic], twice)
+        for topic in self._stamped:
+            _drop(raw[topic], _repeated(raw[topic]))
+
+    def _drop_readings(self, again: list[bool]) -> None:
+        """Drop the ticks that came again, and the readings that they name."""
+        repeats: dict[str, list[bool]] = {topic: [] for topic in self._readings}
+        for data, repeated in zip(self._ticks, again):
+            time, topics = read_tick(data)
+            for name in (mentioned(topic, time)[0] for topic in topics):
+                if name in repeats:
+                    repeats[name].append(repeated)
+        for topic, flags in repeats.items():
+            _drop(self._recorder.raw[topic], flags)
+        _drop(self._ticks, again)
+
+
+def _has_stamp(signal: Signal) -> bool:
+    return hasattr(message_type(signal.type), 'header')
+
+
+def _repeated(messages: Sequence[bytes]) -> list[bool]:
+    """Tell of each message whether its stamp is that of the one before."""
+    stamps = [-1, *map(leading_stamp, messages)]
+    return [before == stamp for before, stamp in pairwise(stamps)]
+
+
+def _drop(messages: list[bytes], flags: Sequence[bool]) -> None:
+    """Drop those messages whose flag is set; further ones are kept."""
+    messages[: len(flags)] = [data for data, drop in zip(messages, flags) if not drop]

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many messages a node has published on each topic, for those who must have received all."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from std_srvs.srv import Trigger
+
+#: The service of each node that answers with the counts.
+SERVICE = 'published'
+
+
+def counted(publisher: Any) -> Any:
+    """Return a publisher that counts what it publishes, in its attribute ``published``."""
+    publish = publisher.publish
+    publisher.published = 0
+
+    def publish_and_count(message: Any) -> None:
+        publish(message)
+        publisher.published += 1
+
+    publisher.publish = publish_and_count
+    return publisher
+
+
+class PublishedCounts:
+    """The service ``~/published`` of a node: a JSON object from full topic names to counts."""
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+        node.create_service(Trigger, f'~/{SERVICE}', self._answer)
+
+    def __call__(self) -> dict[str, int]:
+        """Return the count of each topic that the node publishes on."""
+        found: dict[str, int] = {}
+        for publisher in self._node.publishers:
+            name, count = publisher.topic_name, getattr(publisher, 'published', None)
+            if count is not None:
+                found[name] = found.get(name, 0) + count
+        return found
+
+    def _answer(self, _: Any, response: Any) -> Any:
+        response.success, response.message = True, json.dumps(self())
+        return response
