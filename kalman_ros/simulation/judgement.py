@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 
 import numpy as np
 from scipy.special import ndtri
@@ -12,9 +12,13 @@ from scipy.special import ndtri
 from kalman_ros.estimators.consistency import chi_square_bounds
 
 from . import verdicts
+from .nees_spread import average_nees
 from .scenario import Scenario
 from .trajectory import Trajectory
 from .verdicts import MISS, Check
+
+#: Steps that a run must have, and readings of each sensor, for a verdict on its consistency.
+_LEAST_STEPS, _LEAST_READINGS = 100, 20
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,9 @@ def least_duration(scenario: Scenario) -> float:
     """Return the seconds that a run must last to be judged; DesignError as `judge`."""
     if _has_theory(scenario):
         return verdicts.theory(scenario).least_duration
-    return 1.0 / scenario.rate
+    slowest = min((source.timed.rate for source in scenario.enabled.values()), default=0.0)
+    steps = _LEAST_STEPS / scenario.rate
+    return max(steps, _LEAST_READINGS / slowest) if slowest else steps
 
 
 def _has_theory(scenario: Scenario) -> bool:
@@ -71,6 +77,9 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
     what = 'Of this loop there is no theory' if scenario.law else 'Nothing is steered here'
     basis = f'{what}; judged is whether the filter is as good as it says.'
     claim = 'The filter is as good as it says.'
+    least = least_duration(scenario)
+    if (len(run.time) - 0.5) / scenario.rate < least:
+        raise ValueError(f'run: expected {least:.4g} s or more to judge it')
     return Judgement(consistency(scenario, run), 0.0, basis, claim)
 
 
@@ -79,10 +88,11 @@ def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
 
     Innovations are white, so the average of their NIS is chi-square. Errors are not, so of each
     state the largest one is taken, in standard deviations: whatever the correlation, N of them
-    all stay below the quantile of 1 - miss / N (Bonferroni).
+    all stay below the quantile of 1 - miss / N (Bonferroni). How much the average NEES scatters
+    follows from how fast the filter forgets; see `nees_spread`.
     """
     space = scenario.model.state
-    miss = MISS / (space.size + len(scenario.enabled))
+    miss = MISS / (space.size + len(scenario.enabled) + 1)
     error = np.abs(space.subtract(run.truth, run.estimate))
     worst = (error / np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))).max(axis=0)
     most = float(-ndtri(miss / (2.0 * len(error))))
@@ -90,6 +100,7 @@ def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
         Check(f'largest error of {name} / std', '', nan, value, 0.0, most, value <= most)
         for name, value in zip(space.names, worst.tolist())
     ]
+    found.append(_nees(scenario, run, miss))
     for name in scenario.enabled:
         nis = run.innovations[name].nis
         k = scenario.sensors[name].sensor.output.size
@@ -98,3 +109,14 @@ def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
         label = f'NIS of {name} / {k}'
         found.append(Check(label, '', 1.0, value, low, high, low <= value <= high))
     return found
+
+
+def _nees(scenario: Scenario, run: Trajectory, miss: float) -> Check:
+    """Return the check of the average NEES after the start; one of no covariance fails."""
+    label = f'NEES / {scenario.model.state.size}'
+    try:
+        average = average_nees(scenario, run)
+    except np.linalg.LinAlgError:
+        return Check(label, '', 1.0, inf, nan, nan, False)
+    low, high = chi_square_bounds(1.0, average.variance, miss)
+    return Check(label, '', 1.0, average.mean, low, high, low <= average.mean <= high)
