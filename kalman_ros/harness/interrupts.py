@@ -19,7 +19,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 @contextmanager
 def deferred() -> Iterator[list[int]]:
-    """Hold back signals that ask for the end inside the block; give the list of those that came."""
+    """Hold signals that ask for the end back inside the block; give the list of them."""
     noted: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield noted

@@ -17,10 +17,11 @@ from kalman_ros.core import Array, is_finite
 _LONGEST_PAUSE = 0.1
 #: How long the way to the idle input may take when the output closes, in seconds.
 _LONGEST_RAMP = 0.5
-#: The longest step on that way, in seconds.
+#: Between two inputs on that way, no longer than this or one period, in seconds.
 _RAMP_STEP = 0.02
-#: How long subscribers have to acknowledge the last input.
-_DELIVERY = Duration(seconds=0.5)
+#: How long subscribers have to acknowledge the last input. Most do not: Fast DDS asks them only
+#: every three seconds. What was sent arrives all the same, unless their buffers are full.
+_DELIVERY = Duration(seconds=0.2)
 
 
 class OutputStage:
@@ -39,7 +40,7 @@ class OutputStage:
     limiter
         Holds the limits and the idle input.
     period
-        Seconds between two inputs in lockstep, and the longest step of a ramp.
+        Seconds between two inputs.
     simulated
         Whether stamps are the clock, as in lockstep; else they are not even looked at.
     """
@@ -55,6 +56,7 @@ class OutputStage:
     ) -> None:
         self._publisher, self._write, self._limiter = publisher, write, limiter
         self._period, self._simulated = period, simulated
+        self._longest = max(_LONGEST_PAUSE, period)
         self._closed = True
         self._at = monotonic()
         #: The stamp of the last input, None before the first.
@@ -94,7 +96,7 @@ class OutputStage:
             self._at, self.stamp = monotonic(), None
 
     def command(self, stamp: int, wanted: Array) -> Array:
-        """Publish what is closest to ``wanted`` (m,), idle if that is not finite, and return it."""
+        """Publish what is closest to ``wanted`` (m,), to idle if that is not finite; return it."""
         if self._closed:
             return self.value
         if not is_finite(wanted):
@@ -124,7 +126,7 @@ class OutputStage:
         while not self.at_idle:
             now = monotonic()
             if now < end:
-                self._limiter.toward_idle(min(now - self._at, step))
+                self._limiter.toward_idle(min(now - self._at, self._longest))
             else:
                 self._limiter.jump_to_idle()
             self._say(stamp())
@@ -142,7 +144,7 @@ class OutputStage:
             since = self._period
         else:
             since = (stamp - self.stamp) * 1e-9
-        return min(since, max(_LONGEST_PAUSE, self._period))
+        return min(since, self._longest)
 
     def _say(self, stamp: int) -> Array:
         self._publisher.publish(self._write(stamp, self.value))
