@@ -13,7 +13,12 @@ import sys
 from functools import partial
 from importlib import import_module
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+#: Ctrl-C, a launcher's request, a closed terminal (unless ``nohup`` has it ignored), Ctrl-\\.
+_SIGNALS = tuple(
+    number
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+    if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
+)
 
 
 def _node(name: str) -> None:
@@ -29,8 +34,9 @@ def _command(name: str) -> None:
         signal.signal(number, lambda number, _: os._exit(128 + number))
     main = import_module(f'kalman_ros.commands.{name}').main
     try:
+        for number in _SIGNALS:
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         main()
     except KeyboardInterrupt:
         print(f'{name}: interrupted; nothing is left running', file=sys.stderr)

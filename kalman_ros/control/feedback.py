@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A state feedback at work: reference, integral, limits, and changes of gain without a bump.
+"""A state feedback at work: reference, integral, and changes of gain without a bump.
 
     u = u_e - K (x - x_e) - K_q q
 
@@ -11,7 +11,7 @@ states. While a limit holds the input back, q does not grow in the direction tha
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, inf
+from math import exp
 
 import numpy as np
 
@@ -49,32 +49,10 @@ class Feedback:
         return StateSpace(np.eye(p), dt * tracked, self.integral_gain, self.gain, dt)
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What the actuators can do.
-
-    Parameters
-    ----------
-    magnitude
-        The largest magnitude of each input (m,).
-    rate
-        The largest change of each input a second (m,).
-    blend
-        Seconds in which a jump that a change of gains would make dies away.
-    """
-
-    magnitude: Array
-    rate: Array
-    blend: float = 0.0
-
-    @staticmethod
-    def none(m: int) -> Limits:
-        """Return limits that never hold."""
-        return Limits(np.full(m, inf), np.full(m, inf))
-
-
 class Regulator:
-    """Answers states with inputs by a `Feedback`.
+    """Turns states into inputs by a `Feedback`.
+
+    It proposes an input, and is then told which one was applied: limits are not its business.
 
     Parameters
     ----------
@@ -84,31 +62,29 @@ class Regulator:
         The gains.
     target
         The state (n,) and input (m,) to hold, at rest.
-    limits
-        What the actuators can do.
+    blend
+        Seconds in which a jump that a change of gains would make dies away.
     """
 
     def __init__(
-        self, space: Space, feedback: Feedback, target: tuple[Array, Array], limits: Limits
+        self, space: Space, feedback: Feedback, target: tuple[Array, Array], blend: float = 0.0
     ) -> None:
-        self._space, self._feedback, self._limits = space, feedback, limits
+        self._space, self._feedback, self._blend = space, feedback, blend
         self.target = target
         self._integral: Array = np.zeros(len(feedback.tracked))
         self._last: tuple[Array, Array] | None = None
         self._jump: Array = np.zeros(len(feedback.gain))
-        #: How many answers a limit has changed.
-        self.limited = 0
 
     @property
     def feedback(self) -> Feedback:
         """The gains in use."""
         return self._feedback
 
-    def adopt(self, feedback: Feedback, limits: Limits) -> None:
-        """Use other gains and limits from now on; the input goes on from where it is."""
+    def adopt(self, feedback: Feedback, blend: float) -> None:
+        """Use other gains from now on; the input goes on from where it is."""
         if feedback.tracked != self._feedback.tracked:
             self._integral = np.zeros(len(feedback.tracked))
-        self._feedback, self._limits = feedback, limits
+        self._feedback, self._blend = feedback, blend
         if self._last is not None:
             x, u = self._last
             self._jump = u - self._wanted(x)
@@ -119,36 +95,15 @@ class Regulator:
         self._jump = u - self._wanted(x)
         self._last = x, u
 
-    def release(self, dt: float) -> Array:
-        """Return an input (m,) on the way to zero, as fast as the limits allow."""
-        if self._last is None:
-            return np.zeros(len(self._feedback.gain))
-        x, before = self._last
-        most = self._reach(dt)
-        u: Array = before - np.clip(before, -most, most)
-        self.follow(x, u)
-        return u
-
-    def answer(self, x: Array, dt: float) -> Array:
+    def propose(self, x: Array, dt: float) -> Array:
         """Return the input (m,) for a state (n,) that came ``dt`` seconds after the last one."""
-        limits = self._limits
-        self._jump = self._jump * (exp(-dt / limits.blend) if limits.blend > 0.0 else 0.0)
-        wanted = self._wanted(x) + self._jump
-        u = np.clip(wanted, -limits.magnitude, limits.magnitude)
-        if self._last is not None and np.isfinite(limits.rate).any():
-            most, before = self._reach(dt), self._last[1]
-            u = np.clip(u, before - most, before + most)
-        self.limited += int(np.any(u != wanted))
+        self._jump = self._jump * (exp(-dt / self._blend) if self._blend > 0.0 else 0.0)
+        return self._wanted(x) + self._jump
+
+    def applied(self, x: Array, wanted: Array, u: Array, dt: float) -> None:
+        """Take note that ``u`` (m,) was applied where ``wanted`` (m,) had been proposed."""
         self._integrate(x, wanted - u, dt)
         self._last = x, u
-        return u
-
-    def _reach(self, dt: float) -> Array:
-        """Return how far each input may go within ``dt`` seconds (m,)."""
-        rate = self._limits.rate
-        # in no time, too, an input without a limit may go anywhere
-        reach: Array = np.full(rate.shape, inf)
-        return np.multiply(rate, dt, out=reach, where=np.isfinite(rate))
 
     def _wanted(self, x: Array) -> Array:
         state, input = self.target

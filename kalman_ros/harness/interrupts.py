@@ -14,12 +14,12 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 
 @contextmanager
 def deferred() -> Iterator[list[int]]:
-    """Hold SIGINT and SIGTERM back inside the block, and give the list of those that came."""
+    """Hold signals that ask for the end back inside the block; give the list of them."""
     noted: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield noted

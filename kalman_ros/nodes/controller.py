@@ -4,34 +4,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import numpy as np
+from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from std_srvs.srv import SetBool
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader, WireWriter
-from kalman_ros.control.feedback import Limits, Regulator
+from kalman_ros.control.feedback import Regulator
+from kalman_ros.control.limiter import Limiter, Limits, check_idle
 from kalman_ros.core import Array, is_finite, one_each
 from kalman_ros.simulation.regulator import feedback, tracking
 from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Level, Report
+from .idle import idle_input
 from .meters import Latency, Rate
 from .options import ControllerOptions
+from .output import OutputStage
 from .reference import ReferenceReader
+from .throttle import Throttle
 from .topics import HISTORY, QUEUE
 from .trust import Trust
 from .watcher import waiting
 
 #: The longest step, in seconds, over which an integral is taken or an estimate predicted.
 _LONGEST = 0.5
-#: For the last force to arrive.
-_DELIVERY = Duration(seconds=0.2)
+#: Of more estimates that wait at a time, older ones are not even looked at.
+_MOST = 50
+#: No clock is published so out of order; less is as good as no jump.
+_BACK = Duration(seconds=-0.1)
 
 
 class ControllerNode(runtime.ScenarioNode):
@@ -44,30 +51,29 @@ class ControllerNode(runtime.ScenarioNode):
         """Design the law, and create what it publishes."""
         super().configure()
         scenario, options = self.scenario, self.options
-        model = scenario.model
-        self._regulator = Regulator(
-            model.state, feedback(scenario), model.equilibrium, _limits(scenario, options)
-        )
+        model, blend = scenario.model, options.transition_time
+        self._warn = Throttle(self.get_logger().warning)
+        self._regulator = Regulator(model.state, feedback(scenario), model.equilibrium, blend)
         self._trust = Trust(model.state, *_trusted(scenario, options))
+        limiter = self._limiter = Limiter(*_limits(scenario, options))
         self._enabled = options.enabled
         #: Whether the input was let go, and answers are to go on from where it is.
         self._released = False
         self._period = 1.0 / scenario.rate
-        self._zero: Array = np.zeros(model.input.size)
-        self._force: Array = self._zero
-        self._refused = self._said = 0
+        self._refused = self._older = self._undecodable = 0
         self._rate, self._latency, self._age = Rate(), Latency(), Latency()
         self._read_state = WireReader(SignalCodec(scenario.state))
-        self._write = WireWriter(SignalCodec(scenario.input, options.frame))
-        self._publisher = self.create_publisher(
-            self._write.message_type, scenario.input.topic, HISTORY
+        write = WireWriter(SignalCodec(scenario.input, options.frame))
+        publisher = self.create_publisher(write.message_type, scenario.input.topic, HISTORY)
+        self._output = OutputStage(
+            publisher, write, limiter, self._period, simulated=options.lockstep
         )
         self._reference = ReferenceReader(self, scenario, self._on_reference)
 
     def activate(self) -> None:
         """Answer estimates from now on."""
         self._fault = ''
-        self._came = self._acted = monotonic()
+        self._came = monotonic()
         self._time: int | None = None
         self._said_at = 0
         self._answered = self._passed = 0
@@ -77,48 +83,52 @@ class ControllerNode(runtime.ScenarioNode):
         self._reference.listen()
         if not self.options.lockstep:
             self.create_timer(self._period, self._supervise, clock=self.steady)
+            back = JumpThreshold(min_forward=None, min_backward=_BACK, on_clock_change=False)
+            handle = self.get_clock().create_jump_callback(back, post_callback=self._on_clock_back)
+            self.at_the_end(handle.unregister)
         self.create_service(SetBool, '~/enable', self._on_enable)
+        self._clock_went_back = False
+        if self._enabled or self.options.lockstep:
+            self._output.open()
 
     def deactivate(self) -> None:
-        """Let the input go to zero: within its limits, unless that takes too long."""
-        end = monotonic() + _LONGEST
-        while self._force.any():
-            in_time = monotonic() < end
-            self._force = self._regulator.release(self._period) if in_time else self._zero
-            stamp = self._time if self.options.lockstep else None
-            self._say(stamp or self._now())
-            if self._force.any():
-                sleep(self._period)
-        # what is destroyed next takes along what has not been delivered
-        self._publisher.wait_for_all_acked(_DELIVERY)
+        """Bring the input to idle: within its limits, unless that takes too long."""
+        self._output.close(self._stamp)
         self._released = True
 
     def _on_estimate(self, data: bytes) -> None:
         """Answer the newest estimate that has come; what it was before is of no use."""
-        came = self._came = self._rate.count()
-        *older, newest = data, *waiting(self._estimates)
-        self._passed += len(older)
-        try:
-            estimate = self._read_state(newest)
-        except LookupError:
-            estimate = Sample(None, np.full(self.scenario.model.state.size, np.nan), None)
+        came = monotonic()
+        estimate = self._newest([data, *waiting(self._estimates)], came)
+        if estimate is None:
+            return
+        self._came = self._rate.count()
         time = estimate.time if estimate.time is not None else self._now()
-        self._force = self._answer(time, estimate, min(came - self._acted, _LONGEST))
-        self._acted = came
-        self._say(time)
+        self._answer(time, estimate)
         self._answered += 1
         self._latency.add(monotonic() - came)
 
-    def _say(self, time: int) -> None:
-        """Publish the force, stamped ``time``."""
-        self._publisher.publish(self._write(time, self._force))
-        self._said += 1
+    def _newest(self, messages: list[bytes], came: float) -> Sample | None:
+        """Return the estimate that came last, but for those that are older than one before."""
+        at = None if self.options.lockstep or self._clock_went_back else came
+        for passed, message in zip(range(len(messages) - 1, -1, -1), messages[: -_MOST - 1 : -1]):
+            try:
+                estimate = self._read_state(message)
+            except Exception as error:  # what is made of hostile bytes may raise anything
+                self._undecodable += 1
+                topic, size = self.scenario.state.topic, len(message)
+                self._warn(f'{topic}: {size} bytes cannot be decoded: {_first_line(error)}')
+                continue
+            if self._trust.is_old(estimate.time, at):
+                self._older += 1
+                continue
+            self._clock_went_back = False
+            self._passed += passed
+            return estimate
+        return None
 
-    def _answer(self, time: int, estimate: Sample, waited: float) -> Array:
-        """Return the force for an estimate; on the way to zero if it is not to be trusted.
-
-        Stamps that are not to be trusted do not tell how far: the time that one ``waited`` does.
-        """
+    def _answer(self, time: int, estimate: Sample) -> None:
+        """Publish the input for an estimate, or one on the way to idle if it is not trusted."""
         dt = 0.0 if self._time is None else (time - self._time) * 1e-9
         dt = min(max(dt, 0.0), _LONGEST)
         self._time = time
@@ -129,24 +139,29 @@ class ControllerNode(runtime.ScenarioNode):
             reason = 'the estimate cannot be predicted by its age'
         if reason:
             self._refused += 1
-            return self._fail(reason, self._period if self.options.lockstep else waited)
+            self._fail(reason, time)
+            return
         self._recover(x)
         if not self._enabled:
-            force = self._regulator.release(dt)
-            self._regulator.follow(x, force)
-            return force
-        return self._regulator.answer(x, dt)
+            self._regulator.follow(x, self._output.release(time))
+            return
+        wanted = self._regulator.propose(x, dt)
+        if is_finite(wanted):
+            self._regulator.applied(x, wanted, self._output.command(time, wanted), dt)
+        else:
+            self._fail('the law gives no finite input for the estimate', time)
 
-    def _fail(self, reason: str, dt: float) -> Array:
-        """Take note of a fault and return a force on the way to zero."""
+    def _fail(self, reason: str, time: int) -> None:
+        """Take note of a fault, and bring the input a step closer to idle."""
         if not self._fault:
-            self.get_logger().error(f'{reason}: the force goes to zero', throttle_duration_sec=1.0)
+            words = f'{reason}: the force goes to {self._idle_name}'
+            self.get_logger().error(words, throttle_duration_sec=1.0)
             self.diagnostics.soon()
         self._fault = reason
         self._released = True
         if self.options.resume == 'enable':
-            self._enabled = False
-        return self._regulator.release(dt)
+            self._enable(on=False)
+        self._output.release(time)
 
     def _recover(self, x: Array) -> None:
         """Go on from where the input is, if it was let go."""
@@ -156,20 +171,16 @@ class ControllerNode(runtime.ScenarioNode):
             self.diagnostics.soon()
             self._fault = ''
         if self._released:
-            self._regulator.follow(x, self._force)
+            self._regulator.follow(x, self._output.value)
             self._released = False
 
     def _supervise(self) -> None:
-        """Let the force go to zero when no estimate comes, by a clock that never rests."""
-        at = monotonic()
-        silence, timeout = at - self._came, self.options.estimate_timeout
+        """Bring the input to idle when no estimate comes, by a clock that never rests."""
+        silence, timeout = monotonic() - self._came, self.options.estimate_timeout
         if self._answered and timeout and silence > timeout:
-            reason = f'no {self.scenario.state.topic} has come for {silence:.2g} s'
-            self._force = self._fail(reason, min(at - self._acted, self._period))
-            self._acted = at
-            now = self._now()
-            if self._force.any() or now != self._said_at:  # else time rests, and all is said
-                self._say(now)
+            now = self._stamp()
+            if not self._output.at_idle or now != self._said_at:  # else time rests, all is said
+                self._fail(f'no {self.scenario.state.topic} has come for {silence:.2g} s', now)
             self._said_at = now
 
     def _predicted(self, time: int, x: Array) -> Array:
@@ -180,7 +191,23 @@ class ControllerNode(runtime.ScenarioNode):
         self._age.add(age)
         if not self.options.predict_latency or not 0.0 < age <= _LONGEST:
             return x
-        return self.scenario.model.step(x, self._force, age)
+        return self.scenario.model.step(x, self._output.value, age)
+
+    def _stamp(self) -> int:
+        """Return the stamp of an input that answers no estimate.
+
+        That is now, but not before the last input: an estimator takes inputs in the order of
+        their stamps, and those that answer estimates may be ahead of the clock.
+        """
+        if self.options.lockstep and self._time is not None:
+            return self._time
+        now, last = self._now(), self._output.stamp
+        ahead = 0 if last is None else last - now
+        return now + ahead if 0 < ahead * 1e-9 <= self.options.future_tolerance else now
+
+    def _on_clock_back(self, jump: Any) -> None:
+        """Take the next estimate, if older than the last, as the first of a restarted time."""
+        self._clock_went_back = True
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -189,18 +216,35 @@ class ControllerNode(runtime.ScenarioNode):
         self._regulator.target = state, input
 
     def _on_enable(self, request: Any, response: Any) -> Any:
-        self._enabled = request.data
+        self._enable(on=request.data)
         response.success = True
-        response.message = 'forces are computed' if self._enabled else 'forces are zero'
+        idle = f'the force is {self._idle_name}'
+        response.message = 'forces are computed' if self._enabled else idle
         return response
+
+    def _enable(self, *, on: bool) -> None:
+        """Compute inputs, or bring the input to idle and be silent; lockstep needs an answer."""
+        self._enabled = on
+        if self.options.lockstep:
+            return
+        if on:
+            self._output.open()
+        else:
+            self._output.close(self._stamp)
+
+    @property
+    def _idle_name(self) -> str:
+        return "the equilibrium's" if self._output.idle.any() else 'zero'
 
     def prepare(self, scenario: Scenario, options: ControllerOptions) -> Callable[[], None]:
         """Design the gains again, for other weights, poles, limits or another model."""
-        found, limits = feedback(scenario), _limits(scenario, options)
+        found, (limits, idle) = feedback(scenario), _limits(scenario, options)
+        check_idle(limits, idle)
         equilibria, trusted = tracking(scenario), _trusted(scenario, options)
 
         def apply() -> None:
-            self._regulator.adopt(found, limits)
+            self._regulator.adopt(found, options.transition_time)
+            self._limiter.adopt(limits, idle)
             self._trust.adopt(*trusted)
             self._reference.equilibria = equilibria
 
@@ -213,8 +257,10 @@ class ControllerNode(runtime.ScenarioNode):
             'estimates answered': self._answered,
             'estimates refused': self._refused,
             'estimates passed over for newer ones': self._passed,
-            'forces published': self._said,
-            'forces limited': self._regulator.limited,
+            'estimates ignored: older than the last': self._older,
+            'estimates dropped: cannot be decoded': self._undecodable,
+            'forces published': self._output.count,
+            'forces limited': self._output.limited,
             'rate [Hz]': self._rate.value,
             'from arrival to publication, 50 / 90 / 99 % [ms]': str(self._latency),
             'age of estimates, 50 / 90 / 99 % [ms]': str(self._age),
@@ -223,7 +269,8 @@ class ControllerNode(runtime.ScenarioNode):
             'gain': np.array2string(gains.gain, precision=4),
             'poles': np.array2string(gains.poles, precision=4),
         }
-        zero = 'the force goes to zero' if self._force.any() else 'the force is zero'
+        verb = 'is' if self._output.at_idle else 'goes to'
+        zero = f'the force {verb} {self._idle_name}'
         if self._fault:
             return Level.ERROR, f'{self._fault}: {zero}', values
         if not self._enabled:
@@ -233,20 +280,25 @@ class ControllerNode(runtime.ScenarioNode):
         return Level.OK, 'running', values
 
 
-def _limits(scenario: Scenario, options: ControllerOptions) -> Limits:
+def _limits(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Array]:
+    """Return the limits and the idle input (m,), as `Limiter` takes them."""
     m = scenario.model.input.size
     magnitude = one_each('input_limit', options.input_limit, m)
     rate = one_each('input_rate_limit', options.input_rate_limit, m)
-    return Limits(magnitude, rate, options.transition_time)
+    return Limits(magnitude, rate), idle_input(scenario.model, options.idle_input)
 
 
-def _trusted(scenario: Scenario, options: ControllerOptions) -> tuple[float, Array, Array]:
+def _trusted(scenario: Scenario, options: ControllerOptions) -> tuple[float, float, Array, Array]:
     """Return which estimates may be acted upon, as `Trust` takes it."""
     most = one_each('max_std', options.max_std, scenario.model.state.size)
     if options.resume not in ('auto', 'enable'):
         raise ValueError(f"resume: expected auto or enable, got '{options.resume}'")
     prior = scenario.initial_belief.covariance.diagonal()
-    return options.estimate_timeout, most, prior
+    return options.estimate_timeout, options.future_tolerance, most, prior
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition('\n')[0]
 
 
 def main() -> None:

@@ -10,7 +10,6 @@ from operator import itemgetter
 from time import monotonic
 from typing import Any, Optional
 
-import numpy as np
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import TimeReference
@@ -32,6 +31,7 @@ from .channel import Channel, InputChannel, SensorChannel
 from .diagnostics import Level, Report
 from .estimates import EstimatePublisher
 from .fusion import fusion
+from .idle import idle_input
 from .initial_pose import PoseReader
 from .meters import Latency
 from .options import EstimatorOptions
@@ -60,10 +60,10 @@ class EstimatorNode(runtime.ScenarioNode):
         scenario, options = self.scenario, self.options
         self._warn = Throttle(self.get_logger().warning)
         found = fusion(scenario, options, self.extra)
-        zero = np.zeros(scenario.model.input.size)
+        idle = idle_input(scenario.model, options.idle_input)
         seen = observability(scenario)
         self._online = OnlineEstimator(
-            found.filter, found.sensors, scenario.initial_belief, zero, found.policy
+            found.filter, found.sensors, scenario.initial_belief, idle, found.policy
         )
         self._publish = EstimatePublisher(self, scenario, options.frame, options.child_frame)
         self._input = InputChannel(scenario.input)

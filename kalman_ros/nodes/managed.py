@@ -23,7 +23,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
 
     Publishers, subscriptions, timers and services that are created in `configure` are destroyed
     at cleanup, and those created in `activate` when it is deactivated. So an inactive node
-    receives nothing that it could act upon later, and an active one pays nothing for it.
+    receives nothing that it could act upon later, and an active one pays nothing for it. What an
+    executor still has queued for them by then is not delivered.
 
     Parameters
     ----------
@@ -64,7 +65,10 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         """Create what lasts until the node is deactivated: whatever makes it act."""
 
     def deactivate(self) -> None:
-        """Say what is to be said before the node is quiet."""
+        """Publish what is to be published before the node is silent.
+
+        It is called however the active state ends, by an error too, before anything is destroyed.
+        """
 
     def start(self) -> None:
         """Configure and activate.
@@ -94,22 +98,23 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
     def create_subscription(self, *arguments: Any, **options: Any) -> Any:
         """Create a subscription that lives as long as the state that is being entered."""
         created = super().create_subscription(*arguments, **options)
-        return self._until_the_end(created, self.destroy_subscription)
+        return self._until_the_end(created, self.destroy_subscription, _mute)
 
     def create_timer(self, *arguments: Any, **options: Any) -> Any:
         """Create a timer that lives as long as the state that is being entered."""
         created = super().create_timer(*arguments, **options)
-        return self._until_the_end(created, self.destroy_timer)
+        return self._until_the_end(created, self.destroy_timer, _mute)
 
     def create_service(self, *arguments: Any, **options: Any) -> Any:
         """Create a service that lives as long as the state that is being entered."""
         created = super().create_service(*arguments, **options)
         return self._until_the_end(created, self.destroy_service)
 
-    def _until_the_end(self, entity: Any, destroy: Callable[[Any], object]) -> Any:
+    def _until_the_end(self, entity: Any, *undo: Callable[[Any], object]) -> Any:
         # what is created between transitions, by rclpy for one, takes care of itself
         if self._entering is not None:
-            self.at_the_end(destroy, entity)
+            for function in undo:
+                self.at_the_end(function, entity)
         return entity
 
     def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
@@ -122,7 +127,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
 
     def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Go from active to inactive."""
-        return self._attempt(self._deactivate)
+        return self._attempt(lambda: self._leave(INACTIVE))
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Go from inactive to unconfigured."""
@@ -170,25 +175,30 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         try:
             with ExitStack() as self._entering:
                 create()
+                if phase == ACTIVE:
+                    self.at_the_end(self.deactivate)
                 self._lifetimes.append(self._entering.pop_all())
         finally:
             self._entering = None
         self.phase = phase
-
-    def _deactivate(self) -> None:
-        self.deactivate()
-        self._leave(INACTIVE)
 
     def _leave(self, phase: str) -> None:
         self.phase = phase
         self._lifetimes.pop().close()
 
     def _close(self, phase: str) -> None:
-        if self.phase == ACTIVE:
-            self._deactivate()
         while self._lifetimes:
             self._leave(phase)
         self.phase = phase
+
+
+def _mute(entity: Any) -> None:
+    """Have nobody called by what an executor had queued when the entity was destroyed."""
+    entity.callback = _do_nothing
+
+
+def _do_nothing(*_: Any) -> None:
+    pass
 
 
 def reason(error: Exception) -> str:

@@ -27,6 +27,14 @@ Autostart = Annotated[
     About('configure and activate at once, instead of when asked by ~/change_state'),
 ]
 Frame = Annotated[str, About('frame in which positions are given')]
+#: One for all nodes: the plant, the estimator and the controller must mean the same.
+IdleInput = Annotated[
+    str, About("input while no controller acts: 'zero', or that which holds the 'equilibrium'")
+]
+#: One for both: what the estimator accepts, the controller must not refuse.
+FutureTolerance = Annotated[
+    float, About('how far ahead of now a stamp may be', 's', minimum=0.0, live=True)
+]
 
 
 @dataclass(frozen=True)
@@ -51,8 +59,9 @@ class PlantOptions(BodyOptions):
         About('lockstep: wait for the estimate, too, where the controller does not use it'),
     ] = False
     force_timeout: Annotated[
-        float, About('real time: the input goes to zero when none came so long', 's', minimum=0.0)
+        float, About('real time: the input goes to idle when none came so long', 's', minimum=0.0)
     ] = 0.5
+    idle_input: IdleInput = 'zero'
     run_until: Annotated[
         float, About('seconds of simulated time after which to pause', 's', live=True)
     ] = 1e9
@@ -106,9 +115,8 @@ class EstimatorOptions:
         float,
         About('silence after which the estimator starts anew; 0 for never', 's', 0.0, live=True),
     ] = 60.0
-    future_tolerance: Annotated[
-        float, About('how far ahead of now a stamp may be', 's', minimum=0.0, live=True)
-    ] = 1.0
+    future_tolerance: FutureTolerance = 1.0
+    idle_input: IdleInput = 'zero'
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'
 
@@ -119,7 +127,10 @@ class ControllerOptions:
 
     autostart: Autostart = True
     lockstep: Lockstep = False
-    enabled: Annotated[bool, About('whether forces are computed; else they are zero')] = True
+    enabled: Annotated[
+        bool, About('whether forces are computed; if not, none is published (lockstep: idle ones)')
+    ] = True
+    idle_input: IdleInput = 'zero'
     input_limit: Annotated[
         Sequence[float],
         About('largest magnitude of each input; one for all', minimum=0.0, live=True),
@@ -131,13 +142,14 @@ class ControllerOptions:
     estimate_timeout: Annotated[
         float,
         About(
-            'real time: the input goes to zero when the estimate is older, by its stamp or by '
+            'real time: the input goes to idle when the estimate is older, by its stamp or by '
             'its arrival; 0 for never',
             's',
             minimum=0.0,
             live=True,
         ),
     ] = 0.5
+    future_tolerance: FutureTolerance = 1.0
     max_std: Annotated[
         Sequence[float],
         About(

@@ -24,6 +24,7 @@ from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Level, Report
+from .idle import idle_input
 from .managed import ACTIVE
 from .options import PlantOptions
 from .pacing import Lockstep, RealTime
@@ -43,8 +44,8 @@ class PlantNode(runtime.ScenarioNode):
         self.run_until = options.run_until
         self.period = 1.0 / self.scenario.rate
         self._links = Links(options.seed)
+        self._idle = idle_input(self.scenario.model, options.idle_input)
         self._restart()
-        self._zero: Array = np.zeros(self.scenario.model.input.size)
         self._forces = self._bad_inputs = 0
         self._sensors = {
             name: self._publisher(source.signal) for name, source in self.scenario.sensors.items()
@@ -58,8 +59,8 @@ class PlantNode(runtime.ScenarioNode):
 
     def activate(self) -> None:
         """Go on from where it is, with no force until one comes."""
-        self._force: Array = self._zero
-        self._disturbance: Array = self._zero
+        self._force: Array = self._idle
+        self._disturbance: Array = np.zeros_like(self._idle)
         self._force_came: int | None = None
         self._answers = self._listen()
         #: In lockstep, for which step each of those that are waited for has answered.
@@ -103,7 +104,9 @@ class PlantNode(runtime.ScenarioNode):
         """Have a plant at its initial state, whose noise and faults begin anew."""
         scenario, seed = self.scenario, self.options.seed
         model, start = scenario.model, scenario.initial_state
-        self._plant = SimulatedPlant(model, _timed(scenario), scenario.rate, start, seed)
+        self._plant = SimulatedPlant(
+            model, _timed(scenario), scenario.rate, start, seed, self._idle
+        )
         self._links.reset()
         self._adapting(scenario, self.options)()
 
@@ -113,8 +116,10 @@ class PlantNode(runtime.ScenarioNode):
         wrong = {name: source.faults for name, source in scenario.sensors.items()}
         gain = one_each('actuator_gain', options.actuator_gain, model.input.size)
         faults = BodyFaults(options, model.input.size)
+        idle = idle_input(model, options.idle_input)
 
         def adapt() -> None:
+            self._idle = idle
             self._plant.configure(model, timed)
             self._plant.actuator.adopt(gain, options.actuator_delay)
             self._plant.faults = faults
@@ -180,10 +185,15 @@ class PlantNode(runtime.ScenarioNode):
             return
         age = (self.steady.now().nanoseconds - self._force_came) * 1e-9
         if age > timeout:
-            self._force, self._force_came = self._zero, None
+            self._force, self._force_came = self._idle, None
             topic = self.scenario.input.topic
-            self.get_logger().warning(f'no {topic} for {age:.2f} s: it is zero now')
+            words = f'no {topic} for {age:.2f} s: it is {self._idle_name} now'
+            self.get_logger().warning(words)
             self.diagnostics.publish()
+
+    @property
+    def _idle_name(self) -> str:
+        return "the equilibrium's" if self._idle.any() else 'zero'
 
     def _on_force(self, data: bytes) -> None:
         self._forces += 1
@@ -257,7 +267,8 @@ class PlantNode(runtime.ScenarioNode):
         if trouble:
             return Level.WARN if self._pacer.held else Level.ERROR, trouble, values
         if self.scenario.input.fields and self._force_came is None:
-            return Level.WARN, f'no {self.scenario.input.topic} comes: it is zero', values
+            words = f'no {self.scenario.input.topic} comes: it is {self._idle_name}'
+            return Level.WARN, words, values
         return Level.OK, f'running with {faults}' if faults else 'running', values
 
 

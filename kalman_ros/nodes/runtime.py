@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -13,7 +12,6 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from kalman_ros import models
@@ -24,14 +22,15 @@ from kalman_ros.simulation.scenario import Scenario
 from . import options as node_options
 from . import parameters, topics
 from .diagnostics import Diagnostics, Level, Report
+from .interruption import Interruption
 from .managed import ACTIVE, ManagedNode, reason
 from .transport import prefer_sockets
 from .usage import usage, wants_help
 from .watcher import WatcherNode
 
-#: How long a signal may wait to be noticed by a node that does nothing, in seconds. Not shorter
-#: than need be, for each wait of this executor leaves some 30 bytes behind.
-_PATIENCE = 1.0
+#: How long the executor is left to itself, in seconds. A signal ends that at once; as each wait
+#: leaves some 30 bytes behind, there should be few, and one without an end does not wait at all.
+_PATIENCE = 3600.0
 
 
 class ScenarioNode(WatcherNode, ManagedNode):
@@ -121,14 +120,11 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
 
 def main(build: Callable[[], Node]) -> None:
-    """Run one node until SIGINT or SIGTERM; exit 1 with one line if it cannot start.
+    """Run one node until a signal asks for the end; exit 1 with one line if it cannot start.
 
     With ``--help`` among its arguments it only says what it is, and which parameters it has.
     """
-    # a handler must not touch what has a lock, such as a Future, for it may come at any moment
-    came: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: came.append(number))
+    interruption = Interruption()
     try:
         # what rcl logs when a parameter file cannot be read is said below, once
         set_logger_level('rcl', LoggingSeverity.FATAL)
@@ -148,24 +144,23 @@ def main(build: Callable[[], Node]) -> None:
         if wants_help(sys.argv[1:]):
             print(usage(node))
         else:
-            _spin(node, came)
+            _spin(node, interruption)
     finally:  # a model of a user's own may raise anything; the force goes to zero all the same
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
+        interruption.ignore()
         node.destroy_node()
         rclpy.try_shutdown()
 
 
-def _spin(node: Node, signals: list[int]) -> None:
-    """Let a node work until a signal is in the list."""
+def _spin(node: Node, interruption: Interruption) -> None:
+    """Let a node work until a signal comes, and bring it to rest before anything else."""
     executor = EventsExecutor()
     executor.add_node(node)
-    never = Future()
     try:
-        while not signals:
+        while not interruption.asked.done():
             # spin() of this executor neither waits properly nor notices signals; see its issues
-            executor.spin_until_future_complete(never, _PATIENCE)
+            executor.spin_until_future_complete(interruption.asked, _PATIENCE)
     finally:
+        interruption.ignore()
         executor.shutdown()
 
 

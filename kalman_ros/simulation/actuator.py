@@ -14,9 +14,9 @@ class Actuator:
     """Holds inputs over steps, and lets them act with a gain, and late.
 
     With a delay of d dt + r, 0 <= r < dt, the input that was told d + 1 steps ago acts for r
-    seconds of a step, and the one after it for the rest; before the first step it was zero. This
-    is what `kalman_ros.control.delay.sampled_plant` computes with. Where a delay grows, the
-    oldest input still known is held meanwhile.
+    seconds of a step, and the one after it for the rest; what was told before the first step is
+    ``before``. This is what `kalman_ros.control.delay.sampled_plant` computes with. Where a delay
+    grows, the oldest input still known is held meanwhile.
 
     Parameters
     ----------
@@ -24,11 +24,13 @@ class Actuator:
         Factor of each input (m,).
     delay
         In seconds.
+    before
+        The input (m,) before the first step; zero if it is not given.
     """
 
-    def __init__(self, gain: Array, delay: float = 0.0) -> None:
+    def __init__(self, gain: Array, delay: float = 0.0, before: Array | None = None) -> None:
         self.gain, self.delay = gain, delay
-        self._told: list[Array] = [np.zeros_like(gain)]
+        self._told: list[Array] = [np.zeros_like(gain) if before is None else before]
 
     def __call__(self, u: Array, dt: float) -> Iterator[tuple[float, Array]]:
         """Yield for how long (s) which input (m,) acts in a step of ``dt`` told ``u`` (m,)."""

@@ -29,6 +29,8 @@ class SimulatedPlant:
         The state (n,) at step 0.
     seed
         Of all noise.
+    idle
+        The input (m,) before the first; zero if it is not given.
     """
 
     def __init__(
@@ -38,6 +40,7 @@ class SimulatedPlant:
         rate: float,
         initial_state: Array,
         seed: int,
+        idle: Array | None = None,
     ) -> None:
         self.dt = 1.0 / rate
         self.rate = rate
@@ -45,10 +48,11 @@ class SimulatedPlant:
         self.state = initial_state
         self._read: dict[str, Array] | None = None
         self._seed = seed
-        self.actuator = Actuator(np.ones(model.input.size))
+        m = model.input.size
+        self._command: Array = np.zeros(m) if idle is None else idle
+        self.actuator = Actuator(np.ones(m), before=self._command)
         #: What goes wrong where the input acts.
-        self.faults = BodyFaults(BodyOptions(), model.input.size)
-        self._command: Array = np.zeros(model.input.size)
+        self.faults = BodyFaults(BodyOptions(), m)
         self._loss, self._push = stream(seed, 'fault loss'), stream(seed, 'fault disturbance')
         self._process_noise = NoiseSource(seed, 'process')
         self._sensor_noise: dict[str, NoiseSource] = {}

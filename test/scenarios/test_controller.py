@@ -14,7 +14,9 @@ from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool
 
 from kalman_ros.codecs.messages import write_stamp
+from kalman_ros.core import options_of
 from kalman_ros.harness import Run
+from kalman_ros.nodes.options import EstimatorOptions
 from kalman_ros.simulation.judgement import judge
 
 
@@ -209,13 +211,14 @@ def test_the_force_goes_to_zero_when_estimates_stop_and_comes_back_with_them():
     ('bad', 'words'),
     [
         ({'x': np.nan}, 'not finite'),
-        ({'x': 1.0, 'age': 3.0}, 'went back'),
         ({'x': 1.0, 'variance': 9.0}, 'uncertain by 3'),
         ({'x': 1.0, 'variance': np.nan}, 'covariance'),
+        ({'x': 1.0, 'variance': -1.0}, 'not positive semi-definite'),
     ],
 )
 def test_an_estimate_that_cannot_be_trusted_is_answered_with_zero(bad, words):
-    with alone(max_std=[1.0]) as run:
+    # the covariance has to be one, with or without a limit of what is certain enough
+    with alone(**({'max_std': [1.0]} if 'uncertain' in words else {})) as run:
         feed = Feed(run)
         assert feed.answer(1.0) < -1.0
         assert feed.answer(**bad) == 0.0
@@ -227,14 +230,43 @@ def test_an_estimate_that_cannot_be_trusted_is_answered_with_zero(bad, words):
 def test_the_force_goes_to_zero_no_faster_than_its_limit_and_waits_to_be_asked():
     with alone(input_rate_limit=[20.0], resume='enable') as run:
         feed = Feed(run)
-        for _ in range(40):
-            feed.answer(1.0)
-        force = feed.answer(1.0)
-        assert force < -0.5
-        assert force < feed.answer(np.nan) < 0.0
-        run.wait(lambda: feed.answer(1.0) == 0.0, 5.0, lambda: 'the force stays')
+        run.wait(lambda: feed.answer(1.0) < -1.0, 5.0, lambda: 'no force')
+        at = len(feed.forces)
+        feed.send(np.nan)
+        zero = lambda: feed.forces[-1].wrench.force.x == 0.0  # noqa: E731
+        run.wait(zero, 5.0, lambda: 'the force stays')
+        steps = np.diff([force.wrench.force.x for force in feed.forces[at - 1 :]])
+        assert len(steps) > 3
+        assert np.all((steps > 0.0) & (steps < 1.0))
+        count = len(feed.forces)
         said = lambda: run.diagnostics['controller'].message  # noqa: E731
-        run.wait(lambda: feed.answer(1.0) == 0.0 and 'disabled' in said(), 5.0, said)
+        run.wait(lambda: feed.send(1.0) or 'disabled' in said(), 5.0, said)
+        assert len(feed.forces) == count
+        assert run.call(SetBool, 'controller/enable', SetBool.Request(data=True)).success
+        assert feed.answer(1.0) < 0.0
+
+
+def test_estimates_that_are_older_than_the_last_are_ignored():
+    with alone() as run:
+        feed = Feed(run)
+        for _ in range(5):
+            assert feed.answer(1.0) < -1.0
+            feed.send(-1.0, age=0.1)
+        assert feed.answer(1.0) < -1.0
+        assert all(force.wrench.force.x < -1.0 for force in feed.forces)
+        assert len(feed.forces) == 6
+        ignored = lambda: run.reported('controller', 'estimates ignored: older than the last')  # noqa: E731
+        run.wait(lambda: ignored() == '5', 5.0, ignored)
+        assert 'goes to zero' not in run.processes['controller'].output()
+
+
+def test_what_the_estimator_accepts_the_controller_does_not_refuse():
+    with alone() as run:
+        feed = Feed(run)
+        tolerance = options_of(EstimatorOptions)
+        (most,) = (o.default for o in tolerance if o.name == 'future_tolerance')
+        assert feed.answer(1.0, age=-0.95 * most) < -1.0
+        assert 'ahead' not in run.processes['controller'].output()
 
 
 def test_a_flood_of_nonsense_lets_it_go_no_faster_than_its_limit():

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An input held within what the actuators can do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the actuators can do.
+
+    Parameters
+    ----------
+    magnitude
+        The largest magnitude of each input (m,).
+    rate
+        The largest change of each input per second (m,).
+    """
+
+    magnitude: Array
+    rate: Array
+
+    @staticmethod
+    def none(m: int) -> Limits:
+        """Return limits that never hold."""
+        return Limits(np.full(m, inf), np.full(m, inf))
+
+
+class Limiter:
+    """Moves an input towards what is wanted, within `Limits`. It starts at the idle input.
+
+    Where both limits are in conflict, after the magnitude was reduced, the rate limit holds and
+    the magnitude is reached as soon as it allows.
+
+    Parameters
+    ----------
+    limits
+        What the actuators can do.
+    idle
+        The input (m,) of whoever does not act.
+
+    Raises
+    ------
+    ValueError
+        If the idle input exceeds the largest magnitude.
+    """
+
+    def __init__(self, limits: Limits, idle: Array) -> None:
+        #: The input (m,) as it is.
+        self.value = idle
+        #: How many inputs a limit has changed.
+        self.limited = 0
+        self.adopt(limits, idle)
+
+    def adopt(self, limits: Limits, idle: Array) -> None:
+        """Use other limits and another idle input from now on; the input stays where it is."""
+        check_idle(limits, idle)
+        self._limits, self.idle = limits, idle
+
+    @property
+    def at_idle(self) -> bool:
+        """Whether the input is the idle one."""
+        return bool(np.array_equal(self.value, self.idle))
+
+    def toward(self, wanted: Array, seconds: float) -> Array:
+        """Return the input (m,) that is closest to ``wanted`` (m,) after so many seconds."""
+        most = self._limits.magnitude
+        self.value = self._within_reach(np.clip(wanted, -most, most), seconds)
+        self.limited += int(np.any(self.value != wanted))
+        return self.value
+
+    def toward_idle(self, seconds: float) -> Array:
+        """Return the input (m,) that is closest to the idle one after so many seconds."""
+        self.value = self._within_reach(self.idle, seconds)
+        return self.value
+
+    def jump_to_idle(self) -> Array:
+        """Return the idle input, whatever the rate limit says."""
+        self.value = self.idle
+        return self.value
+
+    def _within_reach(self, wanted: Array, seconds: float) -> Array:
+        rate, before = self._limits.rate, self.value
+        # in no time, too, an input without a limit may go anywhere
+        reach: Array = np.full(rate.shape, inf)
+        np.multiply(rate, seconds, out=reach, where=np.isfinite(rate))
+        within: Array = np.clip(wanted, before - reach, before + reach)
+        return within
+
+
+def check_idle(limits: Limits, idle: Array) -> None:
+    """Raise ValueError if the idle input exceeds the largest magnitude."""
+    if np.any(np.abs(idle) > limits.magnitude):
+        raise ValueError(
+            f'input_limit: expected at least the magnitude of the idle input {idle.tolist()}, '
+            f'got {limits.magnitude.tolist()}'
+        )

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one way onto the input topic: limited by the wall clock, and silent once it is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import monotonic, sleep
+from typing import Any
+
+from rclpy.duration import Duration
+
+from kalman_ros.control.limiter import Limiter
+from kalman_ros.core import Array, is_finite
+
+#: A pause between two inputs counts for no longer than this, in seconds, or one period: after it
+#: the input must not jump by all that the rate limit would have allowed meanwhile.
+_LONGEST_PAUSE = 0.1
+#: How long the way to the idle input may take when the output closes, in seconds.
+_LONGEST_RAMP = 0.5
+#: Between two inputs on that way, no longer than this or one period, in seconds.
+_RAMP_STEP = 0.02
+#: How long subscribers have to acknowledge the last input. Most do not: Fast DDS asks them only
+#: every three seconds. What was sent arrives all the same, unless their buffers are full.
+_DELIVERY = Duration(seconds=0.2)
+
+
+class OutputStage:
+    """Publishes inputs within limits; after `close` nothing, until it is opened again.
+
+    Whoever stops acting, for whatever reason, closes it. The input then goes to idle, within the
+    rate limit unless that takes longer than half a second, and the idle input is exactly what is
+    published last. It starts closed.
+
+    Parameters
+    ----------
+    publisher
+        Of the input topic. Nobody else may use it.
+    write
+        Returns the message for a stamp, in nanoseconds, and an input (m,).
+    limiter
+        Holds the limits and the idle input.
+    period
+        Seconds between two inputs.
+    simulated
+        Whether stamps are the clock, as in lockstep; else they are not even looked at.
+    """
+
+    def __init__(
+        self,
+        publisher: Any,
+        write: Callable[[int, Array], Any],
+        limiter: Limiter,
+        period: float,
+        *,
+        simulated: bool,
+    ) -> None:
+        self._publisher, self._write, self._limiter = publisher, write, limiter
+        self._period, self._simulated = period, simulated
+        self._longest = max(_LONGEST_PAUSE, period)
+        self._closed = True
+        self._at = monotonic()
+        #: The stamp of the last input, None before the first.
+        self.stamp: int | None = None
+        #: How many inputs have been published.
+        self.count = 0
+
+    @property
+    def value(self) -> Array:
+        """The input (m,) that was published last; the idle one before the first."""
+        return self._limiter.value
+
+    @property
+    def idle(self) -> Array:
+        """The input (m,) of whoever does not act."""
+        return self._limiter.idle
+
+    @property
+    def at_idle(self) -> bool:
+        """Whether the last input was the idle one."""
+        return self._limiter.at_idle
+
+    @property
+    def limited(self) -> int:
+        """How many inputs a limit has changed."""
+        return self._limiter.limited
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing is published."""
+        return self._closed
+
+    def open(self) -> None:
+        """Publish what is commanded from now on."""
+        if self._closed:
+            self._closed = False
+            self._at, self.stamp = monotonic(), None
+
+    def command(self, stamp: int, wanted: Array) -> Array:
+        """Publish what is closest to ``wanted`` (m,), to idle if that is not finite; return it."""
+        if self._closed:
+            return self.value
+        if not is_finite(wanted):
+            return self.release(stamp)
+        self._limiter.toward(wanted, self._elapsed(stamp))
+        return self._say(stamp)
+
+    def release(self, stamp: int) -> Array:
+        """Publish what is closest to the idle input, and return it."""
+        if self._closed:
+            return self.value
+        self._limiter.toward_idle(self._elapsed(stamp))
+        return self._say(stamp)
+
+    def close(self, stamp: Callable[[], int]) -> None:
+        """Bring the input to idle and publish nothing after that.
+
+        Parameters
+        ----------
+        stamp
+            Returns the stamp of each input on the way.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        step, end = min(self._period, _RAMP_STEP), monotonic() + _LONGEST_RAMP
+        while not self.at_idle:
+            now = monotonic()
+            if now < end:
+                self._limiter.toward_idle(min(now - self._at, self._longest))
+            else:
+                self._limiter.jump_to_idle()
+            self._say(stamp())
+            if not self.at_idle:
+                sleep(step)
+        if self.count:
+            # a publisher that is destroyed takes along what has not been delivered
+            self._publisher.wait_for_all_acked(_DELIVERY)
+
+    def _elapsed(self, stamp: int) -> float:
+        """Return the seconds since the last input, as far as they count for the rate limit."""
+        if not self._simulated:
+            since = monotonic() - self._at
+        elif self.stamp is None or stamp < self.stamp:
+            since = self._period
+        else:
+            since = (stamp - self.stamp) * 1e-9
+        return min(since, self._longest)
+
+    def _say(self, stamp: int) -> Array:
+        self._publisher.publish(self._write(stamp, self.value))
+        self.count += 1
+        # afterwards, so that between two messages there is never less time than was reckoned with
+        self.stamp, self._at = stamp, monotonic()
+        return self.value

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inputs within limits: magnitude, change per second, and the way to the idle input."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kalman_ros.control.limiter import Limiter, Limits
+
+IDLE = np.array([1.0, -2.0])
+
+
+def limiter(magnitude=(np.inf, np.inf), rate=(np.inf, np.inf), idle=IDLE):
+    return Limiter(Limits(np.array(magnitude), np.array(rate)), idle)
+
+
+@pytest.mark.parametrize('seconds', [0.0, 0.01])
+def test_one_input_may_be_limited_and_another_not(seconds):
+    held = limiter(rate=(10.0, np.inf), idle=np.zeros(2))
+    found = held.toward(np.array([3.0, 3.0]), seconds)
+    np.testing.assert_allclose(found, [10.0 * seconds, 3.0])
+    np.testing.assert_allclose(held.toward_idle(seconds), [0.0, 0.0])
+
+
+@given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(0.0, 1.0)), max_size=20))
+def test_no_input_is_beyond_its_limits_whatever_is_wanted(asked):
+    held = limiter((5.0, np.inf), (10.0, 3.0))
+    for wanted, seconds in asked:
+        before = held.value
+        after = held.toward(np.full(2, wanted), seconds)
+        assert abs(after[0]) <= 5.0
+        assert np.all(np.abs(after - before) <= np.array([10.0, 3.0]) * seconds + 1e-9)
+
+
+def test_it_starts_idle_and_comes_back_to_exactly_that():
+    held = limiter(rate=(3.0, 0.7))
+    assert held.at_idle
+    held.toward(np.array([5.0, 5.0]), 0.3)
+    assert not held.at_idle
+    for _ in range(40):
+        held.toward_idle(0.01)
+    np.testing.assert_array_equal(held.value, IDLE)
+    held.toward(np.array([5.0, 5.0]), 0.3)
+    np.testing.assert_array_equal(held.jump_to_idle(), IDLE)
+
+
+def test_a_smaller_magnitude_is_reached_no_faster_than_the_rate_allows():
+    held = limiter(rate=(10.0, 10.0), idle=np.zeros(2))
+    held.toward(np.full(2, 9.0), 1.0)
+    held.adopt(Limits(np.full(2, 2.0), np.full(2, 10.0)), np.zeros(2))
+    np.testing.assert_allclose(held.toward(np.full(2, 9.0), 0.1), 8.0)
+
+
+def test_an_idle_input_beyond_the_limit_is_refused():
+    with pytest.raises(ValueError, match=r'input_limit: expected at least .* idle input'):
+        limiter(magnitude=(1.0, 1.0))
