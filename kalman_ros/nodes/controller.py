@@ -95,19 +95,25 @@ class ControllerNode(runtime.ScenarioNode):
 
     def _on_estimate(self, data: bytes) -> None:
         """Answer the newest estimate that has come; what it was before is of no use."""
+        messages = [data, *waiting(self._estimates)]
+        estimate = self.intake.newest(self._estimates.topic_name, self._state_in, messages)
+        if estimate is None:
+            return
         came = self._came = self._rate.count()
-        *older, newest = data, *waiting(self._estimates)
-        self._passed += len(older)
-        try:
-            estimate = self._read_state(newest)
-        except LookupError:
-            estimate = Sample(None, np.full(self.scenario.model.state.size, np.nan), None)
+        self._passed += len(messages) - 1
         time = estimate.time if estimate.time is not None else self._now()
         self._force = self._answer(time, estimate, min(came - self._acted, _LONGEST))
         self._acted = came
         self._say(time)
         self._answered += 1
         self._latency.add(monotonic() - came)
+
+    def _state_in(self, data: bytes) -> Sample:
+        """Return the estimate in a message, one of no finite state if it lacks a field."""
+        try:
+            return self._read_state(data)
+        except (LookupError, ValueError):
+            return Sample(None, np.full(self.scenario.model.state.size, np.nan), None)
 
     def _say(self, time: int) -> None:
         """Publish the force, stamped ``time``."""
