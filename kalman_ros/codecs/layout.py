@@ -2,13 +2,12 @@
 """Where the numbers of a message stand among its serialised bytes.
 
 From one message of a publisher to the next only the stamp and the numbers change, so where each
-number stands needs to be learnt only once.
+number stands needs to be learnt only once. Learning takes time and memory in proportion to the
+length of the message.
 """
 
 from __future__ import annotations
 
-import struct
-from itertools import count
 from typing import Any, NamedTuple, Optional
 
 import numpy as np
@@ -22,6 +21,11 @@ from .signal_codec import SignalCodec
 
 #: Marks are numbers that no message has by chance: these bits, and a counter.
 _FIRST_MARK = 0x7E57C0DE00000000
+#: Plain CDR aligns a float64 to 8 bytes, counted from behind the four that begin every message.
+_BASE, _SIZE = 4, 8
+
+#: Where numbers stand, in steps of 8 bytes from `_BASE` on.
+_Places = npt.NDArray[np.intp]
 
 
 class Sample(NamedTuple):
@@ -33,38 +37,40 @@ class Sample(NamedTuple):
 
 
 class Layout:
-    """Where the numbers of a message stand, in steps of 8 bytes from ``_base`` on."""
+    """Where the numbers of a message stand, in steps of 8 bytes from the start of its fields.
+
+    Parameters
+    ----------
+    data
+        A message.
+    fixed
+        The parts of it that every message of this layout repeats, byte by byte.
+    values
+        The place of each coordinate (n,).
+    covariance
+        Which elements of the covariance (n, n) a message carries, and the place of each; or None.
+    stamped
+        Whether the message begins with a header.
+    """
 
     def __init__(
         self,
         data: bytes,
-        marked: bytes,
-        offsets: dict[float, int],
-        values: Array,
-        covariance: Array | None,
+        fixed: list[slice],
+        values: _Places,
+        covariance: tuple[Any, _Places] | None,
         stamped: bool,
     ) -> None:
         self._stamped = stamped
-        self._base = min(offsets.values()) % 8
-        self._count = (len(data) - self._base) // 8
         self._length = len(data)
-        self._values = self._places(offsets, values)
-        self._covariance = None
-        if covariance is not None:
-            # what stands between two blocks of a covariance is zero and not in the message
-            there = covariance != 0.0
-            whole = ... if there.all() else there
-            self._covariance = (whole, self._places(offsets, covariance[whole]))
-        self._fixed = [(run, data[run]) for run in _fixed_runs(data, marked, offsets, stamped)]
+        self._count = (len(data) - _BASE) // _SIZE
+        self._values, self._covariance = values, covariance
+        self._fixed = [(run, data[run]) for run in fixed]
         self._buffer = bytearray(data)
         self._numbers = self._numbers_of(self._buffer)
 
-    def _places(self, offsets: dict[float, int], marks: Array) -> npt.NDArray[np.intp]:
-        found = [(offsets[mark] - self._base) // 8 for mark in marks.ravel().tolist()]
-        return np.array(found, np.intp).reshape(marks.shape)
-
     def _numbers_of(self, data: bytes | bytearray) -> Array:
-        return np.frombuffer(data, '<f8', self._count, self._base)
+        return np.frombuffer(data, '<f8', self._count, _BASE)
 
     def read(self, data: bytes) -> Sample:
         """Return what a message says that `fits`."""
@@ -103,60 +109,89 @@ class Layout:
         return True
 
 
-def _fixed_runs(
-    data: bytes, marked: bytes, offsets: dict[float, int], stamped: bool
-) -> list[slice]:
-    """Return where bytes must stay the same: all but numbers, the stamp, and padding.
-
-    ``marked`` says the same as ``data`` but for its numbers; what differs besides is padding,
-    which may be anything.
-    """
-    fixed = np.frombuffer(data, np.uint8) == np.frombuffer(marked, np.uint8)
-    for offset in offsets.values():
-        fixed[offset : offset + 8] = False
-    if stamped:
-        fixed[STAMP_START : STAMP_START + STAMP.size] = False
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], fixed, [False]))))
-    return [slice(start, end) for start, end in zip(edges[::2].tolist(), edges[1::2].tolist())]
-
-
 def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
     """Return the layout of messages like this one; None if its fields cannot be read so.
 
     Every float64 of the message is replaced by a mark of its own; where the marks are found
     in the serialised bytes, and which of them the codec picks, is all that there is to know.
     """
-    marks: list[float] = []
-    _mark(message, marks, count(_FIRST_MARK))
-    # a serialised message may be longer than what goes over the wire, by zeros
-    marked = bytes(serialize_message(message))[: len(data)]
-    offsets = {mark: marked.find(struct.pack('<d', mark)) for mark in marks}
-    values, covariance = codec.decode(message), codec.decode_covariance(message)
-    wanted = values if covariance is None else np.append(values, covariance[covariance != 0.0])
-    if any(offsets.get(mark, -1) < 0 for mark in wanted.tolist()) or len(marked) < len(data):
-        return None
     kinds = message.get_fields_and_field_types()
     stamped = next(iter(kinds.values())) == 'std_msgs/Header'
     if hasattr(message, 'header') and not stamped:
         return None
-    offsets = {mark: offset for mark, offset in offsets.items() if offset >= 0}
-    return Layout(data, marked, offsets, values, covariance, stamped)
+    count = _mark(message, 0)
+    # a serialised message may be longer than what goes over the wire, by zeros
+    marked = bytes(serialize_message(message))[: len(data)]
+    if len(marked) < len(data) or marked[:_BASE] != data[:_BASE]:  # as of another byte order
+        return None
+    there = _marks_in(marked, count)
+    if there is None:
+        return None
+    values, covariance = codec.decode(message), codec.decode_covariance(message)
+    own: Any = ...
+    if covariance is not None:
+        # what stands between two blocks of a covariance is zero and not in the message
+        carried = covariance != 0.0
+        own = ... if carried.all() else carried
+        covariance = covariance[own]
+    wanted = values if covariance is None else np.append(values, covariance)
+    if not (_numbers_of(wanted) < count).all():  # what is computed from a field is no mark
+        return None
+    places = None if covariance is None else (own, there[_numbers_of(covariance)])
+    fixed = _fixed_runs(data, marked, there, stamped)
+    return Layout(data, fixed, there[_numbers_of(values)], places, stamped)
 
 
-def _mark(message: Any, marks: list[float], bits: Any) -> None:
-    """Replace every float64 number below ``message`` by a mark, and list the marks."""
+def _numbers_of(marks: Array) -> npt.NDArray[np.uint64]:
+    """Return which marks these are, in the order of the message; no mark is beyond the last."""
+    bits: npt.NDArray[np.uint64] = np.ascontiguousarray(marks).view(np.uint64)
+    return np.asarray(bits - np.uint64(_FIRST_MARK))
 
-    def mark() -> float:
-        number: float = struct.unpack('<d', struct.pack('<Q', next(bits)))[0]
-        marks.append(number)
-        return number
 
+def _marks_in(marked: bytes, count: int) -> _Places | None:
+    """Return where each of ``count`` marks stands; None if not each stands in one place."""
+    cells = np.frombuffer(marked, '<u8', max(len(marked) - _BASE, 0) // _SIZE, _BASE)
+    numbers = cells - np.uint64(_FIRST_MARK)
+    places = np.flatnonzero(numbers < count)
+    there = np.full(count, -1, np.intp)
+    there[numbers[places]] = places
+    return there if len(places) == count and (there >= 0).all() else None
+
+
+def _fixed_runs(data: bytes, marked: bytes, there: _Places, stamped: bool) -> list[slice]:
+    """Return where bytes must stay the same: all but numbers, the stamp, and padding.
+
+    ``marked`` says the same as ``data`` but for its numbers; what differs besides is padding,
+    which may be anything.
+    """
+    fixed = np.frombuffer(data, np.uint8) == np.frombuffer(marked, np.uint8)
+    for byte in range(_SIZE):
+        fixed[_BASE + _SIZE * there + byte] = False
+    if stamped:
+        fixed[STAMP_START : STAMP_START + STAMP.size] = False
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], fixed, [False]))))
+    return [slice(start, end) for start, end in zip(edges[::2].tolist(), edges[1::2].tolist())]
+
+
+def _mark(message: Any, first: int) -> int:
+    """Replace every float64 number below ``message`` by a mark, from number ``first`` on.
+
+    Return the number of the next mark.
+    """
     for name, kind in message.get_fields_and_field_types().items():
         value = getattr(message, name)
         if kind == 'double':
-            setattr(message, name, mark())
+            setattr(message, name, float(_marks(first, 1)[0]))
+            first += 1
         elif kind.startswith(('double[', 'sequence<double')):
-            for index in range(len(value)):
-                value[index] = mark()
+            if len(value):
+                np.frombuffer(value)[:] = _marks(first, len(value))
+            first += len(value)
         elif hasattr(value, 'get_fields_and_field_types'):
-            _mark(value, marks, bits)
+            first = _mark(value, first)
+    return first
+
+
+def _marks(first: int, count: int) -> Array:
+    start = _FIRST_MARK + first
+    return np.arange(start, start + count, dtype=np.uint64).view(np.float64)

@@ -7,6 +7,8 @@ import importlib
 import struct
 from typing import Any
 
+from rclpy.serialization import deserialize_message
+
 _NANOSECONDS = 1_000_000_000
 #: Seconds in a stamp are a signed number of 32 bits.
 _FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
@@ -36,6 +38,28 @@ def message_type(name: str) -> Any:
     return found
 
 
+class UndecodableError(Exception):
+    """The bytes of a message are not those of its type.
+
+    No ValueError: what a message that can be decoded says may be wrong in many ways, and each
+    reader knows what to do then; of this one nothing is known but its size.
+    """
+
+
+def decode(data: bytes, kind: Any) -> Any:
+    """Return the message of type ``kind`` that was serialised as ``data``.
+
+    Raises
+    ------
+    UndecodableError
+        If the bytes are not those of such a message: truncated, or of another type.
+    """
+    try:
+        return deserialize_message(data, kind)
+    except Exception as error:  # that of rclpy has no public name
+        raise UndecodableError(f'{len(data)} bytes are no {kind.__name__}') from error
+
+
 def stamp_of(message: Any) -> int | None:
     """Return the stamp of a message's header in nanoseconds; None if it has no header."""
     header = getattr(message, 'header', None)
@@ -61,6 +85,14 @@ def split(time: int) -> tuple[int, int]:
 
 
 def leading_stamp(data: bytes) -> int:
-    """Return the stamp of a serialised message whose type begins with a header, in ns."""
+    """Return the stamp of a serialised message whose type begins with a header, in ns.
+
+    Raises
+    ------
+    UndecodableError
+        If it is too short for a stamp.
+    """
+    if len(data) < STAMP_START + STAMP.size:
+        raise UndecodableError(f'{len(data)} bytes have no room for a stamp')
     seconds, rest = STAMP.unpack_from(data, STAMP_START)
     return int(seconds) * _NANOSECONDS + int(rest)

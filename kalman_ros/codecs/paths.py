@@ -23,6 +23,8 @@ _STEP = re.compile(r'([A-Za-z_]\w*)(?:\[([^\]]+)\])?(?:\.(?=.)|$)')
 Way = tuple[Union[str, int], ...]
 #: No array that is fused has more numbers.
 _LONGEST = 100_000
+#: So many names of a message are said in an error; a message may have any number.
+_FEW = 8
 ANGLES = ('roll', 'pitch', 'yaw')
 
 
@@ -176,7 +178,8 @@ def _position(names: list[str], name: str) -> int:
     try:
         return names.index(name)
     except ValueError:
-        raise LookupError(f"no '{name}' among ({', '.join(names)})") from None
+        few = ', '.join(names[:_FEW]) + (', ...' if len(names) > _FEW else '')
+        raise LookupError(f"no '{name}' among ({few:.200})") from None
 
 
 def euler(q: Any) -> tuple[float, float, float]:

@@ -12,13 +12,15 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import TimeReference
 
-from .messages import STAMP, STAMP_START, leading_stamp, split
+from .messages import STAMP, STAMP_START, decode, leading_stamp, split
 
 #: A stamp in nanoseconds has fewer.
 _DIGITS = 20
+#: The longest tick, in bytes, whose topics are kept.
+_KEPT = 4096
 
 
 def write_tick(time: int, topics: tuple[str, ...]) -> bytes:
@@ -29,9 +31,18 @@ def write_tick(time: int, topics: tuple[str, ...]) -> bytes:
 
 
 def read_tick(data: bytes) -> tuple[int, tuple[str, ...]]:
-    """Return the time and the topics of a tick."""
-    end = STAMP_START + STAMP.size
-    return leading_stamp(data), _topics(data[:STAMP_START] + bytes(STAMP.size) + data[end:])
+    """Return the time and the topics of a tick.
+
+    Raises
+    ------
+    UndecodableError
+        If it is none.
+    """
+    time, end = leading_stamp(data), STAMP_START + STAMP.size
+    unstamped = data[:STAMP_START] + bytes(STAMP.size) + data[end:]
+    # what is kept takes memory, and a sender may make up any number of long ones
+    topics = _topics if len(data) <= _KEPT else _topics.__wrapped__
+    return time, topics(unstamped)
 
 
 def mention(topic: str, stamp: int, time: int) -> str:
@@ -58,5 +69,5 @@ def _unstamped(topics: tuple[str, ...]) -> bytes:
 
 @lru_cache(maxsize=256)
 def _topics(unstamped: bytes) -> tuple[str, ...]:
-    source = deserialize_message(unstamped, TimeReference).source
+    source = decode(unstamped, TimeReference).source
     return tuple(topic for topic in source.split(',') if topic)

@@ -10,12 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 
 from kalman_ros.core import Array
 
 from .layout import Layout, Sample, learn
-from .messages import stamp_of
+from .messages import decode, stamp_of
 from .padding import without_padding
 from .signal_codec import SignalCodec
 
@@ -38,6 +38,8 @@ class WireReader:
 
         Raises
         ------
+        UndecodableError
+            If the bytes are not those of such a message.
         LookupError, ValueError
             If an array of the message is too short, too long, or lacks a name.
         """
@@ -45,7 +47,7 @@ class WireReader:
         if layout is not None and layout.fits(data):
             return layout.read(data)
         codec = self._codec
-        message = deserialize_message(data, self.message_type)
+        message = decode(data, self.message_type)
         values, covariance = codec.decode(message), codec.decode_covariance(message)
         sample = Sample(stamp_of(message), values, covariance)
         if self._may_learn:
@@ -78,5 +80,5 @@ def _written_layout(codec: SignalCodec) -> Layout | None:
     n = codec.size
     message = codec.encode(0, np.zeros(n), np.zeros((n, n)))
     data = without_padding(bytes(serialize_message(message)), message)
-    layout = learn(codec, deserialize_message(data, codec.message_type), data)
+    layout = learn(codec, decode(data, codec.message_type), data)
     return layout if codec.carries_covariance or not codec.has_covariance else None

@@ -130,4 +130,8 @@ def variances(name: str, deviations: ArrayLike, size: int) -> Array:
     sigma = vector(name, deviations, size)
     if not np.all(sigma > 0.0):
         raise ValueError(f'{name}: expected positive standard deviations, got {sigma.tolist()}')
-    return np.diag(sigma**2)
+    with np.errstate(over='ignore', under='ignore'):
+        squares = sigma**2
+    if not (np.isfinite(squares) & (squares > 0.0)).all():
+        raise ValueError(f'{name}: the square of a number is not finite and positive, got {sigma}')
+    return np.diag(squares)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 import traceback
 from difflib import get_close_matches
@@ -51,3 +52,31 @@ def find(kind: str, name: str, package: str, attribute: str) -> Any:
             f"{kind}: cannot load '{name}': {type(error).__name__}: {error}, "
             f'{Path(where.filename).name} line {where.lineno}'
         ) from error
+
+
+def builds(found: Any, kind: type) -> bool:
+    """Tell whether ``found`` is made to return a ``kind``; nothing is called to find out.
+
+    That is a class of that kind, or a function whose annotation says that it returns one.
+    """
+    if inspect.isclass(found):
+        return issubclass(found, kind)
+    if not inspect.isfunction(found):
+        return False
+    try:
+        returned = inspect.signature(found, eval_str=True).return_annotation
+    except (NameError, SyntaxError, TypeError, ValueError):
+        return False
+    return inspect.isclass(returned) and issubclass(returned, kind)
+
+
+def names_code(parameter: str) -> bool:
+    """Tell whether a parameter says which module is imported, or which file is opened.
+
+    Those count only from the start-up parameters of a node: `model`, and of each signal `kind`
+    and `type`.
+    """
+    return parameter.rpartition('.')[2] in _CODE
+
+
+_CODE = ('model', 'kind', 'type', 'implementation', 'recording')

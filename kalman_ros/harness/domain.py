@@ -3,19 +3,20 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import socket
-import tempfile
-from pathlib import Path
-from typing import IO
 
 # Domains up to 101 keep clear of the ports that Linux hands out by itself; 0 is everybody's.
 _DOMAINS = range(1, 102)
 
 
 class Domain:
-    """Holds a domain id until it is closed; others who ask in this way get another one."""
+    """Holds a domain id until it is closed; others who ask in this way get another one.
+
+    What holds it is a name in Linux's abstract socket namespace (unix(7)): it is in no folder, so
+    that nobody can put a link or a file in its place, it is shared by all users, and by those
+    network namespaces alone that share the ports of the domain, and it goes with the process.
+    """
 
     def __init__(self) -> None:
         start = os.getpid() % len(_DOMAINS)
@@ -32,12 +33,11 @@ class Domain:
         self._lock.close()
 
 
-def _lock(domain: int) -> IO[str] | None:
-    """Return an open lock on a domain, None if it is taken or its first port is."""
-    path = Path(tempfile.gettempdir()) / f'kalman_ros_domain_{os.getuid()}_{domain}.lock'
-    lock = path.open('w')
+def _lock(domain: int) -> socket.socket | None:
+    """Return a lock on a domain, None if it is taken or its first port is."""
+    lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock.bind(f'\0kalman_ros/domain/{domain}')
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             # the first participant's unicast port: DDSI-RTPS 2.5, section 9.6.2.4
             probe.bind(('127.0.0.1', 7400 + 250 * domain + 10))

@@ -48,6 +48,7 @@ class Recorder:
         #: How many messages have come, by the full name of the topic; `forget` keeps them.
         self.received: dict[str, int] = {}
         self._subscriptions: list[Any] = []
+        self._intake = node.intake
         self.on_message: Callable[[str, bytes], None] = lambda topic, data: None
         for topic, signal in signals.items():
             codec = self._codecs[topic] = SignalCodec(signal)
@@ -94,7 +95,8 @@ class Recorder:
         """Return what came on ``topic``; KeyError if it was not recorded."""
         codec = self._codecs[topic]
         read = WireReader(codec)
-        samples = [read(data) for data in self.raw[topic]]
+        found = (self._intake(topic, read, data) for data in self.raw[topic])
+        samples = [sample for sample in found if sample is not None]
         stamps = [sample.time for sample in samples if sample.time is not None]
         covariances = [sample.covariance for sample in samples]
         return Recorded(

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from kalman_ros.core import LinearSystem, Model, Signal, System, find
+from kalman_ros.core.registry import builds
 from kalman_ros.core.registry import names as _names
 
 #: What the nodes run when they are told nothing.
@@ -20,19 +21,22 @@ def names() -> list[str]:
 def system(name: str) -> System:
     """Return the system of ``name``: what a built-in model registers, or one's own.
 
-    ``package.module:Name`` may name a `System`, or a callable that returns a `Model`, such as a
-    subclass; that is then wired by the names of its states and inputs.
+    ``package.module:Name`` may name a `System`, a subclass of `Model`, or a function that is
+    annotated to return one; the last two are wired by the names of their states and inputs.
+    Nothing else is called.
 
     Raises
     ------
     ValueError
-        If there is none, or it is neither of the two.
+        If there is none, or it is none of the three.
     """
     found = find('model', name, __name__, 'SYSTEM')
     if isinstance(found, System):
         return found
-    if not callable(found):
-        raise ValueError(f"model: '{name}' is no System and returns no Model")
+    if not builds(found, Model):
+        raise ValueError(
+            f"model: '{name}' is not a System, a Model class or a function annotated '-> Model'"
+        )
     try:
         model = found()
     except TypeError as error:

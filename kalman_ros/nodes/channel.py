@@ -34,6 +34,11 @@ class Channel:
     #: While the node is active.
     subscription: Any = None
 
+    @property
+    def topic(self) -> str:
+        """The full name of the topic."""
+        return str(self.subscription.topic_name)
+
     def take(self, first: list[bytes]) -> tuple[list[bytes], int]:
         """Return the newest messages that have come, the ``first`` ones and those that wait.
 
@@ -71,9 +76,10 @@ class SensorChannel(Channel):
         self.nis = ChiSquareWindow(self.nis.degrees)
 
     def read(self, data: bytes, source: SensorSource) -> Sample:
-        """Return the reading in a message."""
+        """Return the reading in a message; UndecodableError if there is none."""
+        reading = self._read(data, source)
         self._rate.count()
-        return self._read(data, source)
+        return reading
 
     def publish(self, time: int, correction: Correction) -> None:
         """Publish the innovation of the reading taken at ``time``."""

@@ -28,7 +28,6 @@ from .meters import Latency, Rate
 from .options import ControllerOptions
 from .output import OutputStage
 from .reference import ReferenceReader
-from .throttle import Throttle
 from .topics import HISTORY, QUEUE
 from .trust import Trust
 from .watcher import waiting
@@ -52,7 +51,6 @@ class ControllerNode(runtime.ScenarioNode):
         super().configure()
         scenario, options = self.scenario, self.options
         model, blend = scenario.model, options.transition_time
-        self._warn = Throttle(self.get_logger().warning)
         self._regulator = Regulator(model.state, feedback(scenario), model.equilibrium, blend)
         self._trust = Trust(model.state, *_trusted(scenario, options))
         limiter = self._limiter = Limiter(*_limits(scenario, options))
@@ -60,7 +58,7 @@ class ControllerNode(runtime.ScenarioNode):
         #: Whether the input was let go, and answers are to go on from where it is.
         self._released = False
         self._period = 1.0 / scenario.rate
-        self._refused = self._older = self._undecodable = 0
+        self._refused = self._older = 0
         self._rate, self._latency, self._age = Rate(), Latency(), Latency()
         self._read_state = WireReader(SignalCodec(scenario.state))
         write = WireWriter(SignalCodec(scenario.input, options.frame))
@@ -111,13 +109,10 @@ class ControllerNode(runtime.ScenarioNode):
     def _newest(self, messages: list[bytes], came: float) -> Sample | None:
         """Return the estimate that came last, but for those that are older than one before."""
         at = None if self.options.lockstep or self._clock_went_back else came
+        topic = self._estimates.topic_name
         for passed, message in zip(range(len(messages) - 1, -1, -1), messages[: -_MOST - 1 : -1]):
-            try:
-                estimate = self._read_state(message)
-            except Exception as error:  # what is made of hostile bytes may raise anything
-                self._undecodable += 1
-                topic, size = self.scenario.state.topic, len(message)
-                self._warn(f'{topic}: {size} bytes cannot be decoded: {_first_line(error)}')
+            estimate = self.intake(topic, self._state_in, message)
+            if estimate is None:
                 continue
             if self._trust.is_old(estimate.time, at):
                 self._older += 1
@@ -126,6 +121,13 @@ class ControllerNode(runtime.ScenarioNode):
             self._passed += passed
             return estimate
         return None
+
+    def _state_in(self, data: bytes) -> Sample:
+        """Return the estimate in a message, one of no finite state if it lacks a field."""
+        try:
+            return self._read_state(data)
+        except (LookupError, ValueError):
+            return Sample(None, np.full(self.scenario.model.state.size, np.nan), None)
 
     def _answer(self, time: int, estimate: Sample) -> None:
         """Publish the input for an estimate, or one on the way to idle if it is not trusted."""
@@ -258,7 +260,6 @@ class ControllerNode(runtime.ScenarioNode):
             'estimates refused': self._refused,
             'estimates passed over for newer ones': self._passed,
             'estimates ignored: older than the last': self._older,
-            'estimates dropped: cannot be decoded': self._undecodable,
             'forces published': self._output.count,
             'forces limited': self._output.limited,
             'rate [Hz]': self._rate.value,
@@ -295,10 +296,6 @@ def _trusted(scenario: Scenario, options: ControllerOptions) -> tuple[float, flo
         raise ValueError(f"resume: expected auto or enable, got '{options.resume}'")
     prior = scenario.initial_belief.covariance.diagonal()
     return options.estimate_timeout, options.future_tolerance, most, prior
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).partition('\n')[0]
 
 
 def main() -> None:

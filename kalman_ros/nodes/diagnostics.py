@@ -37,7 +37,8 @@ class Diagnostics:
     """Publishes what ``report`` returns every second, whenever asked, and on new connections.
 
     To the report it adds how many subscribers each of the node's topics has, ``heard by:
-    TOPIC``, and how many publishers each topic that it listens to, ``hears: TOPIC``.
+    TOPIC``, how many publishers each topic that it listens to, ``hears: TOPIC``, and which
+    messages could not be read, ``undecodable: TOPIC`` and ``too long: TOPIC``.
     """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
@@ -71,7 +72,7 @@ class Diagnostics:
         """Publish now."""
         self._looks = 0
         level, message, values = self._report()
-        values = {**values, **self._connections}
+        values = {**values, **self._node.intake.report(), **self._connections}
         status = DiagnosticStatus(
             level=level.value,
             name=self._node.get_fully_qualified_name().lstrip('/'),

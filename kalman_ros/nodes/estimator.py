@@ -30,7 +30,7 @@ from . import runtime
 from .channel import Channel, InputChannel, SensorChannel
 from .diagnostics import Level, Report
 from .estimates import EstimatePublisher
-from .fusion import fusion
+from .fusion import check_start, fusion
 from .idle import idle_input
 from .initial_pose import PoseReader
 from .meters import Latency
@@ -60,6 +60,7 @@ class EstimatorNode(runtime.ScenarioNode):
         scenario, options = self.scenario, self.options
         self._warn = Throttle(self.get_logger().warning)
         found = fusion(scenario, options, self.extra)
+        check_start(found.filter, scenario)
         idle = idle_input(scenario.model, options.idle_input)
         seen = observability(scenario)
         self._online = OnlineEstimator(
@@ -184,10 +185,12 @@ class EstimatorNode(runtime.ScenarioNode):
             messages, missed = channel.take([data] if channel is first else [])
             if source.timed.enabled:
                 self._overrun(self._online.counts[name], missed, f'readings of {name}')
+                read = partial(channel.read, source=source)
                 for message in messages:
-                    reading = channel.read(message, source)
-                    time = reading.time or self._now()
-                    yield time, channel, reading
+                    reading = self.intake(channel.topic, read, message)
+                    if reading is not None:
+                        time = reading.time or self._now()
+                        yield time, channel, reading
 
     def _inputs_come(self, first: Channel, data: bytes) -> Iterator[_Come]:
         """Yield the inputs that have come, after ``data`` of what woke the node."""
@@ -196,7 +199,7 @@ class EstimatorNode(runtime.ScenarioNode):
         messages, missed = self._input.take([data] if self._input is first else [])
         self._overrun(self._inputs, missed, self.scenario.input.topic)
         for message in messages:
-            input = self._read_input(message)
+            input = self.intake(self._input.topic, self._read_input, message)
             if input is not None:
                 time = input.time or self._now()
                 yield time, self._input, input
@@ -223,7 +226,7 @@ class EstimatorNode(runtime.ScenarioNode):
         """Return the input in a message; None, with a warning, if there is none in it."""
         try:
             return self._input.read(data)
-        except LookupError as error:
+        except (LookupError, ValueError) as error:
             self._warn(f'{self.scenario.input.topic}: {error}')
             return None
 

@@ -6,12 +6,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from kalman_ros.core import Sensor, Value
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.simulation.scenario import Scenario, SensorSource
 
 from .options import EstimatorOptions
 
@@ -52,3 +54,31 @@ def fusion(scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Va
     sensors = {name: source.sensor for name, source in scenario.sensors.items()}
     filter = build_filter(scenario.filter, scenario.plan, extra, options.implementation)
     return Fusion(filter, sensors, policy)
+
+
+def check_start(filter: Filter, scenario: Scenario) -> None:
+    """Raise ValueError if no reading at all could ever correct the first belief.
+
+    Its numbers may be finite by themselves, and too large to compute with.
+    """
+    belief, sources = scenario.initial_belief, scenario.enabled.values()
+    zero = np.zeros(scenario.model.input.size)
+    with np.errstate(all='ignore'):
+        if sources and not any(_corrects(filter, belief, zero, s, scenario.rate) for s in sources):
+            std = np.sqrt(belief.covariance.diagonal()).tolist()
+            raise ValueError(f'initial_std: no filter can compute with {std}: too large or small')
+
+
+def _corrects(
+    filter: Filter, belief: Gaussian, u: Array, source: SensorSource, rate: float
+) -> bool:
+    """Tell whether a reading as expected gives a finite belief, now and a step later."""
+    sensor = source.sensor
+    try:
+        for first in (belief, filter.predict(belief, u, 1.0 / rate)):
+            posterior = filter.correct(first, sensor.measure(first.mean), sensor).posterior
+            if not is_finite(posterior.mean) or not is_finite(posterior.covariance):
+                return False
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return False
+    return True

@@ -205,6 +205,8 @@ def reason(error: Exception) -> str:
     """Return in one line what a user did wrong; '' if the fault is not the user's."""
     if isinstance(error, ValueError):
         return str(error)
+    if isinstance(error, (ArithmeticError, MemoryError)):
+        return f'the parameters give no numbers to compute with: {error or type(error).__name__}'
     # rcl reports bad names and unreadable parameter files by exceptions of its own
     if type(error).__module__.startswith(('rclpy', '_rclpy', 'rpyutils')):
         return str(error).partition('\n')[0].partition(', at ')[0]

@@ -118,7 +118,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
     def _on_truth(self, data: bytes) -> None:
         try:
             time, x, _ = self._read_truth(data)
-        except LookupError as error:
+        except (LookupError, ValueError) as error:
             self._warn(f'{_TRUTH}: {error}')
             return
         if time is None or not is_finite(x):

@@ -16,6 +16,8 @@ from kalman_ros.control.laws import LAWS, law_options
 from kalman_ros.core import About, options_of
 from kalman_ros.simulation.faults.body import BodyOptions
 
+from .intake import LONGEST
+
 #: What some filters may be told; named here so that no node has to load the filters.
 FILTER_OPTIONS = ('alpha', 'beta', 'kappa', 'hypotheses', 'observer_poles')
 
@@ -25,6 +27,15 @@ Lockstep = Annotated[
 Autostart = Annotated[
     bool,
     About('configure and activate at once, instead of when asked by ~/change_state'),
+]
+Longest = Annotated[
+    int,
+    About(
+        'the longest message that is read; longer ones are dropped, and counted',
+        'bytes',
+        minimum=100,
+        live=True,
+    ),
 ]
 Frame = Annotated[str, About('frame in which positions are given')]
 #: One for all nodes: the plant, the estimator and the controller must mean the same.
@@ -42,6 +53,7 @@ class PlantOptions(BodyOptions):
     """Options of the plant."""
 
     autostart: Autostart = True
+    max_message_size: Longest = LONGEST
     seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
     lockstep: Lockstep = False
     lockstep_timeout: Annotated[
@@ -81,6 +93,7 @@ class EstimatorOptions:
     """Options of the estimator."""
 
     autostart: Autostart = True
+    max_message_size: Longest = LONGEST
     implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
     lockstep: Lockstep = False
     publish_rate: Annotated[
@@ -126,6 +139,7 @@ class ControllerOptions:
     """Options of the controller."""
 
     autostart: Autostart = True
+    max_message_size: Longest = LONGEST
     lockstep: Lockstep = False
     enabled: Annotated[
         bool, About('whether forces are computed; if not, none is published (lockstep: idle ones)')
@@ -176,6 +190,7 @@ class MonitorOptions:
     """Options of the monitor."""
 
     autostart: Autostart = True
+    max_message_size: Longest = LONGEST
     monitor_window: Annotated[
         int, About('estimates over which NEES and NIS are averaged', minimum=10)
     ] = 500
@@ -190,6 +205,7 @@ class MicrophoneArrayOptions:
     """Options of the microphone array."""
 
     autostart: Autostart = True
+    max_message_size: Longest = LONGEST
     seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
     lockstep: Lockstep = False
     frame: Frame = 'map'

@@ -17,6 +17,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from kalman_ros.core import Option, Value, refuse_unknown
+from kalman_ros.core.registry import names_code
+
+from .managed import reason
 
 #: Parameters that rclpy itself reads from the same files.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
@@ -60,6 +63,29 @@ def _descriptor(option: Option) -> ParameterDescriptor:
             top = min(int(high), 2**63 - 1)
             descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=top)]
     return descriptor
+
+
+class CodeNames:
+    """Refuses parameters that name code unless they are as they were at the start of the node.
+
+    To import a module is to run it, and anybody in the ROS domain may call a node's services. So
+    what is imported, and which file is opened, is for the start-up parameters alone to say.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._trusted = given(node)
+        node.add_on_set_parameters_callback(self._check)
+
+    def trust(self, values: Mapping[str, Value]) -> None:
+        """Accept these values too: what the start-up parameters amount to, with defaults."""
+        self._trusted.update(values)
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        for name, value in ((found.name, found.value) for found in parameters):
+            if names_code(name) and value != self._trusted.get(name):
+                why = 'names code, which counts only from the start-up parameters'
+                return SetParametersResult(successful=False, reason=f'{name}: it {why}')
+        return SetParametersResult(successful=True)
 
 
 class LiveParameters:
@@ -130,8 +156,9 @@ class LiveParameters:
                 self._options[name].check(value)
             if changes:
                 self._ready = self._prepare({**self._values, **changes})
-        except ValueError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # a model of a user's own may raise anything
+            why = reason(error) or f'{type(error).__name__}: {error}'
+            return SetParametersResult(successful=False, reason=why)
         self._changes = changes
         return SetParametersResult(successful=True)
 

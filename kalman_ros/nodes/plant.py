@@ -155,7 +155,12 @@ class PlantNode(runtime.ScenarioNode):
         return all(count() > 0 for count in wanted)
 
     def publish_step(self) -> None:
-        """Publish the readings that are due, the truth, and in lockstep the tick and clock."""
+        """Publish the readings that are due, the truth, and in lockstep the tick and clock.
+
+        Of a state that is not finite nothing is published any more, until ``~/reset``.
+        """
+        if not self._plant.finite:
+            return
         time = self.stamp
         sources = self.scenario.sensors
         arrivals = self._links(self._plant.time, time, self._plant.readings())
@@ -177,7 +182,19 @@ class PlantNode(runtime.ScenarioNode):
     def step(self) -> None:
         """Move on by one step with the force that is held."""
         self._drop_old_force()
+        was_finite = self._plant.finite
         self._plant.step(self._force, self._disturbance)
+        if was_finite and not self._plant.finite:
+            self.get_logger().error(self._diverged())
+            self.diagnostics.publish()
+
+    def _diverged(self) -> str:
+        """Return that the plant has diverged, and what to do; nothing if it has not."""
+        if self._plant.finite:
+            return ''
+        return (
+            'the plant has diverged, its state is not finite: it publishes nothing until ~/reset'
+        )
 
     def _drop_old_force(self) -> None:
         timeout = self.options.force_timeout
@@ -229,7 +246,7 @@ class PlantNode(runtime.ScenarioNode):
             sample = self._read_input(data)
             if np.isfinite(sample.values).all():
                 return sample
-        except LookupError:
+        except (LookupError, ValueError):
             pass
         self._bad_inputs += 1
         return None
@@ -263,7 +280,7 @@ class PlantNode(runtime.ScenarioNode):
         }
         values.update({f'{name}: readings': count for name, count in self._links.arrived.items()})
         faults = ', '.join((*self._links.faults, *self._plant.faults.on))
-        trouble = self._pacer.trouble()
+        trouble = self._diverged() or self._pacer.trouble()
         if trouble:
             return Level.WARN if self._pacer.held else Level.ERROR, trouble, values
         if self.scenario.input.fields and self._force_came is None:

@@ -22,7 +22,13 @@ class ReadingReader:
     def __call__(self, data: bytes, source: SensorSource) -> Sample:
         """Return the reading; its covariance is None if the configured one is to be used.
 
-        A message that cannot be read gives a reading of no values, which no filter takes.
+        A message without the fields that it should have gives a reading of no values, which no
+        filter takes.
+
+        Raises
+        ------
+        UndecodableError
+            If the bytes are not those of such a message.
         """
         try:
             sample = self._read(data)

@@ -36,8 +36,9 @@ _PATIENCE = 3600.0
 class ScenarioNode(WatcherNode, ManagedNode):
     """A managed node that is told a scenario and options of its own by parameters.
 
-    Until it is configured, any parameter may be set and none is checked; which ones there are
-    depends on the model. It configures and activates itself unless ``autostart`` is false.
+    Until it is configured, any parameter may be set and none is checked, but for those that name
+    code: they stay as they were at the start. Which ones there are depends on the model. It
+    configures and activates itself unless ``autostart`` is false.
 
     Parameters
     ----------
@@ -59,6 +60,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
         super().__init__(name)
         self._build_options = options
         parameters.free(self, parameters.given(self))
+        self._code = parameters.CodeNames(self)
         self.diagnostics = Diagnostics(self, self._report_state)
         # a wrong value is told of by configure
         if parameters.given(self).get('autostart') is not False:
@@ -76,6 +78,8 @@ class ScenarioNode(WatcherNode, ManagedNode):
         values = scenario.complete(given, known)
         self.scenario, self.options, self.extra = self._build(values)
         topics.check(self.scenario)
+        self.intake.longest = self.options.max_message_size
+        self._code.trust(values)
         live = parameters.LiveParameters(self, known, values, self._prepare)
         self.at_the_end(live.close)
 
@@ -94,6 +98,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
         def put_in_place() -> None:
             self.scenario, self.options, self.extra = built, options, extra
+            self.intake.longest = options.max_message_size
             apply()
 
         return put_in_place

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from typing import Any
 
 from rclpy.clock import Clock
@@ -11,17 +12,28 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from kalman_ros.codecs.messages import decode
+
+from .intake import Intake
+
+#: So many bytes are taken at once, or the next message that makes them more.
+_MOST_BYTES = 16_000_000
+
 
 def waiting(subscription: Any) -> list[bytes]:
     """Return what has come of a subscription and nobody has been given yet."""
     take, kind = subscription.handle.take_message, subscription.msg_type
     come: list[bytes] = []
+    size = 0
     # no more than its queue holds, for more may come meanwhile, and never end
     for _ in range(subscription.qos_profile.depth):
         found = take(kind, True)
         if found is None:
             break
         come.append(found[0])
+        size += len(found[0])
+        if size > _MOST_BYTES:
+            break
     return come
 
 
@@ -30,10 +42,40 @@ class WatcherNode(Node):  # type: ignore[misc]
 
     Who only gathers is in no hurry, and what a message costs is mostly the waking for it.
     The queues must be deep enough for what comes between two looks.
+
+    Whatever it subscribes to passes through its `intake`: the middleware hands over bytes, and
+    those that are no message of the topic's type are dropped here.
     """
 
     #: The subscriptions that no executor is to wake for.
     watched: tuple[Any, ...] = ()
+
+    @cached_property
+    def intake(self) -> Intake:
+        """Drops what cannot be read, of every subscription."""
+        return Intake(lambda text: self.get_logger().warning(text))
+
+    def create_subscription(
+        self,
+        kind: Any,
+        topic: str,
+        callback: Callable[[Any], None],
+        queue: Any,
+        *,
+        raw: bool = False,
+        **options: Any,
+    ) -> Any:
+        """Subscribe; what cannot be decoded never comes as far as the callback.
+
+        With ``raw``, the callback decodes, by way of `decode`, and its UndecodableError drops the
+        message.
+        """
+        take = callback if raw else lambda data: callback(decode(data, kind))
+        # rclpy itself would decode where nobody can catch what that raises
+        found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
+        name = found.topic_name
+        found.callback = lambda data: self.intake(name, take, data)
+        return found
 
     @property
     def subscriptions(self) -> Iterator[Any]:

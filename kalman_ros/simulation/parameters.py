@@ -20,8 +20,69 @@ class _Bare(str):
     """A word that other readers of YAML, that of ROS for one, take for true or false."""
 
 
+#: Files and values that are longer are refused before they are read, those with more values or
+#: deeper ones while they are: a second is enough for any answer.
+_MOST_BYTES, _MOST_VALUES, _DEEPEST = 1_000_000, 10_000, 20
+
+
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """PyYAML's safe loader, which notices such words."""
+    """PyYAML's safe loader, which notices such words, and refuses what could take it long.
+
+    It refuses aliases, as the parser of ROS does: a few lines of them make up any number of
+    values.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        super().__init__(stream)
+        self._values = self._depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        mark = self.peek_event().start_mark
+        if self.check_event(yaml.AliasEvent):
+            raise _refused(f"ROS reads no aliases, '*{self.peek_event().anchor}'", mark)
+        self._values += 1
+        if self._values > _MOST_VALUES:
+            raise _refused(f'expected at most {_MOST_VALUES} values', mark)
+        self._depth += 1
+        if self._depth > _DEEPEST:
+            raise _refused(f'expected at most {_DEEPEST} levels', mark)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+
+def _refused(why: str, mark: Any) -> yaml.YAMLError:
+    return yaml.composer.ComposerError(None, None, why, mark)
+
+
+def _load(text: str) -> Any:
+    """Return what a YAML text says: the only place that reads YAML.
+
+    Raises
+    ------
+    ValueError
+        If it is not YAML, or has more in it than any parameter file; with the line.
+    """
+    try:
+        return yaml.load(text, _Loader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        line = f' in line {mark.line + 1}' if mark else ''
+        what = getattr(error, 'problem', None) or str(error).partition('\n')[0]
+        kind = '' if isinstance(error, yaml.composer.ComposerError) else 'not YAML: '
+        raise ValueError(f'{kind}{what}{line}') from None
+
+
+def _read(path: Path) -> str:
+    """Return the text of a file, which may be a pipe or a device, if it is not too long."""
+    with path.open('rb') as file:
+        data = file.read(_MOST_BYTES + 1)
+    if len(data) > _MOST_BYTES:
+        raise ValueError(f'expected at most {_MOST_BYTES} bytes')
+    try:
+        return data.decode()
+    except UnicodeDecodeError as error:
+        raise ValueError(f'not YAML: {error}') from None
 
 
 _Loader.add_implicit_resolver('!bare', re.compile(r'^[yYnN]$'), list('yYnN'))
@@ -66,12 +127,9 @@ def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
     if path is None:
         return {}
     try:
-        found = yaml.load(path.read_text(), _Loader) or {}
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, 'problem_mark', None)
-        line = f' in line {mark.line + 1}' if mark else ''
-        what = getattr(error, 'problem', None) or str(error).partition('\n')[0]
-        reason = f'not YAML: {what}{line}'
+        found = _load(_read(path)) or {}
+    except ValueError as error:
+        reason = str(error)
     else:
         if isinstance(found, Mapping) and all(map(_is_section, found.values())):
             known = ('**', *NODES, BETWEEN)
@@ -102,8 +160,8 @@ def overrides(given: Sequence[str]) -> dict[str, Any]:
     for text in given:
         name, separator, value = text.partition(':=')
         try:
-            found[name] = yaml.safe_load(value)
-        except yaml.YAMLError:
+            found[name] = _load(value)
+        except ValueError:
             separator = ''
         if not separator:
             raise ValueError(f"-p: expected NAME:=VALUE, got '{text}'")

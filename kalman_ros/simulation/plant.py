@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kalman_ros.core import Array, Model, TimedSensor, is_due, ratio
+from kalman_ros.core import Array, Model, TimedSensor, is_due, is_finite, ratio
 
 from .actuator import Actuator
 from .faults.body import BodyFaults, BodyOptions
@@ -75,8 +75,24 @@ class SimulatedPlant:
         """Move on by one step and draw its process noise.
 
         The input ``u`` (m,) is held, and acts as the actuator and its faults let it; a
-        ``disturbance`` (m,) adds to what then acts.
+        ``disturbance`` (m,) adds to what then acts. A state that cannot be computed is NaN, and
+        from then on only time goes on.
         """
+        if self.finite:
+            try:
+                with np.errstate(all='ignore'):
+                    self.state = self._moved(u, disturbance)
+            except (ArithmeticError, np.linalg.LinAlgError):
+                self.state = np.full_like(self.state, np.nan)
+        self.steps += 1
+        self._read = None
+
+    @property
+    def finite(self) -> bool:
+        """Whether the state, and its square, is finite; once it is not, it never will be again."""
+        return is_finite(self.state)
+
+    def _moved(self, u: Array, disturbance: Array | None) -> Array:
         model, x, time = self.model, self.state, self.steps * self.dt
         noise = self._process_noise.draw(model.transition(x, u, self.dt).Q)
         faults = self.faults if self.faults.act(time) else None
@@ -88,9 +104,7 @@ class SimulatedPlant:
         for duration, acting in self.actuator(self._command, self.dt):
             moving = acting if faults is None else faults.moved(acting)
             x = model.step(x, moving + push, duration)
-        self.state = model.state.wrap(x + noise)
-        self.steps += 1
-        self._read = None
+        return model.state.wrap(x + noise)
 
     def readings(self) -> dict[str, Array]:
         """Return the noisy readings that are due at this step; asked again, the same."""

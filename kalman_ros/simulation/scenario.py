@@ -36,7 +36,6 @@ from kalman_ros.core import (
     variances,
     vector,
 )
-from kalman_ros.core.registry import find
 from kalman_ros.estimators import FILTERS
 from kalman_ros.estimators.filter import Plan
 
@@ -143,7 +142,7 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
     for option in faults.fault_options():
         found[option.name] = Option(f'{name}.{option.name}', option.default, option.about)
     try:
-        kind = find('kind', setup.kind, sensors.__name__, 'SENSOR')
+        kind = sensors.builder(setup.kind)
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     for option in options_of(kind):
