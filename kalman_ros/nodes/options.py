@@ -26,6 +26,9 @@ Autostart = Annotated[
     bool,
     About('configure and activate at once, instead of when asked by ~/change_state'),
 ]
+Rest = Annotated[
+    bool, About('real time: the state stays at its initial value until the first input comes')
+]
 Frame = Annotated[str, About('frame in which positions are given')]
 
 
@@ -46,6 +49,7 @@ class PlantOptions(BodyOptions):
     force_timeout: Annotated[
         float, About('real time: the input goes to zero when none came so long', 's', minimum=0.0)
     ] = 0.5
+    rest_until_input: Rest = True
     run_until: Annotated[
         float, About('seconds of simulated time after which to pause', 's', live=True)
     ] = 1e9
@@ -76,6 +80,7 @@ class EstimatorOptions:
     initialize: Annotated[
         str, About("start from the initial 'belief' or from the first 'reading'")
     ] = 'belief'
+    rest_until_input: Rest = False
     window: Annotated[
         float, About('late readings are still fused if no older than this', 's', 0.0, live=True)
     ] = 1.0

@@ -88,6 +88,11 @@ class SimulatedPlant:
         self.steps += 1
         self._read = None
 
+    def rest(self) -> None:
+        """Let one step of time pass while something holds the body where it is."""
+        self.steps += 1
+        self._read = None
+
     def readings(self) -> dict[str, Array]:
         """Return the noisy readings that are due at this step; asked again, the same."""
         if self._read is None:
