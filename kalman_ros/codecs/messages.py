@@ -16,6 +16,8 @@ _FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
 STAMP = struct.Struct('<iI')
 #: It stands behind the four bytes that begin every message.
 STAMP_START = 4
+#: Of the frame behind it, whose last byte is zero.
+_LENGTH = struct.Struct('<I')
 
 
 def message_type(name: str) -> Any:
@@ -96,3 +98,11 @@ def leading_stamp(data: bytes) -> int:
         raise UndecodableError(f'{len(data)} bytes have no room for a stamp')
     seconds, rest = STAMP.unpack_from(data, STAMP_START)
     return int(seconds) * _NANOSECONDS + int(rest)
+
+
+def leading_frame(data: bytes) -> str:
+    """Return the frame of a serialised message whose type begins with a header, '' if unset."""
+    start = STAMP_START + STAMP.size
+    (length,) = _LENGTH.unpack_from(data, start)
+    text = data[start + _LENGTH.size :][:length]
+    return text.rstrip(b'\0').decode(errors='replace').lstrip('/')

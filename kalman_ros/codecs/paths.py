@@ -166,12 +166,20 @@ def reader(path: Path, sample: Any) -> Callable[[Any], float]:
     get = _getter(path.way)
     if path.index is not None:
         index = path.index
-        return lambda message: float(get(message)[index])
+        return lambda message: _at(get(message), index, path)
     if path.name is not None:
         name = path.name
         owner = _getter((*path.parent, 'name'))
-        return lambda message: float(get(message)[_position(owner(message), name)])
+        return lambda message: _at(get(message), _position(owner(message), name), path)
     return get
+
+
+def _at(values: Any, index: int, path: Path) -> float:
+    try:
+        return float(values[index])
+    except IndexError:
+        what = f'expected at least {index + 1} numbers, got {len(values)}'
+        raise LookupError(f'{path.text}: {what}') from None
 
 
 def _position(names: list[str], name: str) -> int:

@@ -30,11 +30,14 @@ from .policy import Policy
 
 
 class _State(NamedTuple):
-    """The belief at a time, the input in effect from then on, and rejections in a row."""
+    """The belief at a time, the input in effect from then on, and rejections in a row.
+
+    The input is None as long as the system is at rest.
+    """
 
     time: int | None
     belief: Gaussian
-    u: Array
+    u: Array | None
     rejections: tuple[int, ...]
 
 
@@ -90,7 +93,7 @@ class OnlineEstimator:
         self._names = list(sensors)
         self.counts: dict[str, Counter[Outcome]] = {name: Counter() for name in sensors}
         self.restarts = 0
-        self._first_input = input
+        self._zero = input
         self.configure(filter, sensors, policy or Policy())
         self.reset(initial)
 
@@ -107,7 +110,8 @@ class OnlineEstimator:
     def reset(self, belief: Gaussian) -> None:
         """Forget what came; the belief holds at the next stamp that comes. Counts go on."""
         self._initial = belief
-        self._base = _State(None, belief, self._first_input, (0,) * len(self._order))
+        first = None if self._policy.rest_until_input else self._zero
+        self._base = _State(None, belief, first, (0,) * len(self._order))
         self._items: list[_Item] = []
         self._old_in_a_row = 0
 
@@ -145,7 +149,7 @@ class OnlineEstimator:
         """
         if now is not None and self._is_future(time, now):
             return Outcome.FUTURE
-        if u.shape != self._first_input.shape:
+        if u.shape != self._zero.shape:
             return Outcome.WRONG_SIZE
         if not is_finite(u):
             return Outcome.NOT_FINITE
@@ -253,7 +257,7 @@ class OnlineEstimator:
 
     def _predict(self, state: _State, time: int, filter: Filter) -> Gaussian:
         """Return the belief at ``time``: the initial one if the old is worth nothing by then."""
-        if state.time is None or time == state.time:
+        if state.time is None or time == state.time or state.u is None:
             return state.belief
         if self._max_gap and time - state.time > self._max_gap:
             return self._initial

@@ -31,6 +31,9 @@ class Policy:
     from_reading
         Start from the first reading, taken at its word, instead of from the initial belief
         alone; what that reading does not see keeps the initial belief.
+    rest_until_input
+        The state stays as it is until the first input, which sets it in motion: readings correct
+        the belief until then, and time does not change it.
     """
 
     window: float = 1.0
@@ -40,3 +43,4 @@ class Policy:
     max_gap: float = 60.0
     future_tolerance: float = 1.0
     from_reading: bool = False
+    rest_until_input: bool = False

@@ -14,10 +14,9 @@ from pathlib import Path
 
 from rclpy.utilities import get_rmw_implementation_identifier as rmw
 
+from kalman_ros.nodes.transport import PROFILES, PROMPT, RANGE, loopback
+
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG, linux/prctl.h
-_RANGE, _PROFILES = 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'FASTRTPS_DEFAULT_PROFILES_FILE'
-#: What Fast DDS is told of how nodes find each other, and of the way that messages take.
-_DISCOVERY, _SOCKETS = map(Path(__file__).with_name, ('discovery.xml', 'sockets.xml'))
 
 
 class NodeProcess:
@@ -96,18 +95,18 @@ class NodeProcess:
 def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:
     """Have this process stay on this machine; return its environment with a ROS domain.
 
-    Nodes that start together find each other at once there; see ``discovery.xml``. They may be
-    told to use ``sockets`` alone: memory that they share with Fast DDS is quicker, but a process
-    that is killed may leave it locked, and who publishes then waits for up to some seconds.
+    Nodes that start together find each other at once there; see ``nodes/prompt.xml``. They may
+    be told to use ``sockets`` alone: memory that they share with Fast DDS is quicker, but a
+    process that is killed may leave it locked, and who publishes then waits for seconds.
     Your own profile of Fast DDS comes first.
     """
-    os.environ[_RANGE] = 'LOCALHOST'
-    os.environ.setdefault(_PROFILES, str(_DISCOVERY))
+    os.environ[RANGE] = 'LOCALHOST'
+    if not any(os.environ.get(name) for name in PROFILES):
+        os.environ.update(dict.fromkeys(PROFILES, str(PROMPT)))
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
-    ours = environment[_PROFILES] == str(_DISCOVERY) and rmw().startswith('rmw_fastrtps')
+    ours = environment.get(PROFILES[0]) == str(PROMPT) and rmw().startswith('rmw_fastrtps')
     if sockets and ours:
-        # by itself this range would be the whole network, but for the profile
-        environment.update({_RANGE: 'SYSTEM_DEFAULT', _PROFILES: str(_SOCKETS)})
+        environment.update(loopback())
     return environment
 
 

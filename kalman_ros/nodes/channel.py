@@ -81,6 +81,11 @@ class SensorChannel(Channel):
         self._rate.count()
         return reading
 
+    @property
+    def trouble(self) -> str:
+        """Why the last message that could not be read could not: the field and the sizes."""
+        return self._read.trouble
+
     def publish(self, time: int, correction: Correction) -> None:
         """Publish the innovation of the reading taken at ``time``."""
         if isfinite(correction.nis):
@@ -97,6 +102,8 @@ class SensorChannel(Channel):
         name = self.name
         values: dict[str, Any] = {f'{name}: readings': sum(counts.values())}
         values.update({f'{name}: {outcome.value}': count for outcome, count in counts.items()})
+        if self.trouble:
+            values[f'{name}: last message that could not be read'] = self.trouble
         values[f'{name}: rate [Hz]'] = self._rate.value
         if str(self.age):
             values[f'{name}: age when published, 50 / 90 / 99 % [ms]'] = str(self.age)

@@ -13,6 +13,7 @@ from rclpy.duration import Duration
 from std_srvs.srv import SetBool
 
 from kalman_ros.codecs.layout import Sample
+from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.control.feedback import Regulator
@@ -66,7 +67,9 @@ class ControllerNode(runtime.ScenarioNode):
         self._output = OutputStage(
             publisher, write, limiter, self._period, simulated=options.lockstep
         )
-        self._reference = ReferenceReader(self, scenario, self._on_reference)
+        #: The last estimate that could be read.
+        self._estimate = b''
+        self._reference = ReferenceReader(self, scenario, self._on_reference, self._frame)
 
     def activate(self) -> None:
         """Answer estimates from now on."""
@@ -78,6 +81,7 @@ class ControllerNode(runtime.ScenarioNode):
         self._trust.forget()
         topic, kind = self.scenario.state.topic, self._read_state.message_type
         self._estimates = self.create_subscription(kind, topic, self._on_estimate, QUEUE, raw=True)
+        self.diagnostics.connections.expect(self._estimates)
         self._reference.listen()
         if not self.options.lockstep:
             self.create_timer(self._period, self._supervise, clock=self.steady)
@@ -114,6 +118,7 @@ class ControllerNode(runtime.ScenarioNode):
             estimate = self.intake(topic, self._state_in, message)
             if estimate is None:
                 continue
+            self._estimate = message
             if self._trust.is_old(estimate.time, at):
                 self._older += 1
                 continue
@@ -213,6 +218,10 @@ class ControllerNode(runtime.ScenarioNode):
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
+
+    def _frame(self) -> str:
+        """Return the frame of the estimate, or the configured one before the first."""
+        return leading_frame(self._estimate) if self._estimate else self.options.frame
 
     def _on_reference(self, state: Array, input: Array) -> None:
         self._regulator.target = state, input

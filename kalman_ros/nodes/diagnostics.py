@@ -9,6 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from .connections import Connections
 from .watcher import WatcherNode
 
 
@@ -37,14 +38,17 @@ class Diagnostics:
     """Publishes what ``report`` returns every second, whenever asked, and on new connections.
 
     To the report it adds how many subscribers each of the node's topics has, ``heard by:
-    TOPIC``, how many publishers each topic that it listens to, ``hears: TOPIC``, and which
-    messages could not be read, ``undecodable: TOPIC`` and ``too long: TOPIC``.
+    TOPIC``, how many publishers each topic that it subscribes to, ``hears: TOPIC``, and which
+    messages could not be read, ``undecodable: TOPIC`` and ``too long: TOPIC``. A topic that
+    nobody publishes, or with another type or quality of service, is a warning.
     """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
         self._node: WatcherNode = node
         self._report = report
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        #: Which of the node's topics nothing can arrive on.
+        self.connections = Connections(node)
         self._connections: dict[str, int] = {}
         self._looks = 0
         self._timer = node.create_timer(_LOOK, self._look, clock=node.steady)
@@ -72,6 +76,10 @@ class Diagnostics:
         """Publish now."""
         self._looks = 0
         level, message, values = self._report()
+        problems = self.connections.problems()
+        if problems:
+            level = Level.WARN if level is Level.OK else level
+            message = '; '.join((message, *problems))
         values = {**values, **self._node.intake.report(), **self._connections}
         status = DiagnosticStatus(
             level=level.value,

@@ -87,6 +87,7 @@ class EstimatorNode(runtime.ScenarioNode):
         self._start_anew(scenario.initial_belief)
         self._told = -1
         subscribe = partial(self.create_subscription, raw=True)
+        expect = self.diagnostics.connections.expect
         callback: Callable[..., None]
         for name, channel in self._channels.items():
             source = scenario.sensors[name]
@@ -94,12 +95,14 @@ class EstimatorNode(runtime.ScenarioNode):
             callback = partial(self._on_turn if options.lockstep else self._on_message, channel)
             kind, topic = channel.message_type, source.signal.topic
             channel.subscription = subscribe(kind, topic, callback, queue)
+            if source.timed.enabled:
+                expect(channel.subscription)
         driven = bool(scenario.input.fields)
         if driven:
             kind, topic = self._input.message_type, scenario.input.topic
             on_message = partial(self._on_message, self._input)
             callback = self._on_answer if options.lockstep else on_message
-            self._input.subscription = subscribe(kind, topic, callback, QUEUE)
+            self._input.subscription = expect(subscribe(kind, topic, callback, QUEUE))
         self._turns: Optional[Turns] = None
         if options.lockstep:
             topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
@@ -216,7 +219,9 @@ class EstimatorNode(runtime.ScenarioNode):
         outcome, correction = self._online.add_reading(
             name, time, reading.values, reading.covariance, now
         )
-        if outcome is not Outcome.FUSED:
+        if outcome is Outcome.WRONG_SIZE:
+            self._warn(f'reading of {name} {outcome.value}: {channel.trouble}')
+        elif outcome is not Outcome.FUSED:
             self._warn(f'reading of {name} {outcome.value}')
         if outcome.accepted:
             self._observability.reading(name, time)
@@ -334,13 +339,26 @@ class EstimatorNode(runtime.ScenarioNode):
         values['restarts'] = self._online.restarts
         values['repairs of the covariance'] = self._online.belief.repairs
         if self._online.time is None:
-            return Level.WARN, 'no reading has come', values
+            return Level.WARN, self._unstarted(), values
         if silent and not self.options.lockstep:
             return Level.WARN, f'no readings of {" and ".join(silent)} come', values
         if doubtful:
             which = ' and '.join(doubtful)
             return Level.WARN, f'innovations of {which} do not scatter as expected', values
         return Level.OK, 'consistent', values
+
+    def _unstarted(self) -> str:
+        """Return why there is no estimate yet."""
+        dropped = [
+            f'{count} of {name} {outcome.value}'
+            + (f' ({self._channels[name].trouble})' if outcome is Outcome.WRONG_SIZE else '')
+            for name, counts in self._online.counts.items()
+            for outcome, count in counts.items()
+            if count
+        ]
+        if not dropped:
+            return 'no reading has come'
+        return f'no reading could be used: {", ".join(dropped)}'
 
 
 def main() -> None:

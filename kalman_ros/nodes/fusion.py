@@ -42,6 +42,7 @@ def fusion(scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Va
         for name, source in scenario.sensors.items()
         if source.gate < 1.0
     }
+    rests = options.rest_until_input and not options.lockstep and bool(scenario.input.fields)
     policy = Policy(
         window=options.window,
         gates=gates,
@@ -50,6 +51,7 @@ def fusion(scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Va
         max_gap=options.max_gap,
         future_tolerance=options.future_tolerance,
         from_reading=options.initialize == 'reading',
+        rest_until_input=rests,
     )
     sensors = {name: source.sensor for name, source in scenario.sensors.items()}
     filter = build_filter(scenario.filter, scenario.plan, extra, options.implementation)

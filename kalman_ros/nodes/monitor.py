@@ -40,8 +40,9 @@ class MonitorNode(runtime.ScenarioNode):
         scenario = self.scenario
         self._warn = Throttle(self.get_logger().warning)
         self._compare_anew(*self._fresh(scenario, self.options))
-        self._watch(on_topic(scenario.state, 'ground_truth'), self._on_truth)
-        self._watch(scenario.state, self._on_estimate)
+        expect = self.diagnostics.connections.expect
+        expect(self._watch(on_topic(scenario.state, 'ground_truth'), self._on_truth))
+        expect(self._watch(scenario.state, self._on_estimate))
         if scenario.input.fields:
             self._watch(scenario.input, self._on_input)
         self._whole = self._watch(covariance_signal(scenario.state), self._on_covariance)

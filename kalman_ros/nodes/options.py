@@ -37,6 +37,9 @@ Longest = Annotated[
         live=True,
     ),
 ]
+Rest = Annotated[
+    bool, About('real time: the state stays at its initial value until the first input comes')
+]
 Frame = Annotated[str, About('frame in which positions are given')]
 #: One for all nodes: the plant, the estimator and the controller must mean the same.
 IdleInput = Annotated[
@@ -74,6 +77,7 @@ class PlantOptions(BodyOptions):
         float, About('real time: the input goes to idle when none came so long', 's', minimum=0.0)
     ] = 0.5
     idle_input: IdleInput = 'zero'
+    rest_until_input: Rest = True
     run_until: Annotated[
         float, About('seconds of simulated time after which to pause', 's', live=True)
     ] = 1e9
@@ -105,6 +109,7 @@ class EstimatorOptions:
     initialize: Annotated[
         str, About("start from the initial 'belief' or from the first 'reading'")
     ] = 'belief'
+    rest_until_input: Rest = False
     window: Annotated[
         float, About('late readings are still fused if no older than this', 's', 0.0, live=True)
     ] = 1.0

@@ -45,6 +45,7 @@ class PlantNode(runtime.ScenarioNode):
         self.period = 1.0 / self.scenario.rate
         self._links = Links(options.seed)
         self._idle = idle_input(self.scenario.model, options.idle_input)
+        self._may_rest = options.rest_until_input and not options.lockstep
         self._restart()
         self._forces = self._bad_inputs = 0
         self._sensors = {
@@ -85,6 +86,7 @@ class PlantNode(runtime.ScenarioNode):
             kind = self._read_input.message_type
             subscribe(kind, 'disturbance', self._on_disturbance, QUEUE, raw=True)
             found['input'] = subscribe(kind, input.topic, self._on_force, QUEUE, raw=True)
+            self.diagnostics.connections.expect(found['input'])
         if not input.fields or self.options.wait_for_estimate:
             kind = message_type(state.type)
             found['state'] = subscribe(kind, state.topic, self._on_estimate, QUEUE, raw=True)
@@ -108,6 +110,8 @@ class PlantNode(runtime.ScenarioNode):
             model, _timed(scenario), scenario.rate, start, seed, self._idle
         )
         self._links.reset()
+        #: Whether it is held at its initial state: nobody has driven it yet, in real time.
+        self._rests = self._may_rest and bool(scenario.input.fields)
         self._adapting(scenario, self.options)()
 
     def _adapting(self, scenario: Scenario, options: PlantOptions) -> Callable[[], None]:
@@ -180,7 +184,10 @@ class PlantNode(runtime.ScenarioNode):
             publisher.publish(write(time, self._plant.state))
 
     def step(self) -> None:
-        """Move on by one step with the force that is held."""
+        """Move on by one step with the last force; before the first one, only time goes on."""
+        if self._rests:
+            self._plant.rest()
+            return
         self._drop_old_force()
         was_finite = self._plant.finite
         self._plant.step(self._force, self._disturbance)
@@ -222,6 +229,7 @@ class PlantNode(runtime.ScenarioNode):
         if self._force_came is None:
             self.get_logger().info(f'{self.scenario.input.topic} has come')
         self._force, self._force_came = force.values, self.steady.now().nanoseconds
+        self._rests = False
         self._on_answer('input', self.stamp if force.time is None else force.time)
 
     def _on_recorded(self, data: bytes) -> None:
@@ -283,6 +291,8 @@ class PlantNode(runtime.ScenarioNode):
         trouble = self._diverged() or self._pacer.trouble()
         if trouble:
             return Level.WARN if self._pacer.held else Level.ERROR, trouble, values
+        if self._rests:
+            return Level.WARN, f'at rest until the first {self.scenario.input.topic}', values
         if self.scenario.input.fields and self._force_came is None:
             words = f'no {self.scenario.input.topic} comes: it is {self._idle_name}'
             return Level.WARN, words, values

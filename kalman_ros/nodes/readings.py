@@ -18,6 +18,8 @@ class ReadingReader:
     def __init__(self, signal: Signal) -> None:
         self._read = WireReader(SignalCodec(signal))
         self.message_type = self._read.message_type
+        #: Why the last message that could not be read could not; '' before the first.
+        self.trouble = ''
 
     def __call__(self, data: bytes, source: SensorSource) -> Sample:
         """Return the reading; its covariance is None if the configured one is to be used.
@@ -32,7 +34,8 @@ class ReadingReader:
         """
         try:
             sample = self._read(data)
-        except (LookupError, ValueError):
+        except (LookupError, ValueError) as error:
+            self.trouble = str(error)
             return Sample(None, np.empty(0), None)
         policy, R = source.covariance_from, sample.covariance
         if policy == 'message' or R is None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal, is_finite
@@ -23,7 +24,7 @@ class ReferenceReader:
     """Finds the equilibrium of each reference that comes, and hands it on.
 
     Of a pose the velocities are zero, and what a pose does not tell is at the model's own
-    equilibrium.
+    equilibrium. One in another frame than the estimate's is refused; no frame means the same one.
 
     Parameters
     ----------
@@ -33,11 +34,18 @@ class ReferenceReader:
         The system.
     take
         Called with the state (n,) and the input (m,) that holds it.
+    frame
+        Returns the frame of the estimate, '' if it is not known.
     """
 
     def __init__(
-        self, node: Any, scenario: Scenario, take: Callable[[Array, Array], None]
+        self,
+        node: Any,
+        scenario: Scenario,
+        take: Callable[[Array, Array], None],
+        frame: Callable[[], str],
     ) -> None:
+        self._frame = frame
         self._node, self._scenario, self._take = node, scenario, take
         self._rest = scenario.model.equilibrium
         #: Of references, linearised about the equilibrium of the model.
@@ -59,13 +67,20 @@ class ReferenceReader:
 
         def on_message(data: bytes) -> None:
             try:
-                self._on_values(read(data).values, told)
+                values = read(data).values
+                self._check_frame(leading_frame(data))
+                self._on_values(values, told)
             except (LookupError, ValueError) as error:
                 self._node.get_logger().warning(f'{signal.topic}: {error}; the old one stays')
 
         self._node.create_subscription(
             read.message_type, signal.topic, on_message, QUEUE, raw=True
         )
+
+    def _check_frame(self, given: str) -> None:
+        expected = self._frame()
+        if given and expected and given != expected:
+            raise ValueError(f"expected the frame '{expected}' of the estimate, got '{given}'")
 
     def _on_values(self, values: Array, told: list[int]) -> None:
         state = self._rest.state.copy()

@@ -1,17 +1,57 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which way messages take between the processes of one machine."""
+"""How Fast DDS carries messages between the processes of one machine, and how nodes meet."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
+
+from rclpy.utilities import get_rmw_implementation_identifier as rmw
+
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+#: Names the file of profiles; Fast DDS 2 reads the first, Fast DDS 3 the second.
+PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+#: Nodes that start together find each other at once; the transport is not touched.
+PROMPT = Path(__file__).with_name('prompt.xml')
+#: The same over UDP on the loopback interface alone.
+LOOPBACK = Path(__file__).with_name('loopback.xml')
+
+_LOCALHOST_ONLY, _TRANSPORTS = 'ROS_LOCALHOST_ONLY', 'FASTDDS_BUILTIN_TRANSPORTS'
+_USERS_VARIABLES = (*PROFILES, _TRANSPORTS, 'ROS_DISCOVERY_SERVER')
+#: Fast DDS reads these from the working directory.
+_USERS_FILES = ('DEFAULT_FASTRTPS_PROFILES.xml', 'DEFAULT_FASTDDS_PROFILES.xml')
 
 
 def prefer_sockets() -> None:
-    """Have Fast DDS use sockets, unless the environment names a transport.
+    """Have Fast DDS use UDP and announce this process at once; call it before ``rclpy.init``.
 
-    Where a process was killed that shared memory with this one, publishing would wait for up to
-    some seconds when it returns: a plant or a controller could do nothing meanwhile. Messages as
-    small as these are as fast by socket. Within ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST Fast DDS
-    takes no notice of this.
+    Fast DDS prefers shared memory between processes of one machine. A process that is killed
+    leaves it locked, and whoever publishes to the process that replaces it waits for seconds.
+    Messages as small as these are as fast over UDP.
+
+    A user who has configured Fast DDS, or who runs another middleware, keeps that as it is.
     """
-    os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+    named = any(os.environ.get(name) for name in _USERS_VARIABLES)
+    if named or any(map(os.path.exists, _USERS_FILES)) or not rmw().startswith('rmw_fastrtps'):
+        return
+    if _stays_local():
+        os.environ.pop(_LOCALHOST_ONLY, None)
+        os.environ.update(loopback())
+    else:
+        os.environ.update({_TRANSPORTS: 'UDPv4', **dict.fromkeys(PROFILES, str(PROMPT))})
+
+
+def loopback() -> dict[str, str]:
+    """Return the environment that keeps a process on this machine, over UDP.
+
+    Within the range LOCALHOST rmw_fastrtps adds shared memory to any profile. So the range is
+    the system's default, and the profile is what keeps the messages here.
+    """
+    return {RANGE: 'SYSTEM_DEFAULT', **dict.fromkeys(PROFILES, str(LOOPBACK))}
+
+
+def _stays_local() -> bool:
+    """Return whether the environment asks for this machine alone."""
+    if os.environ.get('ROS_STATIC_PEERS'):  # which the range SYSTEM_DEFAULT would ignore
+        return False
+    return os.environ.get(RANGE) == 'LOCALHOST' or os.environ.get(_LOCALHOST_ONLY) == '1'

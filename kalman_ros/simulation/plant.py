@@ -106,6 +106,11 @@ class SimulatedPlant:
             x = model.step(x, moving + push, duration)
         return model.state.wrap(x + noise)
 
+    def rest(self) -> None:
+        """Let one step of time pass while something holds the body where it is."""
+        self.steps += 1
+        self._read = None
+
     def readings(self) -> dict[str, Array]:
         """Return the noisy readings that are due at this step; asked again, the same."""
         if self._read is None:

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who publishes what a node subscribes to, and why nothing can arrive if nothing does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from time import monotonic
+from typing import Any
+
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+
+#: How long a connection may be missing before it is reported, in seconds.
+PATIENCE = 3.0
+_ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
+
+
+class Connections:
+    """Finds topics whose publishers and subscribers cannot reach each other.
+
+    Parameters
+    ----------
+    node
+        Whose publishers and subscriptions are compared with those of the others.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+        self._awaited: list[Any] = []
+        self._since: dict[str, float] = {}
+        self._logged: set[str] = set()
+
+    def expect(self, subscription: Any) -> Any:
+        """Report from now on when nobody publishes to this subscription; return it."""
+        subscriptions = [*self._subscriptions()]
+        self._awaited = [known for known in self._awaited if known in subscriptions]
+        self._awaited.append(subscription)
+        return subscription
+
+    def problems(self) -> list[str]:
+        """Return what has been wrong for some seconds, and log what is new of it."""
+        now = monotonic()
+        self._since = {found: self._since.get(found, now) for found in self._mismatches()}
+        lasting = [found for found, since in self._since.items() if now - since > PATIENCE]
+        for found in lasting:
+            if found not in self._logged:
+                self._node.get_logger().warning(found)
+        self._logged = {*lasting}
+        return lasting
+
+    def _subscriptions(self) -> Iterator[Any]:
+        yield from self._node.subscriptions
+        yield from self._node.watched
+
+    def _mismatches(self) -> Iterator[str]:
+        node = self._node
+        for own in self._subscriptions():
+            topic = own.topic_name
+            others = node.get_publishers_info_by_topic(topic)
+            if not others and own in self._awaited:
+                yield f'{topic}: nobody publishes it'
+            for other in others:
+                why = _mismatch(own, other, other.qos_profile, own.qos_profile)
+                if why:
+                    yield f'{topic}: {_name(other)} publishes {why}'
+        for own in node.publishers:
+            if own.topic_name in _ROS_OWN:
+                continue
+            for other in node.get_subscriptions_info_by_topic(own.topic_name):
+                why = _mismatch(own, other, own.qos_profile, other.qos_profile)
+                if why:
+                    yield f'{own.topic_name}: {_name(other)} subscribes to {why}'
+
+
+def _mismatch(own: Any, other: Any, offered: QoSProfile, wanted: QoSProfile) -> str:
+    """Return why ``own`` and ``other``, an endpoint of another node, cannot connect; or ''."""
+    kind = _type_name(own.msg_type)
+    if other.topic_type != kind:
+        return f'{_short(other.topic_type)}, expected {_short(kind)}'
+    compatibility, reason = qos_check_compatible(offered, wanted)
+    if compatibility == QoSCompatibility.ERROR:
+        return f'with another quality of service: {reason.removeprefix("ERROR: ").rstrip(";. ")}'
+    return ''
+
+
+def _name(endpoint: Any) -> str:
+    return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
+
+
+def _type_name(kind: Any) -> str:
+    return f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}'
+
+
+def _short(name: str) -> str:
+    return name.replace('/msg/', '/')

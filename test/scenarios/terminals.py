@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes as a person starts them: each by ``./dev NODE`` in a terminal, with a parameter file."""
+
+import os
+import signal
+import tempfile
+import time
+from pathlib import Path
+
+from kalman_ros.harness import executables
+from kalman_ros.harness.process import NodeProcess
+from kalman_ros.harness.station import Station
+from kalman_ros.nodes.transport import PROFILES
+
+
+class Terminals:
+    """Processes of one ROS domain by name, and a node that hears them."""
+
+    def __init__(self, *arguments):
+        self.arguments, self.processes = arguments, {}
+        self._station = Station('witness', sockets=True)
+        self.node = self._station.node
+        self._folder = tempfile.TemporaryDirectory()
+        keep = {name: value for name, value in os.environ.items() if name not in PROFILES}
+        own = {'ROS_DOMAIN_ID': str(self._station.domain)}
+        #: What ``./dev`` sets, and no more.
+        self.environment = {**keep, **own, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for process in self.processes.values():
+            process.signal(signal.SIGTERM)
+        for process in self.processes.values():
+            process.wait(5.0)
+            process.stop()
+        self._station.close()
+        self._folder.cleanup()
+
+    def start(self, name, *arguments):
+        """Start a node with further arguments of its own."""
+        command = [str(executables.executable(name)), *self.arguments, *arguments]
+        log = Path(self._folder.name) / f'{name}.log'
+        self.processes[name] = NodeProcess(name, command, self.environment, log)
+
+    def kill(self, name):
+        """Kill a node at once."""
+        process = self.processes.pop(name)
+        process.signal(signal.SIGKILL)
+        assert process.wait(5.0)
+
+    def said(self, name):
+        """Return what a node has printed."""
+        return self.processes[name].output()
+
+    def spin(self, seconds):
+        """Take in what comes; none of the nodes may have ended."""
+        self._station.spin(seconds)
+        for name, process in self.processes.items():
+            assert process.exit_code is None, f'{name}: {process.last_words()}'
+
+    def wait(self, condition, seconds, trouble):
+        """Take in what comes until ``condition`` holds."""
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, trouble()
+            self.spin(0.02)
