@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian
 
-from .filter import Plan
+from .filter import Plan, parts
 from .lapack import dgemm
 from .update import LinearUpdate
 
@@ -24,12 +24,15 @@ class ExtendedKalmanFilter(LinearUpdate):
     """
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
-        """Return x = step(x, u), P = F P F' + Q."""
+        """Return x = step(x, u), P = F P F' + Q, in steps of the model's ``max_step``."""
         x, P, repairs = belief
-        step = self.model.transition(x, u, dt)
-        F, Q = step.F, step.Q
-        covariance = dgemm(1.0, dgemm(1.0, F, P), F, 1.0, Q, 0, 1)
-        return Gaussian(self.model.step(x, u, dt), covariance, repairs)
+        model, count = self.model, parts(self.model, dt)
+        h = dt / count
+        for _ in range(count):
+            step = model.transition(x, u, h)
+            P = dgemm(1.0, dgemm(1.0, step.F, P), step.F, 1.0, step.Q, 0, 1)
+            x = model.step(x, u, h)
+        return Gaussian(x, P, repairs)
 
 
 def build(plan: Plan) -> ExtendedKalmanFilter:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import ceil
 from typing import TYPE_CHECKING, Protocol
 
 from kalman_ros.core import (
@@ -21,6 +22,35 @@ from kalman_ros.core import (
 
 if TYPE_CHECKING:
     from .correction import Correction  # it needs scipy, and a `Plan` does not
+
+
+#: The covariance is predicted in at most this many parts, so that a long silence costs milliseconds.
+_MOST_PARTS = 100
+
+
+def parts(model: Model, dt: float) -> int:
+    """Return the number of equal parts in which to predict a covariance over ``dt`` seconds.
+
+    The mean of a nonlinear model is integrated in steps of at most ``max_step``. A linearisation
+    holds no longer than such a step, so the covariance goes along with the mean.
+    """
+    if abs(dt) <= model.max_step:
+        return 1
+    return ceil(min(abs(dt) / model.max_step, _MOST_PARTS))
+
+
+def process_noise(model: Model, x: Array, u: Array, dt: float) -> Array:
+    """Return the covariance Q (n, n) that noise adds over ``dt`` seconds along the path from ``x``.
+
+    Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`.
+    """
+    count = parts(model, dt)
+    Q = model.transition(x, u, dt / count).Q
+    for _ in range(1, count):
+        x = model.step(x, u, dt / count)
+        step = model.transition(x, u, dt / count)
+        Q = step.F @ Q @ step.F.T + step.Q
+    return Q
 
 
 class Filter(Protocol):

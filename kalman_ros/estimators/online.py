@@ -15,22 +15,24 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Mapping
-from math import isfinite
+from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, is_finite
 
+from . import agreement
 from .correction import Correction
 from .factor import cholesky
 from .filter import Filter
 from .outcome import Outcome
 from .policy import Policy
+from .start import taken_at_its_word
 
 
 class _State(NamedTuple):
-    """The belief at a time, the input in effect from then on, and rejections in a row.
+    """The belief at a time, the input in effect from then on, and what each sensor says of it.
 
     The input is None as long as the system is at rest.
     """
@@ -38,7 +40,7 @@ class _State(NamedTuple):
     time: int | None
     belief: Gaussian
     u: Array | None
-    rejections: tuple[int, ...]
+    records: agreement.Records
 
 
 class _Item:
@@ -111,7 +113,8 @@ class OnlineEstimator:
         """Forget what came; the belief holds at the next stamp that comes. Counts go on."""
         self._initial = belief
         first = None if self._policy.rest_until_input else self._zero
-        self._base = _State(None, belief, first, (0,) * len(self._order))
+        records = (agreement.Record(),) * len(self._order)
+        self._base = _State(None, belief, first, records)
         self._items: list[_Item] = []
         self._old_in_a_row = 0
 
@@ -274,41 +277,63 @@ class OnlineEstimator:
             item.restarted = True
             self.restarts += 1
         if item.sensor is None:
-            item.after = _State(time, belief, item.value, state.rejections)
+            item.after = _State(time, belief, item.value, state.records)
             return item.after
-        streak = state.rejections[order]
+        records = state.records
         try:
             first = state.time is None and self._policy.from_reading
-            start = _at_its_word(belief, item.value, item.sensor) if first else belief
-            item.outcome, item.correction = self._correct(start, item, streak)
+            start = taken_at_its_word(belief, item.value, item.sensor) if first else belief
+            item.outcome, item.correction, records = self._correct(start, item, records)
             if item.outcome.accepted:
                 belief = _committed(item.correction.posterior)
         except np.linalg.LinAlgError:
             item.outcome, item.correction = Outcome.INDEFINITE, None
-        rejections = state.rejections
-        streak = streak + 1 if item.outcome is Outcome.REJECTED else 0
-        if streak != rejections[order]:
-            rejections = (*rejections[:order], streak, *rejections[order + 1 :])
-        item.after = _State(time, belief, state.u, rejections)
+            records = agreement.replaced(records, order, records[order].after(time, None))
+        item.after = _State(time, belief, state.u, records)
         return item.after
 
-    def _correct(self, belief: Gaussian, item: _Item, streak: int) -> tuple[Outcome, Correction]:
+    def _correct(
+        self, belief: Gaussian, item: _Item, records: agreement.Records
+    ) -> tuple[Outcome, Correction, agreement.Records]:
         """Correct by a reading, or reject it; after too many rejections, make it pass."""
         assert item.sensor is not None
+        time, order = item.key
         correction = item.filter.correct(belief, item.value, item.sensor)
-        gate = self._gates.get(item.key[1])
+        gate = self._gates.get(order)
         if gate is None or correction.nis <= gate:
-            return Outcome.FUSED, correction
+            records = agreement.replaced(records, order, records[order].after(time, True))
+            return Outcome.FUSED, correction, records
         if not isfinite(correction.nis):
             raise np.linalg.LinAlgError('the innovation is not finite')
-        if not self._policy.recover_after or streak + 1 < self._policy.recover_after:
-            return Outcome.REJECTED, correction
+        records = agreement.replaced(records, order, records[order].after(time, False))
+        needed = self._policy.recover_after
+        if not needed or sum(record.rejections for record in records) < needed:
+            return Outcome.REJECTED, correction, records
+        seen = agreement.seen_states(self._sensors, belief)
+        found = agreement.judge(records, seen, order, needed, self._max_gap or inf)
+        refused = records[order].rejections >= needed and bool(np.any(found.vouched & seen[order]))
+        rejected = Outcome.OUTVOTED if refused else Outcome.REJECTED
+        if found.outvoted or not found.enough:
+            return rejected, correction, records
+        recovered = self._widened(belief, item, found.vouched, gate)
+        if recovered is None:
+            return rejected, correction, records
+        return Outcome.RECOVERED, recovered, agreement.forgiven(records, seen, ~found.vouched)
+
+    @staticmethod
+    def _widened(
+        belief: Gaussian, item: _Item, vouched: Array, gate: float
+    ) -> Correction | None:
+        """Return the correction by a reading that passes once other states are less certain."""
+        assert item.sensor is not None
+        factor = np.where(vouched, 1.0, 2.0)
         for _ in range(_MOST_WIDENINGS):
-            belief = belief._replace(covariance=4.0 * belief.covariance)
+            covariance = np.outer(factor, factor) * belief.covariance
+            belief = belief._replace(covariance=covariance)
             correction = item.filter.correct(belief, item.value, item.sensor)
             if correction.nis <= gate:
-                return Outcome.RECOVERED, correction
-        return Outcome.REJECTED, correction
+                return correction
+        return None
 
 
 #: Fourfold each time, this widens standard deviations by up to a million.
@@ -336,16 +361,3 @@ def _committed(belief: Gaussian) -> Gaussian:
     if not repairs:
         return belief
     return Gaussian(belief.mean, P, belief.repairs + repairs)
-
-
-def _at_its_word(belief: Gaussian, y: Array, sensor: Sensor) -> Gaussian:
-    """Return the belief with what ``sensor`` sees moved to where the reading puts it.
-
-    This is the update without measurement noise, for the mean alone: the reading itself is
-    fused afterwards, with its noise.
-    """
-    x, P = belief.mean, belief.covariance
-    H = sensor.jacobian(x)
-    # by least squares, for a sensor may see one thing twice
-    K = np.linalg.lstsq(H @ P @ H.T, H @ P, rcond=None)[0].T
-    return belief._replace(mean=x + K @ sensor.output.subtract(y, sensor.measure(x)))

@@ -15,6 +15,7 @@ class Outcome(Enum):
     FUSED = 'fused'
     RECOVERED = 'fused: covariance widened after too many rejections'
     REJECTED = 'rejected: outside the gate'
+    OUTVOTED = 'rejected: contradicts sensors that agree'
     INDEFINITE = 'rejected: the update has no finite positive result'
     NOT_FINITE = 'dropped: not finite'
     WRONG_SIZE = 'dropped: wrong size'

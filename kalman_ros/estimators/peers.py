@@ -18,7 +18,7 @@ from filterpy.kalman import (
 from kalman_ros.core import Array, Gaussian, Model, Sensor, symmetric
 
 from .correction import Correction
-from .filter import Plan, linear_system
+from .filter import Plan, linear_system, parts, process_noise
 from .ukf import Alpha, Beta, Kappa
 
 R = TypeVar('R')
@@ -57,7 +57,13 @@ class _Linearised:
 
     @_sound
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
-        """Let filterpy predict."""
+        """Let filterpy predict, in steps as short as those of our own filters."""
+        count = 1 if self._kind is KalmanFilter else parts(self._model, dt)
+        for _ in range(count):
+            belief = self._moved(belief, u, dt / count)
+        return belief
+
+    def _moved(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         step = self._model.transition(belief.mean, u, dt)
         peer = self._peer(belief, 1)
         peer.F, peer.Q, peer.B = step.F, step.Q, step.G
@@ -113,7 +119,7 @@ class _Unscented:
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Let filterpy predict."""
         peer = self._peer(belief, None)
-        peer.Q = self._model.transition(belief.mean, u, dt).Q
+        peer.Q = process_noise(self._model, belief.mean, u, dt)
         peer.predict(dt=dt, fx=lambda x, dt: self._model.step(x, u, dt))
         return Gaussian(np.array(peer.x), symmetric(np.array(peer.P)), belief.repairs)
 

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whose fault a rejected reading is: its sensor's, or the estimate's.
+
+The rule, in three sentences:
+
+1. The last reading of a sensor says whether the sensor agrees with the estimate or contradicts
+   it, until the sensor has been silent for ten of its intervals, and at least for a second.
+2. A state is *vouched for* while some of the sensors that see it agree, at least half as many as
+   contradict; no rejected reading widens the covariance of such a state.
+3. Other states are widened, until the reading passes, once the sensors that see them have rejected
+   ``recover_after`` readings in a row, in total; where there are several, each has to contribute,
+   for none counts for more than half of that.
+
+A sensor alone therefore recovers after ``recover_after`` rejections of its own; of two that see the
+same states, the one that contradicts the estimate stays rejected; and an estimate that nearly all
+contradict is given up. A sensor sees the states by which its reading has a derivative: a gyroscope
+that agrees does not vouch for a position.
+
+What the rule cannot know: which of two sensors is right that both contradict the estimate, or that
+joined one after the other; the estimate stays with the first. A majority of sensors with the same
+wrong reading is believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Sensor
+
+#: A sensor that is silent for longer than all of these does not count: ns, and its intervals.
+_SILENCE, _INTERVALS = 1_000_000_000, 10
+
+
+class Record(NamedTuple):
+    """What the readings of a sensor said of the estimate, up to the last of them.
+
+    Parameters
+    ----------
+    time
+        The stamp of that reading in nanoseconds; None before the first.
+    interval
+        The nanoseconds between the last two; 0 before the second.
+    agrees
+        Whether it passed its gate; None if that says nothing.
+    rejections
+        The number of readings in a row that did not.
+    """
+
+    time: int | None = None
+    interval: int = 0
+    agrees: bool | None = None
+    rejections: int = 0
+
+    def after(self, time: int, agrees: bool | None) -> Record:
+        """Return the record with another reading."""
+        interval = self.interval if self.time is None else time - self.time or self.interval
+        return Record(time, interval, agrees, self.rejections + 1 if agrees is False else 0)
+
+    def lives(self, now: int, longest: float = inf) -> bool:
+        """Tell whether the sensor is expected to read again; ``longest`` ns of silence are not."""
+        if self.time is None:
+            return False
+        silence = max(_SILENCE, _INTERVALS * self.interval) if self.interval else inf
+        return now - self.time <= min(silence, longest)
+
+
+Records = tuple[Record, ...]
+
+
+def replaced(records: Records, index: int, record: Record) -> Records:
+    """Return the records with another one at ``index``."""
+    return (*records[:index], record, *records[index + 1 :])
+
+
+def forgiven(records: Records, seen: Array, widened: Array) -> Records:
+    """Return the records after a recovery: who saw what was ``widened`` (n,) starts again."""
+    return tuple(
+        Record(record.time, record.interval) if np.any(sees & widened) else record
+        for record, sees in zip(records, seen)
+    )
+
+
+def seen_states(sensors: Mapping[str, Sensor], belief: Gaussian) -> Array:
+    """Return which states (n,) each sensor sees, as rows of booleans.
+
+    A derivative may vanish at one point, as that of a bearing along an axis: two are looked at.
+    """
+    points = belief.mean, belief.mean + belief.std
+    return np.array(
+        [
+            np.logical_or.reduce([np.any(each.jacobian(x) != 0.0, axis=0) for x in points])
+            for each in sensors.values()
+        ]
+    )
+
+
+class Finding(NamedTuple):
+    """What follows from a rejected reading.
+
+    Parameters
+    ----------
+    vouched
+        The states that other sensors vouch for (n,), as booleans.
+    outvoted
+        Whether all states that the sensor sees are vouched for.
+    enough
+        Whether enough readings were rejected to widen the others.
+    """
+
+    vouched: Array
+    outvoted: bool
+    enough: bool
+
+
+def judge(
+    records: Sequence[Record],
+    seen: Array,
+    index: int,
+    recover_after: int,
+    longest: float = inf,
+) -> Finding:
+    """Judge the last reading of the sensor at ``index``, which its gate rejected.
+
+    Parameters
+    ----------
+    records
+        Of every sensor; that of the rejected one has the reading in it.
+    seen
+        The states that each sensor sees (sensors, n), as booleans.
+    index
+        The sensor.
+    recover_after
+        The number of rejections after which a state is doubted.
+    longest
+        The longest silence in nanoseconds after which any sensor still counts.
+    """
+    now = records[index].time
+    assert now is not None
+    alive = np.array([record.lives(now, longest) for record in records])
+    agreeing = seen[alive & [record.agrees is True for record in records]].sum(axis=0)
+    contradicting = seen[alive & [record.agrees is False for record in records]].sum(axis=0)
+    vouched = (agreeing > 0) & (2 * agreeing >= contradicting)
+    doubted = seen[index] & ~vouched
+    involved = alive & seen[:, doubted].any(axis=1)
+    share = recover_after if involved.sum() < 2 else (recover_after + 1) // 2
+    total = sum(min(records[k].rejections, share) for k in np.flatnonzero(involved))
+    return Finding(vouched, not doubted.any(), total >= recover_after)
