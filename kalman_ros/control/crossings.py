@@ -51,11 +51,21 @@ def continuous(loop: StateSpace) -> StateSpace:
         M = np.linalg.inv(eye + A)
         scale = 2.0 / np.sqrt(loop.dt)
         A, B, C, D = (2.0 / loop.dt) * M @ (A - eye), scale * M @ B, scale * C @ M, D - C @ M @ B
+    return balanced(StateSpace(A, B, C, D))
+
+
+def balanced(system: StateSpace) -> StateSpace:
+    """Return the same continuous system (m, m) with states in units that give entries of one size.
+
+    Inputs and outputs get one unit for all of them, which changes no value.
+    """
+    A, B, C, D = system.A, system.B, system.C, system.D
     # together with B and C, since an integrator alone has no size that could be balanced
     whole = np.block([[A, B], [C, np.zeros_like(D)]])
-    balanced, _ = matrix_balance(whole, permute=False)
+    found, (scale, _) = matrix_balance(whole, permute=False, separate=True)
     n = len(A)
-    return StateSpace(balanced[:n, :n], balanced[:n, n:], balanced[n:, :n], D)
+    own = scale[n:] / np.exp(np.mean(np.log(scale[n:])))
+    return StateSpace(found[:n, :n], found[:n, n:] / own, found[n:, :n] * own[:, np.newaxis], D)
 
 
 def frequency(bent: float, dt: float | None) -> float:
@@ -83,20 +93,32 @@ def real_crossings(loop: StateSpace) -> Array:
 
 def level_crossings(loop: StateSpace, level: float = 1.0) -> Array:
     """Return the w > 0 (k,), ascending, at which a continuous scalar |L(jw)| is ``level``."""
-    A, B, C, D = loop.A, loop.B, loop.C, loop.D
-    n = len(A)
-    # s x = A x + B u, s p = -A'p - C'y, 0 = level^2 u - B'p - D'y, y = C x + D u
-    pencil = np.block([
-        [A, np.zeros((n, n)), B],
-        [-C.T @ C, -A.T, -C.T @ D],
-        [-D.T @ C, -B.T, level**2 - D.T @ D],
-    ])  # fmt: skip
 
     def residual(w: float) -> tuple[float, float, float]:
         L, slope = _value(loop, w)
         return abs(L) ** 2 - level**2, 2.0 * (L.conjugate() * slope).real, level**2
 
-    return _polished(pencil, residual)
+    return _polished(_level_pencil(loop, level), residual)
+
+
+def singular_crossings(system: StateSpace, level: float) -> Array:
+    """Return the w > 0 (k,), ascending, where a singular value of M(jw) (p, m) is ``level``.
+
+    Of a continuous system. They are not polished, and among them may be some where a singular
+    value only comes near.
+    """
+    return _near_axis(_level_pencil(system, level), system.B.shape[1])
+
+
+def _level_pencil(system: StateSpace, level: float) -> Array:
+    A, B, C, D = system.A, system.B, system.C, system.D
+    n, m = B.shape
+    # s x = A x + B u, s p = -A'p - C'y, 0 = level^2 u - B'p - D'y, y = C x + D u
+    return np.block([
+        [A, np.zeros((n, n)), B],
+        [-C.T @ C, -A.T, -C.T @ D],
+        [-D.T @ C, -B.T, level**2 * np.eye(m) - D.T @ D],
+    ])  # fmt: skip
 
 
 def _value(loop: StateSpace, w: float) -> tuple[complex, complex]:
@@ -109,20 +131,24 @@ def _value(loop: StateSpace, w: float) -> tuple[complex, complex]:
 
 
 def _polished(pencil: Array, residual: Residual) -> Array:
-    """Return the zeros of a pencil that are on the imaginary axis, above the origin."""
-    size = len(pencil)
-    E = np.eye(size)
-    E[-1, -1] = 0.0
-    alpha, beta = eig(pencil, E, right=False, homogeneous_eigvals=True)
-    finite = np.abs(beta) > np.finfo(float).eps * np.abs(alpha)
-    s = alpha[finite] / beta[finite]
-    near = s[(s.imag > 0.0) & (np.abs(s.real) <= _NEAR * np.abs(s))]
+    """Return the zeros of a scalar loop's pencil on the imaginary axis, above the origin."""
     found: list[float] = []
-    for start in np.sort(near.imag).tolist():
+    for start in _near_axis(pencil, 1).tolist():
         w = _newton(residual, start)
         if w is not None and not any(abs(w - other) <= _SAME * w for other in found):
             found.append(w)
     return np.sort(np.array(found))
+
+
+def _near_axis(pencil: Array, inputs: int) -> Array:
+    """Return the zeros (k,) near the imaginary axis, above the origin, ascending."""
+    E = np.eye(len(pencil))
+    E[-inputs:, -inputs:] = 0.0
+    alpha, beta = eig(pencil, E, right=False, homogeneous_eigvals=True)
+    finite = np.abs(beta) > np.finfo(float).eps * np.abs(alpha)
+    s = alpha[finite] / beta[finite]
+    near = s[(s.imag > 0.0) & (np.abs(s.real) <= _NEAR * np.abs(s))]
+    return np.sort(near.imag)
 
 
 def _newton(residual: Residual, w: float) -> float | None:

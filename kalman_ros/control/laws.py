@@ -17,6 +17,7 @@ from kalman_ros.core import (
     build_with,
     options_of,
     refuse_unknown,
+    spread_poles,
 )
 
 from .feedback import Feedback
@@ -35,7 +36,7 @@ def _placement(
     dt: float,
     regulator_poles: Annotated[
         Sequence[float],
-        About('real parts of the poles of the loop, one a state', '1/s', maximum=-1e-9, live=True),
+        About('real parts of the poles of the loop, up to one per state', '1/s', maximum=-1e-9, live=True),
     ] = (-1.0,),
     regulator_frequencies: Annotated[
         Sequence[float],
@@ -44,13 +45,12 @@ def _placement(
 ) -> Feedback:
     """Return the regulator with poles where one wants them; the weights do not matter.
 
-    Fewer poles than states are spread out from the last one, a tenth further each.
+    Fewer poles than states are completed by `spread_poles`.
     """
     from .placement import sampled_place
 
     n = system.state.size
-    real = [*regulator_poles]
-    real += [regulator_poles[-1] * (1.0 + 0.1 * k) for k in range(1, n - len(real) + 1)]
+    real = spread_poles('regulator_poles', regulator_poles, n)
     imaginary = [*regulator_frequencies, *[0.0] * (n - len(regulator_frequencies))]
     design = sampled_place(system, [complex(*pair) for pair in zip(real, imaginary)], dt)
     return Feedback(design.gain, np.empty((len(design.gain), 0)), (), design.poles)

@@ -7,10 +7,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array, matrix, semidefinite, solve
+from kalman_ros.core import Array, matrix, semidefinite, solve, symmetric
 
 from . import riccati
-from .structure import ComplexArray, eigenvalues
+from .structure import ComplexArray
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What is read at one step: the stacked C (k, n) and the covariance R (k, k); k may be 0."""
+
+    C: Array
+    R: Array
+
+
+def corrected(P: Array, readings: Readings) -> tuple[Array, Array]:
+    """Return the gain L (n, k) of readings, and the error covariance after them (n, n).
+
+    The covariance is in Joseph's form, a sum of two squares: P - L C P cancels where readings
+    are good, and loses its sign where they are very good.
+    """
+    C, R = readings.C, readings.R
+    L = solve(C @ P @ C.T + R, C @ P).T
+    I_LC = np.eye(len(P)) - L @ C
+    return L, symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
 
 
 @dataclass(frozen=True)
@@ -56,15 +76,14 @@ def lqe(A: Array, C: Array, W: Array, V: Array, cross: Array | None = None) -> L
     ValueError
         If W, V and N together are no covariance.
     DesignError
-        If the readings cannot keep the error of some mode bounded, or a mode that stays has no
-        process noise.
+        If the readings cannot keep the error of some mode bounded, a mode that stays has no
+        process noise, or the noise of the readings is singular or of a size that cannot be
+        weighed against the process noise.
     """
     N = _cross(W, V, cross)
-    P = riccati.continuous(A.T, C.T, W, V, N, riccati.ESTIMATION)
-    L = solve(V, C @ P + N.T).T
-    poles = eigenvalues(A - L @ C)
-    riccati.require_stable(poles, riccati.ESTIMATION, sampled=False)
-    return LqeDesign(L, L, P, P, poles)
+    found = riccati.continuous(A.T, C.T, W, V, N, riccati.ESTIMATION)
+    L, P = found.K.T, found.S
+    return LqeDesign(L, L, P, P, found.poles)
 
 
 def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> LqeDesign:
@@ -89,17 +108,14 @@ def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> 
     ValueError
         If Q, R and N together are no covariance.
     DesignError
-        If the readings cannot keep the error of some mode bounded, or a mode that stays has no
-        process noise.
+        If the readings cannot keep the error of some mode bounded, a mode that stays has no
+        process noise, or the noise of the readings is singular or of a size that cannot be
+        weighed against the process noise.
     """
     N = _cross(Q, R, cross)
-    P = riccati.discrete(F.T, C.T, Q, R, N, riccati.ESTIMATION)
-    S = C @ P @ C.T + R
-    L, L_p = solve(S, C @ P).T, solve(S, C @ P @ F.T + N.T).T
-    after = (np.eye(len(F)) - L @ C) @ P
-    poles = eigenvalues(F - L_p @ C)
-    riccati.require_stable(poles, riccati.ESTIMATION, sampled=True)
-    return LqeDesign(L, L_p, after, P, poles)
+    found = riccati.discrete(F.T, C.T, Q, R, N, riccati.ESTIMATION)
+    L, after = corrected(found.S, Readings(C, R))
+    return LqeDesign(L, found.K.T, after, found.S, found.poles)
 
 
 def _cross(W: Array, V: Array, cross: Array | None) -> Array:

@@ -13,12 +13,11 @@ from kalman_ros.core import (
     LinearSystem,
     matrix,
     semidefinite,
-    solve,
 )
 from kalman_ros.core import van_loan as integral
 
 from . import riccati
-from .structure import ComplexArray, eigenvalues
+from .structure import ComplexArray
 
 
 @dataclass(frozen=True)
@@ -86,14 +85,12 @@ def lqr(A: Array, B: Array, weights: Cost) -> LqrDesign:
     Raises
     ------
     DesignError
-        If no gain stabilises the system with these weights.
+        If no gain stabilises the system with these weights, or ``input_cost`` is singular or of
+        a size that cannot be weighed against ``state_cost``.
     """
     Q, R, N = weights.state, weights.input, weights.cross
-    S = riccati.continuous(A, B, Q, R, N, riccati.CONTROL)
-    K = solve(R, B.T @ S + N.T)
-    poles = eigenvalues(A - B @ K)
-    riccati.require_stable(poles, riccati.CONTROL, sampled=False)
-    return LqrDesign(K, S, poles)
+    found = riccati.continuous(A, B, Q, R, N, riccati.CONTROL)
+    return LqrDesign(found.K, found.S, found.poles)
 
 
 def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
@@ -105,14 +102,12 @@ def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
     Raises
     ------
     DesignError
-        If no gain stabilises the system with these weights.
+        If no gain stabilises the system with these weights, or ``input_cost`` is singular or of
+        a size that cannot be weighed against ``state_cost``.
     """
     Q, R, N = weights.state, weights.input, weights.cross
-    S = riccati.discrete(F, G, Q, R, N, riccati.CONTROL)
-    K = solve(R + G.T @ S @ G, G.T @ S @ F + N.T)
-    poles = eigenvalues(F - G @ K)
-    riccati.require_stable(poles, riccati.CONTROL, sampled=True)
-    return LqrDesign(K, S, poles)
+    found = riccati.discrete(F, G, Q, R, N, riccati.CONTROL)
+    return LqrDesign(found.K, found.S, found.poles)
 
 
 def sampled_cost(system: LinearSystem, weights: Cost, dt: float) -> Cost:

@@ -52,13 +52,19 @@ class DiskMargin:
     Parameters
     ----------
     alpha
-        0 to 2.
+        0 to 2. At 2 every factor with a positive real part is safe; some loops, as a gain alone,
+        could bear more, of which nothing is said.
     frequency
         Where it is worst, in rad/s.
     """
 
     alpha: float
     frequency: float
+
+    @classmethod
+    def of_peak(cls, peak: float, frequency: float) -> DiskMargin:
+        """Return the margin of a loop whose S - T has this peak."""
+        return cls(2.0 / max(peak, 1.0), frequency)
 
     @property
     def upper_gain(self) -> float:
@@ -92,6 +98,9 @@ class Margins:
         of samples also changes the gain (see `sampled_plant`), which is left out here.
     disk
         Of gain and phase together.
+    distance
+        The least distance of L from -1, min|1 + L|, and where it is that near: one over the peak
+        of the sensitivity. At most 1 for a loop with more poles than zeros.
     """
 
     lower_gain: Margin
@@ -100,13 +109,14 @@ class Margins:
     lag: Margin
     delay: Margin
     disk: DiskMargin
+    distance: Margin
 
     def __str__(self) -> str:
         lead, lag = np.degrees([self.lead.value, self.lag.value])
         return (
             f'gain {self.lower_gain.value:.3g} to {self.upper_gain.value:.3g}, '
             f'phase -{lead:.3g} to +{lag:.3g} deg, delay {self.delay.value:.3g} s, '
-            f'disk {self.disk.alpha:.3g}'
+            f'disk {self.disk.alpha:.3g}, min|1 + L| {self.distance.value:.3g}'
         )
 
 
@@ -135,14 +145,20 @@ def margins(loop: StateSpace) -> Margins:
     bent = continuous(loop)
     lower, upper = _gains(bent, loop.dt)
     lead, lag, delay = _phases(bent, loop.dt)
-    return Margins(lower, upper, lead, lag, delay, _disk(bent, loop.dt))
+    T = bent.closed()
+    # S - T = 1 - 2 T and S = 1 - T
+    peak, worst = _peak(StateSpace(T.A, T.B, -2.0 * T.C, 1.0 - 2.0 * T.D))
+    disk = DiskMargin.of_peak(peak, frequency(worst, loop.dt))
+    peak, nearest = _peak(StateSpace(T.A, T.B, -T.C, 1.0 - T.D))
+    distance = Margin(1.0 / peak if peak else inf, frequency(nearest, loop.dt))
+    return Margins(lower, upper, lead, lag, delay, disk, distance)
 
 
 def loop_at_a_time(loop: StateSpace) -> tuple[Margins, ...]:
     """Return the margins of each input of a loop (m, m) while all others are closed as designed.
 
-    Small changes of several inputs at once may do what each alone does not (Zhou, Doyle and
-    Glover, Robust and Optimal Control, 1996, section 9.5).
+    Small changes of several inputs at once may do what each alone does not: see
+    `simultaneous.simultaneous_disk`.
 
     Raises
     ------
@@ -191,16 +207,15 @@ def _least(found: dict[float, float]) -> Margin:
     return min((Margin(value, w) for w, value in found.items()), key=_value, default=Margin(inf))
 
 
-def _disk(loop: StateSpace, dt: float | None) -> DiskMargin:
-    """Return alpha = 2 / max|S - T|, with the peak found as Bruinsma and Steinbuch do."""
-    T = loop.closed()
-    M = StateSpace(T.A, T.B, -2.0 * T.C, 1.0 - 2.0 * T.D)  # S - T = 1 - 2 T
+def _peak(M: StateSpace) -> tuple[float, float]:
+    """Return max|M| of a stable scalar system, and where, as Bruinsma and Steinbuch find it."""
 
     def size(w: float) -> float:
         return abs(complex((M.D if w == inf else M.at(1j * w))[0, 0]))
 
-    at = max([0.0, inf, *np.abs(T.poles).tolist(), *np.abs(T.poles.imag).tolist()], key=size)
-    while True:
+    poles = M.poles
+    at = max([0.0, inf, *np.abs(poles).tolist(), *np.abs(poles.imag).tolist()], key=size)
+    while size(at) > 0.0:
         higher = level_crossings(M, size(at) * (1.0 + _PEAK)).tolist()
         # what is higher lies between two crossings, below the first or above the last
         ends = [w for end in higher[:1] for w in (0.5 * end, *higher, 2.0 * higher[-1])]
@@ -208,4 +223,4 @@ def _disk(loop: StateSpace, dt: float | None) -> DiskMargin:
         if size(best) <= size(at) * (1.0 + _PEAK):
             break
         at = best
-    return DiskMargin(2.0 / size(at), frequency(at, dt))
+    return size(at), at

@@ -21,8 +21,9 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from kalman_ros.core import Array, DesignError, Transition, solve, symmetric
+from kalman_ros.core import Array, DesignError, Transition, symmetric
 
+from .lqe import Readings, corrected
 from .lqr import Cost
 from .state_space import StateSpace
 from .structure import ComplexArray, eigenvalues
@@ -32,22 +33,8 @@ _MOST_PERIODS = 100_000
 _UNBOUNDED = 1e100
 #: The error covariance has settled when a period changes it by less, relative to its size.
 _SETTLED = 1e-12
-
-
-@dataclass(frozen=True)
-class Readings:
-    """What is read at one step: the stacked C (k, n) and the covariance R (k, k); k may be 0."""
-
-    C: Array
-    R: Array
-
-
-def corrected(P: Array, readings: Readings) -> tuple[Array, Array]:
-    """Return the gain L (n, k) of readings, and the error covariance after them (n, n)."""
-    C, R = readings.C, readings.R
-    L = solve(C @ P @ C.T + R, C @ P).T
-    I_LC = np.eye(len(P)) - L @ C
-    return L, symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
+#: An eigenvalue of a correlation this small is zero but for rounding.
+_KNOWN = 1e-15
 
 
 @dataclass(frozen=True)
@@ -211,20 +198,21 @@ class LqgLoop:
         """
         sigma = self.covariance
         p = len(self.schedule)
-        means = np.einsum('spij,pji->s', weights, sigma) / p
+        phases = np.arange(p)
+        means = np.einsum('spij,pji,p->s', weights, sigma, _count(steps, phases, p)) / steps
         lagged = sigma  # cov(z at phase + lag, z at phase), by phase
         # tr(M_k C M_l C') with M_l at the phase and M_k at the phase + lag
         total = np.zeros(len(weights))
         for lag in range(steps):
             shifted = np.roll(weights, -lag, axis=1)
-            terms = np.einsum('spij,pjk,spkl,pil->s', shifted, lagged, weights, lagged,
+            terms = np.einsum('spij,pjk,spkl,pil->sp', shifted, lagged, weights, lagged,
                               optimize=True)  # fmt: skip
-            share = 1.0 if lag == 0 else 2.0 * (1.0 - lag / steps)
-            total += share * terms / p
+            pairs = _count(steps - lag, phases, p)
+            total += (1.0 if lag == 0 else 2.0) * terms @ pairs
             if np.abs(lagged).max() < 1e-6 * np.abs(sigma).max():
                 break
             lagged = np.roll(self._transitions, -lag - 1, axis=0) @ lagged
-        variances = 2.0 * total / steps
+        variances = 2.0 * total / steps**2
         return [
             Expectation(float(mean), float(np.sqrt(variance)))
             for mean, variance in zip(means, variances)
@@ -247,7 +235,12 @@ class LqgLoop:
     def nees_weight(self) -> Array:
         """The M of e'P^-1 e, for `average`."""
         M, r = self._zero_weight(), self.size
-        M[:, r:, r:] = symmetric(np.asarray(np.linalg.inv(self.posterior), dtype=float))
+        # what is known exactly has no error to normalise; a pseudo-inverse leaves it out
+        std = np.sqrt(self.posterior.diagonal(axis1=1, axis2=2))
+        unit = np.divide(1.0, std, out=np.zeros_like(std), where=std > 0.0)
+        units = unit[:, :, np.newaxis] * unit[:, np.newaxis, :]
+        inverse = np.linalg.pinv(self.posterior * units, rcond=_KNOWN, hermitian=True)
+        M[:, r:, r:] = symmetric(np.asarray(inverse * units, dtype=float))
         return M
 
     def _zero_weight(self) -> Array:
@@ -263,6 +256,11 @@ class LqgLoop:
     def mean_cost(self, cost: Cost) -> float:
         """Return the mean cost of a sample; of the best regulator it is `optimal_cost`."""
         return self.average(self.cost_weight(cost)[np.newaxis], 1)[0].mean
+
+
+def _count(steps: int, phases: Array, period: int) -> Array:
+    """Return how many of the first ``steps`` steps are at each of the ``phases``."""
+    return np.asarray((steps - phases + period - 1) // period, dtype=float)
 
 
 def optimal_cost(step: Transition, gain: Array, S: Array, cost: Cost, errors: Array) -> float:

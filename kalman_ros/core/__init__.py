@@ -20,6 +20,7 @@ from .gaussian import Gaussian
 from .linear_system import LinearSystem, linearize
 from .model import Model, OperatingPoint, Transition, numerical_jacobian
 from .options import About, Option, Value, build_with, options_of, refuse_unknown
+from .poles import spread_poles
 from .registry import find
 from .sensor import Sensor
 from .space import Space
@@ -60,6 +61,7 @@ __all__ = [
     'refuse_unknown',
     'semidefinite',
     'solve',
+    'spread_poles',
     'symmetric',
     'van_loan',
     'variances',

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, DesignError
+from kalman_ros.core import About, Array, DesignError, spread_poles
 
 from .filter import Plan, linear_system
 from .fixed_gain import FixedGainObserver
@@ -21,14 +21,14 @@ def build(
     plan: Plan,
     observer_poles: Annotated[
         Sequence[float],
-        About('where the poles of the error are put, real, one a state', '1/s', maximum=-1e-9),
+        About('where the poles of the error are put, real, up to one per state', '1/s', maximum=-1e-9),
     ] = (-4.0,),
 ) -> FixedGainObserver:
     """Return the observer whose error, with all sensors together, has the poles given.
 
     The continuous gain L with eig(A - L C) at the poles is shared out among the readings: one
-    of a sensor with period T corrects by L T. Fewer poles than states are spread out from the
-    last one, a tenth further each.
+    of a sensor with period T corrects by L T. Fewer poles than states are completed by
+    `spread_poles`.
 
     Raises
     ------
@@ -36,15 +36,13 @@ def build(
         If the sensors together do not observe every state, or a pole is too fast for the
         slowest sensor that it needs.
     ValueError
-        If the model is not linear.
+        If the model is not linear, or there are more poles than states.
     """
     from scipy.signal import place_poles  # slow to import, so only here
 
     system = linear_system('luenberger', plan)
     n = system.state.size
-    poles = np.array([*observer_poles][:n], dtype=float)
-    while len(poles) < n:
-        poles = np.append(poles, 1.1 * poles[-1])
+    poles = spread_poles('observer_poles', observer_poles, n)
     x = np.zeros(n)
     C = np.vstack([timed.sensor.jacobian(x) for timed in plan.sensors.values()])
     try:

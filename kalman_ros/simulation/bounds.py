@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kalman_ros.core import Array, solve, symmetric
+from kalman_ros.control.lqe import Readings, corrected
+from kalman_ros.core import Array, symmetric
 
 from .scenario import Scenario
 
@@ -20,7 +21,8 @@ def posterior_cramer_rao(scenario: Scenario, truth: Array, input: Array) -> Arra
     with F and H taken at the truth (P. Tichavsky, C. Muravchik and A. Nehorai, Posterior
     Cramer-Rao Bounds for Discrete-Time Nonlinear Filtering, IEEE Trans. Signal Processing 46(5),
     1998). For a linear system it is the covariance of the Kalman filter; else the expectation
-    over all paths is left out, which is exact where there is little process noise.
+    over all paths is left out, which is exact where there is little process noise. It is worked
+    out as J^-1, in Joseph's form: so what is known exactly, at first or later, has a bound of 0.
 
     Parameters
     ----------
@@ -31,22 +33,15 @@ def posterior_cramer_rao(scenario: Scenario, truth: Array, input: Array) -> Arra
         The path (N, n), a state for each step of the scenario.
     input
         From each step on (N, m).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the bound becomes singular.
     """
     model, plan = scenario.model, scenario.plan
     P = scenario.initial_belief.covariance
     bounds = [P]
     for step, (x, u) in enumerate(zip(truth[:-1], input), start=1):
         move = model.transition(x, u, plan.dt)
-        J = np.linalg.inv(move.F @ P @ move.F.T + move.Q)
+        P = symmetric(move.F @ P @ move.F.T + move.Q)
         for name in plan.due(step):
             sensor = plan.sensors[name].sensor
-            H = sensor.jacobian(truth[step])
-            J = J + H.T @ solve(sensor.covariance, H)
-        P = symmetric(np.linalg.inv(J))
+            _, P = corrected(P, Readings(sensor.jacobian(truth[step]), sensor.covariance))
         bounds.append(P)
     return np.array(bounds)

@@ -122,7 +122,8 @@ def test_textbook_third_order():
     np.testing.assert_allclose(found.lag.frequency, 1.7844, atol=5e-5)
     np.testing.assert_allclose(found.delay.value, 0.2847, atol=5e-5)
     assert (found.lower_gain.value, found.lead.value) == (0.0, np.inf)
-    assert str(found) == 'gain 0 to 3.6, phase -inf to +29.1 deg, delay 0.285 s, disk 0.458'
+    text = 'gain 0 to 3.6, phase -inf to +29.1 deg, delay 0.285 s, disk 0.458, min|1 + L| 0.402'
+    assert str(found) == text
 
 
 def test_the_michigan_cart_pole_at_100_hz():
@@ -252,6 +253,30 @@ def test_a_gain_alone():
     found = margins(state_space(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-0.5]]))
     assert (found.lower_gain.value, found.upper_gain.value) == (0.0, 2.0)
     np.testing.assert_allclose(found.disk.alpha, 2.0 * 0.5 / 1.5)
+
+
+@pytest.mark.parametrize('gain', [-0.9, -0.5, 0.0, 0.3, 1.0, 2.0, 1e6])
+@pytest.mark.parametrize('dt', [None, 0.1])
+def test_a_gain_alone_has_a_disk_within_its_range(gain, dt):
+    found = margins(static(np.array([[gain]]), dt))
+    assert 0.0 < found.disk.alpha <= 2.0 and 0.0 <= found.disk.lower_gain <= 1.0
+    assert found.disk.upper_gain >= 1.0 and 0.0 < found.disk.phase <= np.pi / 2
+    alpha = 2.0 * abs(1.0 + gain) / max(abs(1.0 - gain), abs(1.0 + gain))
+    np.testing.assert_allclose(found.disk.alpha, alpha)
+    np.testing.assert_allclose(found.distance.value, 1.0 + gain)
+
+
+@pytest.mark.parametrize(('seed', 'dt'), LOOPS)
+def test_the_distance_from_minus_one_is_the_least_on_a_fine_grid(seed, dt):
+    loop = random_loop(seed, dt)
+    found = margins(loop).distance
+    w = np.concatenate(([0.0], np.logspace(-4, 4, 4000)))
+    w = w if dt is None else np.append(w[w < np.pi / dt], np.pi / dt)
+    on_grid = np.abs(1.0 + loop.response(w)[:, 0, 0]).min()
+    assert on_grid * (1 - 1e-3) < found.value < on_grid * (1 + 1e-7)
+    if np.isfinite(found.frequency):
+        near = abs(1.0 + loop.response(found.frequency)[0, 0, 0])
+        np.testing.assert_allclose(near, found.value, rtol=1e-6)
 
 
 def test_a_direct_path_leaves_no_time():

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from kalman_ros.control.identification import fit
 from kalman_ros.control.lqe import dlqe
@@ -133,3 +134,29 @@ def test_fast_sampling_approaches_the_continuous_design():
     system, weights = oscillator(), cost([5, 1], [0.5], (2, 1))
     continuous = lqr(system.A, system.B, weights)
     np.testing.assert_allclose(sampled_lqr(system, weights, 1e-5).gain, continuous.gain, rtol=1e-4)
+
+
+def spread_by_brute_force(loop, M, steps):
+    """Return mean and deviation of an average, from the covariance of the whole run at once."""
+    size, p = len(loop.covariance[0]), len(loop.schedule)
+    C = np.zeros((steps * size, steps * size))
+    for k in range(steps):
+        block = loop.covariance[k % p]
+        for later in range(k, steps):
+            rows, columns = slice(later * size, (later + 1) * size), slice(k * size, (k + 1) * size)
+            C[rows, columns], C[columns, rows] = block, block.T
+            block = loop._transitions[(later + 1) % p] @ block
+    W = block_diag(*(M[k % p] for k in range(steps))) / steps
+    return np.trace(W @ C), np.sqrt(2.0 * np.trace(W @ C @ W @ C))
+
+
+@pytest.mark.parametrize('steps', [1, 2, 3, 7, 40])
+def test_an_average_over_few_steps_is_that_of_the_whole_run(loop, steps):
+    """Every pair of steps counts once: the lagged ones 2 (N - lag) times, not 2 N times."""
+    loop, _, sample = loop
+    varying = loop.error_weight(1) * np.array([1.0, 3.0])[:, np.newaxis, np.newaxis]
+    weights = np.stack([loop.error_weight(0), loop.cost_weight(sample), varying])
+    for M, found in zip(weights, loop.average(weights, steps)):
+        np.testing.assert_allclose(
+            (found.mean, found.std), spread_by_brute_force(loop, M, steps), rtol=1e-9
+        )

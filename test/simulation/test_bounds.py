@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 import numpy as np
 
+from kalman_ros.core import Gaussian
 from kalman_ros.simulation import closed_loop, scenario
 from kalman_ros.simulation.bounds import posterior_cramer_rao
 
@@ -20,3 +23,12 @@ def test_more_noise_bounds_less():
     P, more = (posterior_cramer_rao(each, truth, input) for each in (built, worse))
     assert np.linalg.eigvalsh(more[1:] - P[1:]).min() > -1e-12
     assert more[-1, 0, 0] > 2.0 * P[-1, 0, 0]
+
+
+def test_a_first_belief_without_any_doubt_is_one_like_another():
+    built = scenario.build({})
+    certain = replace(built, initial_belief=Gaussian(np.zeros(4), np.zeros((4, 4))))
+    truth, input = np.zeros((400, 4)), np.zeros((400, 2))
+    P = posterior_cramer_rao(certain, truth, input)
+    assert not P[0].any() and np.linalg.eigvalsh(P).min() > -1e-15
+    np.testing.assert_allclose(P[-1], posterior_cramer_rao(built, truth, input)[-1], rtol=1e-2)
