@@ -14,9 +14,10 @@ from .arrays import (
     variances,
     vector,
 )
+from .discrete_model import DiscreteLinearSystem, DiscreteModel
 from .discretize import Discretization, van_loan, zero_order_hold
 from .errors import DesignError
-from .gaussian import Gaussian
+from .gaussian import Gaussian, unchecked
 from .linear_system import LinearSystem, linearize
 from .model import Model, OperatingPoint, Transition, numerical_jacobian
 from .options import About, Option, Value, build_with, options_of, refuse_unknown
@@ -31,6 +32,8 @@ __all__ = [
     'Array',
     'ArrayLike',
     'DesignError',
+    'DiscreteLinearSystem',
+    'DiscreteModel',
     'Discretization',
     'Gaussian',
     'LinearSystem',
@@ -61,6 +64,7 @@ __all__ = [
     'semidefinite',
     'solve',
     'symmetric',
+    'unchecked',
     'van_loan',
     'variances',
     'vector',

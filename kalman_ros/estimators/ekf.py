@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian
+from kalman_ros.core import Array, Gaussian, unchecked
 
 from .filter import Plan
 from .lapack import dgemm
@@ -29,7 +29,7 @@ class ExtendedKalmanFilter(LinearUpdate):
         step = self.model.transition(x, u, dt)
         F, Q = step.F, step.Q
         covariance = dgemm(1.0, dgemm(1.0, F, P), F, 1.0, Q, 0, 1)
-        return Gaussian(self.model.step(x, u, dt), covariance, repairs)
+        return unchecked((self.model.step(x, u, dt), covariance, repairs))
 
 
 def build(plan: Plan) -> ExtendedKalmanFilter:

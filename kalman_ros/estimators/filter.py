@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, Union
 
 from kalman_ros.core import (
     Array,
+    DiscreteLinearSystem,
     Gaussian,
     LinearSystem,
     Model,
@@ -21,6 +22,10 @@ from kalman_ros.core import (
 
 if TYPE_CHECKING:
     from .correction import Correction  # it needs scipy, and a `Plan` does not
+
+
+#: The models whose steps are x' = F x + G u + w, whatever x and u are.
+SampledLinear = Union[LinearSystem, DiscreteLinearSystem]
 
 
 class Filter(Protocol):
@@ -53,7 +58,7 @@ class Plan:
     def linear(self) -> bool:
         """Whether the model and every sensor are linear."""
         sensors_are = all(timed.sensor.linear for timed in self.sensors.values())
-        return isinstance(self.model, LinearSystem) and sensors_are
+        return isinstance(self.model, (LinearSystem, DiscreteLinearSystem)) and sensors_are
 
     @property
     def dt(self) -> float:
@@ -74,11 +79,17 @@ class Plan:
         ]
 
 
-def linear_system(filter: str, plan: Plan) -> LinearSystem:
+def linear_model(filter: str, model: Model) -> SampledLinear:
+    """Return the model; ValueError if it is not linear, as the ``filter`` needs."""
+    if not isinstance(model, (LinearSystem, DiscreteLinearSystem)):
+        kind = type(model).__name__
+        raise ValueError(f'filter: {filter} needs a linear model, got {kind}; ekf and ukf take any')
+    return model
+
+
+def sampled_system(filter: str, plan: Plan) -> SampledLinear:
     """Return the model; ValueError if it or a sensor is not linear, as the ``filter`` needs."""
-    if not isinstance(plan.model, LinearSystem):
-        kind = type(plan.model).__name__
-        raise ValueError(f'filter: {filter} needs a linear model, got {kind}')
+    model = linear_model(filter, plan.model)
     for name, timed in plan.sensors.items():
         if not timed.sensor.linear:
             kind = type(timed.sensor).__name__
@@ -86,4 +97,12 @@ def linear_system(filter: str, plan: Plan) -> LinearSystem:
                 f"filter: {filter} needs linear sensors, and the {kind} '{name}' is not "
                 'declared linear; ekf and ukf take any'
             )
-    return plan.model
+    return model
+
+
+def linear_system(filter: str, plan: Plan) -> LinearSystem:
+    """Return the model as `sampled_system` does; ValueError, too, if its time is not continuous."""
+    model = sampled_system(filter, plan)
+    if not isinstance(model, LinearSystem):
+        raise ValueError(f'filter: {filter} needs a model in continuous time')
+    return model

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, identity
+from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, identity, unchecked
 
 from .correction import Correction
 from .factor import cholesky
@@ -108,7 +108,7 @@ class UnscentedKalmanFilter:
         mean, d = self._spread(model.state, moved)
         Q = model.transition(belief.mean, u, dt).Q
         covariance = dgemm(1.0, self._weights[self._n] * d, d, 1.0, Q, 0, 1)
-        return Gaussian(mean, dsymm(1.0, covariance, identity(self._n)), repairs)
+        return unchecked((mean, dsymm(1.0, covariance, identity(self._n)), repairs))
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
@@ -127,7 +127,8 @@ class UnscentedKalmanFilter:
         KRK = dgemm(1.0, dgemm(1.0, Kt, R, 0.0, None, 1), Kt)
         covariance = dgemm(1.0, self._weights[self._n] * left, left, 1.0, KRK, 0, 1, 1)
         P = dsymm(1.0, covariance, identity(self._n))
-        return Correction(Gaussian(self.model.state.wrap(mean), P, repairs), innovation, S)
+        posterior = unchecked((self.model.state.wrap(mean), P, repairs))
+        return Correction(posterior, innovation, S)
 
 
 class _Repeated(dict[int, Array]):
