@@ -11,7 +11,6 @@ import numpy as np
 
 from .arrays import Array, ArrayLike
 
-
 G = TypeVar('G', bound='Gaussian')
 
 
@@ -44,9 +43,7 @@ class Gaussian(_Moments):
             expected = ' x '.join(map(str, x.shape + x.shape[-1:]))
             got = ' x '.join(map(str, P.shape)) or f'the number {P}'
             numbers = f'{x.size} number{"" if x.size == 1 else "s"}'
-            raise ValueError(
-                f'covariance: expected {expected} for a mean of {numbers}, got {got}'
-            )
+            raise ValueError(f'covariance: expected {expected} for a mean of {numbers}, got {got}')
         return super().__new__(cls, x, P, repairs)
 
     @property

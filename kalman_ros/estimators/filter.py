@@ -83,7 +83,7 @@ def linear_model(filter: str, model: Model) -> SampledLinear:
     """Return the model; ValueError if it is not linear, as the ``filter`` needs."""
     if not isinstance(model, (LinearSystem, DiscreteLinearSystem)):
         kind = type(model).__name__
-        raise ValueError(f'filter: {filter} needs a linear model, got {kind}; ekf and ukf take any')
+        raise ValueError(f'filter: {filter} needs a linear model, got {kind}')
     return model
 
 
@@ -101,7 +101,7 @@ def sampled_system(filter: str, plan: Plan) -> SampledLinear:
 
 
 def linear_system(filter: str, plan: Plan) -> LinearSystem:
-    """Return the model as `sampled_system` does; ValueError, too, if its time is not continuous."""
+    """Return the model as `sampled_system` does; ValueError, too, if its time is sampled."""
     model = sampled_system(filter, plan)
     if not isinstance(model, LinearSystem):
         raise ValueError(f'filter: {filter} needs a model in continuous time')

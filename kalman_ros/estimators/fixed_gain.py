@@ -50,6 +50,6 @@ class FixedGainObserver:
             known = ', '.join(self.gains)
             hint = '' if sensor.name else "; give it one: sensor.name = '...'"
             raise ValueError(
-                f"sensor: expected a name among ({known}), for which there are gains, "
+                f'sensor: expected a name among ({known}), for which there are gains, '
                 f"got '{sensor.name}'{hint}"
             ) from None

@@ -23,7 +23,7 @@ class KalmanFilter(LinearUpdate):
     model: LinearSystem | DiscreteLinearSystem
 
     def __post_init__(self) -> None:
-        linear_model('the Kalman filter', self.model)
+        linear_model('kf', self.model)
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = F x + G u, P = F P F' + Q."""

@@ -110,6 +110,14 @@ class UnscentedKalmanFilter:
         covariance = dgemm(1.0, self._weights[self._n] * d, d, 1.0, Q, 0, 1)
         return unchecked((mean, dsymm(1.0, covariance, identity(self._n)), repairs))
 
+    def cross_covariance(self, belief: Gaussian, u: Array, dt: float) -> Array:
+        """Return the covariance (n, n) of the state now with the one predicted, for smoothing."""
+        offsets, _ = self._offsets(belief)
+        moved = self.model.step(self._points(belief.mean, offsets), u, dt)
+        _, d = self._spread(self.model.state, moved)
+        cross: Array = (self._weights[self._n] * offsets) @ d.T
+        return cross
+
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
 
