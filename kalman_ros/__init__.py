@@ -1,4 +1,79 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State estimation and optimal control for ROS 2: any model, any topic."""
+"""State estimation and optimal control for ROS 2: any model, any topic.
+
+``import kalman_ros as kr`` offers the names below to notebooks and scripts; no ROS is needed for
+any but `Run`. Each is loaded when it is first used, so the import itself takes no time.
+
+- gains: `lqr`, `dlqr`, `lqe`, `dlqe`, `place`, `margins`, `discretize`
+- models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
+  `DiscreteModel`, `Sensor`; `Space` names coordinates
+- estimation: `filter`, `smooth`, `consistency`, `Gaussian`
+- whole loops: `make_scenario`, `load`, `design`, `simulate`, and `Run`, on the real nodes
+"""
+
+from importlib import import_module as _import
+from typing import TYPE_CHECKING
 
 __version__ = '0.1.0'
+
+if TYPE_CHECKING:
+    from .arrays.consistency import consistency as consistency
+    from .arrays.designing import design as design
+    from .arrays.filtering import filter as filter
+    from .arrays.filtering import smooth as smooth
+    from .arrays.gains import discretize as discretize
+    from .arrays.gains import dlqe as dlqe
+    from .arrays.gains import dlqr as dlqr
+    from .arrays.gains import lqe as lqe
+    from .arrays.gains import lqr as lqr
+    from .arrays.gains import margins as margins
+    from .arrays.gains import place as place
+    from .arrays.problems import continuous_model as continuous_model
+    from .arrays.problems import discrete_model as discrete_model
+    from .arrays.problems import sensor as sensor
+    from .arrays.scenarios import load as load
+    from .arrays.scenarios import make_scenario as make_scenario
+    from .arrays.simulating import simulate as simulate
+    from .core import DesignError as DesignError
+    from .core import DiscreteModel as DiscreteModel
+    from .core import Gaussian as Gaussian
+    from .core import Model as Model
+    from .core import Sensor as Sensor
+    from .core import Space as Space
+    from .harness import Run as Run
+
+#: Where each name is; a test holds this list against the one above.
+_WHERE = {
+    'arrays.consistency': ('consistency',),
+    'arrays.designing': ('design',),
+    'arrays.filtering': ('filter', 'smooth'),
+    'arrays.gains': ('discretize', 'dlqe', 'dlqr', 'lqe', 'lqr', 'margins', 'place'),
+    'arrays.problems': ('continuous_model', 'discrete_model', 'sensor'),
+    'arrays.scenarios': ('load', 'make_scenario'),
+    'arrays.simulating': ('simulate',),
+    'core': ('DesignError', 'DiscreteModel', 'Gaussian', 'Model', 'Sensor', 'Space'),
+    'harness': ('Run',),
+}
+_MODULES = {name: module for module, names in _WHERE.items() for name in names}
+__all__ = sorted(_MODULES)
+
+
+def __getattr__(name: str) -> object:
+    """Load a name at its first use (PEP 562)."""
+    if name not in _MODULES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    try:
+        found = getattr(_import(f'.{_MODULES[name]}', __name__), name)
+    except ModuleNotFoundError as error:
+        if name != 'Run':
+            raise
+        raise ImportError(
+            f'kalman_ros.Run needs ROS 2, and there is no {error.name}: source the setup.bash of '
+            'ROS 2 and of your workspace, then start Python again'
+        ) from error
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -22,6 +22,7 @@ BELOW = {
 BELOW['nodes'] = {*BELOW, 'simulation'}
 BELOW['harness'] = {*BELOW, 'nodes'}
 BELOW['report'] = {*BELOW['simulation'], 'simulation'}
+BELOW['arrays'] = {*BELOW['report'], 'report'}
 BELOW['commands'] = {*BELOW, 'harness', 'report'}
 ROS = ('rclpy', '_msgs', 'std_srvs', 'builtin_interfaces', 'ament_index_python')
 WITH_ROS = {'codecs', 'nodes', 'harness', 'commands'}

@@ -14,9 +14,10 @@ from .arrays import (
     variances,
     vector,
 )
+from .discrete_model import DiscreteLinearSystem, DiscreteModel
 from .discretize import Discretization, van_loan, zero_order_hold
 from .errors import DesignError
-from .gaussian import Gaussian
+from .gaussian import Gaussian, unchecked
 from .linear_system import LinearSystem, linearize
 from .model import Model, OperatingPoint, Transition, numerical_jacobian
 from .options import About, Option, Value, build_with, options_of, refuse_unknown
@@ -32,6 +33,8 @@ __all__ = [
     'Array',
     'ArrayLike',
     'DesignError',
+    'DiscreteLinearSystem',
+    'DiscreteModel',
     'Discretization',
     'Gaussian',
     'LinearSystem',
@@ -63,6 +66,7 @@ __all__ = [
     'solve',
     'spread_poles',
     'symmetric',
+    'unchecked',
     'van_loan',
     'variances',
     'vector',

@@ -51,7 +51,7 @@ def numerical_jacobian(
     return np.asarray((change / (2.0 * step[:, np.newaxis])).T)
 
 
-def _like(values: Array, points: Array) -> Array:
+def like(values: Array, points: Array) -> Array:
     """Repeat ``values`` (..., k) along the leading axes of ``points``."""
     if values.ndim >= points.ndim:
         return values
@@ -90,18 +90,18 @@ class Model(ABC):
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return A = d derivative / d x (n, n) at x (n,) and u (m,); numerical by default."""
-        return numerical_jacobian(lambda points: self.derivative(points, _like(u, points)), x)
+        return numerical_jacobian(lambda points: self.derivative(points, like(u, points)), x)
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return B = d derivative / d u (n, m) at x (n,) and u (m,); numerical by default."""
-        return numerical_jacobian(lambda points: self.derivative(_like(x, points), points), u)
+        return numerical_jacobian(lambda points: self.derivative(like(x, points), points), u)
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise.
 
         A negative ``dt`` goes back in time.
         """
-        u = _like(u, x)
+        u = like(u, x)
         substeps = max(1, ceil(min(abs(dt) / self.max_step, _MOST_SUBSTEPS)))
         h = dt / substeps
         for _ in range(substeps):

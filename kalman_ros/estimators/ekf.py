@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian
+from kalman_ros.core import Array, Gaussian, unchecked
 
 from .filter import Plan, parts
 from .lapack import dgemm
@@ -32,7 +32,7 @@ class ExtendedKalmanFilter(LinearUpdate):
             step = model.transition(x, u, h)
             P = dgemm(1.0, dgemm(1.0, step.F, P), step.F, 1.0, step.Q, 0, 1)
             x = model.step(x, u, h)
-        return Gaussian(x, P, repairs)
+        return unchecked((x, P, repairs))
 
 
 def build(plan: Plan) -> ExtendedKalmanFilter:

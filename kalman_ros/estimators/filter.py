@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, Union
 
 from kalman_ros.core import (
     Array,
+    DiscreteLinearSystem,
     Gaussian,
     LinearSystem,
     Model,
@@ -53,6 +54,10 @@ def process_noise(model: Model, x: Array, u: Array, dt: float) -> Array:
     return Q
 
 
+#: The models whose steps are x' = F x + G u + w, whatever x and u are.
+SampledLinear = Union[LinearSystem, DiscreteLinearSystem]
+
+
 class Filter(Protocol):
     """A recursive estimator of the state of a model."""
 
@@ -83,7 +88,7 @@ class Plan:
     def linear(self) -> bool:
         """Whether the model and every sensor are linear."""
         sensors_are = all(timed.sensor.linear for timed in self.sensors.values())
-        return isinstance(self.model, LinearSystem) and sensors_are
+        return isinstance(self.model, (LinearSystem, DiscreteLinearSystem)) and sensors_are
 
     @property
     def dt(self) -> float:
@@ -104,11 +109,17 @@ class Plan:
         ]
 
 
-def linear_system(filter: str, plan: Plan) -> LinearSystem:
-    """Return the model; ValueError if it or a sensor is not linear, as the ``filter`` needs."""
-    if not isinstance(plan.model, LinearSystem):
-        kind = type(plan.model).__name__
+def linear_model(filter: str, model: Model) -> SampledLinear:
+    """Return the model; ValueError if it is not linear, as the ``filter`` needs."""
+    if not isinstance(model, (LinearSystem, DiscreteLinearSystem)):
+        kind = type(model).__name__
         raise ValueError(f'filter: {filter} needs a linear model, got {kind}')
+    return model
+
+
+def sampled_system(filter: str, plan: Plan) -> SampledLinear:
+    """Return the model; ValueError if it or a sensor is not linear, as the ``filter`` needs."""
+    model = linear_model(filter, plan.model)
     for name, timed in plan.sensors.items():
         if not timed.sensor.linear:
             kind = type(timed.sensor).__name__
@@ -116,4 +127,12 @@ def linear_system(filter: str, plan: Plan) -> LinearSystem:
                 f"filter: {filter} needs linear sensors, and the {kind} '{name}' is not "
                 'declared linear; ekf and ukf take any'
             )
-    return plan.model
+    return model
+
+
+def linear_system(filter: str, plan: Plan) -> LinearSystem:
+    """Return the model as `sampled_system` does; ValueError, too, if its time is sampled."""
+    model = sampled_system(filter, plan)
+    if not isinstance(model, LinearSystem):
+        raise ValueError(f'filter: {filter} needs a model in continuous time')
+    return model

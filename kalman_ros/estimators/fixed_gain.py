@@ -10,16 +10,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor, identity, symmetric
+from kalman_ros.core import Array, Gaussian, Sensor, identity, symmetric
 
 from .correction import Correction
+from .filter import SampledLinear
 
 
 @dataclass(frozen=True)
 class FixedGainObserver:
     """An observer of a linear system with one gain L (n, k) for each sensor, by name."""
 
-    system: LinearSystem
+    system: SampledLinear
     gains: Mapping[str, Array]
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
@@ -32,7 +33,7 @@ class FixedGainObserver:
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading with the gain of its sensor."""
         x, P = belief.mean, belief.covariance
-        L, C, R = self.gains[sensor.name], sensor.jacobian(x), sensor.covariance
+        L, C, R = self._gain(sensor), sensor.jacobian(x), sensor.covariance
         innovation = sensor.output.subtract(y, sensor.measure(x))
         S = C @ P @ C.T + R
         I_LC = identity(x.size) - L @ C
@@ -41,3 +42,14 @@ class FixedGainObserver:
             self.system.state.wrap(x + L @ innovation), covariance, belief.repairs
         )
         return Correction(posterior, innovation, S)
+
+    def _gain(self, sensor: Sensor) -> Array:
+        try:
+            return self.gains[sensor.name]
+        except KeyError:
+            known = ', '.join(self.gains)
+            hint = '' if sensor.name else "; give it one: sensor.name = '...'"
+            raise ValueError(
+                f'sensor: expected a name among ({known}), for which there are gains, '
+                f"got '{sensor.name}'{hint}"
+            ) from None

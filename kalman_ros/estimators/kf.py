@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, LinearSystem
+from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, unchecked
 
-from .filter import Plan, linear_system
+from .filter import Plan, linear_model, sampled_system
 from .lapack import dgemm, dgemv
 from .update import LinearUpdate
 
@@ -20,7 +20,10 @@ class KalmanFilter(LinearUpdate):
     sensors must be linear in the state.
     """
 
-    model: LinearSystem
+    model: LinearSystem | DiscreteLinearSystem
+
+    def __post_init__(self) -> None:
+        linear_model('kf', self.model)
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = F x + G u, P = F P F' + Q."""
@@ -29,7 +32,7 @@ class KalmanFilter(LinearUpdate):
         x, P, repairs = belief
         mean = dgemv(1.0, F, x, 1.0, G.dot(u), 0, 1, 0, 1, 0, 1)
         covariance = dgemm(1.0, dgemm(1.0, F, P), F, 1.0, Q, 0, 1)
-        return Gaussian(mean, covariance, repairs)
+        return unchecked((mean, covariance, repairs))
 
 
 def build(plan: Plan) -> KalmanFilter:
@@ -40,4 +43,4 @@ def build(plan: Plan) -> KalmanFilter:
     ValueError
         If the model is not linear.
     """
-    return KalmanFilter(linear_system('kf', plan))
+    return KalmanFilter(sampled_system('kf', plan))

@@ -9,7 +9,7 @@ import numpy as np
 
 from kalman_ros.core import Array, DesignError, Gaussian, solve
 
-from .filter import Plan, linear_system
+from .filter import Plan, sampled_system
 from .fixed_gain import FixedGainObserver
 from .kf import KalmanFilter
 
@@ -31,7 +31,7 @@ def build(plan: Plan) -> FixedGainObserver:
     ValueError
         If the model is not linear.
     """
-    system = linear_system('steady_state', plan)
+    system = sampled_system('steady_state', plan)
     filter = KalmanFilter(system)
     x, u = np.zeros(system.state.size), np.zeros(system.input.size)
     P = np.eye(len(x))

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, identity
+from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, identity, unchecked
 
 from .correction import Correction
 from .factor import cholesky
@@ -108,7 +108,15 @@ class UnscentedKalmanFilter:
         mean, d = self._spread(model.state, moved)
         Q = process_noise(model, belief.mean, u, dt)
         covariance = dgemm(1.0, self._weights[self._n] * d, d, 1.0, Q, 0, 1)
-        return Gaussian(mean, dsymm(1.0, covariance, identity(self._n)), repairs)
+        return unchecked((mean, dsymm(1.0, covariance, identity(self._n)), repairs))
+
+    def cross_covariance(self, belief: Gaussian, u: Array, dt: float) -> Array:
+        """Return the covariance (n, n) of the state now with the one predicted, for smoothing."""
+        offsets, _ = self._offsets(belief)
+        moved = self.model.step(self._points(belief.mean, offsets), u, dt)
+        _, d = self._spread(self.model.state, moved)
+        cross: Array = (self._weights[self._n] * offsets) @ d.T
+        return cross
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
@@ -127,7 +135,8 @@ class UnscentedKalmanFilter:
         KRK = dgemm(1.0, dgemm(1.0, Kt, R, 0.0, None, 1), Kt)
         covariance = dgemm(1.0, self._weights[self._n] * left, left, 1.0, KRK, 0, 1, 1)
         P = dsymm(1.0, covariance, identity(self._n))
-        return Correction(Gaussian(self.model.state.wrap(mean), P, repairs), innovation, S)
+        posterior = unchecked((self.model.state.wrap(mean), P, repairs))
+        return Correction(posterior, innovation, S)
 
 
 class _Repeated(dict[int, Array]):

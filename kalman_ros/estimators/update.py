@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Model, Sensor, identity
+from kalman_ros.core import Array, Gaussian, Model, Sensor, identity, unchecked
 
 from .correction import Correction
 from .lapack import dgemm, dgemv, dposv, dsymm
@@ -43,7 +43,8 @@ class LinearUpdate:
         joseph = dgemm(1.0, dgemm(1.0, I_KH, P), I_KH, 1.0, KRK, 0, 1, 1)
         mean = dgemv(1.0, Kt, innovation, 1.0, x, 0, 1, 0, 1, 1)  # x + K innovation
         P = dsymm(1.0, joseph, eye)  # symmetric to the last bit
-        return Correction(Gaussian(self.model.state.wrap(mean), P, repairs), innovation, S)
+        posterior = unchecked((self.model.state.wrap(mean), P, repairs))
+        return Correction(posterior, innovation, S)
 
 
 def transposed_gain(S: Array, P_yx: Array) -> Array:

@@ -21,7 +21,7 @@ def prefix() -> Path:
     """
     try:
         return Path(get_package_prefix(PACKAGE))
-    except (PackageNotFoundError, LookupError):
+    except (PackageNotFoundError, LookupError, OSError):  # OSError: nothing is sourced
         beside = Path(sys.argv[0]).resolve().parent
         if (beside / 'plant').exists() and beside.parent.name == 'lib':
             return beside.parent.parent

@@ -44,7 +44,7 @@ def draw_all(report: DesignReport, folder: Path) -> list[Path]:
     return [folder / name for name in pictures]
 
 
-def poles(report: DesignReport, path: Path) -> None:
+def poles(report: DesignReport, path: Path | None) -> None:
     """Draw the poles of the open loop, of the regulator and of the estimator."""
     groups = [('open loop', report.modes, 'x', TRUTH)]
     if report.regulator:
@@ -82,7 +82,7 @@ def _both(modes: Sequence[Mode]) -> Any:
     return np.concatenate((s, s[s.imag > 0.0].conj()))
 
 
-def uncertainty(report: DesignReport, path: Path) -> None:
+def uncertainty(report: DesignReport, path: Path | None) -> None:
     """Draw how the error of each state goes from the first belief to its steady state."""
     space, found = report.scenario.model.state, report.prediction
     columns = 2 if space.size > 1 else 1
@@ -114,7 +114,7 @@ def uncertainty(report: DesignReport, path: Path) -> None:
         legend_below(figure, max(axes, key=lambda axis: len(axis.get_legend_handles_labels()[1])))
 
 
-def loops(report: DesignReport, path: Path) -> None:
+def loops(report: DesignReport, path: Path | None) -> None:
     """Draw Bode and Nyquist plots at each input, of the state and of the estimate fed back."""
     broken = report.regulator.loops if report.regulator else ()
     with canvas(path, (9.5, 4.0 * len(broken) + 0.3)) as figure:

@@ -53,7 +53,7 @@ def _read_states(scenario: Scenario, run: Trajectory) -> dict[str, tuple[Array, 
     return found
 
 
-def overview(scenario: Scenario, run: Trajectory, path: Path) -> None:
+def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     """Draw truth, readings and estimate with its band in little room, two states a row."""
     space, read = scenario.model.state, _read_states(scenario, run)
     columns = min(2, space.size)
@@ -74,9 +74,11 @@ def overview(scenario: Scenario, run: Trajectory, path: Path) -> None:
         # where nothing reads a state, the legend has no reading
         first = next((axes.flat[i] for i, name in enumerate(space.names) if name in read), None)
         legend_below(figure, axes[0, 0] if first is None else first)
-    # for a page that shows many: a third of the size, and nobody sees the difference
-    with Image.open(path) as image:
-        image.convert('RGB').quantize(48).save(path, optimize=True)
+    if path is not None:
+        # for a page that shows many: a third of the size, and nobody sees the difference
+        with Image.open(path) as image:
+            image.convert('RGB').quantize(48).save(path, optimize=True)
+    return axes
 
 
 def _state(
@@ -102,7 +104,7 @@ def _broken(angle: Array) -> Array:
     return np.where(np.abs(np.diff(angle, prepend=angle[0])) > np.pi, np.nan, angle)
 
 
-def states(scenario: Scenario, run: Trajectory, path: Path) -> None:
+def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     """Draw truth, readings and estimate with its band, of every state."""
     space = scenario.model.state
     read = _read_states(scenario, run)
@@ -120,6 +122,7 @@ def states(scenario: Scenario, run: Trajectory, path: Path) -> None:
         axes[0, 1].set_title(f'The last {CLOSE_UP:g} s')
         axes[0, 1].set_xlim(run.time[-1] - CLOSE_UP, run.time[-1])
         legend_below(figure, axes[0, 0])
+    return axes
 
 
 def _limits(truth: Array, read: tuple[Array, Array] | None) -> tuple[float, float]:
@@ -132,7 +135,7 @@ def _limits(truth: Array, read: tuple[Array, Array] | None) -> tuple[float, floa
     return low - margin, high + margin
 
 
-def errors(scenario: Scenario, run: Trajectory, path: Path) -> None:
+def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     """Draw the estimation error of every state inside its band."""
     space = scenario.model.state
     error = space.subtract(run.truth, run.estimate)
@@ -159,6 +162,7 @@ def errors(scenario: Scenario, run: Trajectory, path: Path) -> None:
             axis.set_ylabel(f'error of {space.label(name)}')
         axes[0, 0].set_title('The error, and the band that the filter gives')
         legend_below(figure, axes[0, 0])
+    return axes
 
 
 def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:
@@ -176,7 +180,7 @@ def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:
     return np.sqrt(bound.diagonal(axis1=1, axis2=2))
 
 
-def innovations(scenario: Scenario, run: Trajectory, path: Path) -> None:
+def innovations(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     """Draw the innovations of every sensor inside their bounds."""
     rows = [
         (name, column)
@@ -199,9 +203,10 @@ def innovations(scenario: Scenario, run: Trajectory, path: Path) -> None:
             axis.set_ylabel(f'{name}\n{output.label(output.names[column])}')
         axes[0, 0].set_title('Readings minus their predictions, and how wide they should be')
         legend_below(figure, axes[0, 0])
+    return axes
 
 
-def force(scenario: Scenario, run: Trajectory, path: Path) -> None:
+def force(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     """Draw the input that the controller gave."""
     space = scenario.model.input
     with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.4)) as (_, axes):
@@ -209,3 +214,4 @@ def force(scenario: Scenario, run: Trajectory, path: Path) -> None:
             axes[index, 0].step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)
             axes[index, 0].set_ylabel(space.label(name))
         axes[0, 0].set_title('The force that answers each estimate')
+    return axes

@@ -9,10 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-
-mpl.use('Agg')
-
-from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 TRUTH = '#1a1a1a'
 ESTIMATE = '#0b6fb8'
@@ -37,7 +34,7 @@ _STYLE = {
 
 @contextmanager
 def picture(
-    path: Path, rows: int, columns: int, size: tuple[float, float]
+    path: Path | None, rows: int, columns: int, size: tuple[float, float]
 ) -> Iterator[tuple[Any, Any]]:
     """Give a figure and its axes (rows, columns), with time across unless labelled; save it."""
     with figure_with(path, rows, columns, size, sharex='col') as (figure, axes):
@@ -48,7 +45,7 @@ def picture(
 
 @contextmanager
 def figure_with(
-    path: Path, rows: int, columns: int, size: tuple[float, float], **options: Any
+    path: Path | None, rows: int, columns: int, size: tuple[float, float], **options: Any
 ) -> Iterator[tuple[Any, Any]]:
     """Give a figure and its axes (rows, columns); save it to ``path``."""
     with canvas(path, size) as figure:
@@ -56,13 +53,17 @@ def figure_with(
 
 
 @contextmanager
-def canvas(path: Path, size: tuple[float, float]) -> Iterator[Any]:
-    """Give an empty figure; save it to ``path``."""
-    with plt.rc_context(_STYLE):
-        figure = plt.figure(figsize=size, layout='constrained')
-        yield figure
-        figure.savefig(path)
-        plt.close(figure)
+def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
+    """Give an empty figure; save it to ``path``, or leave it to pyplot for a person to look at."""
+    with mpl.rc_context(_STYLE):
+        if path is not None:
+            figure = Figure(figsize=size, layout='constrained')
+            yield figure
+            figure.savefig(path)
+        else:
+            from matplotlib import pyplot  # it finds out which windows this machine can open
+
+            yield pyplot.figure(figsize=size, layout='constrained')
 
 
 def shades(count: int) -> list[Any]:

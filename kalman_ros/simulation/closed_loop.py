@@ -10,6 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 
@@ -39,6 +40,7 @@ def run(
     believed: Scenario | None = None,
     command: Callable[[float], Array] | None = None,
     arrives: Callable[[str, float], bool] = lambda name, time: True,
+    answer: Callable[[int, Array], Array] | None = None,
 ) -> Trajectory:
     """Return what happens when u = u_0 - K (x_hat - x_0) drives the plant of a scenario.
 
@@ -60,6 +62,8 @@ def run(
         u_0 (m,) at a time in seconds; the input of the equilibrium unless told otherwise.
     arrives
         Whether the reading that a sensor takes at a time reaches the estimator.
+    answer
+        In place of u_0 and K: the input (m,) for a time in nanoseconds and a state (n,).
     """
     believed = believed or scenario
     timed = {name: source.timed for name, source in scenario.sensors.items()}
@@ -67,12 +71,17 @@ def run(
     sensors = {name: source.sensor for name, source in believed.sensors.items()}
     space, (x0, u0) = believed.model.state, believed.model.equilibrium
     K = np.zeros((u0.size, x0.size)) if gain is None else gain
+    gates = {
+        name: chi_square_gate(source.gate, source.sensor.output.size)
+        for name, source in believed.sensors.items()
+        if source.gate < 1.0
+    }
     estimator = OnlineEstimator(
         build_filter(filter or believed.filter, believed.plan),
         sensors,
         believed.initial_belief,
         u0,
-        Policy(max_gap=0.0),
+        Policy(max_gap=0.0, gates=gates),
     )
     logs = {name: _Log() for name in sensors}
     rows = []
@@ -90,8 +99,11 @@ def run(
                 log.std.append(np.sqrt(correction.innovation_covariance.diagonal()))
                 log.nis.append(correction.nis)
         belief = estimator.predicted(time)
-        start = u0 if command is None else command(time * 1e-9)
-        u = start - K @ space.subtract(belief.mean, x0)
+        if answer is None:
+            start = u0 if command is None else command(time * 1e-9)
+            u = start - K @ space.subtract(belief.mean, x0)
+        else:
+            u = answer(time, belief.mean)
         rows.append((time * 1e-9, plant.state, belief.mean, belief.covariance, u))
         estimator.add_input(time, u)
         plant.step(u)

@@ -3,11 +3,24 @@
 
 from __future__ import annotations
 
-from kalman_ros.control.feedback import Feedback
+from math import inf
+
+import numpy as np
+
+from kalman_ros.control.feedback import Feedback, Limits
 from kalman_ros.control.laws import build_law
 from kalman_ros.control.lqr import Cost, LqrDesign, cost, sampled_cost, sampled_lqr
 from kalman_ros.control.tracking import FeedForward, feed_forward
-from kalman_ros.core import DesignError, LinearSystem, linearize
+from kalman_ros.core import (
+    Array,
+    ArrayLike,
+    DesignError,
+    LinearSystem,
+    OperatingPoint,
+    is_finite,
+    linearize,
+    one_each,
+)
 
 from .scenario import Scenario
 
@@ -43,6 +56,46 @@ def feedback(scenario: Scenario) -> Feedback:
 def tracking(scenario: Scenario) -> FeedForward:
     """Return the equilibria of references for the whole state, about that of the model."""
     return feed_forward(_system(scenario)[0])
+
+
+def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> OperatingPoint:
+    """Return the state (n,) to hold and the input (m,) that holds it there.
+
+    Raises
+    ------
+    ValueError
+        If the state is not finite, or no input holds the system there.
+    """
+    rest = scenario.model.equilibrium
+    difference = scenario.model.state.subtract(state, rest.state)
+    if not np.isfinite(difference).all():
+        raise ValueError('reference: expected finite numbers')
+    found = equilibria.equilibrium(difference)
+    held = OperatingPoint(rest.state + found.state, rest.input + found.input)
+    if not all(map(is_finite, held)):
+        raise ValueError('reference: expected numbers whose squares are finite')
+    return held
+
+
+def limits(
+    scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf, blend: float = 0.0
+) -> Limits:
+    """Return what the actuators can do; one number stands for every input.
+
+    Raises
+    ------
+    ValueError
+        If there are neither one nor as many numbers as inputs, or one is negative.
+    """
+    m = scenario.model.input.size
+    found = [
+        one_each(name, values, m)
+        for name, values in (('input_limit', magnitude), ('input_rate_limit', rate))
+    ]
+    for name, values in zip(('input_limit', 'input_rate_limit'), found):
+        if not np.all(values >= 0.0):
+            raise ValueError(f'{name}: expected at least 0, got {values.tolist()}')
+    return Limits(found[0], found[1], blend)
 
 
 def price(scenario: Scenario) -> Cost:

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What people type, made into what the library computes with: matrices, spaces, systems."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import (
+    Array,
+    ArrayLike,
+    DiscreteModel,
+    Gaussian,
+    LinearSystem,
+    Model,
+    Space,
+    linearize,
+    matrix,
+    semidefinite,
+    vector,
+)
+
+
+def square(name: str, value: ArrayLike | None) -> Array:
+    """Return a square matrix (n, n); a number is a matrix (1, 1)."""
+    array = _numbers(name, value)
+    array = np.atleast_2d(array) if array.ndim == 0 else array
+    if array.ndim != 2 or array.shape[0] != array.shape[1]:
+        raise ValueError(f'{name}: expected a square matrix, got {_shape(array)}')
+    return matrix(name, array, (len(array), len(array)))
+
+
+def columns(name: str, value: ArrayLike | None, n: int) -> Array:
+    """Return a matrix (n, m), such as B; n numbers are one column."""
+    array = _numbers(name, value)
+    array = array.reshape(-1, 1) if array.ndim <= 1 else array
+    if array.ndim != 2 or len(array) != n:
+        raise ValueError(f'{name}: expected {n} rows, one a state, got {_shape(array)}')
+    return matrix(name, array, (n, array.shape[1]))
+
+
+def rows(name: str, value: ArrayLike | None, n: int) -> Array:
+    """Return a matrix (k, n), such as C; n numbers are one row."""
+    array = _numbers(name, value)
+    array = array.reshape(1, -1) if array.ndim <= 1 else array
+    if array.ndim != 2 or array.shape[1] != n:
+        raise ValueError(f'{name}: expected {n} columns, one a state, got {_shape(array)}')
+    return matrix(name, array, (len(array), n))
+
+
+def weight(name: str, value: ArrayLike | None, size: int, *, definite: bool = False) -> Array:
+    """Return a symmetric matrix (size, size): a cost, a covariance or a density.
+
+    A number stands for that number times the identity, ``size`` numbers for the diagonal.
+    """
+    array = _numbers(name, value)
+    if array.ndim == 0:
+        array = np.full(size, float(array))
+    return semidefinite(name, array, size, definite=definite)
+
+
+def _numbers(name: str, value: ArrayLike | None) -> Array:
+    if value is None:
+        raise ValueError(f'{name}: expected numbers, got nothing')
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f'{name}: expected numbers, got {type(value).__name__}') from None
+
+
+def _shape(array: Array) -> str:
+    return f'shape {array.shape}' if array.ndim else f'the number {array}'
+
+
+def space(
+    what: str, names: int | str | Sequence[str], prefix: str, angles: Sequence[str] = ()
+) -> Space:
+    """Return a space of named coordinates, or of so many, called x0, x1, ... by a ``prefix``.
+
+    A name may have its unit behind it: ``'x [m]'``.
+    """
+    if isinstance(names, str):
+        names = names.split()
+    elif isinstance(names, (int, np.integer)):
+        names = [f'{prefix}{index}' for index in range(names)]
+    try:
+        parts = [str(name).rstrip(']').partition(' [') for name in names]
+        return Space(tuple(p[0] for p in parts), tuple(p[2] for p in parts), tuple(angles))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f'{what}: {error}') from None
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A linear system: A and B of dx/dt, or F and G in samples of ``dt``; and its names."""
+
+    A: Array
+    B: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    dt: float | None = None
+
+    @property
+    def system(self) -> LinearSystem:
+        """The same in continuous time, without noise."""
+        n, m = self.B.shape
+        spaces = Space(self.states, ('',) * n), Space(self.inputs, ('',) * m)
+        return LinearSystem(self.A, self.B, np.zeros((n, n)), *spaces)
+
+
+def is_system(value: Any) -> bool:
+    """Tell whether ``value`` is a whole system, a model or anything with A and B."""
+    return isinstance(value, Model) or (hasattr(value, 'A') and hasattr(value, 'B'))
+
+
+def plant(A: Any, B: Any = None) -> Plant:
+    """Return the system of two matrices, of a model about its equilibrium, or of A and B in it.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these, or sizes do not match.
+    """
+    if isinstance(A, DiscreteModel):
+        F, G = A.next_jacobian(*A.equilibrium)
+        return Plant(F, G, A.state.names, A.input.names, A.period)
+    if isinstance(A, Model):
+        system = linearize(A, *A.equilibrium)
+        return Plant(system.A, system.B, A.state.names, A.input.names)
+    dt = None
+    if is_system(A):
+        given = getattr(A, 'dt', None)  # None or 0 in continuous time
+        dt = float(given) if given else None
+        A, B = A.A, A.B
+    elif hasattr(A, 'num') and hasattr(A, 'den'):
+        raise ValueError('A: expected a matrix or a state-space system, got a transfer function')
+    A = square('A', A)
+    B = columns('B', B, len(A))
+    names = [f'x{i}' for i in range(len(A))], [f'u{i}' for i in range(B.shape[1])]
+    return Plant(A, B, tuple(names[0]), tuple(names[1]), dt)
+
+
+def shifted(A: Any, given: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return B and what follows it, where ``A`` may be a whole system and all else come sooner."""
+    if is_system(A) and given[0] is not None:
+        return (None, *given[:-1])
+    return given
+
+
+def belief_of(initial: Any, model: Model) -> Gaussian:
+    """Return a checked belief about the state of a model, of a pair or a Gaussian."""
+    n = model.state.size
+    if not isinstance(initial, tuple) or len(initial) < 2:
+        got = 'nothing' if initial is None else type(initial).__name__
+        raise ValueError(
+            f'initial: expected a Gaussian or a pair of mean and covariance at the first time, '
+            f'got {got}'
+        )
+    mean = vector('initial mean', np.ravel(np.asarray(initial[0], dtype=float)), n)
+    P = weight('initial covariance', initial[1], n)
+    return Gaussian(mean, semidefinite('initial covariance', P, n, definite=True))
+
+
+def duration(name: str, value: Any) -> float:
+    """Return a positive, finite number of seconds."""
+    try:
+        seconds = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f'{name}: expected a number of seconds, got {value!r}') from None
+    if not 0.0 < seconds < np.inf:
+        raise ValueError(f'{name}: expected a positive number of seconds, got {seconds:g}')
+    return seconds

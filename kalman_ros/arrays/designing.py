@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What theory says of a scenario before anything runs, for a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from kalman_ros.simulation import advice
+from kalman_ros.simulation import scenario as scenarios
+from kalman_ros.simulation.design import DesignReport, report
+from kalman_ros.simulation.scenario import Scenario
+
+from .estimates import _path
+from .scenarios import BELIEVED, values_of
+from .text import WIDTH
+
+
+@dataclass(frozen=True, repr=False)
+class Design:
+    """A design that prints as ``./dev design`` does; its numbers are in ``report``."""
+
+    report: DesignReport
+    delay: float
+
+    @property
+    def warnings(self) -> list[str]:
+        """What may go wrong, one sentence each."""
+        return list(advice.warnings(self.report, self.delay or 1.0 / self.report.scenario.rate))
+
+    def __repr__(self) -> str:
+        from rich.console import Console  # for people only
+
+        from kalman_ros.report import design_tables
+
+        out = StringIO()
+        console = Console(file=out, width=WIDTH, highlight=False, force_terminal=False)
+        console.print(design_tables.structure(self.report), markup=False)
+        for title, table in design_tables.tables(self.report):
+            console.print(f'\n{title}', markup=False)
+            console.print(table)
+        console.print()
+        for sentence in (*design_tables.closing(self.report), *advice.notes(self.report)):
+            console.print(sentence, markup=False)
+        for sentence in self.warnings:
+            console.print(f'Warning: {sentence}', markup=False)
+        return '\n'.join(line.rstrip() for line in out.getvalue().splitlines())
+
+    def plot(self, path: str | Path | None = None, what: str = 'loops') -> None:
+        """Draw the ``'loops'`` (Bode and Nyquist), the ``'poles'`` or the ``'uncertainty'``.
+
+        With a ``path`` the picture is saved there; else a notebook shows it, or ``plt.show()``.
+        """
+        from kalman_ros.core import refuse_unknown
+        from kalman_ros.report import design_pictures
+
+        drawings = {
+            'loops': design_pictures.loops,
+            'poles': design_pictures.poles,
+            'uncertainty': design_pictures.uncertainty,
+        }
+        refuse_unknown([what], drawings, 'picture')
+        if what == 'loops' and self.report.regulator is None:
+            raise ValueError('plot: there is no loop without an input; draw poles or uncertainty')
+        drawings[what](self.report, _path(path))
+
+
+def design(
+    scenario: Scenario | str | Path | Mapping[str, Any] = 'mass_spring_damper_2d',
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    delay: float = 0.0,
+) -> Design:
+    """Return what theory says of a loop: modes, gains, errors, the LQG optimum, margins, warnings.
+
+    Parameters
+    ----------
+    scenario, overrides
+        As for `load`, with what estimator and controller are told.
+    delay
+        Seconds between a reading and the input that answers it.
+
+    Raises
+    ------
+    ValueError
+        If the scenario is wrong, or no sensor is on.
+    DesignError
+        If the input cannot stabilise the model, or a mode grows that no sensor sees.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = scenarios.build(values_of(scenario, overrides or {}, *BELIEVED))
+    return Design(report(scenario, delay), delay)

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a filter or a smoother makes of arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Space
+from kalman_ros.estimators.smoother import Filtered
+from kalman_ros.simulation.trajectory import Innovations, Series
+
+from . import text
+
+
+@dataclass(frozen=True)
+class Record:
+    """What smoothing needs beside the estimates: the filter, every step, and which are shown."""
+
+    filter: Any
+    steps: Sequence[Filtered]
+    shown: Sequence[int]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimates:
+    """Beliefs in time.
+
+    Parameters
+    ----------
+    state
+        The space of the state: names, units, angles.
+    time
+        Every time that was given (N,), once and in order.
+    mean, covariance
+        Of the belief at each time (N, n) and (N, n, n): after its readings, or, when smoothed,
+        after all readings.
+    nis
+        Of each time, the normalised innovation squared of all readings then (N,): chi-square with
+        ``degrees`` degrees of freedom for a consistent filter. NaN where nothing was read, and of
+        smoothed estimates.
+    degrees
+        How many numbers were read at each time (N,).
+    innovations
+        By sensor: at its times the innovations (N, k), the deviations expected and the NIS.
+    readings
+        By sensor, what was given.
+    counts
+        By sensor, how many readings became of what kind: ``'fused'``, ``'rejected: ...'``.
+    log_likelihood
+        Of all readings that were fused.
+    filter
+        The name of the filter.
+    smoothed
+        Whether later readings are in it.
+    """
+
+    state: Space
+    time: Array
+    mean: Array
+    covariance: Array
+    nis: Array
+    degrees: Array
+    innovations: Mapping[str, Innovations]
+    readings: Mapping[str, Series]
+    outputs: Mapping[str, Space]
+    counts: Mapping[str, Mapping[str, int]]
+    log_likelihood: float
+    filter: str
+    record: Record
+    smoothed: bool = False
+
+    @property
+    def std(self) -> Array:
+        """The standard deviation of each state (N, n)."""
+        return np.sqrt(self.covariance.diagonal(axis1=1, axis2=2))
+
+    @property
+    def last(self) -> Gaussian:
+        """The belief at the last time: where a later call may go on from."""
+        return Gaussian(self.mean[-1], self.covariance[-1])
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        what = f'{"smoothed" if self.smoothed else "filtered"} by {self.filter}'
+        n, N = self.state.size, len(self.time)
+        span = f'{N} times from {self.time[0]:g} to {self.time[-1]:g} s'
+        lines = [f'{n} state{"s" if n > 1 else ""} at {span}, {what}']
+        names = [self.state.label(name) for name in self.state.names]
+        cells = ([name, self._at(0, i), self._at(-1, i)] for i, name in enumerate(names))
+        lines += text.table(['', 'first', 'last'], cells)
+        for name, found in self.counts.items():
+            counted = ', '.join(f'{count} {what}' for what, count in found.items() if count)
+            lines.append(f'readings of {name}: {counted or "none"}')
+        if not self.smoothed and self.degrees.sum():
+            mean = np.nansum(self.nis) / self.degrees.sum()
+            lines.append(f'NIS per number read: {mean:.3g}, where a consistent filter has 1')
+            lines.append(f'log-likelihood: {self.log_likelihood:.6g}')
+        return '\n'.join(lines)
+
+    def _at(self, k: int, i: int) -> str:
+        mean, std = self.mean[k, i].item(), self.covariance[k, i, i].item() ** 0.5
+        return f'{text.number(mean)} ± {text.number(std)}'
+
+    def plot(self, path: str | Path | None = None, truth: Array | None = None) -> Any:
+        """Draw each state with its band, its readings and, if known, the truth (N, n).
+
+        Returns
+        -------
+        The axes (n, 1) of a figure of matplotlib, which a notebook shows and ``plt.show()`` opens;
+        with a ``path`` the figure is saved there instead, and closed.
+        """
+        from kalman_ros.report.array_pictures import estimates  # matplotlib is slow to load
+
+        return estimates(self, None if truth is None else np.asarray(truth), _path(path))
+
+
+def _path(path: str | Path | None) -> Path | None:
+    return None if path is None else Path(path)

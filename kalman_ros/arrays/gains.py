@@ -1,0 +1,310 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gains from matrices: LQR, pole placement, the steady-state Kalman filter, margins.
+
+Wherever a symmetric matrix is asked for, a number stands for that number times the identity and a
+list for the diagonal. One input may be a flat list for B, one reading for C. In place of A and B a
+model may stand, which is linearised about its equilibrium, or any object with A and B, such as
+python-control's ``ss``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.control import lqe as estimation
+from kalman_ros.control import lqr as regulation
+from kalman_ros.control import placement
+from kalman_ros.control.margins import Margins, loop_at_a_time
+from kalman_ros.control.state_space import state_space
+from kalman_ros.core import ArrayLike, DiscreteModel, Discretization, Model, Sensor, linearize
+
+from .accept import Plant, columns, duration, is_system, plant, rows, shifted, square, weight
+from .results import LoopMargins, Observer, Sampled, StateFeedback
+
+
+def lqr(
+    A: Any,
+    B: ArrayLike | None = None,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    N: ArrayLike | None = None,
+    *,
+    dt: float | None = None,
+) -> StateFeedback:
+    """Return the gain that minimises the integral of x'Q x + 2 x'N u + u'R u: ``lqr(A, B, Q, R)``.
+
+    Parameters
+    ----------
+    A, B
+        Of dx/dt = A x + B u; or a system alone, ``lqr(model, Q, R)``. One in discrete time has
+        the sum of the cost minimised.
+    Q, R, N
+        Weights (n, n), (m, m) and (n, m).
+    dt
+        Seconds for which the input is held. The cost stays the integral: plant and cost are
+        sampled exactly.
+
+    Raises
+    ------
+    ValueError
+        If a matrix has the wrong size or is not positive (semi-)definite.
+    DesignError
+        If no gain stabilises the system with these weights.
+    """
+    B, Q, R, N = shifted(A, (B, Q, R, N))
+    found = plant(A, B)
+    weights = _cost(found, Q, R, N)
+    if found.dt is not None:
+        return _optimal(found, regulation.dlqr(found.A, found.B, weights))
+    if dt is None:
+        return _optimal(found, regulation.lqr(found.A, found.B, weights))
+    dt = duration('dt', dt)
+    step = found.system.sampled(dt)
+    design = regulation.sampled_lqr(found.system, weights, dt)
+    return _optimal(replace(found, A=step.F, B=step.G, dt=dt), design)
+
+
+def dlqr(
+    F: Any,
+    G: ArrayLike | None = None,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    N: ArrayLike | None = None,
+    *,
+    dt: float = 1.0,
+) -> StateFeedback:
+    """Return the gain that minimises the sum of x'Q x + 2 x'N u + u'R u along x' = F x + G u.
+
+    Parameters and errors are those of `lqr`; ``dt`` is the length of a sample in seconds, of which
+    only the delay margin and frequencies depend.
+    """
+    G, Q, R, N = shifted(F, (G, Q, R, N))
+    found = plant(F, G)
+    found = replace(found, dt=found.dt or duration('dt', dt))
+    return _optimal(found, regulation.dlqr(found.A, found.B, _cost(found, Q, R, N)))
+
+
+def _cost(plant: Plant, Q: Any, R: Any, N: Any) -> regulation.Cost:
+    n, m = plant.B.shape
+    if not m:
+        raise ValueError('B: expected at least one input, got a system without')
+    cross = None if N is None else columns('N', N, n)
+    Q, R = weight('Q', Q, n), weight('R', R, m, definite=True)
+    try:
+        return regulation.cost(Q, R, (n, m), cross)
+    except ValueError as error:
+        raise ValueError(f'N: {error}') from None
+
+
+def _optimal(plant: Plant, design: regulation.LqrDesign) -> StateFeedback:
+    return StateFeedback(plant, design.gain, design.poles, design.cost_to_go)
+
+
+def place(
+    A: Any, B: ArrayLike | None = None, poles: Sequence[complex] | None = None,
+    *, dt: float | None = None,
+) -> StateFeedback:  # fmt: skip
+    """Return the gain with the eigenvalues of A - B K at ``poles``: ``place(A, B, poles)``.
+
+    With ``dt`` the input is held for so many seconds, and a pole s, in 1/s, becomes exp(s dt). For
+    an observer give A' and C', and take the transpose.
+
+    Raises
+    ------
+    ValueError
+        If the number of poles is wrong, or a conjugate is missing.
+    DesignError
+        If the input does not move every mode.
+    """
+    B, poles = shifted(A, (B, poles))
+    found = plant(A, B)
+    if poles is None:
+        raise ValueError(f'poles: expected {len(found.A)} numbers, one a state, got nothing')
+    if dt is None or found.dt is not None:
+        design = placement.place(found.A, found.B, poles)
+        return StateFeedback(found, design.gain, design.poles)
+    dt = duration('dt', dt)
+    step = found.system.sampled(dt)
+    design = placement.sampled_place(found.system, poles, dt)
+    return StateFeedback(replace(found, A=step.F, B=step.G, dt=dt), design.gain, design.poles)
+
+
+def lqe(
+    A: Any,
+    G: Any = None,
+    C: Any = None,
+    W: Any = None,
+    V: Any = None,
+    N: Any = None,
+    *,
+    dt: float | None = None,
+) -> Observer:
+    """Return the steady-state Kalman filter of dx/dt = A x + G w, y = C x + v.
+
+    ``lqe(A, C, W, V)``, or ``lqe(A, G, C, W, V)`` as with python-control, or ``lqe(model, sensor,
+    dt=...)`` with one sensor or several that read together.
+
+    Parameters
+    ----------
+    A, G, C
+        Matrices (n, n), (n, p) and (k, n); without G the noise acts on each state by itself.
+    W, V
+        Spectral densities of w and v; with ``dt``, V is the covariance of one reading.
+    N
+        The cross density of w and v (p, k); without ``dt`` only.
+    dt
+        Seconds between readings.
+
+    Raises
+    ------
+    ValueError
+        If a size is wrong, or W, V and N are no covariance.
+    DesignError
+        If the readings cannot keep the error of some mode bounded.
+    """
+    if isinstance(A, Model):
+        return _of_model(A, G, dt)
+    if V is None and N is None:
+        G, C, W, V = None, G, C, W
+    A, G, C, W, V, N = _noises(A, G, C, W, V, N)
+    states = tuple(f'x{i}' for i in range(len(A)))
+    density = G @ W @ G.T
+    if dt is None:
+        cross = None if N is None else G @ N
+        return _observer(estimation.lqe(A, C, density, V, cross), states, None)
+    if N is not None:
+        raise ValueError('N: expected nothing where readings come in samples of dt')
+    F, _, Q = Discretization(A, np.zeros((len(A), 0)), density)(duration('dt', dt))
+    return _observer(estimation.dlqe(F, C, Q, V), states, dt)
+
+
+def dlqe(
+    F: Any,
+    G: Any = None,
+    C: Any = None,
+    Q: Any = None,
+    R: Any = None,
+    N: Any = None,
+    *,
+    dt: float | None = None,
+) -> Observer:
+    """Return the steady-state Kalman filter of x' = F x + G w, y = C x + v, in samples.
+
+    ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` as with python-control. Q and R are the
+    covariances of w and v; all else is as for `lqe`.
+    """
+    if isinstance(F, Model):
+        return _of_model(F, G, dt)
+    if R is None and N is None:
+        G, C, Q, R = None, G, C, Q
+    F, G, C, Q, R, N = _noises(F, G, C, Q, R, N)
+    design = estimation.dlqe(F, C, G @ Q @ G.T, R, None if N is None else G @ N)
+    return _observer(design, tuple(f'x{i}' for i in range(len(F))), duration('dt', dt or 1.0))
+
+
+def _noises(A: Any, G: Any, C: Any, W: Any, V: Any, N: Any) -> tuple[Any, ...]:
+    """Return the checked matrices; without G it is the identity."""
+    A = square('A', A)
+    n = len(A)
+    G = np.eye(n) if G is None else columns('G', G, n)
+    C = rows('C', C, n)
+    W, V = weight('W', W, G.shape[1]), weight('V', V, len(C), definite=True)
+    return A, G, C, W, V, None if N is None else columns('N', N, len(W))
+
+
+def _of_model(model: Model, sensors: Any, dt: float | None) -> Observer:
+    """Return the filter of a model, and one or several sensors, about its equilibrium."""
+    several = list(sensors.values()) if isinstance(sensors, Mapping) else sensors
+    several = [several] if isinstance(several, Sensor) else list(several or ())
+    if not several or not all(isinstance(sensor, Sensor) for sensor in several):
+        raise ValueError('sensors: expected one or several, as in lqe(model, sensor, dt=...)')
+    if isinstance(model, DiscreteModel):
+        dt = model.period if dt is None else dt
+    if dt is None:
+        raise ValueError('dt: expected the seconds between readings of the sensors, got nothing')
+    x, u = model.equilibrium
+    step = model.transition(x, u, duration('dt', dt))
+    C = np.vstack([sensor.jacobian(x) for sensor in several])
+    R = np.zeros((len(C), len(C)))
+    at = 0
+    for sensor in several:
+        k = sensor.output.size
+        R[at : at + k, at : at + k] = sensor.covariance
+        at += k
+    return _observer(estimation.dlqe(step.F, C, step.Q, R), model.state.names, dt)
+
+
+def _observer(design: estimation.LqeDesign, states: tuple[str, ...], dt: float | None) -> Observer:
+    return Observer(
+        design.gain, design.predictor_gain, design.covariance, design.prior, design.poles,
+        states, dt,
+    )  # fmt: skip
+
+
+def margins(
+    A: Any,
+    B: ArrayLike | None = None,
+    C: ArrayLike | None = None,
+    D: ArrayLike | None = None,
+    *,
+    dt: float | None = None,
+) -> Margins | LoopMargins:
+    """Return how wrong a loop L = C (s I - A)^-1 B + D may be, around which u = -L u closes.
+
+    ``margins(A, B, K)`` of a state feedback, ``margins(gain)`` of a result of `lqr` or `place`,
+    ``margins(loop)`` of an object with A, B, C and D, such as python-control's ``H * P``.
+
+    Returns
+    -------
+    Margins
+        Of a loop with one input; of several, one for each, all others closed.
+
+    Raises
+    ------
+    ValueError
+        If sizes do not match.
+    DesignError
+        If the closed loop is not stable.
+    """
+    if isinstance(A, StateFeedback):
+        found = A.margins
+        return found[0] if len(found) == 1 else found
+    if is_system(A) and not isinstance(A, Model):
+        dt = getattr(A, 'dt', None) or dt
+        A, B, C, D = A.A, A.B, A.C, A.D
+    loop = plant(A, B)
+    C = rows('C', C, len(loop.A))
+    each = loop_at_a_time(state_space(loop.A, loop.B, C, D, loop.dt or dt))
+    return each[0] if len(each) == 1 else LoopMargins(each)
+
+
+def discretize(
+    A: Any, B: ArrayLike | None = None, dt: float | None = None, W: ArrayLike | None = None
+) -> Sampled:
+    """Return F, G and Q of x' = F x + G u + w over ``dt`` seconds, exactly, with u held.
+
+    ``F, G, Q, dt = discretize(A, B, dt, W)``, with W the spectral density of the noise, none by
+    default; ``discretize(A, None, dt)`` without an input; ``discretize(model, dt)``, with the
+    noise that the model has.
+
+    Raises
+    ------
+    ValueError
+        If a size is wrong or ``dt`` is not positive.
+    """
+    if isinstance(A, Model):
+        seconds = duration('dt', B if dt is None else dt)
+        model = A if isinstance(A, DiscreteModel) else linearize(A, *A.equilibrium)
+        step = model.transition(*A.equilibrium, seconds)
+        return Sampled(step.F, step.G, step.Q, seconds)
+    B, dt, W = shifted(A, (B, dt, W))
+    if not is_system(A):
+        n = len(square('A', A))
+        B = np.zeros((n, 0)) if B is None else B
+    found, seconds = plant(A, B), duration('dt', dt)
+    density = np.zeros(found.A.shape) if W is None else weight('W', W, len(found.A))
+    return Sampled(*Discretization(found.A, found.B, density)(seconds), seconds)

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenarios from a name, a file, values or objects; no topics are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import kalman_ros
+from kalman_ros import models
+from kalman_ros.core import (
+    ArrayLike,
+    DiscreteModel,
+    Model,
+    Signal,
+    TimedSensor,
+    Value,
+    ratio,
+    refuse_unknown,
+    vector,
+)
+from kalman_ros.estimators.filter import Plan
+from kalman_ros.simulation import faults, scenario
+from kalman_ros.simulation.parameters import from_file
+from kalman_ros.simulation.scenario import Scenario, SensorSource
+from kalman_ros.simulation.shapes import check_model
+
+from .accept import belief_of, weight
+from .readings import sensors_of
+
+#: An object in a program has no topic.
+_NOWHERE = Signal('', '', ())
+#: A node's part of a parameter file; the last one's values hold.
+BELIEVED = ('estimator', 'controller')
+
+
+def load(
+    given: Scenario | str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None
+) -> Scenario:
+    """Return a scenario: of a name such as ``'cart_pole'``, a parameter file, or the parameters.
+
+    Parameters
+    ----------
+    given
+        A name in ``config/``, the path of a YAML file, or a mapping of parameters.
+    overrides
+        Parameters over those: ``{'joint_states.noise': [0.01, 0.01]}``.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name, or a parameter is wrong.
+    """
+    if isinstance(given, Scenario):
+        if overrides:
+            raise ValueError('overrides: expected none for a Scenario, whose objects are built')
+        return given
+    return scenario.build(values_of(given, overrides or {}, 'plant'))
+
+
+def values_of(
+    given: str | Path | Mapping[str, Any], overrides: Mapping[str, Any], *nodes: str
+) -> dict[str, Any]:
+    """Return the parameters that nodes have by a name, a file or a mapping, with ``overrides``."""
+    if isinstance(given, Mapping):
+        return {**given, **overrides}
+    if not isinstance(given, (str, Path)):
+        kind = type(given).__name__
+        raise ValueError(f'scenario: expected a name, a file or a Scenario, got {kind}')
+    return {**from_file(_file(given), *nodes), **overrides}
+
+
+def _file(given: str | Path) -> Path:
+    """Return the parameter file of a name, where the package or its sources have it."""
+    if str(given).endswith(('.yaml', '.yml')):
+        path = Path(given)
+        if not path.is_file():
+            raise ValueError(f"scenario: no file '{given}'")
+        return path
+    folder = _folder()
+    known = sorted(file.stem for file in folder.glob('*.yaml')) if folder else models.names()
+    refuse_unknown([str(given)], known, 'scenario')
+    if folder is None:
+        raise ValueError(f"scenario: the file of '{given}' is not installed")
+    return folder / f'{given}.yaml'
+
+
+def _folder() -> Path | None:
+    """Return the folder of the parameter files: beside the sources, or of an installation."""
+    package = Path(kalman_ros.__file__).resolve().parent
+    installed = [p / 'share' / package.name / 'config' for p in package.parents]
+    found = (path for path in (package.parent / 'config', *installed) if any(path.glob('*.yaml')))
+    return next(found, None)
+
+
+def make_scenario(
+    model: Model,
+    sensors: Any,
+    *,
+    rate: float | None = None,
+    rates: Mapping[str, float] | None = None,
+    initial: Any = None,
+    initial_state: ArrayLike | None = None,
+    Q: ArrayLike = 1.0,
+    R: ArrayLike = 1.0,
+    filter: str = '',
+    law: str = 'lqr',
+    law_options: Mapping[str, Value] | None = None,
+) -> Scenario:
+    """Return a scenario of objects, for `design`, `simulate` and `filter`.
+
+    Parameters
+    ----------
+    model
+        How the state moves.
+    sensors
+        One sensor, several by name, or a pair (H, R).
+    rate
+        Steps of the loop a second; for a discrete-time model, one over its period.
+    rates
+        By sensor, its readings a second; those of the loop unless told otherwise.
+    initial
+        The estimator's first belief: a `Gaussian`, or a pair of mean and covariance; about the
+        equilibrium with deviations of 1 unless told otherwise.
+    initial_state
+        Where the plant starts (n,); at the mean of that belief unless told otherwise.
+    Q, R
+        The LQR weights of state and input.
+    filter
+        By default ``'kf'`` where all is linear and ``'ekf'`` else.
+    law, law_options
+        ``'lqr'``, ``'placement'`` or ``'lqi'``, with options such as ``{'tracked': ['x']}``.
+
+    Raises
+    ------
+    ValueError
+        If anything does not fit, with the name of the argument.
+    """
+    if not isinstance(model, Model):
+        raise ValueError(f'model: expected a model, got {type(model).__name__}')
+    if rate is None:
+        if not isinstance(model, DiscreteModel):
+            raise ValueError('rate: expected the steps of the loop a second, got nothing')
+        rate = 1.0 / model.period
+    x, _ = model.equilibrium
+    n, m = model.state.size, model.input.size
+    belief = belief_of((x, 1.0) if initial is None else initial, model)
+    if not isinstance(model, DiscreteModel):
+        check_model(model, belief.mean)
+    sources = {}
+    named = sensors_of(sensors, model)
+    refuse_unknown(rates or {}, named, 'sensor')
+    for name, sensor in named.items():
+        own = float((rates or {}).get(name, rate))
+        try:
+            ratio(own, rate)
+        except ValueError as error:
+            raise ValueError(f'rates: {name}: {error}') from None
+        off = {option.name: option.default for option in faults.fault_options()}
+        timed = TimedSensor(sensor, own)
+        sources[name] = SensorSource(timed, _NOWHERE, 'configuration', False, 1.0, off)
+    linear = Plan(model, {n: s.timed for n, s in sources.items()}, rate).linear
+    options = dict(law_options or {})
+    return Scenario(
+        model=model,
+        sensors=sources,
+        state=_NOWHERE,
+        input=_NOWHERE,
+        rate=float(rate),
+        initial_state=vector(
+            'initial_state', belief.mean if initial_state is None else initial_state, n
+        ),
+        initial_belief=belief,
+        state_cost=weight('Q', Q, n),
+        input_cost=weight('R', R, m, definite=True) if m else np.zeros((0, 0)),
+        filter=filter or ('kf' if linear else 'ekf'),
+        law=law if m else '',
+        law_options=options if m else {},
+    )

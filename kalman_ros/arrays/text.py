@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers in plain text, for results that print what is in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+#: The widest line, and how many columns of a matrix are shown at most.
+WIDTH = 79
+_MOST_COLUMNS = 8
+
+
+def number(value: complex) -> str:
+    """Return a number with four digits."""
+    if isinstance(value, complex) and value.imag:
+        return f'{value.real:.4g} {"+" if value.imag > 0.0 else "-"} {abs(value.imag):.4g}j'
+    return f'{value.real:.4g}'
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a table: the first column to the left, all others to the right."""
+    whole = [list(head), *map(list, rows)]
+    widths = [max(len(row[column]) for row in whole) for column in range(len(head))]
+    return [
+        '  '.join(
+            [row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:]))]
+        ).rstrip()
+        for row in whole
+    ]
+
+
+def matrix(rows: Sequence[str], columns: Sequence[str], values: Array) -> list[str]:
+    """Return the lines of a matrix with its names, in parts if it is wide."""
+    lines: list[str] = []
+    for start in range(0, len(columns), _MOST_COLUMNS):
+        part = slice(start, start + _MOST_COLUMNS)
+        body = ([name, *map(number, row[part].tolist())] for name, row in zip(rows, values))
+        lines += table(['', *columns[part]], body)
+    return lines
+
+
+def poles(values: Iterable[complex]) -> str:
+    """Return poles in one line, a complex pair as one."""
+    shown = []
+    for pole in np.asarray(list(values), dtype=complex).tolist():
+        if abs(pole.imag) < 1e-12 * max(1.0, abs(pole)):
+            shown.append(f'{pole.real:.4g}')
+        elif pole.imag > 0.0:
+            shown.append(f'{pole.real:.4g} ± {pole.imag:.4g}j')
+    return ', '.join(shown)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Models that are given in sampled time: x' = f(x, u) + w, once every period."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import NoReturn
+
+import numpy as np
+
+from .arrays import Array, ArrayLike, matrix, semidefinite, symmetric
+from .model import Model, Transition, like, numerical_jacobian
+from .space import Space
+
+#: A step may differ from a whole number of periods by this share of one; stamps are rounded.
+_TOLERANCE = 1e-3
+_MOST_PERIODS = 100_000
+
+
+class DiscreteModel(Model):
+    """A system x' = next(x, u) + w with w ~ N(0, noise(x)), one step every ``period`` seconds.
+
+    A subclass sets ``state`` and ``input``, and ``period`` unless that is 1 s, and writes `next`
+    and `noise`. It has no derivative; a step of several periods is taken one by one. Arrays may
+    have any leading axes, as those of `Model`.
+    """
+
+    #: Seconds from one step to the next.
+    period: float = 1.0
+
+    @abstractmethod
+    def next(self, x: Array, u: Array) -> Array:
+        """Return the state (..., n) one period after ``x`` (..., n), with ``u`` (..., m) held."""
+
+    @abstractmethod
+    def noise(self, x: Array) -> Array:
+        """Return the covariance Q (n, n) that the noise adds in one period from ``x`` (n,)."""
+
+    def next_jacobian(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return F = d next / d x (n, n) and G = d next / d u (n, m); numerical by default."""
+        difference = self.state.subtract
+        F = numerical_jacobian(lambda points: self.next(points, like(u, points)), x, difference)
+        if not u.size:
+            return F, np.zeros((x.size, 0))
+        G = numerical_jacobian(lambda points: self.next(like(x, points), points), u, difference)
+        return F, G
+
+    def derivative(self, x: Array, u: Array) -> NoReturn:
+        """Raise ValueError: time is sampled."""
+        raise ValueError(f'model: {type(self).__name__} is in discrete time, without a derivative')
+
+    def noise_density(self, x: Array) -> Array:
+        """Return the covariance of one period divided by its length."""
+        return np.asarray(self.noise(x) / self.period)
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the state (..., n) after ``dt`` seconds, a whole number of periods."""
+        u = like(u, x)
+        for _ in range(self.periods(dt)):
+            x = self.state.wrap(self.next(x, u))
+        return x
+
+    def transition(self, x: Array, u: Array, dt: float) -> Transition:
+        """Return the step of length ``dt``, linearised along the way from x (n,) with u (m,)."""
+        n = x.size
+        F, G, Q = np.eye(n), np.zeros((n, u.size)), np.zeros((n, n))
+        for _ in range(self.periods(dt)):
+            F_1, G_1 = self.next_jacobian(x, u)
+            F, G, Q = F_1 @ F, F_1 @ G + G_1, symmetric(F_1 @ Q @ F_1.T + self.noise(x))
+            x = self.state.wrap(self.next(x, u))
+        return Transition(F, G, Q)
+
+    def periods(self, dt: float) -> int:
+        """Return how many periods ``dt`` seconds are.
+
+        Raises
+        ------
+        ValueError
+            If they are no whole number, negative, or more than 100 000.
+        """
+        count = round(dt / self.period)
+        if not 0 <= count <= _MOST_PERIODS or abs(dt / self.period - count) > _TOLERANCE:
+            raise ValueError(
+                f'time: expected steps that are whole numbers of {self.period:g} s, the period '
+                f'of the model, got {dt:g} s'
+            )
+        return count
+
+
+class DiscreteLinearSystem(DiscreteModel):
+    """x' = F x + G u + w, w ~ N(0, Q), once every ``period`` seconds.
+
+    Parameters
+    ----------
+    F, G, Q
+        State matrix (n, n), input matrix (n, m) and noise covariance (n, n).
+    state, input
+        The spaces of x and u.
+    period
+        In seconds.
+
+    Raises
+    ------
+    ValueError
+        If a matrix has the wrong shape, is not finite, or Q is not positive semi-definite.
+    """
+
+    def __init__(
+        self,
+        F: ArrayLike,
+        G: ArrayLike,
+        Q: ArrayLike,
+        state: Space,
+        input: Space,
+        period: float = 1.0,
+    ) -> None:
+        n, m = state.size, input.size
+        self.state, self.input, self.period = state, input, period
+        self.F, self.G = matrix('F', F, (n, n)), matrix('G', G, (n, m))
+        self.Q = semidefinite('Q', Q, n)
+        self._sampled = {1: Transition(self.F, self.G, self.Q)}
+
+    def next(self, x: Array, u: Array) -> Array:
+        """Return F x + G u."""
+        return np.asarray(x @ self.F.T + u @ self.G.T)
+
+    def noise(self, x: Array) -> Array:
+        """Return Q."""
+        return self.Q
+
+    def next_jacobian(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return F and G."""
+        return self.F, self.G
+
+    def transition(self, x: Array, u: Array, dt: float) -> Transition:
+        """Return the step; x and u do not matter."""
+        return self.sampled(dt)
+
+    def sampled(self, dt: float) -> Transition:
+        """Return the step of length ``dt``, remembered for the next call."""
+        count = self.periods(dt)
+        if count not in self._sampled:
+            n, m = self.G.shape
+            self._sampled[count] = super().transition(np.zeros(n), np.zeros(m), dt)
+        return self._sampled[count]

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Rauch-Tung-Striebel smoother: what all readings, later ones too, tell of every instant.
+
+Backwards over the beliefs x, P of a filter and their predictions x_p, P_p,
+
+    C = P F' P_p^-1,   x_s = x + C (x_s' - x_p),
+    P_s = (I - C F) P (I - C F)' + C (P_s' + Q) C'
+
+(H. Rauch, F. Tung and C. Striebel, Maximum Likelihood Estimates of Linear Dynamic Systems, AIAA
+Journal 3(8), 1965), with the covariance as a sum of positive semi-definite terms. F is that of the
+model about the estimate; for the unscented filter it is the slope that the sigma points have (S.
+Sarkka, Unscented Rauch-Tung-Striebel Smoother, IEEE Trans. Automatic Control 53(3), 2008).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Model, solve, symmetric
+
+from .ekf import ExtendedKalmanFilter
+from .factor import cholesky
+from .kf import KalmanFilter
+from .ukf import UnscentedKalmanFilter
+
+#: The filters whose beliefs can be smoothed: their gains are the optimal ones.
+SMOOTHED = ('kf', 'ekf', 'ukf')
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """Where a filter was at one instant.
+
+    Parameters
+    ----------
+    time
+        In nanoseconds.
+    belief
+        After all readings of this instant and before it.
+    input
+        In effect from then on (m,).
+    restarted
+        Whether the belief does not follow from the one before, and tells nothing of it.
+    """
+
+    time: int
+    belief: Gaussian
+    input: Array
+    restarted: bool = False
+
+
+def smooth(filter: object, steps: Sequence[Filtered]) -> list[Gaussian]:
+    """Return the belief at each step given all readings.
+
+    Parameters
+    ----------
+    filter
+        The filter that the steps are of: a Kalman filter, plain, extended or unscented.
+    steps
+        In the order of time, each time once. Steps may be of any length.
+
+    Raises
+    ------
+    ValueError
+        If the filter is of another kind, whose gains are not optimal.
+    numpy.linalg.LinAlgError
+        If a prediction has no positive definite covariance.
+    """
+    if not isinstance(filter, (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter)):
+        raise ValueError(
+            f'filter: expected the beliefs of one of ({", ".join(SMOOTHED)}), '
+            f'got those of a {type(filter).__name__}'
+        )
+    smoothed = [step.belief for step in steps]
+    for k in range(len(steps) - 2, -1, -1):
+        if not steps[k + 1].restarted:
+            smoothed[k] = _back(filter, steps[k], steps[k + 1].time, smoothed[k + 1])
+    return smoothed
+
+
+def _back(
+    filter: KalmanFilter | ExtendedKalmanFilter | UnscentedKalmanFilter,
+    step: Filtered,
+    until: int,
+    after: Gaussian,
+) -> Gaussian:
+    """Return the smoothed belief of a step, from the one ``after`` it, at the time ``until``."""
+    model: Model = filter.model
+    belief, u, dt = step.belief, step.input, (until - step.time) * 1e-9
+    x, P = belief.mean, belief.covariance
+    predicted = filter.predict(belief, u, dt)
+    if isinstance(filter, UnscentedKalmanFilter):
+        F = solve(P, filter.cross_covariance(belief, u, dt)).T
+        Q = symmetric(predicted.covariance - F @ P @ F.T)
+    else:
+        transition = model.transition(x, u, dt)
+        F, Q = transition.F, transition.Q
+    _, P_p, _ = cholesky(predicted.covariance)
+    C = solve(P_p, F @ P).T
+    mean = model.state.wrap(x + C @ model.state.subtract(after.mean, predicted.mean))
+    I_CF = np.eye(x.size) - C @ F
+    covariance = symmetric(I_CF @ P @ I_CF.T + C @ (after.covariance + Q) @ C.T)
+    return Gaussian(mean, covariance, belief.repairs)
