@@ -79,9 +79,7 @@ def test_units_do_not_matter():
     units = np.array([1e-6, 1e6])
     for design in (lqr, dlqr):
         expected = design(A, B, cost([3, 1], [1, 2], (2, 2)))
-        other = cost(
-            1e-8 * np.array([3, 1]), 1e-8 * np.array([1, 2]) * units**2, (2, 2)
-        )
+        other = cost(1e-8 * np.array([3, 1]), 1e-8 * np.array([1, 2]) * units**2, (2, 2))
         found = design(A, B * units, other)
         np.testing.assert_allclose(found.gain * units[:, np.newaxis], expected.gain, rtol=1e-10)
         np.testing.assert_allclose(found.cost_to_go, 1e-8 * expected.cost_to_go, rtol=1e-10)
