@@ -12,6 +12,7 @@ from typing import Any, Union
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback, Regulator
+from kalman_ros.control.limiter import Limiter
 from kalman_ros.core import (
     Array,
     ArrayLike,
@@ -149,10 +150,11 @@ def simulate(
                 raise ValueError(f'{name}: expected none, for the model has no input')
         return _run(closed_loop.run(real, None, seconds, seed, believed=believed), believed, 0)
     model = believed.model
-    regulator = Regulator(model.state, _feedback(believed, gain), model.equilibrium, limits)
-    answer = _Answer(believed, regulator, reference)
+    regulator = Regulator(model.state, _feedback(believed, gain), model.equilibrium)
+    limiter = Limiter(limits, np.zeros(model.input.size))
+    answer = _Answer(believed, regulator, limiter, reference)
     found = closed_loop.run(real, None, seconds, seed, believed=believed, answer=answer)
-    return _run(found, believed, regulator.limited)
+    return _run(found, believed, limiter.limited)
 
 
 def _run(found: Trajectory, scenario: Scenario, limited: int) -> SimulatedRun:
@@ -188,8 +190,10 @@ def _feedback(scenario: Scenario, gain: Any) -> Feedback:
 class _Answer:
     """The input for each estimate, as the controller node gives it in lockstep."""
 
-    def __init__(self, scenario: Scenario, regulator: Regulator, reference: Reference) -> None:
-        self._scenario, self._regulator = scenario, regulator
+    def __init__(
+        self, scenario: Scenario, regulator: Regulator, limiter: Limiter, reference: Reference
+    ) -> None:
+        self._scenario, self._regulator, self._limiter = scenario, regulator, limiter
         self._reference: Any = reference
         self._last: int | None = None
         self._wanted: Array | None = None
@@ -202,7 +206,10 @@ class _Answer:
             self._follow(time * 1e-9)
         dt = 0.0 if self._last is None else (time - self._last) * 1e-9
         self._last = time
-        return self._regulator.answer(x, dt)
+        wanted = self._regulator.propose(x, dt)
+        u = self._limiter.toward(wanted, dt or 1.0 / self._scenario.rate)
+        self._regulator.applied(x, wanted, u, dt)
+        return u
 
     def _follow(self, time: float) -> None:
         """Hold the reference of a time; nothing is done while it stays."""

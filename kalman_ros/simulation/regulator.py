@@ -7,8 +7,9 @@ from math import inf
 
 import numpy as np
 
-from kalman_ros.control.feedback import Feedback, Limits
+from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.laws import build_law
+from kalman_ros.control.limiter import Limits
 from kalman_ros.control.lqr import Cost, LqrDesign, cost, sampled_cost, sampled_lqr
 from kalman_ros.control.tracking import FeedForward, feed_forward
 from kalman_ros.core import (
@@ -77,9 +78,7 @@ def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> Operati
     return held
 
 
-def limits(
-    scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf, blend: float = 0.0
-) -> Limits:
+def limits(scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf) -> Limits:
     """Return what the actuators can do; one number stands for every input.
 
     Raises
@@ -95,7 +94,7 @@ def limits(
     for name, values in zip(('input_limit', 'input_rate_limit'), found):
         if not np.all(values >= 0.0):
             raise ValueError(f'{name}: expected at least 0, got {values.tolist()}')
-    return Limits(found[0], found[1], blend)
+    return Limits(found[0], found[1])
 
 
 def price(scenario: Scenario) -> Cost:
