@@ -20,7 +20,11 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import (
+    PoseWithCovarianceStamped,
+    TwistWithCovarianceStamped,
+    WrenchStamped,
+)
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool
@@ -361,3 +365,23 @@ def test_idle_is_the_input_of_the_equilibrium_where_that_is_asked_for():
         run.wait(lambda: "it is the equilibrium's" in said(), 5.0, said)
         depths = run.recorder['ground_truth'].values[-50:, :3]
         assert np.abs(np.diff(depths, axis=0)).max() < 0.05
+
+
+@pytest.mark.real_time
+def test_a_sensor_whose_clock_runs_ahead_is_named():
+    with Run(lockstep=False, nodes=('estimator',)) as run:
+        position = run.node.create_publisher(PoseWithCovarianceStamped, 'position', 10)
+        velocity = run.node.create_publisher(TwistWithCovarianceStamped, 'velocity', 10)
+        both = ((position, PoseWithCovarianceStamped()), (velocity, TwistWithCovarianceStamped()))
+
+        def send():
+            for (publisher, message), ahead in zip(both, (0.0, 0.6)):
+                write_stamp(message.header.stamp, time.time_ns() + round(ahead * 1e9))
+                publisher.publish(message)
+
+        said = lambda: run.diagnostics['estimator'].message  # noqa: E731
+        named = lambda: 'ahead of the clock: velocity by 0.' in said()  # noqa: E731
+        run.wait(lambda: send() or named(), 10.0, said)
+        assert 'position by' not in said()
+        log = run.processes['estimator'].output()
+        assert 'stamps are ahead of the clock: velocity by 0.' in log
