@@ -286,7 +286,7 @@ def wall_clock_slope(ear, start, window=0.1):
 @pytest.mark.real_time
 @pytest.mark.parametrize('ahead', ['once', 'zigzag'])
 def test_the_rate_limit_holds_by_the_wall_clock(ahead):
-    """Whatever stamps say: one that is ahead, or stamps that go to and fro."""
+    """Whatever stamps say: one that is ahead, or stamps that zigzag."""
     with alone(input_rate_limit=[10.0]) as run:
         ear = Ear(run)
         estimates = run.node.create_publisher(Odometry, 'estimate', 10)
