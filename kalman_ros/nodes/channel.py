@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 from kalman_ros.codecs.layout import Sample
@@ -24,6 +24,8 @@ from .watcher import waiting
 
 #: A sensor is silent after so many seconds without a reading, or so many of its intervals.
 _SILENCE, _INTERVALS = 1.0, 5.0
+#: Seconds by which stamps may be ahead of the clock by themselves: a simulated one ticks coarsely.
+_AHEAD = 0.1
 #: So many are taken in at once, in a few milliseconds. Of more, the oldest are dropped.
 _MOST = 50
 
@@ -70,6 +72,9 @@ class SensorChannel(Channel):
         self._rate = Rate()
         #: From the stamp of a reading until the estimate with it is out.
         self.age = Latency()
+        #: By how many seconds every reading since the last report was ahead of the clock.
+        self._lead = inf
+        self.ahead = 0.0
 
     def start_anew(self) -> None:
         """Judge the innovations from now on by themselves."""
@@ -92,6 +97,10 @@ class SensorChannel(Channel):
             self.nis.add(correction.nis)
             self._publish(time, correction)
 
+    def measure_lead(self, time: int, now: int) -> None:
+        """Take note that a reading stamped ``time`` came at ``now``, both in nanoseconds."""
+        self._lead = min(self._lead, (time - now) * 1e-9)
+
     def silent(self, source: SensorSource) -> bool:
         """Tell whether no reading has come for longer than can be by chance."""
         timed = source.timed
@@ -100,6 +109,9 @@ class SensorChannel(Channel):
     def report(self, counts: Mapping[Outcome, int]) -> dict[str, Any]:
         """Return what is to be said of the sensor, given what became of its readings."""
         name = self.name
+        # one stray stamp says nothing of a clock: the least of all does
+        self.ahead = self._lead if _AHEAD < self._lead < inf else 0.0
+        self._lead = inf
         values: dict[str, Any] = {f'{name}: readings': sum(counts.values())}
         values.update({f'{name}: {outcome.value}': count for outcome, count in counts.items()})
         if self.trouble:
@@ -108,4 +120,6 @@ class SensorChannel(Channel):
         if str(self.age):
             values[f'{name}: age when published, 50 / 90 / 99 % [ms]'] = str(self.age)
         values[f'{name}: NIS / expected'] = self.nis.mean
+        if self.ahead:
+            values[f'{name}: ahead of the clock [s]'] = self.ahead
         return values

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from functools import partial
 from operator import itemgetter
 from time import monotonic
@@ -71,6 +71,8 @@ class EstimatorNode(runtime.ScenarioNode):
         self._read_pose = PoseReader(scenario)
         self._inputs: Counter[Outcome] = Counter()
         self._latency = Latency()
+        #: The sensors whose clocks ran ahead when that was last looked at.
+        self._ahead: Set[str] = set()
         self._observability = ObservabilityMeter(scenario)
         self._channels = {
             name: SensorChannel(self, name, source, scenario.state)
@@ -191,9 +193,13 @@ class EstimatorNode(runtime.ScenarioNode):
                 read = partial(channel.read, source=source)
                 for message in messages:
                     reading = self.intake(channel.topic, read, message)
-                    if reading is not None:
-                        time = reading.time or self._now()
-                        yield time, channel, reading
+                    if reading is None:
+                        continue
+                    now = self._now()
+                    time = reading.time or now
+                    if now:  # simulated time may not have begun
+                        channel.measure_lead(time, now)
+                    yield time, channel, reading
 
     def _inputs_come(self, first: Channel, data: bytes) -> Iterator[_Come]:
         """Yield the inputs that have come, after ``data`` of what woke the node."""
@@ -327,6 +333,11 @@ class EstimatorNode(runtime.ScenarioNode):
         for name, counts in self._online.counts.items():
             values.update(self._channels[name].report(counts))
         sources = self.scenario.sensors
+        ahead = {name: found.ahead for name, found in self._channels.items() if found.ahead}
+        words = ' and '.join(f'{name} by {lead:.2g} s' for name, lead in ahead.items())
+        if ahead.keys() - self._ahead:
+            self.get_logger().warning(f'stamps are ahead of the clock: {words}')
+        self._ahead = ahead.keys()
         silent = [name for name, found in self._channels.items() if found.silent(sources[name])]
         doubtful = [name for name, found in self._channels.items() if not found.nis.inside()]
         if str(self._latency):
@@ -338,6 +349,8 @@ class EstimatorNode(runtime.ScenarioNode):
         values.update(self._observability.report(self._online.belief.mean))
         values['restarts'] = self._online.restarts
         values['repairs of the covariance'] = self._online.belief.repairs
+        if ahead:
+            return Level.WARN, f'stamps are ahead of the clock: {words}', values
         if self._online.time is None:
             return Level.WARN, self._unstarted(), values
         if silent and not self.options.lockstep:

@@ -19,9 +19,9 @@ _LONGEST_PAUSE = 0.1
 _LONGEST_RAMP = 0.5
 #: Between two inputs on that way, no longer than this or one period, in seconds.
 _RAMP_STEP = 0.02
-#: How long subscribers have to acknowledge the last input. Most do not: Fast DDS asks them only
-#: every three seconds. What was sent arrives all the same, unless their buffers are full.
-_DELIVERY = Duration(seconds=0.2)
+#: How long subscribers have to acknowledge the last input, and to ask again for what they missed.
+#: By default Fast DDS asks them only every three seconds; mostly what was sent has arrived anyway.
+_DELIVERY = Duration(seconds=0.5)
 
 
 class OutputStage:
