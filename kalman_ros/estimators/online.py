@@ -132,6 +132,13 @@ class OnlineEstimator:
         """The belief at `time`."""
         return self._head.belief
 
+    @property
+    def contradicting(self) -> list[str]:
+        """The sensors whose readings are rejected for so long that only others keep them out."""
+        needed = self._policy.recover_after
+        records = zip(self._names, self._head.records)
+        return [name for name, record in records if 0 < needed <= record.rejections]
+
     def predicted(self, time: int) -> Gaussian:
         """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
         head = self._head
