@@ -11,10 +11,10 @@ The rule, in three sentences:
    ``recover_after`` readings in a row, in total; where there are several, each has to contribute,
    for none counts for more than half of that.
 
-A sensor alone therefore recovers after ``recover_after`` rejections of its own; of two that see the
-same states, the one that contradicts the estimate stays rejected; and an estimate that nearly all
-contradict is given up. A sensor sees the states by which its reading has a derivative: a gyroscope
-that agrees does not vouch for a position.
+A sensor alone therefore recovers after ``recover_after`` rejections of its own; of two that see
+the same states, the one that contradicts the estimate stays rejected; and an estimate that nearly
+all contradict is given up. A sensor sees the states by which its reading has a derivative: a
+gyroscope that agrees does not vouch for a position.
 
 What the rule cannot know: which of two sensors is right that both contradict the estimate, or that
 joined one after the other; the estimate stays with the first. A majority of sensors with the same

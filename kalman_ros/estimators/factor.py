@@ -41,7 +41,7 @@ def cholesky(P: Array) -> tuple[Array, Array, int]:
     variances = P.diagonal()
     largest = float(np.max(variances))
     if np.any(variances == 0.0) and not P[variances == 0.0].any():
-        return _of_a_part(P, variances > 0.0)
+        return _of_a_part(P, variances != 0.0)
     for size in _REPAIRS:
         repaired = P + size * largest * identity(len(P))
         L, info = dpotrf(repaired, lower=1, clean=1)

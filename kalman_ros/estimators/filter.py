@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .correction import Correction  # it needs scipy, and a `Plan` does not
 
 
-#: The covariance is predicted in at most this many parts, so that a long silence costs milliseconds.
+#: A covariance is predicted in at most this many parts: a long silence costs milliseconds.
 _MOST_PARTS = 100
 
 
@@ -40,7 +40,7 @@ def parts(model: Model, dt: float) -> int:
 
 
 def process_noise(model: Model, x: Array, u: Array, dt: float) -> Array:
-    """Return the covariance Q (n, n) that noise adds over ``dt`` seconds along the path from ``x``.
+    """Return the covariance Q (n, n) that noise adds in ``dt`` seconds on the path from ``x``.
 
     Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`.
     """

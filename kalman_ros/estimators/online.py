@@ -109,7 +109,9 @@ class OnlineEstimator:
     def reset(self, belief: Gaussian) -> None:
         """Forget what came; the belief holds at the next stamp that comes. Counts go on."""
         self._initial = belief
-        self._base = _State(None, belief, self._first_input, (agreement.Record(),) * len(self._order))
+        self._base = _State(
+            None, belief, self._first_input, (agreement.Record(),) * len(self._order)
+        )
         self._items: list[_Item] = []
         self._old_in_a_row = 0
 
@@ -323,9 +325,7 @@ class OnlineEstimator:
         return Outcome.RECOVERED, recovered, agreement.forgiven(records, seen, ~found.vouched)
 
     @staticmethod
-    def _widened(
-        belief: Gaussian, item: _Item, vouched: Array, gate: float
-    ) -> Correction | None:
+    def _widened(belief: Gaussian, item: _Item, vouched: Array, gate: float) -> Correction | None:
         """Return the correction by a reading that passes once other states are less certain."""
         assert item.sensor is not None
         factor = np.where(vouched, 1.0, 2.0)

@@ -48,7 +48,7 @@ class Consistency:
 def consistency(
     scenario: Scenario, filter: Filter, runs: int, steps: int, *, noise: float = 1.0
 ) -> Consistency:
-    """Run a filter on a scenario with the input of its equilibrium, from truths drawn from its initial belief.
+    """Run a filter from truths drawn from its initial belief, with the equilibrium's input.
 
     Parameters
     ----------

@@ -35,7 +35,9 @@ RECOVER_AFTER = 20
 
 
 def positions(*names, measures=('x', 'y')):
-    return {name: named(States(PLANE.state, [0.3] * len(measures), measures), name) for name in names}
+    return {
+        name: named(States(PLANE.state, [0.3] * len(measures), measures), name) for name in names
+    }
 
 
 def named(sensor, name):
@@ -102,7 +104,7 @@ def test_the_liar_may_be_fast_and_the_honest_sensor_slow(outliers, seconds):
 
 def test_who_is_left_alone_is_alone():
     rates, offsets = {'good': 10.0, 'liar': 10.0}, {'liar': 50.0}
-    error, online = track(('good', 'liar'), rates, 20.0, offsets=offsets, dies=10.0)
+    _, online = track(('good', 'liar'), rates, 20.0, offsets=offsets, dies=10.0)
     counts = online.counts['liar']
     assert counts[Outcome.RECOVERED] == 1
     assert online.contradicting == []
@@ -118,11 +120,12 @@ def test_an_estimate_that_both_contradict_recovers_after_so_many_readings_in_tot
     outcomes = []
     for name, time, y, x in readings(sensors, {'one': 10.0, 'other': 10.0}, 6.0):
         outcomes.append(online.add_reading(name, time, y)[0])
+        truth = x
     assert outcomes[: RECOVER_AFTER - 1] == [Outcome.REJECTED] * (RECOVER_AFTER - 1)
     assert outcomes[RECOVER_AFTER - 1] is Outcome.RECOVERED
     # the speed, which was as wrong, takes some readings more
     assert set(outcomes[-2 * RECOVER_AFTER :]) == {Outcome.FUSED}
-    assert np.hypot(*(online.belief.mean - x)[:2]) < 0.5
+    assert np.hypot(*(online.belief.mean - truth)[:2]) < 0.5
 
 
 def test_a_sensor_that_agrees_does_not_vouch_for_what_it_does_not_see():
