@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 #: A covariance is predicted in at most this many parts: a long silence costs milliseconds.
 _MOST_PARTS = 100
+#: A step that is longer than allowed by rounding, as a difference of stamps is, is one.
+_ONE = 1.0 + 1e-9
 
 
 def parts(model: Model, dt: float) -> int:
@@ -34,9 +36,10 @@ def parts(model: Model, dt: float) -> int:
     The mean of a nonlinear model is integrated in steps of at most ``max_step``. A linearisation
     holds no longer than such a step, so the covariance goes along with the mean.
     """
-    if abs(dt) <= model.max_step:
+    ratio = abs(dt) / model.max_step
+    if ratio <= _ONE:
         return 1
-    return ceil(min(abs(dt) / model.max_step, _MOST_PARTS))
+    return ceil(min(ratio / _ONE, _MOST_PARTS))
 
 
 def process_noise(model: Model, x: Array, u: Array, dt: float) -> Array:

@@ -325,7 +325,9 @@ class OnlineEstimator:
         return Outcome.RECOVERED, recovered, agreement.forgiven(records, seen, ~found.vouched)
 
     @staticmethod
-    def _widened(belief: Gaussian, item: _Item, vouched: Array, gate: float) -> Correction | None:
+    def _widened(
+        belief: Gaussian, item: _Item, vouched: agreement.Mask, gate: float
+    ) -> Correction | None:
         """Return the correction by a reading that passes once other states are less certain."""
         assert item.sensor is not None
         factor = np.where(vouched, 1.0, 2.0)

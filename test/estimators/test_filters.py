@@ -302,7 +302,8 @@ def test_a_short_step_is_one():
     found = build_filter('ekf', Plan(model, {}, 100.0)).predict(belief, u, dt)
     np.testing.assert_array_equal(found.mean, model.step(belief.mean, u, dt))
     np.testing.assert_allclose(found.covariance, F @ belief.covariance @ F.T + Q, rtol=1e-14)
-    assert parts(model, dt) == parts(model, -dt) == 1
+    assert parts(model, dt) == parts(model, -dt) == parts(model, dt * (1 + 1e-15)) == 1
+    assert parts(model, 3 * dt * (1 + 1e-15)) == 3
     assert parts(model, 1.01 * dt) == parts(model, -1.01 * dt) == 2
     assert parts(model, 1e6) == 100  # a long silence must not keep a node busy
     assert (
