@@ -122,16 +122,18 @@ def semidefinite(name: str, value: ArrayLike, size: int, *, definite: bool = Fal
     return array
 
 
-def variances(name: str, deviations: ArrayLike, size: int) -> Array:
+def variances(name: str, deviations: ArrayLike, size: int, *, exact: bool = False) -> Array:
     """Return the diagonal covariance (size, size) of positive standard ``deviations``.
 
-    A zero deviation is refused too: no measurement and no belief is exact.
+    A zero deviation is refused, too, unless it may be ``exact``: no measurement is, but a robot
+    may know where it starts.
     """
     sigma = vector(name, deviations, size)
-    if not np.all(sigma > 0.0):
-        raise ValueError(f'{name}: expected positive standard deviations, got {sigma.tolist()}')
+    if not np.all(sigma >= 0.0 if exact else sigma > 0.0):
+        kind = 'zero or positive' if exact else 'positive'
+        raise ValueError(f'{name}: expected {kind} standard deviations, got {sigma.tolist()}')
     with np.errstate(over='ignore', under='ignore'):
         squares = sigma**2
-    if not (np.isfinite(squares) & (squares > 0.0)).all():
+    if not (np.isfinite(squares) & ((squares > 0.0) | (sigma == 0.0))).all():
         raise ValueError(f'{name}: the square of a number is not finite and positive, got {sigma}')
     return np.diag(squares)

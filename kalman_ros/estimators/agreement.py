@@ -11,10 +11,10 @@ The rule, in three sentences:
    ``recover_after`` readings in a row, in total; where there are several, each has to contribute,
    for none counts for more than half of that.
 
-A sensor alone therefore recovers after ``recover_after`` rejections of its own; of two that see the
-same states, the one that contradicts the estimate stays rejected; and an estimate that nearly all
-contradict is given up. A sensor sees the states by which its reading has a derivative: a gyroscope
-that agrees does not vouch for a position.
+A sensor alone therefore recovers after ``recover_after`` rejections of its own; of two that see
+the same states, the one that contradicts the estimate stays rejected; and an estimate that nearly
+all contradict is given up. A sensor sees the states by which its reading has a derivative: a
+gyroscope that agrees does not vouch for a position.
 
 What the rule cannot know: which of two sensors is right that both contradict the estimate, or that
 joined one after the other; the estimate stays with the first. A majority of sensors with the same
@@ -28,8 +28,9 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from kalman_ros.core import Array, Gaussian, Sensor
+from kalman_ros.core import Gaussian, Sensor
 
 #: A sensor that is silent for longer than all of these does not count: ns, and its intervals.
 _SILENCE, _INTERVALS = 1_000_000_000, 10
@@ -69,6 +70,8 @@ class Record(NamedTuple):
 
 
 Records = tuple[Record, ...]
+#: States, as booleans (n,), or those of each sensor (sensors, n).
+Mask = npt.NDArray[np.bool_]
 
 
 def replaced(records: Records, index: int, record: Record) -> Records:
@@ -76,7 +79,7 @@ def replaced(records: Records, index: int, record: Record) -> Records:
     return (*records[:index], record, *records[index + 1 :])
 
 
-def forgiven(records: Records, seen: Array, widened: Array) -> Records:
+def forgiven(records: Records, seen: Mask, widened: Mask) -> Records:
     """Return the records after a recovery: who saw what was ``widened`` (n,) starts again."""
     return tuple(
         Record(record.time, record.interval) if np.any(sees & widened) else record
@@ -84,7 +87,7 @@ def forgiven(records: Records, seen: Array, widened: Array) -> Records:
     )
 
 
-def seen_states(sensors: Mapping[str, Sensor], belief: Gaussian) -> Array:
+def seen_states(sensors: Mapping[str, Sensor], belief: Gaussian) -> Mask:
     """Return which states (n,) each sensor sees, as rows of booleans.
 
     A derivative may vanish at one point, as that of a bearing along an axis: two are looked at.
@@ -111,14 +114,14 @@ class Finding(NamedTuple):
         Whether enough readings were rejected to widen the others.
     """
 
-    vouched: Array
+    vouched: Mask
     outvoted: bool
     enough: bool
 
 
 def judge(
     records: Sequence[Record],
-    seen: Array,
+    seen: Mask,
     index: int,
     recover_after: int,
     longest: float = inf,
@@ -147,5 +150,6 @@ def judge(
     doubted = seen[index] & ~vouched
     involved = alive & seen[:, doubted].any(axis=1)
     share = recover_after if involved.sum() < 2 else (recover_after + 1) // 2
-    total = sum(min(records[k].rejections, share) for k in np.flatnonzero(involved))
+    counting = (record for record, counts in zip(records, involved.tolist()) if counts)
+    total = sum(min(record.rejections, share) for record in counting)
     return Finding(vouched, not doubted.any(), total >= recover_after)

@@ -46,13 +46,27 @@ def nees(error: Array, covariance: Array) -> Array:
     covariance
         The covariance that the estimator gave (..., n, n).
 
+    A coordinate that is said to be certain, with a row of zeros, and is without error, does not
+    count; with an error the result is infinite.
+
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a covariance is singular.
+        If a covariance is singular otherwise.
     """
-    solved = np.linalg.solve(covariance, error[..., np.newaxis])[..., 0]
-    return np.asarray(np.einsum('...i,...i->...', error, solved))
+    certain = np.diagonal(covariance, axis1=-2, axis2=-1) == 0.0
+    if certain.any():
+        covariance = covariance + certain[..., np.newaxis] * np.eye(error.shape[-1])
+        error = np.where(certain & (error != 0.0), np.inf, error)
+        # an infinite error must not meet a zero of the inverse
+        return np.where(np.isinf(error).any(axis=-1), np.inf, _squares(error, covariance))
+    return _squares(error, covariance)
+
+
+def _squares(error: Array, covariance: Array) -> Array:
+    finite = np.where(np.isfinite(error), error, 0.0)
+    solved = np.linalg.solve(covariance, finite[..., np.newaxis])[..., 0]
+    return np.asarray(np.einsum('...i,...i->...', finite, solved))
 
 
 @dataclass

@@ -16,6 +16,8 @@ _REPAIRS = (1e-14, 1e-12, 1e-10, 1e-8)
 def cholesky(P: Array) -> tuple[Array, Array, int]:
     """Factorise a symmetric positive semi-definite ``P`` (n, n).
 
+    A coordinate that is certain, with a row of zeros, is left so.
+
     Returns
     -------
     L
@@ -36,10 +38,25 @@ def cholesky(P: Array) -> tuple[Array, Array, int]:
     L, info = dpotrf(P, lower=1, clean=1)
     if info == 0:
         return L, P, 0
-    largest = float(np.max(P.diagonal()))
+    variances = P.diagonal()
+    largest = float(np.max(variances))
+    if np.any(variances == 0.0) and not P[variances == 0.0].any():
+        return _of_a_part(P, variances != 0.0)
     for size in _REPAIRS:
         repaired = P + size * largest * identity(len(P))
         L, info = dpotrf(repaired, lower=1, clean=1)
         if info == 0 and largest > 0.0:
             return L, repaired, 1
     raise np.linalg.LinAlgError('the covariance is not positive semi-definite')
+
+
+def _of_a_part(P: Array, uncertain: Array) -> tuple[Array, Array, int]:
+    """Factorise a ``P`` that is zero but for the ``uncertain`` coordinates (n,)."""
+    L, whole, repairs = np.zeros_like(P), P, 0
+    if uncertain.any():
+        part = np.ix_(uncertain, uncertain)
+        L[part], repaired, repairs = cholesky(P[part])
+        if repairs:
+            whole = P.copy()
+            whole[part] = repaired
+    return L, whole, repairs

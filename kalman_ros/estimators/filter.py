@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from .correction import Correction  # it needs scipy, and a `Plan` does not
 
 
-#: The covariance is predicted in at most this many parts, so that a long silence costs milliseconds.
+#: A covariance is predicted in at most this many parts: a long silence costs milliseconds.
 _MOST_PARTS = 100
+#: A step that is longer than allowed by rounding, as a difference of stamps is, is one.
+_ONE = 1.0 + 1e-9
 
 
 def parts(model: Model, dt: float) -> int:
@@ -35,13 +37,14 @@ def parts(model: Model, dt: float) -> int:
     The mean of a nonlinear model is integrated in steps of at most ``max_step``. A linearisation
     holds no longer than such a step, so the covariance goes along with the mean.
     """
-    if abs(dt) <= model.max_step:
+    ratio = abs(dt) / model.max_step
+    if ratio <= _ONE:
         return 1
-    return ceil(min(abs(dt) / model.max_step, _MOST_PARTS))
+    return ceil(min(ratio / _ONE, _MOST_PARTS))
 
 
 def process_noise(model: Model, x: Array, u: Array, dt: float) -> Array:
-    """Return the covariance Q (n, n) that noise adds over ``dt`` seconds along the path from ``x``.
+    """Return the covariance Q (n, n) that noise adds in ``dt`` seconds on the path from ``x``.
 
     Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`.
     """

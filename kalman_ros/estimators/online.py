@@ -137,6 +137,13 @@ class OnlineEstimator:
         """The belief at `time`."""
         return self._head.belief
 
+    @property
+    def contradicting(self) -> list[str]:
+        """The sensors whose readings are rejected for so long that only others keep them out."""
+        needed = self._policy.recover_after
+        records = zip(self._names, self._head.records)
+        return [name for name, record in records if 0 < needed <= record.rejections]
+
     def predicted(self, time: int) -> Gaussian:
         """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
         head = self._head
@@ -321,7 +328,9 @@ class OnlineEstimator:
         return Outcome.RECOVERED, recovered, agreement.forgiven(records, seen, ~found.vouched)
 
     @staticmethod
-    def _widened(belief: Gaussian, item: _Item, vouched: Array, gate: float) -> Correction | None:
+    def _widened(
+        belief: Gaussian, item: _Item, vouched: agreement.Mask, gate: float
+    ) -> Correction | None:
         """Return the correction by a reading that passes once other states are less certain."""
         assert item.sensor is not None
         factor = np.where(vouched, 1.0, 2.0)

@@ -18,8 +18,9 @@ class Policy:
     gates
         For some sensors, the largest normalised innovation squared that is fused.
     recover_after
-        So many readings of a sensor rejected in a row widen the covariance until the next one
-        passes: a filter that is wrong and sure of it finds back. 0 never does.
+        The number of rejected readings in a row, of all sensors that see the same states and
+        without one that agrees, after which the covariance is widened until the next reading
+        passes: a filter that is wrong and sure of it finds back (`agreement`). 0 never does.
     restart_after
         So many readings in a row that are older than the window mean that the clock went back:
         the estimator starts anew. 0 never does.
@@ -29,8 +30,8 @@ class Policy:
     future_tolerance
         Seconds by which a stamp may be ahead of the time at which it comes.
     from_reading
-        Start from the first reading, taken at its word, instead of from the initial belief
-        alone; what that reading does not see keeps the initial belief.
+        Start from the first reading, taken at its word (`start`), instead of from the initial
+        belief alone; what that reading does not see keeps the initial belief.
     rest_until_input
         The state stays as it is until the first input, which sets it in motion: readings correct
         the belief until then, and time does not change it.

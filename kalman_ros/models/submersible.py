@@ -130,7 +130,9 @@ SYSTEM = System(
     state_cost=(1.0, 1.0, 1000.0, 1.0, 1.0, 10.0),
     input_cost=(0.1, 0.1, 0.1),
     initial_state=(0.0, -5.0, 0.4, 0.2, 0.0, 0.0),
-    # nothing reads the speeds: were they much less certain, no filter here would be consistent
-    initial_std=(0.1, 10.0, 0.5, 0.2, 0.2, 0.5),
+    # Nothing reads surge and heave. Were they uncertain by much, their product would turn the hull
+    # more than the gyroscope errs, and no filter of one Gaussian would be consistent.
+    initial_estimate=(0.0, 0.0, 0.0, 0.2, 0.0, 0.0),
+    initial_std=(0.1, 10.0, 0.5, 0.05, 0.05, 0.5),
     filter='ekf',
 )

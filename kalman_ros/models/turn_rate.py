@@ -71,7 +71,8 @@ SYSTEM = System(
         ),
     ),
     initial_state=(20.0, 10.0, 3.0, 1.0, 0.2),
-    initial_estimate=(20.0, 10.0, 1.0, 0.5, 0.0),
-    initial_std=(1.0, 1.0, 3.0, 0.7, 0.5),
+    # a heading that is known no better than to a radian has no Gaussian belief with a range rate
+    initial_estimate=(20.0, 10.0, 2.5, 0.8, 0.1),
+    initial_std=(0.5, 0.5, 0.5, 0.2, 0.2),
     filter='ukf',
 )

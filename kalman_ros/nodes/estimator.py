@@ -355,6 +355,9 @@ class EstimatorNode(runtime.ScenarioNode):
             return Level.WARN, self._unstarted(), values
         if silent and not self.options.lockstep:
             return Level.WARN, f'no readings of {" and ".join(silent)} come', values
+        if self._online.contradicting:
+            which = ' and '.join(self._online.contradicting)
+            return Level.WARN, f'{which} contradicts the sensors that agree', values
         if doubtful:
             which = ' and '.join(doubtful)
             return Level.WARN, f'innovations of {which} do not scatter as expected', values

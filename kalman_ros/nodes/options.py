@@ -116,7 +116,8 @@ class EstimatorOptions:
     gate_recover_after: Annotated[
         int,
         About(
-            'rejections of a sensor in a row after which the covariance is widened; 0 for never',
+            'rejections in a row, of all sensors that see the same states and with none of them '
+            'that agrees, after which the covariance is widened; 0 for never',
             minimum=0,
             live=True,
         ),

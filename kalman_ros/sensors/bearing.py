@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import erf, sqrt
+from math import sqrt
 from typing import Annotated
 
 import numpy as np
@@ -75,26 +75,32 @@ class Bearing(Sensor):
         They follow each other by one factor, so that each is as uncertain, relative to its
         range, as the next; only so does an extended filter serve all of them alike (N. Peach,
         Bearings-only tracking using a set of range-parameterised extended Kalman filters, IEE
-        Proc. Control Theory and Applications 142(1), 1995). The belief weighs them, by its own
-        range, and its direction is fused with the reading's.
+        Proc. Control Theory and Applications 142(1), 1995). The belief, cut along the line of
+        sight, says which ranges are likely. At each the angle is fused with the belief's, and
+        weighed by the density of a Gaussian in polar coordinates, linearised about the reading.
         """
-        to_target, P = self.line_of_sight(belief.mean), belief.covariance
-        P = P[np.ix_(self._indices, self._indices)]
-        r, theta = max(float(np.hypot(*to_target)), _NEAREST), self.measure(belief.mean)
-        along, across = _directions(float(theta[0]))
-        sigma, variance = sqrt(along @ P @ along), across @ P @ across / r**2
-        K = variance / (variance + self.covariance[0, 0])
-        along, across = _directions(float((theta + K * self.output.subtract(y, theta))[0]))
+        expected = self.line_of_sight(belief.mean)
+        P = belief.covariance[np.ix_(self._indices, self._indices)]
+        if not np.linalg.eigvalsh(P)[0] > 0.0:
+            return []  # the place is known, or on a line
+        precision = np.linalg.inv(P)
+        along, across = _directions(float(y[0]))
+        sigma = 1.0 / sqrt(along @ precision @ along)
+        r = max(sigma**2 * float(along @ precision @ expected), 0.0)
         farthest = r + _REACH * sigma
         edges = np.geomspace(max(r - _REACH * sigma, farthest / _RATIO), farthest, count + 1)
-        below = [0.5 + 0.5 * erf((edge - r) / sigma / sqrt(2.0)) for edge in edges.tolist()]
-        found = []
-        for near, far, weight in zip(edges, edges[1:], np.diff(below).tolist()):
+        logs, parts = [], []
+        for near, far in zip(edges.tolist(), edges[1:].tolist()):
             distance, width = 0.5 * (near + far), (far - near) / sqrt(12.0)
-            shape = width**2 * np.outer(along, along)
-            shape += distance**2 * (1.0 - K) * variance * np.outer(across, across)
-            found.append((weight, self._placed(belief, distance * along, shape)))
-        return found
+            away = expected - distance * along
+            information = distance**2 * (across @ precision @ across) + 1.0 / self.covariance[0, 0]
+            shift = distance * (across @ precision @ away)
+            log = np.log(distance * (far - near)) - 0.5 * np.log(information)
+            logs.append(log - 0.5 * (away @ precision @ away - shift**2 / information))
+            a, c = _directions(float(y[0] + shift / information))
+            shape = width**2 * np.outer(a, a) + distance**2 / information * np.outer(c, c)
+            parts.append(self._placed(belief, distance * a, shape))
+        return list(zip(np.exp(np.array(logs) - max(logs)).tolist(), parts))
 
     def _placed(self, belief: Gaussian, line_of_sight: Array, covariance: Array) -> Gaussian:
         """Return the belief with another place, of which nothing else in it tells."""

@@ -120,12 +120,18 @@ class ObservabilityMeter:
 
     def __call__(self, x: Array) -> LocalObservability:
         """Return what the readings tell of the state, with ``x`` (n,) the estimate of now."""
-        first = self._scenario.initial_belief.std
+        first = self._scale
         size, directions = np.linalg.eigh(first * symmetric(self._gramian(x)) * first[:, None])
         variance = np.array([1.0 / s if s > _NONE else inf for s in size.tolist()])
         taking_part = np.where(np.abs(directions) > _NONE, variance, 0.0) * directions**2
         std = np.sqrt(taking_part.sum(axis=1))
         return LocalObservability(first * std, self._verdict(std))
+
+    @property
+    def _scale(self) -> Array:
+        """What counts as seen of each state (n,): better than at first; 1 for what was exact."""
+        first = self._scenario.initial_belief.std
+        return np.where(first > 0.0, first, 1.0)
 
     def _verdict(self, std: Array) -> Observability:
         names = self._scenario.model.state.names
@@ -135,7 +141,7 @@ class ObservabilityMeter:
 
     def _gramian(self, x: Array) -> Array:
         model, sensors = self._scenario.model, self._scenario.sensors
-        first = self._scenario.initial_belief.std
+        first = self._scale
         n, h = x.size, _DIFFERENCE * np.diag(first)  # many points take as long as one
         back, M = np.eye(n), np.zeros((n, n))
         for piece in reversed(self._pieces):

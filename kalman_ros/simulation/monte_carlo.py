@@ -10,6 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
+from kalman_ros.estimators.factor import cholesky
 from kalman_ros.estimators.filter import Filter
 
 from .plant import SimulatedPlant
@@ -47,7 +48,7 @@ class Consistency:
 def consistency(
     scenario: Scenario, filter: Filter, runs: int, steps: int, *, noise: float = 1.0
 ) -> Consistency:
-    """Run a filter on a scenario without input, from truths drawn from its initial belief.
+    """Run a filter from truths drawn from its initial belief, with the equilibrium's input.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def consistency(
         name: t.sensor.with_covariance(noise**2 * t.sensor.covariance) for name, t in timed.items()
     }
     space, belief = scenario.model.state, scenario.initial_belief
-    u = np.zeros(scenario.model.input.size)
+    u = scenario.model.equilibrium.input
     all_nees = np.empty((runs, steps))
     all_nis: dict[str, list[list[float]]] = {name: [] for name in timed}
     for run in range(runs):
@@ -97,5 +98,5 @@ def consistency(
 
 def _draw(belief: Gaussian, seed: int) -> Array:
     """Return a state (n,) drawn from a belief."""
-    rng = np.random.default_rng(seed)
-    return rng.multivariate_normal(belief.mean, belief.covariance, method='cholesky')
+    L, _, _ = cholesky(belief.covariance)
+    return belief.mean + L @ np.random.default_rng(seed).standard_normal(belief.mean.size)

@@ -300,7 +300,9 @@ def build(values: Mapping[str, Any]) -> Scenario:
         input=_signal('input', _section(full, 'input'), m) if m else system.input,
         rate=rate,
         initial_state=vector('initial_state', full['initial_state'], n),
-        initial_belief=Gaussian(mean, variances('initial_std', full['initial_std'], n)),
+        initial_belief=Gaussian(
+            mean, variances('initial_std', full['initial_std'], n, exact=True)
+        ),
         state_cost=semidefinite('state_cost', full.get('state_cost', np.zeros(n)), n),
         input_cost=semidefinite('input_cost', full.get('input_cost', ()), m, definite=True),
         filter=full['filter'],

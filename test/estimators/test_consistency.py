@@ -41,3 +41,14 @@ def test_a_window_judges_what_it_holds():
         window.add(value)
     assert window.count == 200
     assert not window.inside()
+
+
+def test_what_is_said_to_be_certain_is_right_or_infinitely_wrong():
+    P = np.array([[2.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 1.0]])
+    rest = P[np.ix_([0, 2], [0, 2])]
+    error = np.array([1.0, 0.0, -2.0])
+    assert nees(error, P) == pytest.approx(error[[0, 2]] @ np.linalg.solve(rest, error[[0, 2]]))
+    both = nees(np.array([error, [1.0, 1e-9, -2.0]]), np.tile(P, (2, 1, 1)))
+    assert np.isfinite(both[0])
+    assert both[1] == np.inf
+    assert nees(np.zeros(2), np.zeros((2, 2))) == 0.0

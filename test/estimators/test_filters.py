@@ -19,8 +19,11 @@ from kalman_ros.core import (
     variances,
 )
 from kalman_ros.estimators import FILTERS, build_filter, filter_options
+from kalman_ros.estimators.consistency import nees
 from kalman_ros.estimators.factor import cholesky
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.filter import Plan, parts
+from kalman_ros.estimators.ukf import UnscentedKalmanFilter
+from kalman_ros.models.turn_rate import TurnRate
 from kalman_ros.simulation import scenario
 
 
@@ -271,3 +274,99 @@ def test_a_factor_is_repaired_by_little_or_not_at_all(case):
 def test_what_is_no_covariance_is_not_repaired(P):
     with pytest.raises(np.linalg.LinAlgError):
         cholesky(P)
+
+
+@pytest.mark.parametrize('implementation', ['native', 'filterpy'])
+@pytest.mark.parametrize('kind', ['ekf', 'ukf'])
+def test_a_long_step_is_as_uncertain_as_many_short_ones_make_it(kind, implementation):
+    if implementation == 'filterpy':
+        pytest.importorskip('filterpy')
+    model, runs, h = TurnRate(), 3000, 0.01
+    mean = np.array([0.0, 0.0, 3.0, 0.3, 0.5])
+    P = np.diag([0.1, 0.1, 0.1, 0.05, 0.05]) ** 2
+    rng = np.random.default_rng(0)
+    x = rng.multivariate_normal(mean, P, runs)
+    for _ in range(200):
+        x = model.step(x, np.zeros(0), h)
+        x += rng.normal(size=x.shape) * np.sqrt(h * model.noise_density(mean).diagonal())
+    filter = build_filter(kind, Plan(model, {}, 100.0), implementation=implementation)
+    belief = filter.predict(Gaussian(mean, P), np.zeros(0), 200 * h)
+    errors = model.state.subtract(x, belief.mean)
+    assert 0.95 < nees(errors, np.tile(belief.covariance, (runs, 1, 1))).mean() / 5 < 1.1
+
+
+def test_a_short_step_is_one():
+    model, u, dt = TurnRate(), np.zeros(0), TurnRate.max_step
+    belief = Gaussian(np.array([0.0, 0.0, 3.0, 0.3, 0.5]), 0.01 * np.eye(5))
+    F, Q = (getattr(model.transition(belief.mean, u, dt), name) for name in 'FQ')
+    found = build_filter('ekf', Plan(model, {}, 100.0)).predict(belief, u, dt)
+    np.testing.assert_array_equal(found.mean, model.step(belief.mean, u, dt))
+    np.testing.assert_allclose(found.covariance, F @ belief.covariance @ F.T + Q, rtol=1e-14)
+    assert parts(model, dt) == parts(model, -dt) == parts(model, dt * (1 + 1e-15)) == 1
+    assert parts(model, 3 * dt * (1 + 1e-15)) == 3
+    assert parts(model, 1.01 * dt) == parts(model, -1.01 * dt) == 2
+    assert parts(model, 1e6) == 100  # a long silence must not keep a node busy
+    assert (
+        parts(
+            LinearSystem([[0.0]], np.zeros((1, 0)), [[1.0]], Space('x', ('',)), Space((), ())), 1e6
+        )
+        == 1
+    )
+
+
+class Square(Sensor):
+    """y = x^2, the first function of which a linearisation has the wrong mean."""
+
+    output, covariance = Space(('y',), ('',)), np.array([[0.25]])
+
+    def measure(self, x):
+        return x[..., :1] ** 2
+
+
+@pytest.mark.parametrize(('alpha', 'beta'), [(1.0, 2.0), (0.5, 2.0), (0.5, 0.0), (1.0, 0.5)])
+def test_beta_adds_what_the_fourth_moment_adds(alpha, beta):
+    """Var x^2 = 4 m^2 s^2 + 2 s^4 for a Gaussian, with beta = 2 (van der Merwe, section 3.2.2)."""
+    system = LinearSystem([[0.0]], np.zeros((1, 0)), [[1.0]], Space('x', ('',)), Space((), ()))
+    filter = UnscentedKalmanFilter(system, alpha, beta, kappa=0.0)
+    m, s = 1.5, 0.8
+    correction = filter.correct(
+        Gaussian(np.array([m]), np.array([[s**2]])), np.array([2.0]), Square()
+    )
+    assert correction.innovation[0] == pytest.approx(2.0 - (m**2 + s**2))
+    expected = 4.0 * m**2 * s**2 + beta * s**4 + 0.25
+    assert correction.innovation_covariance[0, 0] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize('rate', [5.0, 10.0, 100.0])
+def test_a_luenberger_gain_makes_up_for_a_slow_sensor(rate):
+    """Each reading corrects for all of the time since the last one: L T, whatever the loop's."""
+    values = {'model': 'level', 'reading.rate': rate, 'rate': 100.0}
+    plan = scenario.build(values).plan
+    observer = build_filter('luenberger', plan, {'observer_poles': [-2.0]})
+    np.testing.assert_allclose(observer.gains['reading'], [[2.0 / rate]])
+    # so the error dies out with the pole, at any rate of readings
+    error, sensor = Gaussian(np.array([1.0]), np.eye(1)), plan.sensors['reading'].sensor
+    for _ in range(round(rate)):
+        error = observer.predict(error, np.zeros(0), 1.0 / rate)
+        error = observer.correct(error, np.zeros(1), sensor).posterior
+    assert error.mean[0] == pytest.approx(np.exp(-2.0), rel=5.0 / rate)
+
+
+def test_what_is_certain_has_a_factor():
+    P = np.array([[4.0, 0.0, 2.0], [0.0, 0.0, 0.0], [2.0, 0.0, 2.0]])
+    L, same, repairs = cholesky(P)
+    np.testing.assert_allclose(L @ L.T, P, atol=1e-15)
+    assert (np.tril(L) == L).all()
+    assert same is P
+    assert repairs == 0
+    L, _, repairs = cholesky(np.zeros((3, 3)))
+    assert not L.any()
+    assert repairs == 0
+    nearly = np.array([[1.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0 - 1e-15]])
+    L, repaired, repairs = cholesky(nearly)
+    assert repairs == 1
+    assert not repaired[1].any()
+    np.testing.assert_allclose(L @ L.T, repaired, atol=1e-15)
+    for wrong in (np.array([[0.0, 1.0], [1.0, 1.0]]), np.diag([0.0, -1.0])):
+        with pytest.raises(np.linalg.LinAlgError):
+            cholesky(wrong)

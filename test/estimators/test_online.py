@@ -2,20 +2,23 @@
 """Order, late data and the account of every reading."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kalman_ros.core import Gaussian, Model, Space, TimedSensor
+from kalman_ros.core import Gaussian, LinearSystem, Model, Space, TimedSensor
 from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.ekf import ExtendedKalmanFilter
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.sensors.bearing import Bearing
+from kalman_ros.sensors.radar import Radar
 from kalman_ros.simulation import scenario
 
 SECOND = 1_000_000_000
@@ -424,3 +427,66 @@ def test_whatever_comes_the_belief_is_valid_and_the_counts_add_up(hostile, filte
             )
     for name in ('position', 'velocity'):
         assert sum(online.counts[name].values()) == sent[name]
+
+
+def first_reading(sensor, state, belief, y):
+    """Return the belief after one reading by which the estimator starts."""
+    system = LinearSystem(
+        np.zeros((state.size, state.size)), np.zeros((state.size, 0)), np.eye(state.size), state,
+        Space((), ()),
+    )  # fmt: skip
+    filter = ExtendedKalmanFilter(system)
+    online = OnlineEstimator(filter, {'y': sensor}, belief, np.zeros(0), Policy(from_reading=True))
+    assert online.add_reading('y', SECOND, y)[0] is Outcome.FUSED
+    return online.belief
+
+
+MOTION = Space(('x', 'y', 'v_x', 'v_y'), ('m', 'm', 'm/s', 'm/s'))
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_starting_from_the_first_reading_of_a_radar_far_away(seed):
+    rng = np.random.default_rng(seed)
+    sensor = Radar(MOTION, [0.3, 0.03, 0.3])
+    truth = rng.normal(size=4) * [40.0, 40.0, 5.0, 5.0]
+    belief = Gaussian(rng.normal(size=4) * [20.0, 20.0, 1.0, 1.0], np.diag([900, 900, 25, 25.0]))
+    y = sensor.measure(truth)
+    found = first_reading(sensor, MOTION, belief, y)
+    r = np.hypot(*truth[:2])
+    # range and bearing are the place, whatever was believed
+    np.testing.assert_allclose(found.mean[:2], truth[:2], atol=1e-3 * r)
+    np.testing.assert_allclose(sensor.measure(found.mean)[2], y[2], atol=0.1)
+    assert np.all(found.std[:2] < 0.3 + 0.04 * r)
+
+
+@pytest.mark.parametrize('angle', [0.1, 1.5, 2.5, 3.1, -1.0, -3.0])
+def test_starting_from_the_first_reading_of_a_bearing(angle):
+    sensor = Bearing(MOTION, [0.02])
+    belief = Gaussian(np.array([30.0, 1.0, 0.0, 0.0]), np.diag([400.0, 100.0, 1.0, 1.0]))
+    found = first_reading(sensor, MOTION, belief, np.array([angle]))
+    np.testing.assert_allclose(sensor.measure(found.mean), [angle], atol=1e-6)
+    if angle == 0.1:  # the likeliest of all places in that direction
+        line = np.array([np.cos(angle), np.sin(angle)])
+        information = line / [400.0, 100.0]
+        distance = (information @ [30.0, 1.0]) / (information @ line)
+        np.testing.assert_allclose(found.mean[:2], distance * line, rtol=1e-6)
+
+
+@pytest.mark.parametrize('filter', ['kf', 'ekf', 'ukf', 'steady_state', 'luenberger'])
+@pytest.mark.parametrize('std', [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0)])
+@pytest.mark.parametrize('from_reading', [False, True])
+def test_a_certain_belief_is_one_like_another(filter, std, from_reading):
+    exact, nearly = estimator(filter=filter), estimator(filter=filter)
+    exact._policy = nearly._policy = replace(exact._policy, from_reading=from_reading)
+    exact.reset(Gaussian(np.array([0.5, 0.0]), np.diag(np.square(std))))
+    nearly.reset(Gaussian(np.array([0.5, 0.0]), np.diag(np.square(std) + 1e-12)))
+    for k in range(60):
+        for online in (exact, nearly) if not from_reading or k else (exact,):
+            assert feed(online, ('velocity', SECOND + k * 20_000_000, 0.3)) is Outcome.FUSED
+            assert feed(online, ('position', SECOND + k * 20_000_000, 0.4)) is Outcome.FUSED
+        assert np.linalg.eigvalsh(exact.belief.covariance)[0] >= -1e-15
+    assert exact.restarts == 0
+    assert exact.belief.repairs <= 1
+    if not from_reading:
+        np.testing.assert_allclose(exact.belief.mean, nearly.belief.mean, atol=1e-6)
+        np.testing.assert_allclose(exact.belief.covariance, nearly.belief.covariance, atol=1e-6)

@@ -25,7 +25,7 @@ from kalman_ros.simulation import scenario
         ({'position.fields': ['a']}, 'position.fields: expected 2 fields, got 1'),
         ({'position.kind': 'sonar'}, "unknown kind 'sonar'"),
         ({'position.covariance_from': 'air'}, 'position.covariance_from: expected message'),
-        ({'initial_std': [0.0, 1.0, 1.0, 1.0]}, 'initial_std: expected positive'),
+        ({'initial_std': [-1.0, 0.0, 1.0, 1.0]}, 'initial_std: expected zero or positive'),
         ({'rate': 'fast'}, "rate: expected a number, got 'fast'"),
     ],
 )
