@@ -76,7 +76,8 @@ class Turns:
             (self._names[topic], stamp) for topic, stamp in named if topic in self._names
         ]
         if len(self._ticks) > _MOST_TICKS:  # no plant is so far ahead of its readings
-            del self._ticks[max(self._ticks)]
+            earliest = sorted(self._ticks)[: _MOST_TICKS // 2]
+            self._ticks = {each: self._ticks[each] for each in earliest}
         if self._last is None or time >= self._last:
             return False
         self._last, self._taken = None, []
