@@ -28,9 +28,4 @@ class ReadingReader:
             sample = self._read(data)
         except (LookupError, ValueError):
             return Sample(None, np.empty(0), None)
-        policy, R = source.covariance_from, sample.covariance
-        if policy == 'message' or R is None:
-            return sample
-        if policy == 'larger' and np.trace(R) > np.trace(source.sensor.covariance):
-            return sample
-        return sample._replace(covariance=None)
+        return sample._replace(covariance=source.used(sample.covariance))

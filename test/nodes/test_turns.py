@@ -214,3 +214,12 @@ def test_only_an_input_that_was_lost_is_asked_for_again():
     assert len(send(turns, 'input', 1, None)) == 1
     assert turns.unanswered is None
     assert not turns.waits_for(2)
+
+
+def test_a_tick_that_names_what_never_comes_is_given_up_when_the_plant_asks_again():
+    turns = fresh()
+    send(turns, 'tick', 1, [])
+    turns.input(1, 'u@1')
+    assert send(turns, 'tick', 2, ['position']) == []  # no plant sent it
+    assert send(turns, 'tick', 3, []) == []
+    assert [turn.time for turn in send(turns, 'tick', 3, [])] == [3]
