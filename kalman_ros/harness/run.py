@@ -192,7 +192,7 @@ class Run:
 
     def _until_ready(self) -> None:
         """Wait until every publisher has found all who listen: what comes earlier is lost."""
-        self.wait(lambda: not self._unready(), 30.0, lambda: f'not ready: {self._unready()}')
+        self.wait(lambda: not self._unready(), 120.0, lambda: f'not ready: {self._unready()}')
 
     def _unready(self) -> str:
         topics = self.recorder.topics
