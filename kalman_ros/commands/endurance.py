@@ -13,6 +13,7 @@ from kalman_ros.codecs.messages import leading_stamp, message_type
 from kalman_ros.core import Array
 from kalman_ros.harness import Run
 from kalman_ros.harness.machine import Withheld, usage
+from kalman_ros.nodes.diagnostics import HEARS
 from kalman_ros.nodes.topics import HISTORY
 from kalman_ros.simulation.soak_findings import Delivery, Soak
 
@@ -151,21 +152,26 @@ class Endurance:
         published = counts['controller', 'forces published']
         taken = ('estimates answered', 'estimates passed over for newer ones')
         found = [
-            Delivery(topic, 'estimator', counts['plant', key], counts['estimator', key])
+            self._delivery(topic, 'estimator', counts['plant', key], counts['estimator', key])
             for name, topic in self._sensors.items()
             for key in (f'{name}: readings',)
         ]
         return [
             *found,
-            Delivery(
+            self._delivery(
                 estimate,
                 'controller',
                 counts['estimator', 'estimates published'],
                 sum(counts['controller', key] for key in taken),
             ),
-            Delivery(force, 'plant', published, counts['plant', 'forces heard']),
-            Delivery(force, 'estimator', published, counts['estimator', f'{force}: heard']),
+            self._delivery(force, 'plant', published, counts['plant', 'forces heard']),
+            self._delivery(force, 'estimator', published, counts['estimator', f'{force}: heard']),
         ]
+
+    def _delivery(self, topic: str, receiver: str, published: int, received: int) -> Delivery:
+        heard = f'{HEARS}{self._run.node.resolve_topic_name(topic)}'
+        publishers = int(self._run.reported(receiver, heard) or 1)
+        return Delivery(topic, receiver, published, received, publishers)
 
     def _readings(self, counts: dict[tuple[str, str], int]) -> tuple[int, int, int, int]:
         """Return how many readings came, and how many had each fate."""

@@ -78,9 +78,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     broken = [found for found in findings if found.broken]
     for found in broken:
         console.print(f'[bold red]{found.fault}, {found.filter}:[/] {"; ".join(found.broken)}')
+    count = f'{len(findings) - len(broken)} of {len(findings)} runs'
     if broken:
+        console.print(f'[bold red]FAIL, {count}[/]')
         sys.exit(1)
-    console.print('[green]Every promise holds.[/]')
+    console.print(f'[green]PASS, {count}:[/] Every promise holds.')
 
 
 def _report(

@@ -69,8 +69,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     for what in found.broken:
         console.print(f'[bold red]broken:[/] {what}')
     if found.broken:
+        console.print(f'[bold red]FAIL, {len(found.broken)} promises broken[/]')
         sys.exit(1)
-    console.print('[green]Every promise holds.[/]')
+    console.print('[green]PASS:[/] Every promise holds.')
 
 
 def _report(options: argparse.Namespace, found: Soak, console: Console) -> None:

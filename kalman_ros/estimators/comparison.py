@@ -58,7 +58,7 @@ class Comparison:
         self.error = MeanSquare(state.size)
         self.raw = {name: MeanSquare(s.output.size) for name, s in self._sensors.items()}
         self.fused = {name: MeanSquare(s.output.size) for name, s in self._sensors.items()}
-        self.nees = ChiSquareWindow(state.size, length)
+        self.nees = ChiSquareWindow(state.size, length, white=False)
         self.cost = 0.0
         self.steps = 0
         self._truths: dict[int, Array] = {}
@@ -117,6 +117,8 @@ class Comparison:
         for name, sensor in self._sensors.items():
             difference = sensor.output.subtract(sensor.measure(belief.mean), sensor.measure(x))
             self.fused[name].add(difference)
+        if np.isnan(belief.covariance).any():  # nobody said how good it is
+            return
         try:
             self.nees.add(float(nees(error, belief.covariance)))
         except np.linalg.LinAlgError:

@@ -69,16 +69,36 @@ def _squares(error: Array, covariance: Array) -> Array:
     return np.asarray(np.einsum('...i,...i->...', finite, solved))
 
 
+def independent(values: Array, expected: float) -> float:
+    """Return how many independent values are worth as much as these correlated ones (N,).
+
+    That is N / (1 + 2 sum (1 - l/N) r_l), up to the first correlation r_l that is not positive (C.
+    J. Geyer, Practical Markov Chain Monte Carlo, 1992). Correlations are about the ``expected``
+    mean, so that values which stay on one side of it count as few.
+    """
+    N = len(values)
+    if not np.isfinite(values).all():
+        return 1.0
+    away = values - expected
+    power = np.abs(np.fft.rfft(away, 2 * N)) ** 2
+    r = np.fft.irfft(power)[:N]
+    if r[0] <= 0.0:
+        return float(N)
+    until = int(np.argmax(r <= 0.0)) or N
+    # r has the factor (1 - l/N) already
+    return max(1.0, N / float(2.0 * np.sum(r[:until] / r[0]) - 1.0))
+
+
 @dataclass
 class ChiSquareWindow:
     """The running average of a chi-square statistic over its last ``length`` values.
 
-    ``inside`` takes the values for independent, which successive NIS are and successive NEES
-    are not; for those it is a rough guide.
+    Successive values are taken for independent if they are ``white``, as NIS are and NEES are not.
     """
 
     degrees: int
     length: int = 500
+    white: bool = True
     _values: deque[float] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -100,7 +120,10 @@ class ChiSquareWindow:
 
     def bounds(self, miss: float = 0.001) -> tuple[float, float]:
         """Return the bounds of `mean` for a consistent filter."""
-        return chi_square_bounds(1.0, 2.0 / (self.degrees * max(1, self.count)), miss)
+        count = float(max(1, self.count))
+        if not self.white and self.count:
+            count = independent(np.array(self._values), float(self.degrees))
+        return chi_square_bounds(1.0, 2.0 / (self.degrees * count), miss)
 
     def inside(self, miss: float = 0.001) -> bool:
         """Tell whether the average is within its bounds; an empty window is."""

@@ -92,13 +92,7 @@ class Confirmation:
         return min((leading_stamp(raw[topic][-1]) for topic in come), default=None)
 
     def drop_repeated(self) -> None:
-        """Drop from the record what came twice, because the plant asked twice for a step.
-
-        Raises
-        ------
-        RuntimeError
-            If an input without a stamp came twice, and nothing tells which one that was.
-        """
+        """Drop from the record what came twice, because the plant asked twice for a step."""
         times = [leading_stamp(data) for data in self._ticks]
         again = [earlier == later for earlier, later in pairwise([-1, *times])]
         if not any(again):
@@ -111,9 +105,7 @@ class Confirmation:
         if len(raw[covariance]) == len(twice):
             _drop(raw[covariance], twice)
         if input.fields and not _has_stamp(input):
-            if len(raw[input.topic]) != len(twice):
-                raise RuntimeError(f'{input.topic}: came twice for a step, and has no stamp')
-            _drop(raw[input.topic], twice)
+            _drop_equal(raw[input.topic], len(twice) - sum(twice))
         for topic in self._stamped:
             _drop(raw[topic], _repeated(raw[topic]))
 
@@ -143,3 +135,18 @@ def _repeated(messages: Sequence[bytes]) -> list[bool]:
 def _drop(messages: list[bytes], flags: Sequence[bool]) -> None:
     """Drop those messages whose flag is set; further ones are kept."""
     messages[: len(flags)] = [data for data, drop in zip(messages, flags) if not drop]
+
+
+def _drop_equal(messages: list[bytes], wanted: int) -> None:
+    """Drop messages that equal the one before until as many as ``wanted`` are left.
+
+    One estimate has one answer, so what comes twice without a stamp comes twice with equal bytes.
+    """
+    surplus = len(messages) - wanted
+    kept: list[bytes] = []
+    for data in messages:
+        if surplus > 0 and kept and data == kept[-1]:
+            surplus -= 1
+        else:
+            kept.append(data)
+    messages[:] = kept

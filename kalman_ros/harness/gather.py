@@ -63,7 +63,10 @@ def trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Trajectory
 
 
 def _series(recorded: Any, first: int) -> Series:
-    return Series((recorded.stamp - first) * 1e-9, recorded.values)
+    covariance = recorded.covariance
+    if covariance is not None and len(covariance) != len(recorded.stamp):
+        covariance = None
+    return Series((recorded.stamp - first) * 1e-9, recorded.values, covariance)
 
 
 def _readings(series: Series, innovations: Innovations) -> Series:

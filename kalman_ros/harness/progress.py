@@ -20,6 +20,7 @@ class Progress:
         self._steps = 0
         self._goal = 0.0
         self._answered = -1
+        self._answers = 0
         #: Stamps of the first and the last step, -1 before there was one.
         self.first = self.last = -1
         #: Done when the goal is reached.
@@ -32,8 +33,10 @@ class Progress:
 
     @property
     def answered(self) -> bool:
-        """Whether the last step is answered."""
-        return self._answered >= self.last
+        """Whether the last step is answered; without stamps, whether there are answers enough."""
+        if self._answer_stamped:
+            return self._answered >= self.last
+        return self._answers >= self._steps
 
     @property
     def arrived(self) -> bool:
@@ -48,8 +51,9 @@ class Progress:
     def hear(self, topic: str, data: bytes) -> None:
         """Take in a message."""
         if topic == self._answer:
-            # an answer without a stamp is to the last step
-            self._answered = leading_stamp(data) if self._answer_stamped else self.last
+            self._answers += 1
+            if self._answer_stamped:
+                self._answered = leading_stamp(data)
         elif topic == 'ground_truth':
             stamp = leading_stamp(data)
             self._steps += stamp > self.last

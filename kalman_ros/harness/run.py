@@ -37,6 +37,8 @@ from .station import Station
 
 #: Seconds for which one look at the nodes counts at most.
 _LOOK = 0.1
+#: Seconds for the last answer where a node was killed, and may have taken it along.
+_PATIENCE = 2.0
 #: Seconds without any message after which what is missing will not come.
 _SILENCE = 20.0
 
@@ -190,7 +192,7 @@ class Run:
 
     def _until_ready(self) -> None:
         """Wait until every publisher has found all who listen: what comes earlier is lost."""
-        self.wait(lambda: not self._unready(), 30.0, lambda: f'not ready: {self._unready()}')
+        self.wait(lambda: not self._unready(), 120.0, lambda: f'not ready: {self._unready()}')
 
     def _unready(self) -> str:
         topics = self.recorder.topics
@@ -252,7 +254,11 @@ class Run:
         """Take in what is still under way: in lockstep all that was published, and that once."""
         start = time.monotonic()
         if self.lockstep:
-            self.wait(self._answered, _SILENCE, lambda: 'the last step was not answered')
+            end = start + (_PATIENCE if self._interrupted else _SILENCE)
+            while self._behind() and time.monotonic() < end:
+                self.spin()
+            if self._behind() and not self._interrupted:
+                raise NodeError('the last step was not answered')
             self.complete()
         else:
             count = -1
@@ -294,9 +300,6 @@ class Run:
             answer = self.call(Trigger, f'{name}/{SERVICE}', Trigger.Request())
             found.update(json.loads(answer.message))
         return found
-
-    def _answered(self) -> bool:
-        return not self._behind()
 
     def _behind(self) -> bool:
         """Tell whether the last answer, or what the estimator says after it, is still to come."""

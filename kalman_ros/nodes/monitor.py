@@ -97,11 +97,12 @@ class MonitorNode(runtime.ScenarioNode):
     def _on_estimate(self, sample: Sample) -> None:
         """Take the estimate at once, or when its whole covariance has come, if one will."""
         n, P = sample.values.size, sample.covariance
-        belief = Gaussian(sample.values, np.zeros((n, n)) if P is None else P)
-        pair: tuple[int, Gaussian] | None = sample.time or 0, belief
+        time, x = sample.time or 0, sample.values
         if self._whole.get_publisher_count():
-            pair = self._pairing.estimate(sample.time or 0, belief)
-        self._compare(pair)
+            own = np.zeros((n, n)) if P is None else P
+            self._compare(self._pairing.estimate(time, Gaussian(x, own)))
+            return
+        self._compare((time, Gaussian(x, np.full((n, n), np.nan) if P is None else P)))
 
     def _on_covariance(self, sample: Sample) -> None:
         n = self.scenario.model.state.size
@@ -132,18 +133,19 @@ class MonitorNode(runtime.ScenarioNode):
         doubtful = []
         for name, window in verdicts.items():
             low, high = window.bounds(miss)
-            # innovations are white; errors are not, so they scatter more than the bounds say
-            white = name != 'NEES'
-            bounds = f'{low:.3f} to {high:.3f}{"" if white else " if errors were white"}'
-            values[f'{name} / expected'] = f'{window.mean:.3f} ({bounds})'
-            if white and not window.inside(miss):
+            values[f'{name} / expected'] = f'{window.mean:.3f} ({low:.3f} to {high:.3f})'
+            if not window.inside(miss):
                 doubtful.append(name)
         if comparison.steps:
             per_second = comparison.cost / comparison.steps * self.scenario.rate
             values['cost J'] = comparison.cost
             values['cost per second'] = per_second
         if doubtful:
-            return Level.WARN, f'{" and ".join(doubtful)} outside the bounds', values
+            why = ''
+            if 'NEES' in doubtful:
+                too_sure = comparison.nees.mean > 1.0
+                why = f': the estimator is {"over" if too_sure else "under"}confident'
+            return Level.WARN, f'{" and ".join(doubtful)} outside the bounds{why}', values
         if not comparison.error.count:
             return Level.WARN, 'no truth and estimate of one instant have come', values
         return Level.OK, 'consistent', values

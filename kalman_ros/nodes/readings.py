@@ -37,9 +37,4 @@ class ReadingReader:
         except (LookupError, ValueError) as error:
             self.trouble = str(error)
             return Sample(None, np.empty(0), None)
-        policy, R = source.covariance_from, sample.covariance
-        if policy == 'message' or R is None:
-            return sample
-        if policy == 'larger' and np.trace(R) > np.trace(source.sensor.covariance):
-            return sample
-        return sample._replace(covariance=None)
+        return sample._replace(covariance=source.used(sample.covariance))

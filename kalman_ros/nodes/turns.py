@@ -38,7 +38,8 @@ class Turns:
     readings; one that is earlier than the last starts anew, for then the plant was restarted.
 
     Each topic keeps its order, so when a reading has come that a later tick names, one of the same
-    topic that an earlier tick names will never come: that tick, which no plant sent, is dropped.
+    topic that an earlier tick names will never come: that tick, which no plant sent, is dropped,
+    as it is when the plant asks again for a later step.
 
     Parameters
     ----------
@@ -72,11 +73,14 @@ class Turns:
     def tick(self, time: int, topics: Iterable[str]) -> bool:
         """Take in a tick with the topics of its readings; return whether time went back."""
         named = [mentioned(topic, time) for topic in topics]
+        if time in self._ticks:
+            self._give_up_before(time)
         self._ticks[time] = [
             (self._names[topic], stamp) for topic, stamp in named if topic in self._names
         ]
         if len(self._ticks) > _MOST_TICKS:  # no plant is so far ahead of its readings
-            del self._ticks[max(self._ticks)]
+            earliest = sorted(self._ticks)[: _MOST_TICKS // 2]
+            self._ticks = {each: self._ticks[each] for each in earliest}
         if self._last is None or time >= self._last:
             return False
         self._last, self._taken = None, []
@@ -123,6 +127,14 @@ class Turns:
             self._forget(time)
             self._inputs = {stamp: u for stamp, u in self._inputs.items() if stamp >= time}
             yield Turn(time, input, readings)
+
+    def _give_up_before(self, time: int) -> None:
+        """Drop earlier ticks that lack a reading: a plant that asks again has sent them all."""
+        self._ticks = {
+            earlier: keys
+            for earlier, keys in self._ticks.items()
+            if earlier >= time or self._named(keys) is not None
+        }
 
     def _never(self, time: int) -> bool:
         """Tell whether a reading that the tick at ``time`` lacks will not come any more."""

@@ -9,7 +9,7 @@ from matplotlib.ticker import LogLocator, StrMethodFormatter
 from rich.table import Table
 
 from kalman_ros.core import Array
-from kalman_ros.simulation.soak_findings import Soak
+from kalman_ros.simulation.soak_findings import LEAST_MEMORY, Soak
 
 from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, picture
 from .tables import plain_table
@@ -17,6 +17,7 @@ from .tables import plain_table
 _MEGABYTE = 1e6
 _COLOURS = (TRUTH, ESTIMATE, INPUT, READING)
 _WARM_UP = '#eef1f3'
+_TOO_SHORT = f'not judged under {LEAST_MEMORY / 60.0:g} min'
 
 
 def soak_rows(soak: Soak) -> list[tuple[str, str, str]]:
@@ -25,7 +26,7 @@ def soak_rows(soak: Soak) -> list[tuple[str, str, str]]:
         (
             f'memory of the {name} grows [B/s]',
             f'{each.value:.0f} ({each.low:.0f} to {each.high:.0f})',
-            f'to {soak.allowed_growth:.0f}',
+            f'to {soak.allowed_growth:.0f}' if soak.judges_memory else _TOO_SHORT,
         )
         for name, each in soak.growth.items()
     ]
@@ -40,7 +41,7 @@ def soak_rows(soak: Soak) -> list[tuple[str, str, str]]:
         ('reading to force, 50 / 90 / 99 % [ms]', f'{low} / {high} / {most}', ''),
         *(
             (f'{topic} to {receiver}, lost', f'{sent - got} of {sent}', '0')
-            for topic, receiver, sent, got in soak.deliveries
+            for topic, receiver, sent, got, _ in soak.deliveries
         ),
         ('fused + rejected + dropped', f'{fused} + {rejected} + {dropped}', f'{came}'),
         ('topics with NaN or infinity', ', '.join(soak.not_finite) or 'none', 'none'),
@@ -81,7 +82,8 @@ _LEGEND = (
     'faults. Memory is what each process occupies, each second; its growth is the slope after the',
     'warm-up, with an interval that holds it in 999 of 1000 cases where means over stretches',
     'scatter about a line. What is allowed is 200 bytes a second, 17 MB a day, and a quarter of',
-    'a megabyte that heaps and queues may take late, once. A step is missed when the plant takes',
+    'a megabyte that heaps and queues may take late, once; in a run of under six minutes it is',
+    'not judged. A step is missed when the plant takes',
     'it later than the next should have been. That has a reason if Linux says that the plant',
     'could have run and was kept waiting, or that the host gave this machine no processor, for',
     'as long as that. Messages are counted where they are published and where they are received,',

@@ -33,6 +33,17 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
     return table
 
 
+def verdict(checks: Sequence[Check], claim: str) -> str:
+    """Return the verdict on checks: PASS or FAIL, how many, and the ``claim`` or what fails."""
+    counted = [check for check in checks if check.counts]
+    failed = [check.name for check in counted if not check.passed]
+    count = f'{len(counted) - len(failed)} of {len(counted)} checks'
+    if not failed:
+        return f'[green]PASS, {count}:[/] {claim}'
+    names = ', '.join(dict.fromkeys(failed))
+    return f'[bold red]FAIL, {count}:[/] theory and measurement disagree on {names}'
+
+
 def plain_table(title: str, columns: Sequence[str]) -> Table:
     """Return an empty table: a column of names, and ``columns`` of numbers; '' for no title."""
     table = Table(

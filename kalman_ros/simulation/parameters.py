@@ -14,6 +14,9 @@ import yaml
 #: The nodes of a loop, and what may stand between plant and estimator.
 NODES = ('estimator', 'controller', 'monitor', 'plant')
 BETWEEN = 'microphone_array'
+#: The program that runs a scenario for people; its section has a duration, and parameters that
+#: every node gets in a demo.
+DEMO = 'demo'
 
 
 class _Bare(str):
@@ -100,8 +103,30 @@ def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
         If the file is not a ROS parameter file.
     """
     document = _document(path)
+    return _merged(document, path, ['/**', *(key for node in nodes for key in _keys(node))])
+
+
+def own_section(path: Path | None, node: str) -> dict[str, Any]:
+    """Return what only the section of a node in a ROS parameter file says, flat.
+
+    Raises
+    ------
+    ValueError
+        If the file is not a ROS parameter file.
+    """
+    return _merged(_document(path), path, _keys(node))
+
+
+def _keys(node: str) -> list[str]:
+    return [f'{where}{node}' for where in ('/**/', '', '/')]
+
+
+def _merged(
+    document: Mapping[str, Mapping[str, Any]], path: Path | None, keys: Sequence[str]
+) -> dict[str, Any]:
+    """Return the parameters of sections, those of the later ones first."""
     merged: dict[str, Any] = {}
-    for key in ['/**', *(f'{where}{node}' for node in nodes for where in ('/**/', '', '/'))]:
+    for key in keys:
         merged.update(_flat(document.get(key, {}).get('ros__parameters', {})))
     for name, value in merged.items():
         for item in value if isinstance(value, list) else [value]:

@@ -61,6 +61,16 @@ class SensorSource:
         """How the state is seen."""
         return self.timed.sensor
 
+    def used(self, carried: Array | None) -> Array | None:
+        """Return the covariance (k, k) of a reading; None if the configured one is to be used.
+
+        ``carried`` is the one in its message, None if there is none.
+        """
+        if carried is None or self.covariance_from == 'configuration':
+            return None
+        larger = np.trace(carried) > np.trace(self.sensor.covariance)
+        return carried if self.covariance_from == 'message' or larger else None
+
 
 @dataclass(frozen=True)
 class Scenario:

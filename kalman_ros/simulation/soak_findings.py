@@ -23,6 +23,8 @@ _SETTLING = 0.25e6
 _STRETCHES = 20
 #: What has come and gone by then was still being set up, in seconds, but for short runs.
 _WARM_UP = 60.0
+#: Runs shorter than this, in seconds, do not tell whether memory grows for good.
+LEAST_MEMORY = 360.0
 #: Looks at the nodes over which the cause of a missed deadline is sought: its own, and the one
 #: before, for a node says what it missed a second later.
 _LOOKS = 2
@@ -55,12 +57,32 @@ def slope(time: Array, y: Array) -> Slope:
 
 
 class Delivery(NamedTuple):
-    """How many messages of a topic one node published, and another received."""
+    """How many messages of a topic one node published, and another received.
+
+    ``publishers`` is how many publishers the receiver has found on the topic.
+    """
 
     topic: str
     receiver: str
     published: int
     received: int
+    publishers: int = 1
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with it; '' if as many were received as published."""
+        if self.published == self.received:
+            return ''
+        counts = f'{self.published} published, the {self.receiver} received {self.received}'
+        if self.received < self.published:
+            return f'{self.topic}: {counts}'
+        others = self.publishers - 1
+        why = (
+            f'{others} more publisher{"s are" if others > 1 else " is"} on the topic'
+            if others > 0
+            else 'another publisher was on the topic, or the middleware delivered some twice'
+        )
+        return f'{self.topic}: {counts}, {self.received - self.published} more: {why}'
 
 
 @dataclass(frozen=True)
@@ -116,6 +138,12 @@ class Soak:
         return {name: slope(self.time[warm], y[warm]) for name, y in self.resident.items()}
 
     @property
+    def judges_memory(self) -> bool:
+        """Whether the run was long enough to tell growth from the beginning."""
+        time = self.time[self.warm]
+        return bool(time[0] >= _WARM_UP and time[-1] - time[0] >= LEAST_MEMORY - _WARM_UP)
+
+    @property
     def allowed_growth(self) -> float:
         """How fast memory may grow after the warm-up, in bytes a second."""
         time = self.time[self.warm]
@@ -138,15 +166,11 @@ class Soak:
             f'the memory of the {name} grows by {each.value:.0f} bytes a second, '
             f'by {each.low:.0f} at least; {self.allowed_growth:.0f} are allowed'
             for name, each in self.growth.items()
-            if each.low > self.allowed_growth
+            if self.judges_memory and each.low > self.allowed_growth
         ]
         if self.unexplained:
             found.append(f'{self.unexplained} steps were missed for no reason')
-        found += [
-            f'{topic}: {published} published, the {receiver} received {received}'
-            for topic, receiver, published, received in self.deliveries
-            if published != received
-        ]
+        found += [delivery.fault for delivery in self.deliveries if delivery.fault]
         found += [f'{topic}: a number is not finite' for topic in self.not_finite]
         came, *fates = self.readings
         if came != sum(fates):
@@ -160,7 +184,7 @@ class Soak:
             'seconds': float(self.time[-1]),
             'rate': self.rate,
             'growth': {name: each._asdict() for name, each in self.growth.items()},
-            'allowed_growth': self.allowed_growth,
+            'allowed_growth': self.allowed_growth if self.judges_memory else None,
             'missed': int(self.missed[-1]),
             'unexplained': self.unexplained,
             'withheld': float(self.withheld[-1]),

@@ -11,10 +11,14 @@ from kalman_ros.core import Array
 
 @dataclass(frozen=True)
 class Series:
-    """Vectors in time: ``time`` (N,) in seconds since the start, ``values`` (N, k)."""
+    """Vectors in time: ``time`` (N,) in seconds since the start, ``values`` (N, k).
+
+    ``covariance`` (N, k, k) is that of each value, where the messages carry it.
+    """
 
     time: Array
     values: Array
+    covariance: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import ceil, log, nan
+from math import ceil, isnan, log, nan
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -41,6 +41,11 @@ class Check:
     low: float
     high: float
     passed: bool
+
+    @property
+    def counts(self) -> bool:
+        """Whether it has bounds; the poles have those of the dynamics that they are of."""
+        return not isnan(self.low)
 
 
 @dataclass(frozen=True)

@@ -178,3 +178,48 @@ def test_late_readings_whatever_the_order_of_arrival(seed):
                                   'position@' + '9' * 5000])  # fmt: skip
 def test_what_names_no_reading_is_not_waited_for(text):
     assert [turn.readings for turn in send(fresh(), 'tick', 1, [text])] == [[]]
+
+
+def test_a_tick_that_names_what_never_comes_is_given_up_when_its_topic_goes_on():
+    turns = fresh()
+    send(turns, 'tick', 1, [])
+    turns.input(1, 'u@1')
+    assert send(turns, 'tick', 2, ['velocity']) == []  # no plant sent it
+    assert send(turns, 'tick', 3, ['position', 'velocity']) == []
+    assert send(turns, 'reading', 3, 'position') == []  # position tells nothing of velocity
+    (turn,) = send(turns, 'reading', 3, 'velocity')
+    assert (turn.time, turn.input) == (3, (1, 'u@1'))
+    assert [name for name, _ in turn.readings] == ['position', 'velocity']
+
+
+def test_ticks_of_a_future_that_never_comes_are_bounded():
+    turns = fresh()
+    for time in range(10, 30_000):
+        turns.tick(time, ['velocity'])
+    assert len(turns._ticks) < 15_000
+    turns.reading('velocity', 1, 'y')
+    turns.tick(1, ['velocity'])
+    assert next(turns.complete()).time == 1
+
+
+def test_only_an_input_that_was_lost_is_asked_for_again():
+    turns = fresh()
+    send(turns, 'tick', 1, [])
+    assert turns.unanswered is None
+    send(turns, 'tick', 2, ['velocity'])
+    assert turns.unanswered is None  # the reading is still to come
+    send(turns, 'reading', 2, 'velocity')
+    assert turns.unanswered == 1
+    assert turns.waits_for(2)
+    assert len(send(turns, 'input', 1, None)) == 1
+    assert turns.unanswered is None
+    assert not turns.waits_for(2)
+
+
+def test_a_tick_that_names_what_never_comes_is_given_up_when_the_plant_asks_again():
+    turns = fresh()
+    send(turns, 'tick', 1, [])
+    turns.input(1, 'u@1')
+    assert send(turns, 'tick', 2, ['position']) == []  # no plant sent it
+    assert send(turns, 'tick', 3, []) == []
+    assert [turn.time for turn in send(turns, 'tick', 3, [])] == [3]

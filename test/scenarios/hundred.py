@@ -50,11 +50,15 @@ def main() -> None:
     parser.add_argument('--together', type=int, default=7)
     parser.add_argument('--busy', type=int, default=8)
     parser.add_argument('--duration', type=float, default=4.0, help='simulated seconds')
+    parser.add_argument(
+        '--quiet', type=Path, metavar='FILE', help='hashes that hashes.py wrote for this duration'
+    )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        quiet = Path(folder) / 'quiet.json'
-        command = [sys.executable, str(_HASHES), '--duration', str(options.duration)]
-        subprocess.run([*command, '--write', str(quiet)], check=True)
+        quiet = options.quiet or Path(folder) / 'quiet.json'
+        if options.quiet is None:
+            command = [sys.executable, str(_HASHES), '--duration', str(options.duration)]
+            subprocess.run([*command, '--write', str(quiet)], check=True)
         assert json.loads(quiet.read_text()).keys() == {*SCENARIOS}
         busy = [subprocess.Popen(_BUSY) for _ in range(options.busy)]
         try:

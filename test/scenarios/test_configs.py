@@ -31,7 +31,7 @@ def test_it_runs_over_topics_and_its_statistics_make_sense(name):
         assert len(loop.innovations[sensor].nis) == pytest.approx(due + 1, abs=1)
         assert len(loop.readings[sensor].time) == len(loop.innovations[sensor].nis)
     checks = consistency(run.scenario, loop)
-    assert len(checks) == run.scenario.model.state.size + len(run.scenario.enabled)
+    assert len(checks) == run.scenario.model.state.size + len(run.scenario.enabled) + 1
     assert [check.name for check in checks if not check.passed] == []
     if run.scenario.model.input.size:  # the loop holds what it drives
         space, rest = run.scenario.model.state, run.scenario.model.equilibrium
