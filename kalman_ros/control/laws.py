@@ -36,7 +36,12 @@ def _placement(
     dt: float,
     regulator_poles: Annotated[
         Sequence[float],
-        About('real parts of the poles of the loop, up to one per state', '1/s', maximum=-1e-9, live=True),
+        About(
+            'real parts of the poles of the loop, up to one per state',
+            '1/s',
+            maximum=-1e-9,
+            live=True,
+        ),
     ] = (-1.0,),
     regulator_frequencies: Annotated[
         Sequence[float],

@@ -230,9 +230,7 @@ def _scaled(
     if not all(np.all(np.isfinite(part)) for part in (A, B, Q, N)):
         raise DesignError(f'system: expected finite matrices and {terms.state_weight}')
     variances = R.diagonal()
-    if not np.all(np.isfinite(R)) or not np.all(
-        (variances > _SMALLEST) & (variances < _LARGEST)
-    ):
+    if not np.all(np.isfinite(R)) or not np.all((variances > _SMALLEST) & (variances < _LARGEST)):
         raise DesignError(
             f'{terms.weight}: expected a positive definite matrix with a diagonal between '
             f'{_SMALLEST:g} and {_LARGEST:g}, got the diagonal {_listed(variances)}'

@@ -198,7 +198,10 @@ def _without(gap: tuple[float, float], ends: tuple[float, float]) -> list[tuple[
     low, high = gap
     pieces = [(low, min(high, ends[0])), (max(low, ends[1]), high)]
     if ends[0] == ends[1]:
-        pieces = [(low, min(high, ends[0] * (1.0 - 1e-6))), (max(low, ends[1] * (1.0 + 1e-6)), high)]
+        pieces = [
+            (low, min(high, ends[0] * (1.0 - 1e-6))),
+            (max(low, ends[1] * (1.0 + 1e-6)), high),
+        ]
     if high <= ends[0] or low >= ends[1]:
         return [gap]
     return [piece for piece in pieces if piece[1] > piece[0] * (1.0 + 1e-7) and piece[1] > 0.0]

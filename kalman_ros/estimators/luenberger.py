@@ -21,7 +21,9 @@ def build(
     plan: Plan,
     observer_poles: Annotated[
         Sequence[float],
-        About('where the poles of the error are put, real, up to one per state', '1/s', maximum=-1e-9),
+        About(
+            'where the poles of the error are put, real, up to one per state', '1/s', maximum=-1e-9
+        ),
     ] = (-4.0,),
 ) -> FixedGainObserver:
     """Return the observer whose error, with all sensors together, has the poles given.

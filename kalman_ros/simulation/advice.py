@@ -61,10 +61,11 @@ def _along(report: DesignReport) -> Iterator[str]:
     text = f'Along a simulated path of {path.time[-1]:.4g} s, '
     if always:
         text += f'the readings of each quarter determine {", ".join(always)}'
-    else:
+        text += f', and never {", ".join(never)}' if never else ''
+    elif ever:
         text += 'no state is determined by the readings of every quarter'
-    if never:
-        text += f', and never {", ".join(never)}'
+    else:
+        text += 'the readings determine no state'
     yield f'{text}.'
     for name in ever:
         if name not in always:

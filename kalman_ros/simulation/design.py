@@ -157,9 +157,7 @@ def settling_time(modes: Sequence[Mode]) -> float:
     return log(1e3) * max(mode.time_constant for mode in modes)
 
 
-def report(
-    scenario: Scenario, delay: float = 0.0, duration: float | None = None
-) -> DesignReport:
+def report(scenario: Scenario, delay: float = 0.0, duration: float | None = None) -> DesignReport:
     """Return what theory says of a scenario whose input is late by ``delay`` seconds.
 
     ``duration`` is that of the simulated path of a scenario that is not linear, in seconds; None

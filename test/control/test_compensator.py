@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from kalman_ros.control.compensator import compensator, current_compensator
-from kalman_ros.control.lqe import dlqe, lqe
+from kalman_ros.control.lqe import Readings, dlqe, lqe
 from kalman_ros.control.lqr import cost, dlqr, lqr
 from kalman_ros.control.performance import stationary_cost
 from kalman_ros.control.placement import place, place_observer

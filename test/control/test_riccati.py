@@ -57,13 +57,13 @@ WRONG = [
 @pytest.mark.parametrize('R', WRONG, ids=str)
 @pytest.mark.parametrize('design', [lqr, dlqr, lqe, dlqe])
 def test_a_singular_or_absurd_weight_is_named(design, R):
-    A, I = np.array([[0.0, 0.5], [-0.5, 0.1]]), np.eye(2)
+    A, one = np.array([[0.0, 0.5], [-0.5, 0.1]]), np.eye(2)
     name = 'input_cost' if design in (lqr, dlqr) else 'noise of the readings'
     with pytest.raises(DesignError, match=f'^{name}: expected a positive definite matrix'):
         if design in (lqr, dlqr):
-            design(A, I, Cost(I, R, np.zeros((2, 2))))
+            design(A, one, Cost(one, R, np.zeros((2, 2))))
         else:
-            design(A, I, I, R)
+            design(A, one, one, R)
 
 
 @pytest.mark.parametrize('R', [1e-60, 1e60])
@@ -79,9 +79,7 @@ def test_units_do_not_matter():
     units = np.array([1e-6, 1e6])
     for design in (lqr, dlqr):
         expected = design(A, B, cost([3, 1], [1, 2], (2, 2)))
-        other = cost(
-            1e-8 * np.array([3, 1]), 1e-8 * np.array([1, 2]) * units**2, (2, 2)
-        )
+        other = cost(1e-8 * np.array([3, 1]), 1e-8 * np.array([1, 2]) * units**2, (2, 2))
         found = design(A, B * units, other)
         np.testing.assert_allclose(found.gain * units[:, np.newaxis], expected.gain, rtol=1e-10)
         np.testing.assert_allclose(found.cost_to_go, 1e-8 * expected.cost_to_go, rtol=1e-10)

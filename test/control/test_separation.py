@@ -143,7 +143,10 @@ def spread_by_brute_force(loop, M, steps):
     for k in range(steps):
         block = loop.covariance[k % p]
         for later in range(k, steps):
-            rows, columns = slice(later * size, (later + 1) * size), slice(k * size, (k + 1) * size)
+            rows, columns = (
+                slice(later * size, (later + 1) * size),
+                slice(k * size, (k + 1) * size),
+            )
             C[rows, columns], C[columns, rows] = block, block.T
             block = loop._transitions[(later + 1) % p] @ block
     W = block_diag(*(M[k % p] for k in range(steps))) / steps
