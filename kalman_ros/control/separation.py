@@ -188,7 +188,7 @@ class LqgLoop:
             Symmetric M (s, p, :, :): the s averages are those of z'M[s, phase] z, with
             z = (x, q, e).
         steps
-            The number of steps averaged over.
+            The number of steps averaged over, the first at the first phase of a period.
 
         Notes
         -----
@@ -254,7 +254,8 @@ class LqgLoop:
 
     def mean_cost(self, cost: Cost) -> float:
         """Return the mean cost of a sample; of the best regulator it is `optimal_cost`."""
-        return self.average(self.cost_weight(cost)[np.newaxis], 1)[0].mean
+        period = len(self.schedule)
+        return self.average(self.cost_weight(cost)[np.newaxis], period)[0].mean
 
 
 def _count(steps: int, period: int) -> Array:

@@ -110,8 +110,8 @@ def _unseen(report: DesignReport) -> Iterator[str]:
             )
     elif not seen.detectable:
         yield (
-            f'No sensor observes {names or "some mode that does not decay"}: the error grows without '
-            'bound, and there is no estimator in steady state.'
+            f'No sensor observes {names or "some mode that does not decay"}: the error grows '
+            'without bound, and there is no estimator in steady state.'
         )
     elif report.estimator is None:
         yield (
@@ -164,7 +164,9 @@ def _joint(regulator: Regulator, names: tuple[str, str]) -> Iterator[str]:
 def _late(subject: str, loop: Loop, delay: float, latency: float) -> Iterator[str]:
     margin = loop.prompt.delay.value
     if loop.margins is None:
-        yield f'{subject} is unstable with {delay:g} s of delay; its delay margin is {margin:.3g} s.'
+        yield (
+            f'{subject} is unstable with {delay:g} s of delay; its delay margin is {margin:.3g} s.'
+        )
     elif margin < latency:
         yield (
             f'{subject} has a delay margin of {margin:.3g} s, less than its latency of '

@@ -132,11 +132,14 @@ def follow(scenario: Scenario, law: Feedback | None, seconds: float, seed: int =
     if not _WINDOWS <= steps <= _MOST_STEPS:
         least, most = _WINDOWS / scenario.rate, _MOST_STEPS / scenario.rate
         raise ValueError(f'duration: expected {least:g} to {most:g} s, got {seconds:g}')
-    with np.errstate(all='ignore'):
-        truth, input = _simulated(scenario, law, steps, seed)
-        if not np.all(np.isfinite(truth)):
-            raise DesignError('initial_state: the simulated path from there does not stay finite')
-        return _known(scenario, truth, input)
+    try:
+        with np.errstate(all='ignore'):
+            path = _known(scenario, *_simulated(scenario, law, steps, seed))
+    except np.linalg.LinAlgError:
+        path = None
+    if path is None or not np.all(np.isfinite(path.truth)):
+        raise DesignError('initial_state: the simulated path from there does not stay finite')
+    return path
 
 
 def _simulated(
