@@ -44,6 +44,13 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         'loop without delay, and warnings expect one sample',
     )  # fmt: skip
     parser.add_argument(
+        '--duration', type=float, metavar='S',
+        help='seconds of the simulated path along which a scenario is judged that is not linear',
+    )  # fmt: skip
+    parser.add_argument(
+        '--matrices', action='store_true', help='print A, B, C, F, G, Q, R, K, L and P, too'
+    )
+    parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO/design)'
     )
     parser.add_argument(
@@ -66,6 +73,31 @@ def believed(path: Path, changes: dict[str, Any]) -> Scenario:
     return scenario.build(values)
 
 
+def check_wiring(built: Scenario) -> tuple[str, ...]:
+    """Check that every signal has fields of its message type, as the nodes do when they start.
+
+    Returns a note if message types cannot be checked, for lack of ROS.
+
+    Raises
+    ------
+    ValueError
+        If a type is not installed or has no such field, with the name of the topic.
+    """
+    try:
+        from kalman_ros.codecs.signal_codec import SignalCodec
+    except ImportError:
+        return ('Message types and fields are not checked: no ROS is installed.',)
+    for name, source in built.enabled.items():
+        try:
+            SignalCodec(source.signal)
+        except ValueError as error:
+            raise ValueError(f'{name}: {error}') from None
+    SignalCodec(built.state)
+    if built.model.input.size:
+        SignalCodec(built.input)
+    return ()
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Print and draw a design."""
     options = arguments(argv)
@@ -73,7 +105,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         path = options.params_file or executables.config(options.scenario)
         built = believed(path, overrides(options.parameters))
-        report = design.report(built, options.delay or 0.0)
+        unchecked = check_wiring(built)
+        report = design.report(built, options.delay or 0.0, options.duration)
         folder = ready(options.out or Path('out') / path.stem / 'design')
     except (ValueError, RuntimeError, OSError) as error:
         print(f'design: {error}', file=sys.stderr)
@@ -86,11 +119,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     law = f', law {built.law}' if built.law else ''
     console.print(f'[bold]{path.stem} at {built.rate:g} Hz{law}[/]')
     console.print(design_tables.structure(report))
-    for title, table in design_tables.tables(report):
-        console.print(f'\n[bold]{title}[/]')
-        console.print(table)
+    sheets = [*design_tables.tables(report)]
+    if options.matrices:
+        sheets += design_tables.matrices(report)
+    for title, sheet in sheets:
+        if sheet.columns:
+            console.print(f'\n[bold]{title}[/]')
+            console.print(*sheet.tables(console), sep='\n\n')
     console.print()
-    for sentence in (*design_tables.closing(report), *notes):
+    for sentence in (*design_tables.closing(report), *notes, *unchecked):
         console.print(sentence, markup=False)
     for sentence in warnings:
         console.print(f'[yellow]Warning:[/] {sentence}')

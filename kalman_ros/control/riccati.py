@@ -183,12 +183,23 @@ def _solution(
                     break
             K = gain(problem, S)
             poles = eigenvalues(problem.A - problem.B @ K)
-            S, K = size * S, units[:, np.newaxis] * K
+            S, K = size * _semidefinite(S), units[:, np.newaxis] * K
     except (np.linalg.LinAlgError, ValueError):  # ValueError: what is not finite
         settled = False
     if settled and _stable(poles, sampled=sampled) and np.all(np.isfinite(S)):
         return Solution(S, K, poles)
     raise DesignError(_reason(given, problem, terms, sampled=sampled))
+
+
+def _semidefinite(S: Array) -> Array:
+    """Return S without the eigenvalues below zero that rounding leaves."""
+    sizes, directions = np.linalg.eigh(S)
+    if not sizes.size or sizes[0] >= 0.0:
+        return S
+    if sizes[0] < -_LOST * sizes[-1]:
+        raise np.linalg.LinAlgError('not a covariance')
+    root = directions * np.sqrt(np.maximum(sizes, 0.0))
+    return symmetric(root @ root.T)
 
 
 def _stable(poles: ComplexArray, *, sampled: bool) -> bool:

@@ -188,7 +188,7 @@ class LqgLoop:
             Symmetric M (s, p, :, :): the s averages are those of z'M[s, phase] z, with
             z = (x, q, e).
         steps
-            The number of steps averaged over.
+            The number of steps averaged over, the first at the first phase of a period.
 
         Notes
         -----
@@ -198,8 +198,7 @@ class LqgLoop:
         """
         sigma = self.covariance
         p = len(self.schedule)
-        phases = np.arange(p)
-        means = np.einsum('spij,pji,p->s', weights, sigma, _count(steps, phases, p)) / steps
+        means = np.einsum('spij,pji->sp', weights, sigma) @ _count(steps, p) / steps
         lagged = sigma  # cov(z at phase + lag, z at phase), by phase
         # tr(M_k C M_l C') with M_l at the phase and M_k at the phase + lag
         total = np.zeros(len(weights))
@@ -207,7 +206,7 @@ class LqgLoop:
             shifted = np.roll(weights, -lag, axis=1)
             terms = np.einsum('spij,pjk,spkl,pil->sp', shifted, lagged, weights, lagged,
                               optimize=True)  # fmt: skip
-            pairs = _count(steps - lag, phases, p)
+            pairs = _count(steps - lag, p)
             total += (1.0 if lag == 0 else 2.0) * terms @ pairs
             if np.abs(lagged).max() < 1e-6 * np.abs(sigma).max():
                 break
@@ -255,12 +254,13 @@ class LqgLoop:
 
     def mean_cost(self, cost: Cost) -> float:
         """Return the mean cost of a sample; of the best regulator it is `optimal_cost`."""
-        return self.average(self.cost_weight(cost)[np.newaxis], 1)[0].mean
+        period = len(self.schedule)
+        return self.average(self.cost_weight(cost)[np.newaxis], period)[0].mean
 
 
-def _count(steps: int, phases: Array, period: int) -> Array:
-    """Return how many of the first ``steps`` steps are at each of the ``phases``."""
-    return np.asarray((steps - phases + period - 1) // period, dtype=float)
+def _count(steps: int, period: int) -> Array:
+    """Return how many of the first ``steps`` steps are at each phase of a period (p,)."""
+    return np.asarray((steps - np.arange(period) + period - 1) // period, dtype=float)
 
 
 def optimal_cost(step: Transition, gain: Array, S: Array, cost: Cost, errors: Array) -> float:

@@ -4,24 +4,69 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from math import degrees
 from typing import Any
 
 import numpy as np
+from rich.console import Console
 from rich.table import Table
+from scipy.linalg import block_diag
 
-from kalman_ros.control.margins import Margin, Margins
+from kalman_ros.control.margins import DiskMargin, Margin, Margins
 from kalman_ros.control.stability import Mode
-from kalman_ros.core import Array, Space
+from kalman_ros.core import Array, Space, linearize
 from kalman_ros.simulation import advice
 from kalman_ros.simulation.design import DesignReport, settling_time
 from kalman_ros.simulation.input_loops import Loop
+from kalman_ros.simulation.observability import stacked
+from kalman_ros.simulation.path import Path
 
 from .tables import plain, plain_table
 
 
-def tables(report: DesignReport) -> Iterator[tuple[str, Table]]:
+@dataclass(frozen=True)
+class Sheet:
+    """Rows by name, and columns of cells by title.
+
+    Parameters
+    ----------
+    names
+        Of the rows.
+    columns
+        Title and cells.
+    """
+
+    names: Sequence[str]
+    columns: Sequence[tuple[str, Sequence[str]]]
+
+    def tables(self, console: Console) -> Iterator[Table]:
+        """Yield the sheet in as many tables, one below the other, as its width takes."""
+        at = 0
+        while at < len(self.columns):
+            end = at + 1
+            while end < len(self.columns) and self._fits(console, at, end + 1):
+                end += 1
+            yield self._table(at, end)
+            at = end
+
+    def _fits(self, console: Console, start: int, end: int) -> bool:
+        # as wide as it would like to be, which a console that is narrow would not tell
+        wide = console.options.update(max_width=10_000)
+        found = console.measure(self._table(start, end), options=wide)
+        return found.maximum <= console.width
+
+    def _table(self, start: int, end: int) -> Table:
+        table = plain_table('', [title for title, _ in self.columns[start:end]])
+        # a name that is too long for any table is broken, where a number never is
+        table.columns[0].no_wrap, table.columns[0].overflow = False, 'fold'
+        for index, name in enumerate(self.names):
+            table.add_row(name, *(cells[index] for _, cells in self.columns[start:end]))
+        return table
+
+
+def tables(report: DesignReport) -> Iterator[tuple[str, Sheet]]:
     """Return the tables of a design with their titles, in the order in which they are read."""
     yield 'Modes', _modes(report)
     if report.regulator:
@@ -31,13 +76,14 @@ def tables(report: DesignReport) -> Iterator[tuple[str, Table]]:
         yield 'Estimator: x += L (y - C x)', _estimator_gains(report)
     yield 'Standard deviations', _deviations(report)
     if report.regulator:
-        yield 'Margins, one input at a time', _margins(report)
+        yield 'Margins', _margins(report)
 
 
 def structure(report: DesignReport) -> str:
     """Return in words what the input moves and what the sensors show."""
     seen = report.observability
-    parts = [f'{seen}{"" if seen.detectable else " (not detectable)"}']
+    along = ' along a simulated path' if report.path else ''
+    parts = [f'{seen}{along}{"" if seen.detectable else " (not detectable)"}']
     if report.controllability:
         parts.insert(0, str(report.controllability))
     text = '; '.join(parts)
@@ -58,26 +104,23 @@ def closing(report: DesignReport) -> Iterator[str]:
         yield f'The error of the estimate settles to a thousandth in {seconds:.3g} s.'
 
 
-def _modes(report: DesignReport) -> Table:
-    columns = (
-        'pole\n\\[1/s]',
-        '',
-        'time constant\n\\[s]',
-        'frequency\n\\[rad/s]',
-        'damping\nratio',
-    )
-    table = plain_table('', columns)
+def _modes(report: DesignReport) -> Sheet:
     groups = {'open loop': report.modes}
     if report.regulator:
         groups['regulator'] = report.regulator.modes
     if report.estimator:
         groups['estimator'] = report.estimator.modes
+    names, rows = [], []
     for group, modes in groups.items():
         name = group
         for (pole, *rest), times in Counter(map(_mode, modes)).items():
-            table.add_row(name, f'{times} times {pole}' if times > 1 else pole, *rest)
+            names.append(name)
+            rows.append((f'{times} x' if times > 1 else '', pole, *rest))
             name = ''
-    return table
+    titles = (
+        '', 'pole\n\\[1/s]', '', 'time\nconstant\n\\[s]', 'frequency\n\\[rad/s]', 'damping\nratio'
+    )  # fmt: skip
+    return Sheet(names, list(zip(titles, zip(*rows))))
 
 
 def _mode(mode: Mode) -> tuple[str, ...]:
@@ -88,7 +131,7 @@ def _mode(mode: Mode) -> tuple[str, ...]:
     return (pole, mode.fate, constant, *(oscillates if s.imag else ('', '')))
 
 
-def _regulator_gains(report: DesignReport) -> Table:
+def _regulator_gains(report: DesignReport) -> Sheet:
     """Return K', and K_q' beside the states that are integrated, with a row a state."""
     columns = {}
     if report.regulator:
@@ -101,7 +144,7 @@ def _regulator_gains(report: DesignReport) -> Table:
     return _by_state(report, columns)
 
 
-def _estimator_gains(report: DesignReport) -> Table:
+def _estimator_gains(report: DesignReport) -> Sheet:
     """Return L with a row a state."""
     columns = {}
     for name, L in (report.estimator.gains if report.estimator else {}).items():
@@ -111,11 +154,43 @@ def _estimator_gains(report: DesignReport) -> Table:
     return _by_state(report, columns)
 
 
-def _by_state(report: DesignReport, columns: Mapping[str, Array]) -> Table:
-    table = plain_table('', [*columns])
-    for index, name in enumerate(report.scenario.model.state.names):
-        table.add_row(name, *(f'{_rounded(c, index):.4g}' for c in columns.values()))
-    return table
+def _by_state(report: DesignReport, columns: Mapping[str, Array]) -> Sheet:
+    names = report.scenario.model.state.names
+    return Sheet(names, [(title, _cells(column)) for title, column in columns.items()])
+
+
+def _cells(column: Array) -> list[str]:
+    return [f'{_rounded(column, index):.4g}' for index in range(len(column))]
+
+
+def matrices(report: DesignReport) -> Iterator[tuple[str, Sheet]]:
+    """Return the matrices of a design at its operating point, with the names of their rows."""
+    model, dt = report.scenario.model, 1.0 / report.scenario.rate
+    x, u = model.state.names, model.input.names
+    system, step = linearize(model, *report.point), model.transition(*report.point, dt)
+    enabled = report.scenario.enabled
+    y = [f'{name}.{o}' for name, source in enabled.items() for o in source.sensor.output.names]
+    R = block_diag(*(source.sensor.covariance for source in enabled.values()))
+    yield 'A of dx/dt = A x + B u', _matrix(system.A, x, x)
+    yield 'B of dx/dt = A x + B u', _matrix(system.B, x, u)
+    yield 'C of y = C x', _matrix(stacked(report.scenario, report.point.state), y, x)
+    yield "F of x' = F x + G u", _matrix(step.F, x, x)
+    yield "G of x' = F x + G u", _matrix(step.G, x, u)
+    yield 'Q, process noise of a step', _matrix(step.Q, x, x)
+    yield 'R, noise of the readings', _matrix(R, y, y)
+    if report.regulator:
+        yield 'K of u = -K x', _matrix(report.regulator.feedback.gain, u, x)
+    if report.estimator:
+        L = np.hstack([report.estimator.gains[name] for name in enabled])
+        yield 'L of x += L (y - C x)', _matrix(L, x, y)
+        yield 'P, covariance after the readings', _matrix(report.estimator.covariance, x, x)
+    elif report.path:
+        title = f'P after {report.path.time[-1]:.4g} s of the path'
+        yield title, _matrix(report.path.covariance, x, x)
+
+
+def _matrix(M: Array, rows: Sequence[str], columns: Sequence[str]) -> Sheet:
+    return Sheet(rows, [(name, _numbers(column)) for name, column in zip(columns, M.T)])
 
 
 def _spread(values: Array, places: Sequence[int], n: int) -> Array:
@@ -131,49 +206,77 @@ def _rounded(column: Array, index: int) -> float:
     return value if abs(value) > 1e-12 * float(np.max(np.abs(column))) else 0.0
 
 
-def _deviations(report: DesignReport) -> Table:
-    closed, first = report.closed_loop, report.scenario.initial_belief.covariance
-    reached = 'estimate' if report.estimator else f'after {report.prediction.time[-1]:.3g} s'
-    std = report.estimator.std if report.estimator else report.prediction.std[-1]
-    columns = ['best sensor', 'first belief', reached, 'in closed loop']
-    table = plain_table('', columns if closed else columns[:3])
-    model, sensors = report.scenario.model, report.sensor_std
-    for index, name in enumerate(model.state.names):
-        cells = [
-            f'{sensors[name]:.4g}' if name in sensors else '',
-            f'{first[index, index] ** 0.5:.4g}',
-            f'{std[index]:.4g}',
-        ]
-        cells += [f'{closed.state_std[index]:.4g}'] if closed else []
-        table.add_row(_label(model.state, name), *cells)
-    for name, value in zip(model.input.names, closed.input_std if closed else ()):
-        table.add_row(_label(model.input, name), '', '', '', f'{value:.4g}')
-    return table
+def _deviations(report: DesignReport) -> Sheet:
+    model, sensors, closed = report.scenario.model, report.sensor_std, report.closed_loop
+    n, path = model.state.size, report.path
+    first = np.sqrt(report.scenario.initial_belief.covariance.diagonal())
+    columns = [
+        ('best sensor', [f'{sensors[x]:.4g}' if x in sensors else '' for x in model.state.names]),
+        ('first belief', _numbers(first)),
+    ]
+    if report.estimator:
+        columns.append(('estimate', _numbers(report.estimator.std)))
+    elif path is None:
+        columns.append(
+            (f'after {report.prediction.time[-1]:.3g} s', _numbers(report.prediction.std[-1]))
+        )
+    for window in path.windows if path else ():
+        at = int(np.searchsorted(path.time, window.end - 1e-9)) if path else 0
+        columns.append((f'on path\n{window.end:.4g} s', _numbers(path.std[at] if path else first)))
+    names = [_label(model.state, name) for name in model.state.names]
+    if closed:
+        blank = [''] * model.input.size
+        columns = [(title, [*cells, *blank]) for title, cells in columns]
+        columns.append(('in closed loop', _numbers([*closed.state_std, *closed.input_std])))
+        names += [_label(model.input, name) for name in model.input.names]
+    return Sheet(names, columns) if n else Sheet((), ())
+
+
+def _numbers(values: Iterable[float]) -> list[str]:
+    return [f'{value + 0.0:.4g}' for value in values]  # -0 is 0
 
 
 def _label(space: Space, name: str) -> str:
     return space.label(name).replace('[', '\\[')
 
 
-def _margins(report: DesignReport) -> Table:
-    columns = ('gain', 'phase \\[deg]', 'delay \\[s]', 'disk')
-    table = plain_table('', columns)
+def _margins(report: DesignReport) -> Sheet:
+    rows: dict[str, tuple[str, ...]] = {}
+    known, estimated = advice.loop_names(report.scenario.law)
     for at in report.regulator.loops if report.regulator else ():
         kept = at.guarantee
         if kept and not report.delay:
             bounds = _range(kept.lower_gain, kept.upper_gain)
             phase = degrees(kept.phase)
-            table.add_row(f'{at.input}, LQR guarantees', bounds, _turn(phase, phase), '', '')
-        known, estimated = advice.loop_names(report.scenario.law)
-        table.add_row(f'{at.input}, {known}', *_bearing(at.known))
+            least = f'{kept.distance:.3g}'
+            rows[f'{at.input}, LQR guarantees'] = bounds, _turn(phase, phase), '', '', least
+        rows[f'{at.input}, {known}'] = _one(at.known)
         if at.estimated is not None:
-            table.add_row(f'{at.input}, {estimated}', *_bearing(at.estimated))
-    return table
+            rows[f'{at.input}, {estimated}'] = _one(at.estimated)
+    joint = report.regulator.together if report.regulator else None
+    if joint is not None:
+        rows[f'all at once, {known}'] = _all(joint.known)
+        if any(at.estimated for at in (report.regulator.loops if report.regulator else ())):
+            rows[f'all at once, {estimated}'] = _all(joint.estimated)
+    titles = ('gain', 'phase \\[deg]', 'delay \\[s]', 'disk', 'min\n|1 + L|')
+    return Sheet(list(rows), list(zip(titles, zip(*rows.values()))))
 
 
-def _bearing(loop: Loop) -> tuple[str, ...]:
+_UNSTABLE = ('[bold red]unstable[/]', '', '', '', '')
+
+
+def _all(disk: DiskMargin | None) -> tuple[str, ...]:
+    """Return how much gain and phase of every input may change, each in its own way."""
+    if disk is None:
+        return _UNSTABLE
+    phase = degrees(disk.phase)
+    gains = _range(disk.lower_gain, disk.upper_gain)
+    return gains, _turn(phase, phase), '', f'{disk.alpha:.3g}', ''
+
+
+def _one(loop: Loop) -> tuple[str, ...]:
     if loop.margins is None:
-        return ('[bold red]unstable[/]', '', '', '')
+        return _UNSTABLE
     found = loop.margins
     delay = found.delay.value
     return (
@@ -181,6 +284,7 @@ def _bearing(loop: Loop) -> tuple[str, ...]:
         _turn(degrees(found.lead.value), degrees(found.lag.value)),
         f'{delay:.3g}' if delay < float('inf') else 'any',
         f'{found.disk.alpha:.3g}',
+        f'{found.distance.value:.3g}',
     )
 
 
@@ -231,6 +335,7 @@ def design_json(
             'modes': [_mode_json(mode) for mode in estimator.modes],
             'error_std': estimator.std.tolist(),
         },
+        'path': report.path and _path_json(report.path),
         'sensor_std': report.sensor_std,
         'closed_loop': closed and {
             'settling_time': plain(closed.settling_time), 'cost': closed.cost,
@@ -246,6 +351,10 @@ def design_json(
                 'state_estimated': at.estimated and _loop_json(at.estimated),
             }
             for at in (regulator.loops if regulator else ())
+        },
+        'margins_of_all_inputs': regulator and regulator.together and {
+            'state_known': _disk_json(regulator.together.known),
+            'state_estimated': _disk_json(regulator.together.estimated),
         },
         'notes': notes,
         'warnings': warnings,
@@ -267,11 +376,30 @@ def _loop_json(loop: Loop) -> dict[str, Any]:
 
 
 def _margins_json(found: Margins) -> dict[str, Any]:
-    names = ('lower_gain', 'upper_gain', 'lead', 'lag', 'delay')
+    names = ('lower_gain', 'upper_gain', 'lead', 'lag', 'delay', 'distance')
     return {
         **{name: _margin_json(getattr(found, name)) for name in names},
-        'disk': {'alpha': found.disk.alpha, 'frequency': plain(found.disk.frequency)},
+        'disk': _disk_json(found.disk),
     }
+
+
+def _disk_json(disk: DiskMargin | None) -> dict[str, Any] | None:
+    return {'alpha': disk.alpha, 'frequency': plain(disk.frequency)} if disk else None
+
+
+def _path_json(path: Path) -> dict[str, Any]:
+    return {
+        'duration': float(path.time[-1]),
+        'windows': [
+            {
+                'start': float(window.start), 'end': float(window.end),
+                'determined': window.observed, 'std': [plain(s) for s in window.std.tolist()],
+            }
+            for window in path.windows
+        ],
+        'error_std_at_the_end': path.std[-1].tolist(),
+        'growing': path.growing,
+    }  # fmt: skip
 
 
 def _margin_json(margin: Margin) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from kalman_ros.control.stability import Mode
 from .design import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
 
-#: A disk margin below this is small: gain and phase bear less than 4.4 dB and 28 degrees.
+#: A disk margin below this is small: less than 4.4 dB of gain and 28 degrees of phase.
 SMALL_DISK = 0.5
 
 
@@ -30,9 +30,13 @@ def _notes(report: DesignReport) -> Iterator[str]:
     plan = report.scenario.plan
     if not plan.linear:
         where = 'its equilibrium' if report.regulator else 'the first belief'
-        yield f'Not linear: everything is of small deviations from {where}.'
+        yield (
+            f'The scenario is not linear: modes, gains and margins hold for small deviations '
+            f'from {where}.'
+        )
+        yield from _along(report)
     if report.scenario.filter == 'luenberger':
-        yield 'The scenario asks for a luenberger filter; all numbers are of the Kalman filter.'
+        yield 'The scenario uses a luenberger filter; all numbers are those of the Kalman filter.'
     if plan.period > 1 and report.estimator:
         yield (
             f'The sensors repeat every {plan.period} steps: estimator gains and standard '
@@ -44,14 +48,42 @@ def _notes(report: DesignReport) -> Iterator[str]:
                 'step, with as much information a second.'
             )
     if report.delay:
-        yield f'The input is {report.delay:g} s late; margins are what is left beyond that.'
+        yield f'The input is {report.delay:g} s late; margins are in addition to that delay.'
+
+
+def _along(report: DesignReport) -> Iterator[str]:
+    """Return what the readings determine along the path, window by window where that changes."""
+    path = report.path
+    if path is None:
+        return
+    always, ever = path.observed(throughout=True), path.observed(throughout=False)
+    never = [name for name in path.names if name not in ever]
+    text = f'Along a simulated path of {path.time[-1]:.4g} s, '
+    if always:
+        text += f'the readings of each quarter determine {", ".join(always)}'
+        text += f', and never {", ".join(never)}' if never else ''
+    elif ever:
+        text += 'no state is determined by the readings of every quarter'
+    else:
+        text += 'the readings determine no state'
+    yield f'{text}.'
+    for name in ever:
+        if name not in always:
+            when = ', '.join(
+                f'{w.start:.4g} to {w.end:.4g} s' for w in path.windows if name in w.observed
+            )
+            yield f'State {name} is determined by the readings of {when} only.'
+    if path.growing:
+        yield (
+            f'The error of {", ".join(path.growing)} still grows in the second half of the path.'
+        )
 
 
 def _warnings(report: DesignReport, latency: float) -> Iterator[str]:
     yield from _unseen(report)
     if report.controllability and report.controllability.unreached:
         names = ', '.join(report.controllability.unreached)
-        yield f'The input does not control {names}; what disturbs them dies out by itself.'
+        yield f'The input does not control {names}; disturbances of them decay without it.'
     if report.regulator and report.estimator:
         slow, wanted = _slowest(report.estimator.modes), _slowest(report.regulator.modes)
         if slow > wanted:
@@ -68,10 +100,18 @@ def _warnings(report: DesignReport, latency: float) -> Iterator[str]:
 def _unseen(report: DesignReport) -> Iterator[str]:
     seen = report.observability
     names = ', '.join(seen.unseen)
-    if not seen.detectable:
+    if report.path is not None:
+        if names:
+            growing = [name for name in seen.unseen if name in report.path.growing]
+            grows = f' The error of {", ".join(growing)} grows.' if growing else ''
+            yield (
+                f'The readings do not determine {names} along the simulated path; they rest on '
+                f'the first belief and the model.{grows}'
+            )
+    elif not seen.detectable:
         yield (
-            f'No sensor observes {names or "some mode that stays"}: the error grows without '
-            'bound, and there is no estimator in steady state.'
+            f'No sensor observes {names or "some mode that does not decay"}: the error grows '
+            'without bound, and there is no estimator in steady state.'
         )
     elif report.estimator is None:
         yield (
@@ -79,7 +119,7 @@ def _unseen(report: DesignReport) -> Iterator[str]:
             'that the filter ends up ignoring its sensors.'
         )
     elif names:
-        yield f'No sensor observes {names}: the model alone tells, and its errors die out.'
+        yield f'No sensor observes {names}: only the model predicts them, and the errors decay.'
 
 
 def _slowest(modes: Sequence[Mode]) -> float:
@@ -99,20 +139,45 @@ def _of_loops(
         yield from _late(f'Input {at.input}: the {name} loop', loop, delay, latency)
         if loop.margins and loop.margins.disk.alpha < SMALL_DISK:
             yield _small(at, name, loop.margins)
+    if regulator.together is not None:
+        yield from _joint(regulator, names)
+
+
+def _joint(regulator: Regulator, names: tuple[str, str]) -> Iterator[str]:
+    """Warn of inputs whose margins are good one at a time, and small or none together."""
+    joint = regulator.together
+    if joint is None:
+        return
+    estimated = [at.estimated for at in regulator.loops if at.estimated is not None]
+    name, found, each = names[1], joint.estimated, estimated
+    if not estimated:
+        name, found, each = names[0], joint.known, [at.known for at in regulator.loops]
+    alone = min((loop.margins.disk.alpha for loop in each if loop.margins), default=0.0)
+    if found is not None and found.alpha < SMALL_DISK <= alone:
+        yield (
+            f'All inputs at once: the {name} loop has small margins, gain {found.lower_gain:.3g} '
+            f'to {found.upper_gain:.3g} and phase {degrees(found.phase):.3g} deg in every input '
+            'together, although each input alone has more.'
+        )
 
 
 def _late(subject: str, loop: Loop, delay: float, latency: float) -> Iterator[str]:
-    bears = loop.prompt.delay.value
+    margin = loop.prompt.delay.value
     if loop.margins is None:
-        yield f'{subject} is unstable with {delay:g} s of delay; it bears {bears:.3g} s.'
-    elif bears < latency:
-        yield f'{subject} bears {bears:.3g} s of delay, less than the {latency:g} s that it takes.'
+        yield (
+            f'{subject} is unstable with {delay:g} s of delay; its delay margin is {margin:.3g} s.'
+        )
+    elif margin < latency:
+        yield (
+            f'{subject} has a delay margin of {margin:.3g} s, less than its latency of '
+            f'{latency:g} s.'
+        )
 
 
 def _small(at: InputLoops, name: str, found: Margins) -> str:
-    text = f'Input {at.input}: the {name} loop bears little, {bounds(found)}'
+    text = f'Input {at.input}: the {name} loop has small margins, {bounds(found)}'
     if at.estimated is not None and at.known.margins:
-        text += f'; with all states known it would be {bounds(at.known.margins)}'
+        text += f'; with all states known they would be {bounds(at.known.margins)}'
     return f'{text}.'
 
 

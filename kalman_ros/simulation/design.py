@@ -2,7 +2,8 @@
 """What theory says of a scenario's loop before anything runs.
 
 A model with inputs is linearised about its equilibrium, where the regulator holds it. One
-without rests nowhere in particular and is linearised about the first belief.
+without rests nowhere in particular and is linearised about the first belief. What the sensors of
+a scenario tell that is not linear is judged along a simulated path: see `path`.
 """
 
 from __future__ import annotations
@@ -14,15 +15,17 @@ from math import ceil, log
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback
-from kalman_ros.control.lqe import LqeDesign
-from kalman_ros.control.separation import LqgLoop, Readings, corrected
+from kalman_ros.control.lqe import LqeDesign, Readings, corrected
+from kalman_ros.control.separation import LqgLoop
 from kalman_ros.control.stability import Mode, modes
 from kalman_ros.control.state_space import static
 from kalman_ros.control.structure import Controllability, Observability, controllability
 from kalman_ros.core import Array, DesignError, OperatingPoint, Transition, linearize, symmetric
 
-from .input_loops import InputLoops, even_estimator, input_loops
-from .observability import observability
+from . import path as paths
+from .input_loops import InputLoops, Together, even_estimator, input_loops, together
+from .observability import observability, stacked
+from .path import Path
 from .regulator import feedback, price
 from .scenario import Scenario
 from .verdicts import LqgTheory, schedule
@@ -43,20 +46,27 @@ class Estimator:
         Of the estimation error.
     std
         Standard deviation of the error of each state (n,), root mean square over a period.
+    covariance
+        Of the error after the readings (n, n), its mean over a period.
     """
 
     gains: Mapping[str, Array]
     modes: tuple[Mode, ...]
     std: Array
+    covariance: Array
 
 
 @dataclass(frozen=True)
 class Regulator:
-    """The regulator: its gains, its modes, and the loops that are broken at each input."""
+    """The regulator: its gains, its modes, and its loops, broken at each input and at all.
+
+    ``together`` is None with a single input, for which it would say the same.
+    """
 
     feedback: Feedback
     modes: tuple[Mode, ...]
     loops: tuple[InputLoops, ...]
+    together: Together | None
 
 
 @dataclass(frozen=True)
@@ -109,11 +119,13 @@ class DesignReport:
     observability
         What the sensors tell.
     estimator
-        None if its error has no steady state.
+        None if its error has no steady state, or none that one operating point could tell.
     closed_loop
         None without a regulator or an estimator.
     prediction
-        From the first belief on.
+        From the first belief on; along the path, if there is one.
+    path
+        A simulated path of a scenario that is not linear.
     """
 
     scenario: Scenario
@@ -126,6 +138,7 @@ class DesignReport:
     estimator: Estimator | None
     closed_loop: ClosedLoop | None
     prediction: Prediction
+    path: Path | None
 
     @property
     def sensor_std(self) -> dict[str, float]:
@@ -144,31 +157,39 @@ def settling_time(modes: Sequence[Mode]) -> float:
     return log(1e3) * max(mode.time_constant for mode in modes)
 
 
-def report(scenario: Scenario, delay: float = 0.0) -> DesignReport:
+def report(scenario: Scenario, delay: float = 0.0, duration: float | None = None) -> DesignReport:
     """Return what theory says of a scenario whose input is late by ``delay`` seconds.
+
+    ``duration`` is that of the simulated path of a scenario that is not linear, in seconds; None
+    for one with enough readings of every sensor.
 
     Raises
     ------
     ValueError
-        If no sensor is on, or the delay is wrong.
+        If no sensor is on, or the delay or the duration is wrong.
     DesignError
         If the input cannot stabilise the model, or a mode grows that no sensor sees.
     """
     if not scenario.enabled:
         raise ValueError('sensors: expected at least one that is enabled')
-    model = scenario.model
+    model, linear = scenario.model, scenario.plan.linear
     point = model.equilibrium
     if not model.input.size:
         point = OperatingPoint(scenario.initial_belief.mean, point.input)
-    system = linearize(model, *point)
-    seen = observability(scenario, point)
     reach = _reach(scenario) if model.input.size else None
-    even = _even_estimator(scenario, point, seen)
-    step = model.transition(*point, 1.0 / scenario.rate)
-    readings = schedule(scenario, point.state)
     law = None if reach is None else feedback(scenario)
+    path = None
+    if not linear:
+        seconds = paths.default_seconds(scenario) if duration is None else duration
+        path = paths.follow(scenario, law, seconds)
+    seen = _observability(scenario, point, path)
+    # one operating point stands for all where a regulator holds the plant, or nothing changes
+    steady = linear or law is not None
+    even = _even_estimator(scenario, point) if steady else None
     dt = 1.0 / scenario.rate
+    step = model.transition(*point, dt)
     idle = static(np.zeros((model.input.size, model.state.size)), dt)
+    readings = schedule(scenario, point.state)
     system_of_law = idle if law is None else law.system(dt)
     loop = None if even is None else LqgLoop(step, readings, system_of_law)
     estimator = None if loop is None else _estimator(scenario, loop)
@@ -176,14 +197,33 @@ def report(scenario: Scenario, delay: float = 0.0) -> DesignReport:
         scenario=scenario,
         point=point,
         delay=delay,
-        modes=modes(system.A),
+        modes=modes(linearize(model, *point).A),
         controllability=reach,
         observability=seen,
         regulator=None if law is None else _regulator(scenario, law, even, delay),
         estimator=estimator,
         closed_loop=None if law is None or loop is None else _closed_loop(scenario, law, loop),
-        prediction=_prediction(scenario, step, readings, estimator),
+        prediction=(
+            _prediction(scenario, step, readings, estimator)
+            if path is None
+            else _prediction_along(scenario, path)
+        ),
+        path=path,
     )
+
+
+def _observability(scenario: Scenario, point: OperatingPoint, path: Path | None) -> Observability:
+    """Return what the sensors tell: along the path, if there is one."""
+    if path is None:
+        return observability(scenario, point)
+    seen = path.observed(throughout=False)
+    unseen = tuple(name for name in path.names if name not in seen)
+    return Observability(seen, unseen, (), not set(unseen).intersection(path.growing))
+
+
+def _prediction_along(scenario: Scenario, path: Path) -> Prediction:
+    first = np.sqrt(scenario.initial_belief.covariance.diagonal())
+    return Prediction(np.append(0.0, path.time), np.vstack((first, path.std)))
 
 
 def _reach(scenario: Scenario) -> Controllability:
@@ -197,13 +237,13 @@ def _reach(scenario: Scenario) -> Controllability:
     return found
 
 
-def _even_estimator(
-    scenario: Scenario, point: OperatingPoint, seen: Observability
-) -> LqeDesign | None:
+def _even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign | None:
     """Return the estimator as if every sensor read at every step; None without a steady state."""
-    if not seen.detectable:
-        return None
     try:
+        if not np.all(np.isfinite(stacked(scenario, point.state))):
+            return None
+        if not observability(scenario, point).detectable:
+            return None
         return even_estimator(scenario, point)
     except DesignError:
         return None
@@ -215,7 +255,9 @@ def _regulator(
     dt = 1.0 / scenario.rate
     step = scenario.model.transition(*scenario.model.equilibrium, dt)
     closed = LqgLoop(step, (), law.system(dt)).closed_matrix
-    return Regulator(law, modes(closed, dt), input_loops(scenario, law, even, delay))
+    loops = input_loops(scenario, law, even, delay)
+    joint = together(scenario, law, even, delay) if len(loops) > 1 else None
+    return Regulator(law, modes(closed, dt), loops, joint)
 
 
 def _estimator(scenario: Scenario, loop: LqgLoop) -> Estimator:
@@ -231,6 +273,7 @@ def _estimator(scenario: Scenario, loop: LqgLoop) -> Estimator:
         {name: np.mean(each, axis=0) for name, each in gains.items()},
         modes(loop.error_matrix, p * plan.dt),
         _root_mean(loop.posterior),
+        loop.posterior.mean(axis=0),
     )
 
 

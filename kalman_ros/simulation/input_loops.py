@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The loops of a scenario, broken at one input at a time, and what they bear."""
+"""The loops of a scenario, broken at one input at a time or at all, and their margins."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from kalman_ros.control.delay import sampled_plant
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.guarantee import Guarantee, sampled_guarantees
 from kalman_ros.control.lqe import LqeDesign, dlqe
-from kalman_ros.control.margins import Margins, margins
+from kalman_ros.control.margins import DiskMargin, Margins, margins
+from kalman_ros.control.simultaneous import simultaneous_disk
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import DesignError, OperatingPoint, linearize
 
@@ -35,9 +36,9 @@ class Loop:
     broken
         L, with the delay that was asked for.
     margins
-        What it bears beyond that delay; None if it is unstable with it.
+        Beyond that delay; None if the loop is unstable with it.
     prompt
-        What it bears without that delay.
+        Without that delay.
     """
 
     broken: StateSpace
@@ -65,6 +66,25 @@ class InputLoops:
     known: Loop
     estimated: Loop | None
     guarantee: Guarantee | None
+
+
+@dataclass(frozen=True)
+class Together:
+    """How much all inputs may change at once, each in its own way; None if that is unstable.
+
+    Parameters
+    ----------
+    known, estimated
+        With all states known, and with the estimate, with the delay that was asked for.
+        ``estimated`` is None without an estimator, too.
+    """
+
+    known: DiskMargin | None
+    estimated: DiskMargin | None
+
+
+#: A loop as a function of the delay of its inputs.
+Broken = Callable[[float], StateSpace]
 
 
 def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
@@ -112,16 +132,46 @@ def input_loops(
     dt = 1.0 / scenario.rate
     if not 0.0 <= delay <= _MOST_SAMPLES * dt:
         raise ValueError(f'delay: expected 0 to {_MOST_SAMPLES * dt:g} s, got {delay:g}')
-    system = linearize(scenario.model, *scenario.model.equilibrium)
-    law, states = feedback.system(dt), np.eye(system.state.size)
-    known = _loops(lambda late: law @ sampled_plant(system, states, dt, late), delay)
-    estimated: list[Loop] | list[None] = [None] * len(known)
-    if estimator is not None:
-        C = stacked(scenario, scenario.model.equilibrium.state)
-        H = current_compensator(sampled_plant(system, C, dt), law, estimator)
-        estimated = _loops(lambda late: H @ sampled_plant(system, C, dt, late), delay)
+    state, estimate = _broken(scenario, feedback, estimator)
+    known = _loops(state, delay)
+    estimated = [None] * len(known) if estimate is None else _loops(estimate, delay)
     names = scenario.model.input.names
     return tuple(InputLoops(*each) for each in zip(names, known, estimated, _guarantees(scenario)))
+
+
+def together(
+    scenario: Scenario, feedback: Feedback, estimator: LqeDesign | None, delay: float
+) -> Together:
+    """Return the margins of all inputs changed at once; see `input_loops`."""
+    state, estimate = _broken(scenario, feedback, estimator)
+    return Together(
+        _simultaneous(state(delay)), None if estimate is None else _simultaneous(estimate(delay))
+    )
+
+
+def _broken(
+    scenario: Scenario, feedback: Feedback, estimator: LqeDesign | None
+) -> tuple[Broken, Broken | None]:
+    """Return the loop of all inputs as a function of its delay: of the state, of the estimate."""
+    dt = 1.0 / scenario.rate
+    system = linearize(scenario.model, *scenario.model.equilibrium)
+    law, states = feedback.system(dt), np.eye(system.state.size)
+
+    def known(late: float) -> StateSpace:
+        return law @ sampled_plant(system, states, dt, late)
+
+    if estimator is None:
+        return known, None
+    C = stacked(scenario, scenario.model.equilibrium.state)
+    H = current_compensator(sampled_plant(system, C, dt), law, estimator)
+    return known, lambda late: H @ sampled_plant(system, C, dt, late)
+
+
+def _simultaneous(loop: StateSpace) -> DiskMargin | None:
+    try:
+        return simultaneous_disk(loop)
+    except DesignError:
+        return None
 
 
 def _guarantees(scenario: Scenario) -> Sequence[Guarantee | None]:
@@ -134,8 +184,8 @@ def _guarantees(scenario: Scenario) -> Sequence[Guarantee | None]:
     return sampled_guarantees(design, G, weights, scenario.input_cost * dt)
 
 
-def _loops(loop: Callable[[float], StateSpace], delay: float) -> list[Loop]:
-    """Return, for each input, the loop late by ``delay`` and what it bears."""
+def _loops(loop: Broken, delay: float) -> list[Loop]:
+    """Return, for each input, the loop late by ``delay`` and its margins."""
     prompt, late = loop(0.0), loop(delay)
     found = []
     for index in range(len(prompt.D)):

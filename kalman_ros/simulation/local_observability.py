@@ -49,6 +49,28 @@ class LocalObservability:
     verdict: Observability
 
 
+def readings_alone(gramian: Array, first: Array) -> Array:
+    """Return the standard deviation (n,) that readings alone give each state.
+
+    Parameters
+    ----------
+    gramian
+        The information of the readings (n, n), the sum of H' R^-1 H.
+    first
+        Standard deviations of the first belief (n,), beside which information is rounding or
+        not; a state that was known exactly counts in its own unit.
+    """
+    units = _units(first)
+    size, directions = np.linalg.eigh(units * symmetric(gramian) * units[:, None])
+    variance = np.array([1.0 / s if s > _NONE else inf for s in size.tolist()])
+    taking_part = np.where(np.abs(directions) > _NONE, variance, 0.0) * directions**2
+    return np.asarray(units * np.sqrt(taking_part.sum(axis=1)))
+
+
+def _units(first: Array) -> Array:
+    return np.where(first > 0.0, first, 1.0)
+
+
 class ObservabilityMeter:
     """Remembers what was read and steered of late, and says when asked what that tells.
 
@@ -120,28 +142,19 @@ class ObservabilityMeter:
 
     def __call__(self, x: Array) -> LocalObservability:
         """Return what the readings tell of the state, with ``x`` (n,) the estimate of now."""
-        first = self._scale
-        size, directions = np.linalg.eigh(first * symmetric(self._gramian(x)) * first[:, None])
-        variance = np.array([1.0 / s if s > _NONE else inf for s in size.tolist()])
-        taking_part = np.where(np.abs(directions) > _NONE, variance, 0.0) * directions**2
-        std = np.sqrt(taking_part.sum(axis=1))
-        return LocalObservability(first * std, self._verdict(std))
-
-    @property
-    def _scale(self) -> Array:
-        """What counts as seen of each state (n,): better than at first; 1 for what was exact."""
         first = self._scenario.initial_belief.std
-        return np.where(first > 0.0, first, 1.0)
+        std = readings_alone(self._gramian(x), first)
+        return LocalObservability(std, self._verdict(std, first))
 
-    def _verdict(self, std: Array) -> Observability:
+    def _verdict(self, std: Array, first: Array) -> Observability:
         names = self._scenario.model.state.names
-        seen = tuple(name for name, s in zip(names, std) if s <= 1.0)
+        seen = tuple(name for name, s, belief in zip(names, std, first) if s <= belief)
         unseen = tuple(name for name in names if name not in seen)
         return Observability(seen, unseen, (), not unseen)
 
     def _gramian(self, x: Array) -> Array:
         model, sensors = self._scenario.model, self._scenario.sensors
-        first = self._scale
+        first = _units(self._scenario.initial_belief.std)
         n, h = x.size, _DIFFERENCE * np.diag(first)  # many points take as long as one
         back, M = np.eye(n), np.zeros((n, n))
         for piece in reversed(self._pieces):

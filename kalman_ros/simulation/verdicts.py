@@ -12,8 +12,9 @@ from scipy.linalg import block_diag
 
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.identification import fit
+from kalman_ros.control.lqe import Readings
 from kalman_ros.control.lqr import Cost
-from kalman_ros.control.separation import LqgLoop, Readings
+from kalman_ros.control.separation import LqgLoop
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.control.structure import ComplexArray, continuous_poles, eigenvalues
 from kalman_ros.core import Array, Model, Space

@@ -57,13 +57,13 @@ WRONG = [
 @pytest.mark.parametrize('R', WRONG, ids=str)
 @pytest.mark.parametrize('design', [lqr, dlqr, lqe, dlqe])
 def test_a_singular_or_absurd_weight_is_named(design, R):
-    A, I = np.array([[0.0, 0.5], [-0.5, 0.1]]), np.eye(2)
+    A, one = np.array([[0.0, 0.5], [-0.5, 0.1]]), np.eye(2)
     name = 'input_cost' if design in (lqr, dlqr) else 'noise of the readings'
     with pytest.raises(DesignError, match=f'^{name}: expected a positive definite matrix'):
         if design in (lqr, dlqr):
-            design(A, I, Cost(I, R, np.zeros((2, 2))))
+            design(A, one, Cost(one, R, np.zeros((2, 2))))
         else:
-            design(A, I, I, R)
+            design(A, one, one, R)
 
 
 @pytest.mark.parametrize('R', [1e-60, 1e60])

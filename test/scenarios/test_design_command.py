@@ -62,10 +62,12 @@ def test_a_design_is_printed_written_and_drawn(tmp_path):
 def test_a_small_margin_and_a_delay_are_warned_of(tmp_path):
     code, out, _ = run('cart_pole', '--out', 'here', folder=tmp_path)
     assert code == 0
-    assert 'Warning: Input f: the LQG loop bears little, gain 0.729 to 2.12' in plain(out)
+    assert 'Warning: Input f: the LQG loop has small margins, gain 0.729 to 2.12' in plain(out)
     late = run('cart_pole', '--delay', '0.02', '--out', 'here', folder=tmp_path)
     assert late[0] == 0
-    assert 'the LQG loop is unstable with 0.02 s of delay; it bears 0.018 s.' in plain(late[1])
+    assert 'the LQG loop is unstable with 0.02 s of delay; its delay margin is 0.018 s.' in plain(
+        late[1]
+    )
     assert 'f, LQG unstable' in plain(late[1])
     summary = json.loads((tmp_path / 'here' / 'summary.json').read_text())
     assert summary['margins']['f']['state_estimated']['margins'] is None
@@ -127,6 +129,9 @@ BLIND = ['-p', 'model:=linear', '-p', 'model_parameters.A:=[0.5, 0.0, 0.0, -1.0]
         (['--delay', 'nan'], 'delay: expected 0 to 1 s, got nan'),
         (['linear', *BLIND, '-p', 'model_parameters.B:=[0.0, 1.0]'], 'input: it does not move'),
         (['linear', *BLIND, '-p', 'position.C:=[0.0, 1.0]'], 'no sensor sees the growing mode'),
+        (['-p', 'position.fields:=[pose.pose.position.q, pose.pose.position.y]'], 'position: '),
+        (['-p', 'position.type:=nav_msgs/Odometri'], 'position: '),
+        (['turn_rate', '--duration', '0'], 'duration: expected 0.04 to 1000 s, got 0'),
         (['--out', 'taken'], 'out: cannot make taken: File exists'),
     ],
 )

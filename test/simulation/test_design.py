@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Designs against the same numbers worked out another way, and what is said of bad ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
-from kalman_ros.core import DesignError
+from kalman_ros.core import DesignError, Gaussian
 from kalman_ros.simulation import scenario
 from kalman_ros.simulation.advice import notes, warnings
+from kalman_ros.simulation.bounds import posterior_cramer_rao
 from kalman_ros.simulation.design import report, settling_time
+from kalman_ros.simulation.path import follow
 from kalman_ros.simulation.verdicts import theory
 
 
@@ -245,13 +249,49 @@ def test_a_model_without_inputs_has_an_estimator_and_its_published_errors():
     assert warnings(found, 1.0) == () and found.sensor_std == {'level': 15099**0.5}
 
 
-@pytest.mark.parametrize('model', ['turn_rate', 'gnss_imu', 'constant_velocity'])
-def test_a_tracker_is_linearised_about_its_first_belief(model):
+@pytest.mark.parametrize('model', ['turn_rate', 'constant_velocity'])
+def test_a_tracker_is_judged_along_its_path_and_not_at_one_point(model):
     built = build(model=model)
-    found = report(built)
+    found = report(built, duration=8.0)
     np.testing.assert_array_equal(found.point.state, built.initial_belief.mean)
-    assert found.estimator is not None and found.observability.unseen == ()
-    assert any('first belief' in note for note in notes(found))
+    assert found.path.time[-1] == 8.0 and found.observability.unseen == ()
+    assert found.path.observed(throughout=True) == built.model.state.names
+    np.testing.assert_array_equal(found.prediction.std[1:], found.path.std)
+    assert any('Along a simulated path of 8 s, the readings of each' in n for n in notes(found))
+    assert warnings(found, 0.01) == ()
+
+
+def test_the_error_along_a_path_is_the_bound_there():
+    """With readings after the first step only, as the bound has it; linearised at each step."""
+    built = build(model='turn_rate')
+    found = follow(built, None, 3.0)
+    input = np.zeros((len(found.truth), 0))
+    first = Gaussian(built.initial_belief.mean, np.diag(found.std[0] ** 2))
+    P = posterior_cramer_rao(replace(built, initial_belief=first), found.truth, input)
+    # at the first step both sensors read, which leaves small correlations
+    np.testing.assert_allclose(found.std[-1], np.sqrt(P[-1].diagonal()), rtol=0.05)
+
+
+def test_a_bearing_alone_tells_no_state_and_the_design_says_so():
+    found = report(build(model='bearing_tracker'), duration=60.0)
+    assert found.observability.seen == () and found.estimator is None
+    assert any('do not determine x, y, v_x, v_y along' in w for w in warnings(found, 0.01))
+
+
+def test_a_path_of_no_length_and_one_that_diverges_say_so():
+    built = build(model='turn_rate')
+    for seconds in (0.0, -1.0, np.nan, 1e9):
+        with pytest.raises(ValueError, match='duration: expected 0.04 to 1000 s, got'):
+            follow(built, None, seconds)
+    with pytest.raises(DesignError, match='does not stay finite'):
+        follow(build(model='turn_rate', initial_state=[0, 0, 1e308, 0, 1e308]), None, 5.0)
+
+
+def test_all_inputs_at_once_bear_no_more_than_one_alone():
+    found = report(build()).regulator
+    assert found.together.estimated.alpha <= min(
+        at.estimated.margins.disk.alpha for at in found.loops
+    ) * (1 + 1e-5)
 
 
 def test_what_is_well_designed_is_not_warned_of():
@@ -264,19 +304,19 @@ def test_what_is_well_designed_is_not_warned_of():
 WARNINGS = [
     ({'position__noise': [5.0, 5.0], 'velocity__noise': [50.0, 50.0]}, 0.01,
      ['The estimator is slower than the regulator']),
-    ({'model': 'cart_pole'}, 0.01, ['Input f: the LQG loop bears little, gain 0.729 to 2.12']),
-    ({'model': 'cart_pole'}, 0.02, ['Input f: the LQG loop bears 0.018 s of delay, less than',
-                                    'Input f: the LQG loop bears little']),
-    ({'model': 'submersible'}, 0.01, ['No sensor observes x, u: the error grows']),
-    ({'model': 'diff_drive'}, 0.01, ['No sensor observes x, y, psi: the error grows']),
+    ({'model': 'cart_pole'}, 0.01, ['Input f: the LQG loop has small margins, gain 0.729']),
+    ({'model': 'cart_pole'}, 0.02, ['Input f: the LQG loop has a delay margin of 0.018',
+                                    'Input f: the LQG loop has small margins']),
+    ({'model': 'submersible'}, 0.01, ['The readings do not determine x along the']),
+    ({'model': 'diff_drive'}, 0.01, ['The readings do not determine x, y, psi along the']),
     ({'sensors': ['position'], 'position__measures': ['x'], 'position__noise': [0.05],
       'position__fields': ['pose.pose.position.x']}, 0.01,
-     ['No sensor observes y, v_y: the model alone tells', 'The estimator is slower']),
+     ['No sensor observes y, v_y: only the model predicts', 'The estimator is slower']),
     ({'model': 'level', 'model_parameters__noise_density': 0.0}, 0.1,
      ['The error has no steady state: a mode that does not decay has no process noise']),
     ({'model': 'linear', 'model_parameters__A': [-1.0, 0.0, 0.0, -1.0],
       'model_parameters__B': [0.0, 1.0]}, 0.01,
-     ['No sensor observes v: the model alone', 'The input does not control x']),
+     ['No sensor observes v: only the model', 'The input does not control x']),
 ]  # fmt: skip
 
 
@@ -293,7 +333,7 @@ def test_a_delay_that_the_loop_does_not_bear_is_said():
     assert found.regulator.loops[0].estimated.margins is None
     assert found.regulator.loops[0].known.margins is not None
     assert warnings(found, 0.02) == (
-        'Input f: the LQG loop is unstable with 0.02 s of delay; it bears 0.018 s.',
+        'Input f: the LQG loop is unstable with 0.02 s of delay; its delay margin is 0.018 s.',
     )
 
 

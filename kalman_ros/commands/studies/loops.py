@@ -12,8 +12,8 @@ from scipy.linalg import block_diag, solve_discrete_lyapunov
 
 from kalman_ros.control.compensator import current_compensator
 from kalman_ros.control.delay import sampled_plant
-from kalman_ros.control.lqe import LqeDesign, dlqe
-from kalman_ros.control.separation import Expectation, Readings
+from kalman_ros.control.lqe import LqeDesign, Readings, dlqe
+from kalman_ros.control.separation import Expectation
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array, LinearSystem, linearize
 from kalman_ros.simulation.regulator import feedback

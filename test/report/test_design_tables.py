@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `design` prints at 80 columns: whole numbers, whole lines."""
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from kalman_ros.report.design_tables import Sheet, closing, matrices, structure, tables
+from kalman_ros.simulation import scenario
+from kalman_ros.simulation.advice import notes, warnings
+from kalman_ros.simulation.design import report
+from kalman_ros.simulation.parameters import from_file
+
+CONFIG = Path(__file__).parents[2] / 'config'
+
+
+def printed(sheets, width=80):
+    console = Console(file=io.StringIO(), width=width, highlight=False)
+    for title, sheet in sheets:
+        console.print(title)
+        console.print(*sheet.tables(console), sep='\n\n')
+    return console.file.getvalue()
+
+
+def plain(cell):
+    return cell.replace('\\[', '[').replace('[bold red]', '').replace('[/]', '')
+
+
+@pytest.mark.parametrize('path', sorted(CONFIG.glob('*.yaml')), ids=lambda p: p.stem)
+def test_nothing_is_cut_at_80_columns(path):
+    built = scenario.build(from_file(path, 'estimator', 'controller'))
+    found = report(built, duration=min(4.0, 400.0 / built.rate))
+    sheets = [*tables(found), *matrices(found)]
+    text = printed(sheets)
+    assert max(map(len, text.splitlines())) <= 80 and '…' not in text
+    words = text.split()
+    for _, sheet in sheets:
+        for _, cells in sheet.columns:
+            assert len(cells) == len(sheet.names)
+            for cell in cells:
+                assert all(word in words for word in plain(cell).split()), cell
+    said = [structure(found), *closing(found), *notes(found), *warnings(found, 1.0 / built.rate)]
+    assert not any('bear' in sentence.replace('bearing', '') for sentence in said)
+
+
+def test_a_wide_sheet_is_continued_below():
+    names = ['first', 'second']
+    sheet = Sheet(names, [(f'column {k}', ['-1.234e+05', '5']) for k in range(20)])
+    text = printed([('Wide', sheet)], 60)
+    assert max(map(len, text.splitlines())) <= 60
+    assert text.count('-1.234e+05') == 20 and text.count('first') > 1
+    long = Sheet(['x' * 70], [('value', ['-1.234e+05'])])
+    assert '-1.234e+05' in printed([('Long', long)], 40)
