@@ -16,6 +16,10 @@ NODES = ('estimator', 'controller', 'monitor', 'plant')
 BETWEEN = 'microphone_array'
 
 
+#: Words without quotes that are words to PyYAML, and truth values to the YAML of ROS.
+_BARE = tuple('yYnN')
+
+
 class _Bare(str):
     """A word that other readers of YAML, that of ROS for one, take for true or false."""
 
@@ -48,6 +52,29 @@ def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
                 file, why = path.name if path else '', 'for ROS takes it for true or false'
                 raise ValueError(f"{file}: {name}: write '{item}' in quotes, {why}")
     return merged
+
+
+def unambiguous(text: str) -> str:
+    """Return the text of a YAML file with the words y and n in quotes, and '' in empty lists.
+
+    Other readers of YAML, that of ROS for one, take those words for true and false. What is not
+    YAML is returned as it is.
+    """
+    edits: list[tuple[int, int, str]] = []
+    opened = -1
+    try:
+        for token in yaml.scan(text, yaml.SafeLoader):
+            start, end = token.start_mark.index, token.end_mark.index
+            if isinstance(token, yaml.ScalarToken) and token.plain and token.value in _BARE:
+                edits.append((start, end, f"'{token.value}'"))
+            elif isinstance(token, yaml.FlowSequenceEndToken) and opened >= 0:
+                edits.append((start, start, "''"))
+            opened = end if isinstance(token, yaml.FlowSequenceStartToken) else -1
+    except yaml.YAMLError:
+        return text
+    for start, end, instead in reversed(edits):
+        text = f'{text[:start]}{instead}{text[end:]}'
+    return text
 
 
 def sections(path: Path | None) -> set[str]:
@@ -112,7 +139,7 @@ def overrides(given: Sequence[str]) -> dict[str, Any]:
 
 def yaml_value(value: Any) -> str:
     """Return a parameter's value as the command line of a node takes it."""
-    if isinstance(value, np.ndarray):
+    if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
         return f'[{", ".join(yaml_value(item) for item in value)}]'

@@ -41,7 +41,7 @@ from kalman_ros.estimators import FILTERS
 from kalman_ros.estimators.filter import Plan
 
 from . import faults
-from .shapes import check_model, check_sensor
+from .shapes import check_model, check_sensor, check_spaces
 
 POLICIES = ('message', 'configuration', 'larger')
 
@@ -260,6 +260,7 @@ def _model(system: System, parameters: Mapping[str, Any]) -> Model:
         raise ValueError(f'model_parameters.{error}') from None
     except ArithmeticError:
         raise ValueError('model_parameters: too large or too small to reckon with') from None
+    check_spaces(model)
     return model
 
 
