@@ -7,9 +7,10 @@ needs as keyword arguments.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 
-from kalman_ros.core import Sensor, Space, Value, build_with, find
+from kalman_ros.core import Option, Sensor, Space, Value, build_with, find, options_of
 from kalman_ros.core.registry import names as _names
 
 
@@ -18,18 +19,42 @@ def names() -> list[str]:
     return _names(__name__)
 
 
+#: How every kind is built.
+_EXPECTED = 'expected a Sensor that is built by __init__(self, state, noise, OPTION=DEFAULT, ...)'
+
+
+def options(kind: str, builder: Callable[..., Sensor]) -> tuple[Option, ...]:
+    """Return the options of a kind of sensor: the keyword arguments of what builds it.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be built with a state and noise.
+    """
+    try:
+        inspect.signature(builder).bind(None, None)
+        return options_of(builder)
+    except TypeError as error:
+        raise ValueError(f"kind: '{kind}': {_EXPECTED}; {error}") from None
+    except ValueError as error:
+        raise ValueError(f"kind: '{kind}': {error}") from None
+
+
 def build(kind: str, state: Space, noise: Sequence[float], options: Mapping[str, Value]) -> Sensor:
     """Return a sensor of ``kind`` (a file here, or ``package.module:Class``) on ``state``.
 
     Raises
     ------
     ValueError
-        If the kind is unknown, or refuses its noise or its options.
+        If the kind is unknown, is not built as sensors are, or refuses its noise or its options.
     """
     try:
         sensor = build_with(find('kind', kind, __name__, 'SENSOR'), options, state, noise)
-    except TypeError as error:  # a method that is missing, for one
-        raise ValueError(f"kind: '{kind}': {error}") from None
+    except ValueError:
+        raise
+    except Exception as error:  # a class of a user's own may raise anything
+        reason = f'{type(error).__name__}: {error}'.partition('\n')[0]
+        raise ValueError(f"kind: '{kind}': {_EXPECTED}; {reason}") from error
     if not isinstance(sensor, Sensor):
-        raise ValueError(f"kind: '{kind}' is not a Sensor but a {type(sensor).__name__}")
+        raise ValueError(f"kind: '{kind}': {_EXPECTED}; it is a {type(sensor).__name__}")
     return sensor

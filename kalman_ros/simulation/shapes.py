@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Model, OperatingPoint, Sensor, Space
+from kalman_ros.models import check_spaces
 
 #: The commonest mistake in a model or a sensor of one's own.
 _AT_ONCE = 'of two states at once (x[..., 0], not x[0])'
@@ -30,12 +31,9 @@ def _check(what: str, call: Callable[[], Any], shape: tuple[int, ...]) -> None:
         raise ValueError(f'{what}: expected finite numbers at initial_estimate, got {found}')
 
 
-def check_spaces(model: Model) -> None:
-    """Raise ValueError if a model lacks a space, or its equilibrium is none of these spaces."""
-    for name in ('state', 'input'):
-        found = getattr(model, name, None)
-        if not isinstance(found, Space):
-            raise ValueError(f'model: its {name}: expected a Space, got {found!r}')
+def check_equilibrium(model: Model) -> None:
+    """Raise ValueError if a model lacks a space, or its equilibrium is not a point of them."""
+    check_spaces(model)
     try:
         point = model.equilibrium
     except Exception as error:
@@ -58,13 +56,17 @@ def check_model(model: Model, x: Array) -> None:
     _check('model: its state_jacobian', lambda: model.state_jacobian(x, u), (n, n))
 
 
-def check_sensor(name: str, sensor: Sensor, x: Array) -> None:
-    """Raise ValueError if what a sensor has, or returns for a state (n,), is not right."""
+def check_attributes(sensor: Sensor) -> None:
+    """Raise ValueError if a sensor lacks what its constructor is to set."""
     for attribute, kind in (('output', Space), ('covariance', np.ndarray)):
         found = getattr(sensor, attribute, None)
         if not isinstance(found, kind):
             expected = f'expected {kind.__name__}, which its __init__ sets'
-            raise ValueError(f'{name}.kind: its {attribute}: {expected}, got {found!r}')
+            raise ValueError(f'kind: its {attribute}: {expected}, got {found!r}')
+
+
+def check_sensor(name: str, sensor: Sensor, x: Array) -> None:
+    """Raise ValueError if what a sensor returns for a state (n,) has not the right shape."""
     k, n = sensor.output.size, x.size
     two = np.stack((x, x))
     _check(f'{name}.kind: its covariance', lambda: sensor.covariance, (k, k))
