@@ -7,12 +7,15 @@ takes over there is nothing to clean up, so it just ends.
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
 from functools import partial
 from importlib import import_module
 
+#: The disk is full, or not to be written to: no mistake of the program.
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -32,6 +35,11 @@ def _command(name: str) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         main()
+    except OSError as error:
+        if error.errno not in _DISK:
+            raise
+        where = f": '{error.filename}'" if error.filename else ''
+        sys.exit(f'{name}: cannot write: {error.strerror}{where}')
     except KeyboardInterrupt:
         print(f'{name}: interrupted; nothing is left running', file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
