@@ -84,7 +84,7 @@ def _plain(value: Any) -> Any:
 
 
 #: The YAML of ROS has more words for truth values than others.
-_QUOTE = "; write a word such as y or no in quotes, or it is read as true or false"
+_QUOTE = '; write a word such as y or no in quotes, or it is read as true or false'
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a word'}
 
 

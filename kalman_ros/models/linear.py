@@ -19,7 +19,6 @@ from kalman_ros.core import (
     semidefinite,
 )
 
-
 #: Of the double integrator.
 _UNITS = ('m', 'm/s')
 

@@ -11,6 +11,7 @@ import argparse
 import random
 import sys
 from collections import defaultdict
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from time import monotonic
@@ -89,7 +90,7 @@ def pauses(loop, name):
     With each, for how long the machine kept the nodes from running meanwhile.
     """
     times, needs = loop.arrivals[name], {name, *NODES[name][2]}
-    for start, end in zip(times, times[1:]):
+    for start, end in pairwise(times):
         near = [kill for kill in loop.kills if kill[1] < end and start < kill[2] + kill[3]]
         # a pause in which a node is missing counts from its return
         returns = [back for node, _, back, *_ in near if node in needs and start < back]
@@ -136,7 +137,7 @@ def main():
     parser.add_argument('--seed', type=int, default=0)
     given = parser.parse_args()
     loop = run(given.kills, given.seed)
-    print('seconds from the start of a killed node until the loop runs; longest pause of its stream')
+    print('seconds from the start of a killed node until the loop runs, and longest pause')
     print(f'{"node":12}{"kills":>6}{"median":>8}{"worst":>8}{"pause":>8}')
     for name in NODES:
         found = [seconds for node, _, _, seconds, _ in loop.kills if node == name]

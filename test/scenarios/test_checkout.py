@@ -11,7 +11,16 @@ import pytest
 pytest.importorskip('rclpy')
 
 ROOT = Path(__file__).parents[2]
-SOURCES = ('.ci', 'config', 'dev', 'kalman_ros', 'package.xml', 'resource', 'setup.cfg', 'setup.py')
+SOURCES = [
+    '.ci',
+    'config',
+    'dev',
+    'kalman_ros',
+    'package.xml',
+    'resource',
+    'setup.cfg',
+    'setup.py',
+]
 
 pytestmark = pytest.mark.skipif(
     not (ROOT / '.venv/ready').exists(), reason='a sourced ROS has no environment to link to'

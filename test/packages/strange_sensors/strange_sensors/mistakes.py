@@ -5,13 +5,15 @@ import numpy as np
 
 from kalman_ros.core import Model, OperatingPoint, Sensor, Space, variances
 
+MASS, WHEELS, GAINS = np.float64(2.0), np.int64(4), np.array([1.0, 2.0])
+
 
 class Cart(Model):
     """Nothing is wrong with this one; numpy's numbers as defaults are no mistake."""
 
     state, input = Space(('x', 'v'), ('m', 'm/s')), Space(('u',), ('N',))
 
-    def __init__(self, mass=np.float64(2.0), wheels=np.int64(4), gains=np.array([1.0, 2.0])):
+    def __init__(self, mass=MASS, wheels=WHEELS, gains=GAINS):
         self.mass, self.wheels, self.gains = mass, wheels, gains
 
     def derivative(self, x, u):
