@@ -5,6 +5,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+import rclpy
 from geometry_msgs.msg import PoseStamped, TwistWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -23,18 +24,33 @@ def says(run, node, *words):
     run.wait(there, 10.0, lambda: f'{said()!r}, {logged()!r}, not {words}')
 
 
-def test_what_cannot_arrive_is_named():
+@pytest.fixture
+def driver():
+    """Make a node of somebody else's in the domain of a run."""
+    contexts = []
+
+    def make(run):
+        contexts.append(rclpy.Context())
+        rclpy.init(args=[], context=contexts[0], domain_id=run.domain)
+        return rclpy.create_node('driver', context=contexts[0])
+
+    yield make
+    contexts[0].try_shutdown()
+
+
+def test_what_cannot_arrive_is_named(driver):
     effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     reliable = {'velocity.reliable': True}
     with Run(overrides=reliable, lockstep=False, nodes=('estimator', 'controller')) as run:
-        run.node.create_publisher(String, 'position', 1)
-        run.node.create_publisher(TwistWithCovarianceStamped, 'velocity', effort)
+        theirs = driver(run)
+        theirs.create_publisher(String, 'position', 1)
+        theirs.create_publisher(TwistWithCovarianceStamped, 'velocity', effort)
         says(
             run,
             'estimator',
-            '/position: /harness publishes std_msgs/String, '
+            '/position: /driver publishes std_msgs/String, '
             'expected geometry_msgs/PoseWithCovarianceStamped',
-            '/velocity: /harness publishes with another quality of service: ',
+            '/velocity: /driver publishes with another quality of service: ',
             'eliab',  # the policy, which the middleware spells as it likes
         )
         assert 'force' not in run.diagnostics['estimator'].message
