@@ -82,6 +82,8 @@ class EstimatorNode(runtime.ScenarioNode):
             name: SensorChannel(self, name, source, scenario.state)
             for name, source in scenario.sensors.items()
         }
+        for channel in self._channels.values():
+            channel.nis.inside()  # it, too, loads much the first time, 0.2 s of it
         self.get_logger().info(str(seen))  # now that nothing is refused any more
 
     def activate(self) -> None:
