@@ -7,18 +7,25 @@ takes over there is nothing to clean up, so it just ends.
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
 from functools import partial
 from importlib import import_module
 
+<<<<<<< HEAD
 #: Ctrl-C, a launcher's request, a closed terminal (unless ``nohup`` has it ignored), Ctrl-\\.
 _SIGNALS = tuple(
     number
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
 )
+=======
+#: The disk is full, or not to be written to: no mistake of the program.
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+>>>>>>> start
 
 
 def _node(name: str) -> None:
@@ -38,6 +45,11 @@ def _command(name: str) -> None:
             signal.signal(number, lambda number, _: sys.exit(128 + number))
         signal.signal(signal.SIGINT, signal.default_int_handler)
         main()
+    except OSError as error:
+        if error.errno not in _DISK:
+            raise
+        where = f": '{error.filename}'" if error.filename else ''
+        sys.exit(f'{name}: cannot write: {error.strerror}{where}')
     except KeyboardInterrupt:
         print(f'{name}: interrupted; nothing is left running', file=sys.stderr)
         sys.exit(128 + signal.SIGINT)

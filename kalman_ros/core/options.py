@@ -15,6 +15,8 @@ from difflib import get_close_matches
 from math import inf
 from typing import Any, Union, get_args
 
+import numpy as np
+
 Value = Union[bool, int, float, str, list[float], list[str]]
 
 
@@ -48,6 +50,7 @@ class Option:
 
         A whole number serves as a number, and a single item as a list of one.
         """
+        value = _plain(value)
         if not isinstance(self.default, list):
             item: Value = self._check_item(self.default, value)
             return item
@@ -57,10 +60,12 @@ class Option:
         return [self._check_item(sample, item) for item in items]  # type: ignore[return-value]
 
     def _check_item(self, sample: Any, value: Any) -> Any:
+        value = _plain(value)
         if isinstance(sample, float) and type(value) is int:
             value = float(value)
         if type(value) is not type(sample):
-            raise ValueError(f'{self.name}: expected {_KINDS[type(sample)]}, got {value!r}')
+            hint = _QUOTE if isinstance(sample, str) and isinstance(value, bool) else ''
+            raise ValueError(f'{self.name}: expected {_KINDS[type(sample)]}, got {value!r}{hint}')
         low, high = self.about.minimum, self.about.maximum
         if isinstance(value, (int, float)) and not low <= value <= high:
             wanted = f'{low:g} to {high:g}'
@@ -73,6 +78,13 @@ class Option:
         return value
 
 
+def _plain(value: Any) -> Any:
+    """Return what is numpy's own, a scalar or an array, as Python's own."""
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
+
+
+#: The YAML of ROS has more words for truth values than others.
+_QUOTE = '; write a word such as y or no in quotes, or it is read as true or false'
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a word'}
 
 
@@ -95,8 +107,9 @@ def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...
         default = argument.default
         if default is inspect.Parameter.empty:
             continue
-        if isinstance(default, tuple):
-            default = list(default)
+        if isinstance(default, (tuple, list)):
+            default = [_plain(item) for item in default]
+        default = _plain(default)
         if not isinstance(default, (bool, int, float, str, list)):
             raise ValueError(f'{name}: a default must be a number, a word or a list of them')
         notes = [note for note in get_args(argument.annotation) if isinstance(note, About)]

@@ -5,8 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+<<<<<<< HEAD
 from kalman_ros.core import LinearSystem, Model, Signal, System, find
 from kalman_ros.core.registry import builds
+=======
+from kalman_ros.core import LinearSystem, Model, Signal, Space, System, find
+>>>>>>> start
 from kalman_ros.core.registry import names as _names
 
 #: What the nodes run when they are told nothing.
@@ -43,7 +47,16 @@ def system(name: str) -> System:
         raise ValueError(f"model: '{name}' cannot be built without arguments: {error}") from None
     if not isinstance(model, Model):
         raise ValueError(f"model: '{name}' gives a {type(model).__name__}, not a Model")
+    check_spaces(model)
     return by_name(found, model)
+
+
+def check_spaces(model: Model) -> None:
+    """Raise ValueError if a model does not say what its state and its input are."""
+    for name in ('state', 'input'):
+        found = getattr(model, name, None)
+        if not isinstance(found, Space):
+            raise ValueError(f'model: its {name}: expected a Space, got {found!r}')
 
 
 def by_name(build: Callable[..., Model], model: Model) -> System:

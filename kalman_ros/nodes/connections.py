@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from time import monotonic
 from typing import Any
 
@@ -55,27 +55,34 @@ class Connections:
         node = self._node
         for own in self._subscriptions():
             topic = own.topic_name
-            others = node.get_publishers_info_by_topic(topic)
-            if not others and own in self._awaited:
+            publishers = node.get_publishers_info_by_topic(topic)
+            if not publishers and own in self._awaited:
                 yield f'{topic}: nobody publishes it'
-            for other in others:
-                why = _mismatch(own, other, other.qos_profile, own.qos_profile)
-                if why:
-                    yield f'{topic}: {_name(other)} publishes {why}'
+            for here in self._ours(node.get_subscriptions_info_by_topic(topic)):
+                for there in publishers:
+                    why = _mismatch(here, there, there.qos_profile, here.qos_profile)
+                    if why:
+                        yield f'{topic}: {_name(there)} publishes {why}'
         for own in node.publishers:
-            if own.topic_name in _ROS_OWN:
+            topic = own.topic_name
+            if topic in _ROS_OWN:
                 continue
-            for other in node.get_subscriptions_info_by_topic(own.topic_name):
-                why = _mismatch(own, other, own.qos_profile, other.qos_profile)
-                if why:
-                    yield f'{own.topic_name}: {_name(other)} subscribes to {why}'
+            for here in self._ours(node.get_publishers_info_by_topic(topic)):
+                for there in node.get_subscriptions_info_by_topic(topic):
+                    why = _mismatch(here, there, here.qos_profile, there.qos_profile)
+                    if why:
+                        yield f'{topic}: {_name(there)} subscribes to {why}'
+
+    def _ours(self, endpoints: Iterable[Any]) -> list[Any]:
+        """Return those of this node; what the graph says of them is complete, unlike a profile."""
+        name = self._node.get_fully_qualified_name()
+        return [endpoint for endpoint in endpoints if _name(endpoint) == name]
 
 
 def _mismatch(own: Any, other: Any, offered: QoSProfile, wanted: QoSProfile) -> str:
     """Return why ``own`` and ``other``, an endpoint of another node, cannot connect; or ''."""
-    kind = _type_name(own.msg_type)
-    if other.topic_type != kind:
-        return f'{_short(other.topic_type)}, expected {_short(kind)}'
+    if other.topic_type != own.topic_type:
+        return f'{_short(other.topic_type)}, expected {_short(own.topic_type)}'
     compatibility, reason = qos_check_compatible(offered, wanted)
     if compatibility == QoSCompatibility.ERROR:
         return f'with another quality of service: {reason.removeprefix("ERROR: ").rstrip(";. ")}'
@@ -84,10 +91,6 @@ def _mismatch(own: Any, other: Any, offered: QoSProfile, wanted: QoSProfile) -> 
 
 def _name(endpoint: Any) -> str:
     return f'{endpoint.node_namespace.rstrip("/")}/{endpoint.node_name}'
-
-
-def _type_name(kind: Any) -> str:
-    return f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}'
 
 
 def _short(name: str) -> str:

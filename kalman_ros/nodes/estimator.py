@@ -4,7 +4,12 @@
 from __future__ import annotations
 
 from collections import Counter
+<<<<<<< HEAD
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+=======
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+>>>>>>> start
 from functools import partial
 from operator import itemgetter
 from time import monotonic
@@ -42,6 +47,9 @@ from .turns import Turns
 #: No clock is published so out of order; less is as good as no jump.
 _BACK = Duration(seconds=-0.1)
 
+#: In seconds, for nodes that are there to find each other.
+_MEETING = 1.0
+
 #: What the reading of a sensor, taken at a time, did to the belief.
 _Correction = tuple[SensorChannel, int, Correction]
 #: What has come: its time, whence, and what it says.
@@ -60,8 +68,15 @@ class EstimatorNode(runtime.ScenarioNode):
         scenario, options = self.scenario, self.options
         self._warn = Throttle(self.get_logger().warning)
         found = fusion(scenario, options, self.extra)
+<<<<<<< HEAD
         check_start(found.filter, scenario)
         idle = idle_input(scenario.model, options.idle_input)
+=======
+        zero = np.zeros(scenario.model.input.size)
+        with suppress(np.linalg.LinAlgError):
+            # the first step loads much; a plant that has begun to move would not wait for it
+            found.filter.predict(scenario.initial_belief, zero, 1.0 / scenario.rate)
+>>>>>>> start
         seen = observability(scenario)
         self._online = OnlineEstimator(
             found.filter, found.sensors, scenario.initial_belief, idle, found.policy
@@ -78,6 +93,8 @@ class EstimatorNode(runtime.ScenarioNode):
             name: SensorChannel(self, name, source, scenario.state)
             for name, source in scenario.sensors.items()
         }
+        for channel in self._channels.values():
+            channel.nis.inside()  # it, too, loads much the first time, 0.2 s of it
         self.get_logger().info(str(seen))  # now that nothing is refused any more
 
     def activate(self) -> None:
@@ -87,7 +104,7 @@ class EstimatorNode(runtime.ScenarioNode):
         """
         scenario, options = self.scenario, self.options
         self._start_anew(scenario.initial_belief)
-        self._told = -1
+        self._told, self._began = -1, monotonic()
         subscribe = partial(self.create_subscription, raw=True)
         expect = self.diagnostics.connections.expect
         callback: Callable[..., None]
@@ -172,7 +189,7 @@ class EstimatorNode(runtime.ScenarioNode):
                     corrections.append(found)
             else:
                 self._add_input(time, sample.values, now)
-        if not corrections:
+        if not corrections or self._is_deaf():
             return
         if self._online.time is not None and not self.options.publish_rate:
             self._publish(self._online.time, self._online.belief)
@@ -182,6 +199,17 @@ class EstimatorNode(runtime.ScenarioNode):
                 channel.age.add(((now or time) - time) * 1e-9 + done - began)
         for channel, time, correction in corrections:
             channel.publish(time, correction)
+
+    def _is_deaf(self) -> bool:
+        """Tell whether what sets the state in motion may be there and not be heard yet.
+
+        Who answers the first estimate would move the plant, and this node would not know.
+        """
+        resting = self.options.rest_until_input and not self._inputs.total()
+        subscription = self._input.subscription
+        if not resting or subscription is None or monotonic() - self._began > _MEETING:
+            return False
+        return not subscription.get_publisher_count()
 
     def _readings_come(self, first: Channel, data: bytes) -> Iterator[_Come]:
         """Yield the readings that have come, after ``data`` of what woke the node."""

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from array import array
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -33,6 +34,56 @@ def given(node: Node) -> dict[str, Value]:
         for name, parameter in node.get_parameters_by_prefix('').items()
         if not name.startswith(_OF_RCLPY)
     }
+
+
+def as_declared(node: Node, parameter: Parameter) -> Parameter:
+    """Return a parameter with its value in the type that it has been declared with, if it fits.
+
+    ``ros2 param load`` sends numbers such as 1e-05 and inf, and lists with one in them, as words,
+    and an empty list as one of no type.
+    """
+    name, value = parameter.name, parameter.value
+    if not node.has_parameter(name) or node.describe_parameter(name).dynamic_typing:
+        return parameter
+    current = node.get_parameter(name).value
+    if _is_list(current):
+        if isinstance(value, str) and value.startswith('[') and value.endswith(']'):
+            value = [item.strip() for item in value[1:-1].split(',')]
+        if all(isinstance(item, float) for item in current) and _is_list(value):
+            value = [_number(item) for item in value]
+        elif not value and all(isinstance(item, str) for item in current):
+            value = ['']
+    elif isinstance(current, float):
+        value = _number(value)
+    try:
+        return Parameter(name, value=value)
+    except TypeError:  # a mixture, which no parameter can be
+        return parameter
+
+
+def is_kept(node: Node, parameter: Parameter) -> bool:
+    """Return whether a parameter has the value already."""
+    name = parameter.name
+    if not node.has_parameter(name):
+        return False
+    current, value = node.get_parameter(name).value, parameter.value
+    if _is_list(current) and _is_list(value):
+        return [*current] == [*value]
+    return type(current) is type(value) and bool(current == value)
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, (Sequence, array)) and not isinstance(value, (str, bytes))
+
+
+def _number(value: Any) -> Any:
+    """Return a word as the number that it is, a whole number as one with a fraction."""
+    if not isinstance(value, (str, int)) or isinstance(value, bool):
+        return value
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return value
 
 
 def free(node: Node, values: Mapping[str, Value]) -> None:

@@ -8,9 +8,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import rclpy
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -24,6 +26,7 @@ from . import parameters, topics
 from .diagnostics import Diagnostics, Level, Report
 from .interruption import Interruption
 from .managed import ACTIVE, ManagedNode, reason
+from .parameter_files import hint, readable
 from .transport import prefer_sockets
 from .usage import usage, wants_help
 from .watcher import WatcherNode
@@ -83,6 +86,14 @@ class ScenarioNode(WatcherNode, ManagedNode):
         live = parameters.LiveParameters(self, known, values, self._prepare)
         self.at_the_end(live.close)
 
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters, all or none; any may be set to the value that it has, read-only too."""
+        wanted = [parameters.as_declared(self, parameter) for parameter in parameter_list]
+        changed = [each for each in wanted if not parameters.is_kept(self, each)]
+        if wanted and not changed:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changed)
+
     def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
         """Return further options, which depend on what is ``chosen``; none by default."""
         return ()
@@ -134,7 +145,8 @@ def main(build: Callable[[], Node]) -> None:
         # what rcl logs when a parameter file cannot be read is said below, once
         set_logger_level('rcl', LoggingSeverity.FATAL)
         prefer_sockets()
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        with readable(sys.argv) as arguments:
+            rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         set_logger_level('rcl', LoggingSeverity.INFO)
         if wants_help(sys.argv[1:]):
             set_logger_level('', LoggingSeverity.WARN)  # what it says once it runs
@@ -144,7 +156,7 @@ def main(build: Callable[[], Node]) -> None:
     except Exception as error:
         if not reason(error):
             raise
-        sys.exit(f'{_program()}: {reason(error)}')
+        sys.exit(f'{_program()}: {hint(reason(error))}')
     try:
         if wants_help(sys.argv[1:]):
             print(usage(node))

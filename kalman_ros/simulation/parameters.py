@@ -19,6 +19,10 @@ BETWEEN = 'microphone_array'
 DEMO = 'demo'
 
 
+#: Words without quotes that are words to PyYAML, and truth values to the YAML of ROS.
+_BARE = tuple('yYnN')
+
+
 class _Bare(str):
     """A word that other readers of YAML, that of ROS for one, take for true or false."""
 
@@ -136,6 +140,29 @@ def _merged(
     return merged
 
 
+def unambiguous(text: str) -> str:
+    """Return the text of a YAML file with the words y and n in quotes, and '' in empty lists.
+
+    Other readers of YAML, that of ROS for one, take those words for true and false. What is not
+    YAML is returned as it is.
+    """
+    edits: list[tuple[int, int, str]] = []
+    opened = -1
+    try:
+        for token in yaml.scan(text, yaml.SafeLoader):
+            start, end = token.start_mark.index, token.end_mark.index
+            if isinstance(token, yaml.ScalarToken) and token.plain and token.value in _BARE:
+                edits.append((start, end, f"'{token.value}'"))
+            elif isinstance(token, yaml.FlowSequenceEndToken) and opened >= 0:
+                edits.append((start, start, "''"))
+            opened = end if isinstance(token, yaml.FlowSequenceStartToken) else -1
+    except yaml.YAMLError:
+        return text
+    for start, end, instead in reversed(edits):
+        text = f'{text[:start]}{instead}{text[end:]}'
+    return text
+
+
 def sections(path: Path | None) -> set[str]:
     """Return the names of the nodes that a ROS parameter file has a section for.
 
@@ -195,7 +222,7 @@ def overrides(given: Sequence[str]) -> dict[str, Any]:
 
 def yaml_value(value: Any) -> str:
     """Return a parameter's value as the command line of a node takes it."""
-    if isinstance(value, np.ndarray):
+    if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
         return f'[{", ".join(yaml_value(item) for item in value)}]'

@@ -40,7 +40,7 @@ from kalman_ros.estimators import FILTERS
 from kalman_ros.estimators.filter import Plan
 
 from . import faults
-from .shapes import check_model, check_sensor
+from .shapes import check_attributes, check_equilibrium, check_model, check_sensor
 
 POLICIES = ('message', 'configuration', 'larger')
 
@@ -152,10 +152,15 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
     for option in faults.fault_options():
         found[option.name] = Option(f'{name}.{option.name}', option.default, option.about)
     try:
+<<<<<<< HEAD
         kind = sensors.builder(setup.kind)
+=======
+        kind = find('kind', setup.kind, sensors.__name__, 'SENSOR')
+        listed = sensors.options(setup.kind, kind)
+>>>>>>> start
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
-    for option in options_of(kind):
+    for option in listed:
         default = setup.options.get(option.name, option.default)
         found[option.name] = Option(f'{name}.{option.name}', default, option.about)
     return {option.name: option for option in found.values()}
@@ -269,6 +274,7 @@ def _model(system: System, parameters: Mapping[str, Any]) -> Model:
         raise ValueError(f'model_parameters.{error}') from None
     except ArithmeticError:
         raise ValueError('model_parameters: too large or too small to reckon with') from None
+    check_equilibrium(model)
     return model
 
 
@@ -336,6 +342,7 @@ def _source(name: str, section: dict[str, Any], model: Model, loop_rate: float) 
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
         sensor = sensors.build(own['kind'], model.state, own['noise'], section)
+        check_attributes(sensor)
         sensor.name = name
         ratio(own['rate'], loop_rate)
         timed = TimedSensor(sensor, own['rate'], own['enabled'])

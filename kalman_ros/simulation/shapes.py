@@ -8,21 +8,42 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Model, Sensor
+from kalman_ros.core import Array, Model, OperatingPoint, Sensor, Space
+from kalman_ros.models import check_spaces
 
 #: The commonest mistake in a model or a sensor of one's own.
 _AT_ONCE = 'of two states at once (x[..., 0], not x[0])'
 
 
 def _check(what: str, call: Callable[[], Any], shape: tuple[int, ...]) -> None:
-    """Raise ValueError if a method of a user's own fails, or returns another shape."""
+    """Raise ValueError if a user's method fails, or does not return finite numbers of a shape."""
     try:
-        found = np.shape(call())
+        with np.errstate(all='ignore'):
+            values = np.asarray(call(), dtype=float)
     except Exception as error:
         kind = type(error).__name__
-        raise ValueError(f'{what} fails: {kind}: {error}') from error
-    if found != shape:
-        raise ValueError(f'{what}: expected the shape {shape}, got {found}')
+        reason = str(error).partition('\n')[0]
+        raise ValueError(f'{what} fails: {kind}: {reason}') from error
+    if values.shape != shape:
+        raise ValueError(f'{what}: expected the shape {shape}, got {values.shape}')
+    if not np.isfinite(values).all():
+        found = np.array2string(values, threshold=6, separator=', ').replace('\n', '')
+        raise ValueError(f'{what}: expected finite numbers at initial_estimate, got {found}')
+
+
+def check_equilibrium(model: Model) -> None:
+    """Raise ValueError if a model lacks a space, or its equilibrium is not a point of them."""
+    check_spaces(model)
+    try:
+        point = model.equilibrium
+    except Exception as error:
+        kind = type(error).__name__
+        raise ValueError(f'model: its equilibrium fails: {kind}: {error}') from error
+    if not isinstance(point, OperatingPoint):
+        expected = 'expected OperatingPoint(state, input), of kalman_ros.core'
+        raise ValueError(f'model: its equilibrium: {expected}, got {point!r}')
+    _check("model: its equilibrium's state", lambda: point.state, (model.state.size,))
+    _check("model: its equilibrium's input", lambda: point.input, (model.input.size,))
 
 
 def check_model(model: Model, x: Array) -> None:
@@ -33,6 +54,15 @@ def check_model(model: Model, x: Array) -> None:
     _check(f'model: its derivative {_AT_ONCE}', lambda: model.derivative(two, both), (2, n))
     _check('model: its noise_density', lambda: model.noise_density(x), (n, n))
     _check('model: its state_jacobian', lambda: model.state_jacobian(x, u), (n, n))
+
+
+def check_attributes(sensor: Sensor) -> None:
+    """Raise ValueError if a sensor lacks what its constructor is to set."""
+    for attribute, kind in (('output', Space), ('covariance', np.ndarray)):
+        found = getattr(sensor, attribute, None)
+        if not isinstance(found, kind):
+            expected = f'expected {kind.__name__}, which its __init__ sets'
+            raise ValueError(f'kind: its {attribute}: {expected}, got {found!r}')
 
 
 def check_sensor(name: str, sensor: Sensor, x: Array) -> None:

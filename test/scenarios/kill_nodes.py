@@ -11,6 +11,7 @@ import argparse
 import random
 import sys
 from collections import defaultdict
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from time import monotonic
@@ -84,17 +85,16 @@ def shared_memory(pid):
 
 
 def pauses(loop, name):
-    """Yield each pause of a node's stream while all that it needs were there, about the kills.
+    """Yield the pauses of a node's stream while it and all that it needs were there.
 
-    Beside it stand for how long the machine kept the nodes from running, and which was killed.
+    With each, for how long the machine kept the nodes from running meanwhile.
     """
-    times, needs = loop.arrivals[name], NODES[name][2]
-    for start, end in zip(times, times[1:]):
-        for node, killed, back, seconds, withheld in loop.kills:
-            if start < back + seconds and killed < end:
-                # a pause that begins before a node returns counts from its return
-                excused = (node == name or node in needs) and start < back
-                yield end - max(start, back if excused else start), withheld, node
+    times, needs = loop.arrivals[name], {name, *NODES[name][2]}
+    for start, end in pairwise(times):
+        near = [kill for kill in loop.kills if kill[1] < end and start < kill[2] + kill[3]]
+        # a pause in which a node is missing counts from its return
+        returns = [back for node, _, back, *_ in near if node in needs and start < back]
+        yield end - max([start, *returns]), sum(withheld for *_, withheld in near)
 
 
 def run(kills, seed=0):
@@ -123,9 +123,9 @@ def faults(loop):
         if seconds - withheld > RECOVERY
     ]
     found += [
-        f'the living {name} paused for {pause:.2f} s at the kill of the {killed}'
+        f'the living {name} paused for {pause:.2f} s'
         for name in NODES
-        for pause, withheld, killed in pauses(loop, name)
+        for pause, withheld in pauses(loop, name)
         if pause - withheld > PAUSE
     ]
     return found + [f'shared memory: {path}' for path in sorted(loop.mapped)]
@@ -137,13 +137,17 @@ def main():
     parser.add_argument('--seed', type=int, default=0)
     given = parser.parse_args()
     loop = run(given.kills, given.seed)
+<<<<<<< HEAD
     print(
         'seconds from the start of a killed node until the loop runs; longest pause of its stream'
     )
+=======
+    print('seconds from the start of a killed node until the loop runs, and longest pause')
+>>>>>>> start
     print(f'{"node":12}{"kills":>6}{"median":>8}{"worst":>8}{"pause":>8}')
     for name in NODES:
         found = [seconds for node, _, _, seconds, _ in loop.kills if node == name]
-        pause = max((pause for pause, *_ in pauses(loop, name)), default=0.0)
+        pause = max(pause for pause, _ in pauses(loop, name))
         print(f'{name:12}{len(found):6}{median(found):8.2f}{max(found):8.2f}{pause:8.2f}')
     wrong = faults(loop)
     for sentence in wrong:

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter files and arguments that ROS would misread, put right before it reads them."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from kalman_ros.simulation.parameters import unambiguous
+
+_FILE, _EMPTY = '--params-file', re.compile(r':=\s*\[\s*\]$')
+#: Of rcl's complaint about a list with a word and a truth value in it.
+_MIXED = "Value type 'bool'"
+HINT = "ROS reads y, n, yes, no, on and off as true or false: write such words in quotes, 'y'"
+
+
+@contextmanager
+def readable(arguments: Sequence[str]) -> Iterator[list[str]]:
+    """Give arguments for ``rclpy.init`` in which names such as y, and empty lists, are words.
+
+    ``ros2 param dump`` writes a parameter whose value is the word y without quotes, and ROS reads
+    it back as true; an empty list has no type, and ROS refuses to declare it. Files are not
+    changed: a copy takes the place of one that has such values.
+    """
+    found = [_EMPTY.sub(":=['']", argument) for argument in arguments]
+    with tempfile.TemporaryDirectory(prefix='kalman_ros_') as folder:
+        for index, argument in enumerate(found[:-1]):
+            if argument == _FILE:
+                found[index + 1] = _copied(Path(found[index + 1]), Path(folder) / f'{index}.yaml')
+        yield found
+
+
+def hint(reason: str) -> str:
+    """Return why rcl refused its arguments, with what to do if a word was no word to it."""
+    return f'{reason}; {HINT}' if _MIXED in reason else reason
+
+
+def _copied(path: Path, copy: Path) -> str:
+    """Return the path of a file that ROS reads as it is meant: ``path`` itself, or a copy."""
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError):
+        return str(path)  # ROS says what is wrong with it
+    put_right = unambiguous(text)
+    if put_right == text:
+        return str(path)
+    copy.write_text(put_right)
+    return str(copy)

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What ``ros2 param dump`` writes of a node, that node reads back, by either way there is."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytest.importorskip('rclpy')
+
+import rclpy
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file
+
+from kalman_ros.core import DesignError
+from kalman_ros.harness.domain import Domain
+from kalman_ros.nodes.controller import ControllerNode
+from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.parameter_files import hint, readable
+from kalman_ros.nodes.parameters import given
+from kalman_ros.nodes.plant import PlantNode
+
+CONFIGS = sorted((Path(__file__).parents[2] / 'config').glob('*.yaml'))
+NODES = {'plant': PlantNode, 'estimator': EstimatorNode, 'controller': ControllerNode}
+
+
+@pytest.fixture
+def start():
+    """Build a node with arguments, in a domain of its own; the one before it is gone then."""
+    domain, built = Domain(), []
+
+    def end():
+        while built:
+            built.pop().destroy_node()
+            rclpy.try_shutdown()
+
+    def start(name, *arguments):
+        end()
+        with readable(['node', '--ros-args', *arguments]) as found:
+            rclpy.init(args=found, domain_id=domain.id)
+        try:
+            built.append(NODES[name]())
+        except BaseException:
+            rclpy.try_shutdown()
+            raise
+        return built[-1]
+
+    yield start
+    end()
+    domain.close()
+
+
+def dump(node, path):
+    """Write the parameters of a node as ``ros2 param dump`` does."""
+    tree = {}
+    for name, parameter in node.get_parameters_by_prefix('').items():
+        *folders, last = name.split('.')
+        place = tree
+        for folder in folders:
+            place = place.setdefault(folder, {})
+        value = parameter.value
+        place[last] = value if isinstance(value, (bool, int, float, str)) else list(value)
+    full = {node.get_fully_qualified_name(): {'ros__parameters': tree}}
+    path.write_text(yaml.dump(full, default_flow_style=False))
+
+
+@pytest.mark.parametrize('config', CONFIGS, ids=lambda path: path.stem)
+def test_what_is_dumped_is_loaded(config, start, tmp_path):
+    for name in NODES:
+        try:
+            node = start(name, '--params-file', str(config))
+        except DesignError:  # a model without an input has no controller
+            assert name == 'controller'
+            continue
+        path, before = tmp_path / f'{name}.yaml', given(node)
+        dump(node, path)
+        for message in parameter_dict_from_yaml_file(str(path)).values():
+            result = node.set_parameters_atomically([Parameter.from_parameter_msg(message)])
+            assert result.successful, (message, result.reason)
+        assert given(node) == before
+        assert given(start(name, '--params-file', str(path))) == before
+
+
+def test_a_read_only_value_is_kept_and_no_other_taken(start):
+    node = start('plant')
+    for name, same, other in (('seed', 0, 1), ('rate', '100', 50.0), ('sensors', None, ['x'])):
+        if same is not None:
+            assert node.set_parameters_atomically([Parameter(name, value=same)]).successful
+        refused = node.set_parameters_atomically([Parameter(name, value=other)])
+        assert (refused.successful, 'read-only' in refused.reason) == (False, True)
+
+
+def test_an_empty_list_of_sensors_is_one(start, tmp_path):
+    path = tmp_path / 'none.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    sensors: []\n')
+    for arguments in (('--params-file', str(path)), ('-p', 'sensors:=[]')):
+        for name in NODES:
+            assert not start(name, *arguments).scenario.sensors
+
+
+def test_a_word_that_ros_reads_as_true_gets_a_hint(start):
+    with pytest.raises(ValueError, match='frame: expected a word, got True; write .* in quotes'):
+        start('plant', '-p', 'frame:=y')
+    with pytest.raises(Exception, match="Value type 'bool'") as refused:
+        start('plant', '-p', 'position.measures:=[x, y]')
+    assert 'write such words in quotes' in hint(str(refused.value))
