@@ -14,18 +14,14 @@ import sys
 from functools import partial
 from importlib import import_module
 
-<<<<<<< HEAD
+#: The disk is full, or not to be written to: no mistake of the program.
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
 #: Ctrl-C, a launcher's request, a closed terminal (unless ``nohup`` has it ignored), Ctrl-\\.
 _SIGNALS = tuple(
     number
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
 )
-=======
-#: The disk is full, or not to be written to: no mistake of the program.
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
->>>>>>> start
 
 
 def _node(name: str) -> None:

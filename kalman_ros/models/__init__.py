@@ -5,12 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-<<<<<<< HEAD
-from kalman_ros.core import LinearSystem, Model, Signal, System, find
-from kalman_ros.core.registry import builds
-=======
 from kalman_ros.core import LinearSystem, Model, Signal, Space, System, find
->>>>>>> start
+from kalman_ros.core.registry import builds
 from kalman_ros.core.registry import names as _names
 
 #: What the nodes run when they are told nothing.

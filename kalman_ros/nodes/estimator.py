@@ -4,12 +4,8 @@
 from __future__ import annotations
 
 from collections import Counter
-<<<<<<< HEAD
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
-=======
-from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
->>>>>>> start
 from functools import partial
 from operator import itemgetter
 from time import monotonic
@@ -68,15 +64,11 @@ class EstimatorNode(runtime.ScenarioNode):
         scenario, options = self.scenario, self.options
         self._warn = Throttle(self.get_logger().warning)
         found = fusion(scenario, options, self.extra)
-<<<<<<< HEAD
         check_start(found.filter, scenario)
         idle = idle_input(scenario.model, options.idle_input)
-=======
-        zero = np.zeros(scenario.model.input.size)
         with suppress(np.linalg.LinAlgError):
             # the first step loads much; a plant that has begun to move would not wait for it
-            found.filter.predict(scenario.initial_belief, zero, 1.0 / scenario.rate)
->>>>>>> start
+            found.filter.predict(scenario.initial_belief, idle, 1.0 / scenario.rate)
         seen = observability(scenario)
         self._online = OnlineEstimator(
             found.filter, found.sensors, scenario.initial_belief, idle, found.policy

@@ -7,17 +7,11 @@ needs as keyword arguments.
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-from collections.abc import Callable, Mapping, Sequence
-
-from kalman_ros.core import Sensor, Space, Value, build_with, find
-from kalman_ros.core.registry import builds
-=======
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 
 from kalman_ros.core import Option, Sensor, Space, Value, build_with, find, options_of
->>>>>>> start
+from kalman_ros.core.registry import builds
 from kalman_ros.core.registry import names as _names
 
 
@@ -26,22 +20,16 @@ def names() -> list[str]:
     return _names(__name__)
 
 
-<<<<<<< HEAD
-def builder(kind: str) -> Callable[..., Sensor]:
-    """Return what builds sensors of ``kind``: a subclass of `Sensor`, or an annotated function.
-=======
 #: How every kind is built.
 _EXPECTED = 'expected a Sensor that is built by __init__(self, state, noise, OPTION=DEFAULT, ...)'
 
 
-def options(kind: str, builder: Callable[..., Sensor]) -> tuple[Option, ...]:
-    """Return the options of a kind of sensor: the keyword arguments of what builds it.
->>>>>>> start
+def builder(kind: str) -> Callable[..., Sensor]:
+    """Return what builds sensors of ``kind``: a subclass of `Sensor`, or an annotated function.
 
     Raises
     ------
     ValueError
-<<<<<<< HEAD
         If there is none, or it is something else; it is not called to find out.
     """
     found: Callable[..., Sensor] = find('kind', kind, __name__, 'SENSOR')
@@ -50,17 +38,24 @@ def options(kind: str, builder: Callable[..., Sensor]) -> tuple[Option, ...]:
             f"kind: '{kind}' is not a Sensor class or a function annotated '-> Sensor'"
         )
     return found
-=======
-        If it cannot be built with a state and noise.
+
+
+def options(kind: str) -> tuple[Option, ...]:
+    """Return the options of a kind of sensor: the keyword arguments of what builds it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such kind, or it cannot be built with a state and noise.
     """
+    found = builder(kind)
     try:
-        inspect.signature(builder).bind(None, None)
-        return options_of(builder)
+        inspect.signature(found).bind(None, None)
+        return options_of(found)
     except TypeError as error:
         raise ValueError(f"kind: '{kind}': {_EXPECTED}; {error}") from None
     except ValueError as error:
         raise ValueError(f"kind: '{kind}': {error}") from None
->>>>>>> start
 
 
 def build(kind: str, state: Space, noise: Sequence[float], options: Mapping[str, Value]) -> Sensor:
@@ -72,18 +67,12 @@ def build(kind: str, state: Space, noise: Sequence[float], options: Mapping[str,
         If the kind is unknown, is not built as sensors are, or refuses its noise or its options.
     """
     try:
-<<<<<<< HEAD
         sensor = build_with(builder(kind), options, state, noise)
-    except TypeError as error:  # a method that is missing, for one
-        raise ValueError(f"kind: '{kind}': {error}") from None
-=======
-        sensor = build_with(find('kind', kind, __name__, 'SENSOR'), options, state, noise)
     except ValueError:
         raise
     except Exception as error:  # a class of a user's own may raise anything
         reason = f'{type(error).__name__}: {error}'.partition('\n')[0]
         raise ValueError(f"kind: '{kind}': {_EXPECTED}; {reason}") from error
->>>>>>> start
     if not isinstance(sensor, Sensor):
         raise ValueError(f"kind: '{kind}': {_EXPECTED}; it is a {type(sensor).__name__}")
     return sensor

@@ -152,12 +152,7 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
     for option in faults.fault_options():
         found[option.name] = Option(f'{name}.{option.name}', option.default, option.about)
     try:
-<<<<<<< HEAD
-        kind = sensors.builder(setup.kind)
-=======
-        kind = find('kind', setup.kind, sensors.__name__, 'SENSOR')
-        listed = sensors.options(setup.kind, kind)
->>>>>>> start
+        listed = sensors.options(setup.kind)
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     for option in listed:

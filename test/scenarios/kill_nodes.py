@@ -137,13 +137,7 @@ def main():
     parser.add_argument('--seed', type=int, default=0)
     given = parser.parse_args()
     loop = run(given.kills, given.seed)
-<<<<<<< HEAD
-    print(
-        'seconds from the start of a killed node until the loop runs; longest pause of its stream'
-    )
-=======
     print('seconds from the start of a killed node until the loop runs, and longest pause')
->>>>>>> start
     print(f'{"node":12}{"kills":>6}{"median":>8}{"worst":>8}{"pause":>8}')
     for name in NODES:
         found = [seconds for node, _, _, seconds, _ in loop.kills if node == name]
