@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
-from contextlib import suppress
 from functools import partial
 from operator import itemgetter
 from time import monotonic
@@ -64,11 +63,9 @@ class EstimatorNode(runtime.ScenarioNode):
         scenario, options = self.scenario, self.options
         self._warn = Throttle(self.get_logger().warning)
         found = fusion(scenario, options, self.extra)
+        # this also loads what the first step needs: a plant that moves would not wait for it
         check_start(found.filter, scenario)
         idle = idle_input(scenario.model, options.idle_input)
-        with suppress(np.linalg.LinAlgError):
-            # the first step loads much; a plant that has begun to move would not wait for it
-            found.filter.predict(scenario.initial_belief, idle, 1.0 / scenario.rate)
         seen = observability(scenario)
         self._online = OnlineEstimator(
             found.filter, found.sensors, scenario.initial_belief, idle, found.policy

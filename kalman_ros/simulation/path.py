@@ -13,7 +13,7 @@ from math import ceil
 
 import numpy as np
 
-from kalman_ros.control.feedback import Feedback, Limits, Regulator
+from kalman_ros.control.feedback import Feedback, Regulator
 from kalman_ros.control.lqe import Readings, corrected
 from kalman_ros.core import Array, DesignError, solve, symmetric
 
@@ -148,12 +148,15 @@ def _simulated(
     """Return the states (steps + 1, n) and the inputs (steps + 1, m)."""
     model = scenario.model
     plant = SimulatedPlant(model, {}, scenario.rate, scenario.initial_state, seed)
-    rest, limits = model.equilibrium, Limits.none(model.input.size)
-    regulator = None if law is None else Regulator(model.state, law, rest, limits)
+    rest = model.equilibrium
+    regulator = None if law is None else Regulator(model.state, law, rest)
     states, inputs = [], []
     for _ in range(steps + 1):
         x = plant.state
-        u = rest.input if regulator is None else regulator.answer(x, plant.dt)
+        u = rest.input
+        if regulator is not None:
+            u = regulator.propose(x, plant.dt)
+            regulator.applied(x, u, u, plant.dt)
         states.append(x)
         inputs.append(u)
         plant.step(u)
