@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import inf
+from reprlib import Repr
 from typing import Any, Union, get_args
 
 Value = Union[bool, int, float, str, list[float], list[str]]
@@ -57,10 +58,14 @@ class Option:
         return [self._check_item(sample, item) for item in items]  # type: ignore[return-value]
 
     def _check_item(self, sample: Any, value: Any) -> Any:
+        if type(value) is int and not -_LARGEST <= value < _LARGEST:
+            raise ValueError(
+                f'{self.name}: expected a number of at most 64 bits, got a longer one'
+            )
         if isinstance(sample, float) and type(value) is int:
             value = float(value)
         if type(value) is not type(sample):
-            raise ValueError(f'{self.name}: expected {_KINDS[type(sample)]}, got {value!r}')
+            raise ValueError(f'{self.name}: expected {_KINDS[type(sample)]}, got {_short(value)}')
         low, high = self.about.minimum, self.about.maximum
         if isinstance(value, (int, float)) and not low <= value <= high:
             wanted = f'{low:g} to {high:g}'
@@ -72,6 +77,15 @@ class Option:
             raise ValueError(f'{self.name}: expected {wanted}, got {value:g}')
         return value
 
+
+#: What ROS holds as a whole number is below it.
+_LARGEST = 2**63
+
+_brief = Repr()
+_brief.maxlist = _brief.maxdict = 20
+_brief.maxstring = _brief.maxother = 100
+#: Of a value as an error quotes it, the beginning.
+_short = _brief.repr
 
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a word'}
 

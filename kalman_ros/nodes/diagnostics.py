@@ -38,7 +38,8 @@ class Diagnostics:
 
     To the report it adds how many subscribers each of the node's topics has, ``heard by:
     TOPIC``, how many publishers each topic that it listens to, ``hears: TOPIC``, and which
-    messages could not be read, ``undecodable: TOPIC`` and ``too long: TOPIC``.
+    messages did not come as far as the node, ``undecodable: TOPIC``, ``too long: TOPIC`` and
+    ``lost by the middleware: TOPIC``.
     """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
@@ -72,7 +73,7 @@ class Diagnostics:
         """Publish now."""
         self._looks = 0
         level, message, values = self._report()
-        values = {**values, **self._node.intake.report(), **self._connections}
+        values = {**values, **self._node.account(), **self._connections}
         status = DiagnosticStatus(
             level=level.value,
             name=self._node.get_fully_qualified_name().lstrip('/'),

@@ -15,6 +15,7 @@ from rclpy.qos import QoSProfile
 from kalman_ros.codecs.messages import decode
 
 from .intake import Intake
+from .losses import Losses
 
 #: So many bytes are taken at once, or the next message that makes them more.
 _MOST_BYTES = 16_000_000
@@ -30,8 +31,10 @@ def waiting(subscription: Any) -> list[bytes]:
         found = take(kind, True)
         if found is None:
             break
-        come.append(found[0])
-        size += len(found[0])
+        data, info = found
+        subscription.losses.numbered(info['publication_sequence_number'])
+        come.append(data)
+        size += len(data)
         if size > _MOST_BYTES:
             break
     return come
@@ -74,8 +77,24 @@ class WatcherNode(Node):  # type: ignore[misc]
         # rclpy itself would decode where nobody can catch what that raises
         found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
         name = found.topic_name
-        found.callback = lambda data: self.intake(name, take, data)
+        found.losses = Losses(found)
+        found.pass_on = lambda data: self.intake(name, take, data)
+
+        def on_message(data: bytes) -> None:
+            found.losses.unnumbered()
+            found.pass_on(data)
+
+        found.callback = on_message
         return found
+
+    def account(self) -> dict[str, Any]:
+        """Return how many messages never came as far as a callback, by reason and topic."""
+        account = self.intake.report()
+        for found in (*self.subscriptions, *self.watched):
+            if found.losses.count:
+                key = f'lost by the middleware: {found.topic_name}'
+                account[key] = account.get(key, 0) + found.losses.count
+        return account
 
     @property
     def subscriptions(self) -> Iterator[Any]:
@@ -92,6 +111,7 @@ class WatcherNode(Node):  # type: ignore[misc]
 
     def destroy_subscription(self, subscription: Any) -> bool:
         """Destroy a subscription, whether it is watched or not."""
+        subscription.losses.close()
         self.watched = tuple(found for found in self.watched if found is not subscription)
         return bool(super().destroy_subscription(subscription))
 
@@ -99,7 +119,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         """Give all that has come since the last time to those who take it, topic by topic."""
         for subscription in self.watched:
             for data in waiting(subscription):
-                subscription.callback(data)
+                subscription.pass_on(data)
 
     def look_every(self, seconds: float) -> None:
         """Look again and again."""
