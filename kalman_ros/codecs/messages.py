@@ -14,6 +14,7 @@ _NANOSECONDS = 1_000_000_000
 _FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
 #: The stamp of a leading header in a serialised message.
 STAMP = struct.Struct('<iI')
+_BIG_ENDIAN_STAMP = struct.Struct('>iI')
 #: It stands behind the four bytes that begin every message.
 STAMP_START = 4
 
@@ -94,5 +95,6 @@ def leading_stamp(data: bytes) -> int:
     """
     if len(data) < STAMP_START + STAMP.size:
         raise UndecodableError(f'{len(data)} bytes have no room for a stamp')
-    seconds, rest = STAMP.unpack_from(data, STAMP_START)
+    stamp = STAMP if data[1] & 1 else _BIG_ENDIAN_STAMP
+    seconds, rest = stamp.unpack_from(data, STAMP_START)
     return int(seconds) * _NANOSECONDS + int(rest)
