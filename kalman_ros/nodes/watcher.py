@@ -4,21 +4,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
-from rclpy.clock import Clock
+from rclpy.clock import Clock as RosClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
 
-from kalman_ros.codecs.messages import decode
+from kalman_ros.codecs.messages import UndecodableError, decode
 
 from .intake import Intake
 from .losses import Losses
 
 #: So many bytes are taken at once, or the next message that makes them more.
 _MOST_BYTES = 16_000_000
+
+
+def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
+    """Call back with the message of type ``kind`` in ``data``; UndecodableError if it is none.
+
+    A clock before 1970 is none to rclpy, which raises where it takes it in.
+    """
+    message = decode(data, kind)
+    if kind is Clock and message.clock.sec < 0:
+        raise UndecodableError(f'{message.clock.sec} s is no time')
+    callback(message)
 
 
 def waiting(subscription: Any) -> list[bytes]:
@@ -73,7 +85,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         With ``raw``, the callback decodes, by way of `decode`, and its UndecodableError drops the
         message.
         """
-        take = callback if raw else lambda data: callback(decode(data, kind))
+        take = callback if raw else partial(_decoded, callback, kind)
         # rclpy itself would decode where nobody can catch what that raises
         found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
         name = found.topic_name
@@ -123,4 +135,4 @@ class WatcherNode(Node):  # type: ignore[misc]
 
     def look_every(self, seconds: float) -> None:
         """Look again and again."""
-        self.create_timer(seconds, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(seconds, self.look, clock=RosClock(clock_type=ClockType.STEADY_TIME))
