@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import importlib
+import os
 import struct
+from contextlib import nullcontext
+from time import monotonic
 from typing import Any
 
 from rclpy.serialization import deserialize_message
@@ -55,10 +58,41 @@ def decode(data: bytes, kind: Any) -> Any:
     UndecodableError
         If the bytes are not those of such a message: truncated, or of another type.
     """
+    global _failed
     try:
-        return deserialize_message(data, kind)
+        with _silence if monotonic() - _failed < _PAUSE else nullcontext():
+            return deserialize_message(data, kind)
     except Exception as error:  # that of rclpy has no public name
+        if monotonic() - _failed >= _PAUSE:
+            _failed = monotonic()
         raise UndecodableError(f'{len(data)} bytes are no {kind.__name__}') from error
+
+
+#: For so many seconds after a failure no more is said of others.
+_PAUSE = 1.0
+_failed = -_PAUSE
+
+
+class _Silence:
+    """Takes away what the middleware's own library prints for each message that it cannot read.
+
+    A sender could fill a disk with these lines; they have no level, and no logger.
+    """
+
+    def __init__(self) -> None:
+        self._files: tuple[int, int] | None = None
+
+    def __enter__(self) -> None:
+        if self._files is None:
+            self._files = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        os.dup2(self._files[1], 2)
+
+    def __exit__(self, *_: object) -> None:
+        assert self._files is not None
+        os.dup2(self._files[0], 2)
+
+
+_silence = _Silence()
 
 
 def stamp_of(message: Any) -> int | None:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every field that is written is read back, through the bytes that go over the wire."""
 
+import os
 import struct
-from time import process_time
+from time import monotonic, process_time
 
 import numpy as np
 import pytest
@@ -328,3 +329,15 @@ def test_a_truncated_message_is_undecodable(size):
         WireReader(SignalCodec(JOINTS))(data)
     with pytest.raises(UndecodableError):
         read_tick(write_tick(5, ('position',))[:size])
+
+
+def test_the_middleware_says_no_more_than_a_line_a_second_of_what_it_cannot_read(capfd):
+    data = struct.pack('<BBHI', 0, 1, 0, 0) + struct.pack('<IIII', 0, 0, 2**31, 7)
+    start = monotonic()
+    for _ in range(200):
+        with pytest.raises(UndecodableError):
+            WireReader(SignalCodec(JOINTS))(data)
+    seconds = monotonic() - start
+    assert len(capfd.readouterr().err.splitlines()) <= 1 + seconds
+    os.write(2, b'heard again')
+    assert capfd.readouterr().err == 'heard again'
