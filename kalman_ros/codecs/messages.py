@@ -60,7 +60,7 @@ def decode(data: bytes, kind: Any) -> Any:
     """
     global _failed
     try:
-        with _silence if monotonic() - _failed < _PAUSE else nullcontext():
+        with _Silence() if monotonic() - _failed < _PAUSE else nullcontext():
             return deserialize_message(data, kind)
     except Exception as error:  # that of rclpy has no public name
         if monotonic() - _failed >= _PAUSE:
@@ -79,20 +79,15 @@ class _Silence:
     A sender could fill a disk with these lines; they have no level, and no logger.
     """
 
-    def __init__(self) -> None:
-        self._files: tuple[int, int] | None = None
-
     def __enter__(self) -> None:
-        if self._files is None:
-            self._files = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-        os.dup2(self._files[1], 2)
+        self._errors = os.dup(2)
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
 
     def __exit__(self, *_: object) -> None:
-        assert self._files is not None
-        os.dup2(self._files[0], 2)
-
-
-_silence = _Silence()
+        os.dup2(self._errors, 2)
+        os.close(self._errors)
 
 
 def stamp_of(message: Any) -> int | None:
