@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import importlib
+import os
 import struct
+from contextlib import nullcontext
+from time import monotonic
 from typing import Any
 
 from rclpy.serialization import deserialize_message
@@ -14,6 +17,7 @@ _NANOSECONDS = 1_000_000_000
 _FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
 #: The stamp of a leading header in a serialised message.
 STAMP = struct.Struct('<iI')
+_BIG_ENDIAN_STAMP = struct.Struct('>iI')
 #: It stands behind the four bytes that begin every message.
 STAMP_START = 4
 #: Of the frame behind it, whose last byte is zero.
@@ -56,10 +60,36 @@ def decode(data: bytes, kind: Any) -> Any:
     UndecodableError
         If the bytes are not those of such a message: truncated, or of another type.
     """
+    global _failed
     try:
-        return deserialize_message(data, kind)
+        with _Silence() if monotonic() - _failed < _PAUSE else nullcontext():
+            return deserialize_message(data, kind)
     except Exception as error:  # that of rclpy has no public name
+        if monotonic() - _failed >= _PAUSE:
+            _failed = monotonic()
         raise UndecodableError(f'{len(data)} bytes are no {kind.__name__}') from error
+
+
+#: For so many seconds after a failure no more is said of others.
+_PAUSE = 1.0
+_failed = -_PAUSE
+
+
+class _Silence:
+    """Takes away what the middleware's own library prints for each message that it cannot read.
+
+    A sender could fill a disk with these lines; they have no level, and no logger.
+    """
+
+    def __enter__(self) -> None:
+        self._errors = os.dup(2)
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
+
+    def __exit__(self, *_: object) -> None:
+        os.dup2(self._errors, 2)
+        os.close(self._errors)
 
 
 def stamp_of(message: Any) -> int | None:
@@ -96,7 +126,8 @@ def leading_stamp(data: bytes) -> int:
     """
     if len(data) < STAMP_START + STAMP.size:
         raise UndecodableError(f'{len(data)} bytes have no room for a stamp')
-    seconds, rest = STAMP.unpack_from(data, STAMP_START)
+    stamp = STAMP if data[1] & 1 else _BIG_ENDIAN_STAMP
+    seconds, rest = stamp.unpack_from(data, STAMP_START)
     return int(seconds) * _NANOSECONDS + int(rest)
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import inf
+from reprlib import Repr
 from typing import Any, Union, get_args
 
 import numpy as np
@@ -61,11 +62,16 @@ class Option:
 
     def _check_item(self, sample: Any, value: Any) -> Any:
         value = _plain(value)
+        if type(value) is int and not -_LARGEST <= value < _LARGEST:
+            raise ValueError(
+                f'{self.name}: expected a number of at most 64 bits, got a longer one'
+            )
         if isinstance(sample, float) and type(value) is int:
             value = float(value)
         if type(value) is not type(sample):
             hint = _QUOTE if isinstance(sample, str) and isinstance(value, bool) else ''
-            raise ValueError(f'{self.name}: expected {_KINDS[type(sample)]}, got {value!r}{hint}')
+            kind = _KINDS[type(sample)]
+            raise ValueError(f'{self.name}: expected {kind}, got {_short(value)}{hint}')
         low, high = self.about.minimum, self.about.maximum
         if isinstance(value, (int, float)) and not low <= value <= high:
             wanted = f'{low:g} to {high:g}'
@@ -85,6 +91,15 @@ def _plain(value: Any) -> Any:
 
 #: The YAML of ROS has more words for truth values than others.
 _QUOTE = '; write a word such as y or no in quotes, or it is read as true or false'
+#: What ROS holds as a whole number is below it.
+_LARGEST = 2**63
+
+_brief = Repr()
+_brief.maxlist = _brief.maxdict = 20
+_brief.maxstring = _brief.maxother = 100
+#: Of a value as an error quotes it, the beginning.
+_short = _brief.repr
+
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a word'}
 
 

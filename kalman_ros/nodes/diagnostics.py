@@ -39,8 +39,9 @@ class Diagnostics:
 
     To the report it adds how many subscribers each of the node's topics has, ``heard by:
     TOPIC``, how many publishers each topic that it subscribes to, ``hears: TOPIC``, and which
-    messages could not be read, ``undecodable: TOPIC`` and ``too long: TOPIC``. A topic that
-    nobody publishes, or with another type or quality of service, is a warning.
+    messages did not reach the node, ``undecodable: TOPIC``, ``too long: TOPIC`` and ``lost by the
+    middleware: TOPIC``. A topic that nobody publishes, or with another type or quality of
+    service, is a warning.
     """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
@@ -80,7 +81,7 @@ class Diagnostics:
         if problems:
             level = Level.WARN if level is Level.OK else level
             message = '; '.join((message, *problems))
-        values = {**values, **self._node.intake.report(), **self._connections}
+        values = {**values, **self._node.account(), **self._connections}
         status = DiagnosticStatus(
             level=level.value,
             name=self._node.get_fully_qualified_name().lstrip('/'),

@@ -36,9 +36,9 @@ class PoseReader:
         ValueError
             If the state has no pose, or the pose is not finite or its covariance not definite.
         """
+        _, values, covariance = self._read(data)
         if not self._own:
             raise ValueError('the state of this model has no pose')
-        _, values, covariance = self._read(data)
         if not is_finite(values):
             raise ValueError('expected finite numbers')
         k = len(self._own)

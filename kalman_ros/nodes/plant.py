@@ -199,9 +199,7 @@ class PlantNode(runtime.ScenarioNode):
         """Return that the plant has diverged, and what to do; nothing if it has not."""
         if self._plant.finite:
             return ''
-        return (
-            'the plant has diverged, its state is not finite: it publishes nothing until ~/reset'
-        )
+        return 'the plant diverged, its state is not finite: it publishes nothing until ~/reset'
 
     def _drop_old_force(self) -> None:
         timeout = self.options.force_timeout

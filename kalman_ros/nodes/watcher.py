@@ -4,20 +4,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
-from rclpy.clock import Clock
+from rclpy.clock import Clock as RosClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
 
-from kalman_ros.codecs.messages import decode
+from kalman_ros.codecs.messages import UndecodableError, decode
 
 from .intake import Intake
+from .losses import Losses
 
 #: So many bytes are taken at once, or the next message that makes them more.
 _MOST_BYTES = 16_000_000
+
+
+def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
+    """Call back with the message of type ``kind`` in ``data``; UndecodableError if it is none.
+
+    A clock before 1970 is none to rclpy, which raises where it takes it in.
+    """
+    message = decode(data, kind)
+    if kind is Clock and message.clock.sec < 0:
+        raise UndecodableError(f'{message.clock.sec} s is no time')
+    callback(message)
 
 
 def waiting(subscription: Any) -> list[bytes]:
@@ -30,8 +43,10 @@ def waiting(subscription: Any) -> list[bytes]:
         found = take(kind, True)
         if found is None:
             break
-        come.append(found[0])
-        size += len(found[0])
+        data, info = found
+        subscription.losses.numbered(info['publication_sequence_number'])
+        come.append(data)
+        size += len(data)
         if size > _MOST_BYTES:
             break
     return come
@@ -70,12 +85,28 @@ class WatcherNode(Node):  # type: ignore[misc]
         With ``raw``, the callback decodes, by way of `decode`, and its UndecodableError drops the
         message.
         """
-        take = callback if raw else lambda data: callback(decode(data, kind))
+        take = callback if raw else partial(_decoded, callback, kind)
         # rclpy itself would decode where nobody can catch what that raises
         found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
         name = found.topic_name
-        found.callback = lambda data: self.intake(name, take, data)
+        found.losses = Losses(found)
+        found.pass_on = lambda data: self.intake(name, take, data)
+
+        def on_message(data: bytes) -> None:
+            found.losses.unnumbered()
+            found.pass_on(data)
+
+        found.callback = on_message
         return found
+
+    def account(self) -> dict[str, Any]:
+        """Return how many messages never came as far as a callback, by reason and topic."""
+        account = self.intake.report()
+        for found in (*self.subscriptions, *self.watched):
+            if found.losses.count:
+                key = f'lost by the middleware: {found.topic_name}'
+                account[key] = account.get(key, 0) + found.losses.count
+        return account
 
     @property
     def subscriptions(self) -> Iterator[Any]:
@@ -92,6 +123,7 @@ class WatcherNode(Node):  # type: ignore[misc]
 
     def destroy_subscription(self, subscription: Any) -> bool:
         """Destroy a subscription, whether it is watched or not."""
+        subscription.losses.close()
         self.watched = tuple(found for found in self.watched if found is not subscription)
         return bool(super().destroy_subscription(subscription))
 
@@ -99,8 +131,8 @@ class WatcherNode(Node):  # type: ignore[misc]
         """Give all that has come since the last time to those who take it, topic by topic."""
         for subscription in self.watched:
             for data in waiting(subscription):
-                subscription.callback(data)
+                subscription.pass_on(data)
 
     def look_every(self, seconds: float) -> None:
         """Look again and again."""
-        self.create_timer(seconds, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(seconds, self.look, clock=RosClock(clock_type=ClockType.STEADY_TIME))

@@ -3,7 +3,10 @@ import sys
 
 import pytest
 
+from kalman_ros import models, sensors
+from kalman_ros.core import Space
 from kalman_ros.core.registry import find
+from kalman_ros.simulation import scenario
 
 
 @pytest.mark.parametrize(
@@ -23,3 +26,69 @@ def test_a_module_that_does_not_load_is_one_line(tmp_path, monkeypatch, source, 
         find('model', 'own_robot:A', 'kalman_ros.models', 'SYSTEM')
     assert says in str(raised.value)
     assert '\n' not in str(raised.value)
+
+
+MINE = """
+import sys
+from kalman_ros.core import LinearSystem, Model
+from kalman_ros.models.mass_spring_damper import SYSTEM
+from kalman_ros.sensors.states import States
+
+called = []
+
+def bare():
+    called.append('bare')
+
+def other() -> int:
+    called.append('other')
+
+def model() -> Model:
+    return SYSTEM.build()
+
+class Eye(States):
+    pass
+
+class Impostor:
+    def __init__(self, *_):
+        called.append('impostor')
+"""
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """Return a module of somebody's own, with things to name in it."""
+    (tmp_path / 'mine_own.py').write_text(MINE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, 'mine_own', raising=False)
+    import mine_own
+
+    return mine_own
+
+
+@pytest.mark.parametrize('name', ['bare', 'other', 'Impostor', 'called', 'Eye', 'sys'])
+def test_what_is_no_model_is_not_called(mine, name):
+    with pytest.raises(ValueError, match=f"model: 'mine_own:{name}' is not a System, a Model cl"):
+        models.system(f'mine_own:{name}')
+    assert not mine.called
+
+
+@pytest.mark.parametrize('name', ['bare', 'other', 'Impostor', 'called', 'model'])
+def test_what_is_no_sensor_is_not_called(mine, name):
+    with pytest.raises(ValueError, match=f"kind: 'mine_own:{name}' is not a Sensor class or a f"):
+        sensors.build(f'mine_own:{name}', Space(('x',), ('m',)), [1.0], {})
+    assert not mine.called
+
+
+def test_a_class_a_system_and_an_annotated_function_are_allowed(mine):
+    assert models.system('mine_own:SYSTEM') is mine.SYSTEM
+    assert models.system('mine_own:model').build is mine.model
+    built = sensors.build('mine_own:Eye', Space(('x',), ('m',)), [1.0], {'measures': ['x']})
+    assert isinstance(built, mine.Eye)
+
+
+@pytest.mark.parametrize('name', ['os:abort', 'tempfile:mkdtemp', 'builtins:exit'])
+def test_names_of_the_library_are_not_called(name):
+    with pytest.raises(ValueError, match='is not a System'):
+        scenario.build({'model': name})
+    with pytest.raises(ValueError, match=r'position.kind: .* is not a Sensor class'):
+        scenario.build({'position.kind': name})

@@ -89,7 +89,7 @@ def test_a_transition_that_there_is_not_is_refused():
     [
         ('plant', 'seed', 'one', 1, "seed: expected a whole number, got 'one'"),
         ('estimator', 'position.noise', [-1.0, 1.0], [0.1, 0.1], 'expected positive'),
-        ('estimator', 'model', 'mass_sprin', 'cart_pole', "unknown model 'mass_sprin'"),
+        ('estimator', 'filter', 'kff', 'ekf', "unknown filter 'kff'"),
         (
             'estimator',
             'position.topic',
@@ -145,9 +145,11 @@ def test_parameters_are_free_before_checked_while_and_kept_after_configuration()
             assert [*cost.double_array_value, *cost.integer_array_value] == [100, 100], transition
         for transition in ('deactivate', 'cleanup'):
             assert run.change_state('controller', transition)
-        run.set_parameter('model', 'mass_spring_damper', 'controller')
-        assert not run.change_state('controller', 'configure')  # two weights for one input
-        run.set_parameter('input_cost', [100.0], 'controller')
+        with pytest.raises(ValueError, match='model: it names code'):
+            run.set_parameter('model', 'mass_spring_damper', 'controller')
+        run.set_parameter('law', 'placement', 'controller')
+        assert not run.change_state('controller', 'configure')  # which needs poles
+        run.set_parameter('law', 'lqr', 'controller')
         assert run.change_state('controller', 'configure')
 
 
