@@ -40,6 +40,7 @@ class Confirmation:
 
     def __init__(self, node: Any, scenario: Scenario, recorder: Recorder) -> None:
         self._recorder, self._scenario = recorder, scenario
+        self._period = round(1e9 / scenario.rate)
         signals = [scenario.state, *([scenario.input] if scenario.input.fields else ())]
         #: Those that come once a step, and say at which.
         self._stamped = ['ground_truth', *(s.topic for s in signals if _has_stamp(s))]
@@ -70,10 +71,13 @@ class Confirmation:
                 self._named[name] += 1
 
     def _confirm(self) -> None:
-        """Publish how far everything has come, if that is news, or was long ago."""
+        """Publish how far everything has come, if that is news for the plant, or was long ago."""
         self._looks += 1
         held = self._held()
-        if held is None or (held == self._confirmed and self._looks < _LOOKS):
+        if held is None:
+            return
+        news = abs(held - self._confirmed) >= WINDOW // 5 * self._period
+        if not news and self._looks < _LOOKS:
             return
         self._confirmed, self._looks = held, 0
         self._publisher.publish(write_tick(held, ()))
