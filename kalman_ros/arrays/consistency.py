@@ -72,7 +72,8 @@ class ConsistencyReport:
             for check in self.checks
         )  # fmt: skip
         lines += text.table(['', 'mean', 'allowed', 'values', ''], cells)
-        lines += [f'{check.name}: {check.hint}' for check in self.checks if not check.passed]
+        for check in self.checks:
+            lines += [] if check.passed else text.sentence(f'{check.name}: {check.hint}')
         return '\n'.join(lines)
 
 
