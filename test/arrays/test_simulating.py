@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whole loops in one process: scenarios by name or of objects, references, limits, pictures."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -31,16 +33,18 @@ def test_a_reference_is_held(law):
     np.testing.assert_allclose(late[places], [1.0, -0.5], atol=0.25)
 
 
-def test_lqi_leaves_no_error_where_lqr_does():
-    """With a plant that is heavier in the spring than believed."""
+def test_lqi_leaves_no_error_where_lqr_does(tmp_path):
+    """With a spring of the plant that is stiffer than believed."""
+    path = tmp_path / 'stiff.yaml'
+    path.write_text(
+        '/**: {ros__parameters: {model: mass_spring_damper}}\n'
+        'plant: {ros__parameters: {model_parameters: {stiffness: 20.0}}}\n'
+    )
     errors = {}
     for law in ('lqr', 'lqi'):
-        real = kr.load('mass_spring_damper', {'model_parameters.stiffness': 8.0})
-        believed = kr.load('mass_spring_damper', {'law': law})
-        assert real.law == 'lqr' and believed.law == law
-        run = kr.simulate('mass_spring_damper', {'law': law}, seconds=30, reference={'x': 1.0})
+        run = kr.simulate(path, {'law': law}, seconds=30, reference={'x': 1.0})
         errors[law] = abs(run.truth[run.time > 15, 0].mean() - 1.0)
-    assert errors['lqi'] < 0.05
+    assert errors['lqi'] < 0.1 < 0.3 < errors['lqr']
 
 
 def test_limits_hold():
@@ -50,7 +54,7 @@ def test_limits_hold():
     assert slope[:, 0].max() < 1.0 + 1e-9 < slope[:, 1].max() < 2.0 + 1e-9
     assert run.limited > 10
     assert f'a limit changed the input in {run.limited} of 301 steps' in repr(run)
-    same = kr.simulate(None or {}, {'input_limit': [0.5]}, seconds=1, seed=2)
+    same = kr.simulate({}, {'input_limit': [0.5]}, seconds=1, seed=2)
     assert np.abs(same.input).max() <= 0.5
 
 
@@ -116,7 +120,7 @@ def test_a_scenario_in_discrete_time():
 
 def test_a_model_without_an_input():
     run = kr.simulate('constant_velocity', seconds=2)
-    assert run.input.shape == (41, 0) or run.input.shape[1] == 0
+    assert run.input.shape == (len(run.time), 0)
     with pytest.raises(ValueError, match='reference: expected none, for the model has no input'):
         kr.simulate('constant_velocity', reference=[0, 0, 0, 0])
     with pytest.raises(ValueError, match='plot: there is no force'):
@@ -127,7 +131,7 @@ def test_design_prints_and_draws(tmp_path):
     found = kr.design('cart_pole')
     text = repr(found)
     assert text.startswith('The input controls x, v, theta, omega')
-    assert 'f, LQG           0.729 to 2.12' in text
+    assert re.search(r'f, LQG +0.729 to 2.12', text)
     assert all(len(line) < 80 for line in text.splitlines())
     for what in ('loops', 'poles', 'uncertainty'):
         found.plot(tmp_path / f'{what}.png', what)
