@@ -145,7 +145,9 @@ def sensor(
     prefix = [name] if k == 1 else [f'{name}{index}' for index in range(k)]
     output = _named('outputs', outputs if outputs is not None else prefix, k, name, angles)
     R = weight('R', R, k, definite=True)
-    return _Function(H, output, R, name, jacobian) if callable(H) else _Matrix(H, output, R, name)
+    if callable(H):
+        return FunctionSensor(H, output, R, name, jacobian)
+    return MatrixSensor(H, output, R, name)
 
 
 def _size(names: Names) -> int:
@@ -260,7 +262,7 @@ class DiscreteFunctionModel(DiscreteModel):
         return self._Q
 
 
-class _Matrix(Sensor):
+class MatrixSensor(Sensor):
     """y = H x + v."""
 
     linear = True
@@ -278,7 +280,7 @@ class _Matrix(Sensor):
         return self._H
 
 
-class _Function(Sensor):
+class FunctionSensor(Sensor):
     """y = h(x) + v."""
 
     def __init__(

@@ -282,3 +282,16 @@ def test_an_unnamed_sensor():
     observer = kr.filter(CHAIN, GPS, [0, 1], [1, 2], None, PRIOR, filter='steady_state')
     with pytest.raises(ValueError, match=r'sensor: expected a name among \(gps\).*sensor.name'):
         observer.record.filter.correct(PRIOR, np.zeros(1), bare)
+
+
+def test_everything_prints_its_contents():
+    assert repr(GPS) == "MatrixSensor 'gps'(reads: gps; covariance: [[0.25]])"
+    assert repr(default_model('cart_pole')) == (
+        'CartPole(state: x [m], v [m/s], theta [rad], omega [rad/s]; input: f [N])'
+    )
+    assert repr(kr.continuous_model([[-1]], 2)) == (
+        'LinearSystem(state: x0; input: none; A: [[-1.0]]; B: [[]]; W: [[2.0]])'
+    )
+    assert 'F: [[1.0]]; G: [[]]; Q: [[2.0]]; period: 1 s' in repr(kr.discrete_model([[1]], 2))
+    for value in (PRIOR, kr.load('cart_pole'), CHAIN.state, kr.Space(('a',), ('m',))):
+        assert ' at 0x' not in repr(value)
