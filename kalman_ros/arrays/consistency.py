@@ -72,7 +72,8 @@ class ConsistencyReport:
             for check in self.checks
         )  # fmt: skip
         lines += text.table(['', 'mean', 'allowed', 'values', ''], cells)
-        lines += [f'{check.name}: {check.hint}' for check in self.checks if not check.passed]
+        for check in self.checks:
+            lines += [] if check.passed else text.sentence(f'{check.name}: {check.hint}')
         return '\n'.join(lines)
 
 
@@ -102,9 +103,9 @@ def consistency(estimates: Any, truth: Any = None, *, miss: float = 0.001) -> Co
     ValueError
         If there is nothing to check, or shapes do not match.
     """
-    runs = [estimates] if isinstance(estimates, (Estimates, Trajectory)) else list(estimates)
-    truths = [truth] if len(runs) == 1 and not isinstance(truth, list) else truth
-    truths = [None] * len(runs) if truths is None or truths == [None] else list(truths)
+    single = isinstance(estimates, (Estimates, Trajectory))
+    runs = [estimates] if single else list(estimates)
+    truths = [truth] if single else [None] * len(runs) if truth is None else list(truth)
     if len(truths) != len(runs):
         raise ValueError(f'truth: expected {len(runs)} arrays, one a run, got {len(truths)}')
     if not 0.0 < miss < 1.0:

@@ -65,7 +65,9 @@ def continuous_model(
     """
     if callable(A):
         state, input = _spaces(A, 'W', W, states, inputs, angles)
-        return _Flow(A, weight('W', W, state.size), state, input, duration('max_step', max_step))
+        return FunctionModel(
+            A, weight('W', W, state.size), state, input, duration('max_step', max_step)
+        )
     A = square('A', A)
     n = len(A)
     B = np.zeros((n, 0)) if B is None else columns('B', B, n)
@@ -90,7 +92,7 @@ def discrete_model(
     period = duration('period', period)
     if callable(F):
         state, input = _spaces(F, 'Q', Q, states, inputs, angles)
-        return _Map(F, weight('Q', Q, state.size), state, input, period)
+        return DiscreteFunctionModel(F, weight('Q', Q, state.size), state, input, period)
     F = square('F', F)
     n = len(F)
     G = np.zeros((n, 0)) if G is None else columns('G', G, n)
@@ -143,7 +145,9 @@ def sensor(
     prefix = [name] if k == 1 else [f'{name}{index}' for index in range(k)]
     output = _named('outputs', outputs if outputs is not None else prefix, k, name, angles)
     R = weight('R', R, k, definite=True)
-    return _Function(H, output, R, name, jacobian) if callable(H) else _Matrix(H, output, R, name)
+    if callable(H):
+        return FunctionSensor(H, output, R, name, jacobian)
+    return MatrixSensor(H, output, R, name)
 
 
 def _size(names: Names) -> int:
@@ -226,7 +230,7 @@ class _Each:
         return np.array(each).reshape(*lead, self._size)
 
 
-class _Flow(Model):
+class FunctionModel(Model):
     """dx/dt = f(x, u) + w."""
 
     def __init__(self, f: Function, W: Array, state: Space, input: Space, max_step: float) -> None:
@@ -242,7 +246,7 @@ class _Flow(Model):
         return self._W
 
 
-class _Map(DiscreteModel):
+class DiscreteFunctionModel(DiscreteModel):
     """x' = f(x, u) + w."""
 
     def __init__(self, f: Function, Q: Array, state: Space, input: Space, period: float) -> None:
@@ -258,7 +262,7 @@ class _Map(DiscreteModel):
         return self._Q
 
 
-class _Matrix(Sensor):
+class MatrixSensor(Sensor):
     """y = H x + v."""
 
     linear = True
@@ -276,7 +280,7 @@ class _Matrix(Sensor):
         return self._H
 
 
-class _Function(Sensor):
+class FunctionSensor(Sensor):
     """y = h(x) + v."""
 
     def __init__(

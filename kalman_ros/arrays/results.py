@@ -88,11 +88,12 @@ class StateFeedback(_Gain):
         how = f', the input held for {self.dt:g} s' if sampled else ', in continuous time'
         lines = [f'State feedback u = -K x{how}']
         lines += text.matrix([f'K {u}' for u in plant.inputs], plant.states, self.gain)
-        lines += [f'poles [{"z" if sampled else "1/s"}]  {text.poles(self.poles)}']
+        lines += text.sentence(f'poles [{"z" if sampled else "1/s"}] {text.poles(self.poles)}')
         if self.cost_to_go is not None:
             lines += text.matrix([f'S {x}' for x in plant.states], plant.states, self.cost_to_go)
         if is_stable(plant.A - plant.B @ self.gain, sampled=sampled):
-            lines += [f'margins at {u}: {at}' for u, at in zip(plant.inputs, self.margins)]
+            for name, at in zip(plant.inputs, self.margins):
+                lines += text.sentence(f'margins at {name}: {at}')
         else:
             lines += ['the closed loop is not stable']
         return '\n'.join(lines)
@@ -154,10 +155,10 @@ class Observer(_Gain):
         readings = [f'y{index}' for index in range(self.gain.shape[1])]
         lines = [f'Steady-state Kalman filter {law}{how}']
         lines += text.matrix([f'L {x}' for x in self.states], readings, self.gain)
-        lines += [f'poles [{"z" if sampled else "1/s"}]  {text.poles(self.poles)}']
+        lines += text.sentence(f'poles [{"z" if sampled else "1/s"}] {text.poles(self.poles)}')
         std = np.sqrt(self.covariance.diagonal()).tolist()
-        errors = (f'{x} {text.number(s)}' for x, s in zip(self.states, std))
-        return '\n'.join([*lines, f'standard deviation of the error: {", ".join(errors)}'])
+        errors = ', '.join(f'{x} {text.number(s)}' for x, s in zip(self.states, std))
+        return '\n'.join([*lines, *text.sentence(f'standard deviation of the error: {errors}')])
 
 
 class Sampled(NamedTuple):

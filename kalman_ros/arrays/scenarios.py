@@ -35,6 +35,8 @@ from .readings import sensors_of
 _NOWHERE = Signal('', '', ())
 #: A node's part of a parameter file; the last one's values hold.
 BELIEVED = ('estimator', 'controller')
+#: What a file or a person may say of the actuators, beside the scenario.
+LIMITS = ('input_limit', 'input_rate_limit')
 
 
 def load(
@@ -64,13 +66,25 @@ def load(
 def values_of(
     given: str | Path | Mapping[str, Any], overrides: Mapping[str, Any], *nodes: str
 ) -> dict[str, Any]:
-    """Return the parameters that nodes have by a name, a file or a mapping, with ``overrides``."""
+    """Return the parameters that nodes have by a name, a file or a mapping, with ``overrides``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or a parameter beside those of the file is unknown.
+    """
+    typed, filed = dict(overrides), dict[str, Any]()
     if isinstance(given, Mapping):
-        return {**given, **overrides}
-    if not isinstance(given, (str, Path)):
+        typed = {**given, **overrides}
+    elif isinstance(given, (str, Path)):
+        filed = from_file(_file(given), *nodes)
+    else:
         kind = type(given).__name__
         raise ValueError(f'scenario: expected a name, a file or a Scenario, got {kind}')
-    return {**from_file(_file(given), *nodes), **overrides}
+    values = {**filed, **typed}
+    if typed:
+        refuse_unknown(typed, {*scenario.options(values), *LIMITS}, 'parameter')
+    return values
 
 
 def _file(given: str | Path) -> Path:

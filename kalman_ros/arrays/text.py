@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from textwrap import wrap
 
 import numpy as np
 
@@ -41,6 +42,11 @@ def matrix(rows: Sequence[str], columns: Sequence[str], values: Array) -> list[s
         body = ([name, *map(number, row[part].tolist())] for name, row in zip(rows, values))
         lines += table(['', *columns[part]], body)
     return lines
+
+
+def sentence(line: str) -> list[str]:
+    """Return a line as lines that are not too wide, those that follow set in."""
+    return wrap(line, WIDTH, subsequent_indent='  ')
 
 
 def poles(values: Iterable[complex]) -> str:

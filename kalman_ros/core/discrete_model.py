@@ -120,6 +120,10 @@ class DiscreteLinearSystem(DiscreteModel):
         self.Q = semidefinite('Q', Q, n)
         self._sampled = {1: Transition(self.F, self.G, self.Q)}
 
+    def __repr__(self) -> str:
+        matrices = f'F: {self.F.tolist()}; G: {self.G.tolist()}; Q: {self.Q.tolist()}'
+        return f'{super().__repr__()[:-1]}; {matrices}; period: {self.period:g} s)'
+
     def next(self, x: Array, u: Array) -> Array:
         """Return F x + G u."""
         return np.asarray(x @ self.F.T + u @ self.G.T)

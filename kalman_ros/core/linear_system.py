@@ -43,6 +43,10 @@ class LinearSystem(Model):
         self._discretization = Discretization(self.A, self.B, self.W)
         self._transitions: dict[float, Transition] = {}
 
+    def __repr__(self) -> str:
+        matrices = f'A: {self.A.tolist()}; B: {self.B.tolist()}; W: {self.W.tolist()}'
+        return f'{super().__repr__()[:-1]}; {matrices})'
+
     def derivative(self, x: Array, u: Array) -> Array:
         """Return A x + B u."""
         return np.asarray(x @ self.A.T + u @ self.B.T)

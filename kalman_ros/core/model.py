@@ -83,6 +83,9 @@ class Model(ABC):
         the covariance W dt.
         """
 
+    def __repr__(self) -> str:
+        return f'{type(self).__name__}(state: {self.state}; input: {self.input})'
+
     @property
     def equilibrium(self) -> OperatingPoint:
         """Where it rests, with no noise: derivative(x, u) = 0; the origin by default."""

@@ -30,6 +30,10 @@ class Sensor(ABC):
     #: What it is called in its scenario.
     name: str = ''
 
+    def __repr__(self) -> str:
+        name, kind = f' {self.name!r}' if self.name else '', type(self).__name__
+        return f'{kind}{name}(reads: {self.output}; covariance: {self.covariance.tolist()})'
+
     @abstractmethod
     def measure(self, x: Array) -> Array:
         """Return the noise-free reading (..., k)."""

@@ -50,6 +50,9 @@ class Space:
             mask = np.array([name in self.angles for name in self.names])
             object.__setattr__(self, '_wrapped', mask)
 
+    def __str__(self) -> str:
+        return ', '.join(map(self.label, self.names)) or 'none'
+
     @property
     def size(self) -> int:
         """The number of coordinates."""

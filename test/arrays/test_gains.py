@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gains from matrices as people type them, against published values."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import kalman_ros as kr
+
+A, B = [[0, 1], [0, 0]], [[0], [1]]
+CHAIN = kr.continuous_model(A, [0, 1], B, states=['x [m]', 'v [m/s]'])
+
+
+def test_lqr_of_the_double_integrator():
+    # Drake's LQR tests
+    gain = kr.lqr(A, B, np.eye(2), 1)
+    np.testing.assert_allclose(gain.gain, [[1.0, 3**0.5]], atol=1e-10)
+    np.testing.assert_allclose(gain.cost_to_go, [[3**0.5, 1.0], [1.0, 3**0.5]], atol=1e-10)
+    np.testing.assert_allclose(kr.lqr(A, B, np.eye(2), 1, [1, 0]).gain, [[1.0, 1.0]], atol=1e-10)
+    sampled = kr.dlqr([[1, 1], [0, 1]], [0, 1], [1, 1], 1)
+    np.testing.assert_allclose(sampled.gain, [[0.422082440385453, 1.243928853903714]], atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    'given',
+    [
+        (A, B, [1, 1], 1),
+        (A, [0, 1], np.eye(2), [1]),
+        (np.array(A), np.array(B), 1.0, [[1.0]]),
+        (tuple(map(tuple, A)), (0, 1), np.float64(1.0), np.int32(1)),
+        (CHAIN, np.eye(2), 1),
+        (SimpleNamespace(A=A, B=B, dt=0), np.eye(2), 1),
+        (SimpleNamespace(A=A, B=B, dt=None), 1, 1),
+    ],
+)
+def test_whatever_people_type(given):
+    np.testing.assert_allclose(kr.lqr(*given).gain, [[1.0, 3**0.5]], atol=1e-10)
+
+
+def test_by_keyword():
+    np.testing.assert_allclose(kr.lqr(A=A, B=B, Q=1, R=1).gain, kr.lqr(CHAIN, Q=1, R=1).gain)
+
+
+def test_python_control_is_understood():
+    pytest.importorskip('control.statesp', reason='python-control is not installed')
+    control = pytest.importorskip('control')
+    system = control.ss(A, B, [[1, 0]], 0)
+    K, S, E = control.lqr(system, np.eye(2), 1)
+    ours = kr.lqr(system, np.eye(2), 1)
+    np.testing.assert_allclose(ours.gain, K, atol=1e-9)
+    (k, s, e), L = ours, kr.lqe(A, np.eye(2), [[1, 0]], np.eye(2), 1)
+    np.testing.assert_allclose(s, S, atol=1e-9)
+    np.testing.assert_allclose(np.sort(e), np.sort(E), atol=1e-9)
+    np.testing.assert_allclose(k, K, atol=1e-9)
+    theirs, P, _ = control.lqe(A, np.eye(2), [[1, 0]], np.eye(2), [[1]])
+    np.testing.assert_allclose(L, theirs, atol=1e-8)
+    np.testing.assert_allclose(L.covariance, P, atol=1e-8)
+    step = [[1, 1], [0, 1]], np.eye(2), [[1, 0]], np.eye(2), [[1]]
+    theirs, P, _ = control.dlqe(*step)
+    L, prior, _ = kr.dlqe(*step)
+    np.testing.assert_allclose(L, theirs, atol=1e-8)
+    np.testing.assert_allclose(prior, P, atol=1e-8)
+    loop = control.ss([[0.9]], [[1.0]], [[0.3]], 0, 0.1)
+    assert kr.margins(loop).delay.frequency > 0.0
+    with pytest.raises(ValueError, match='A: expected a matrix or a state-space system, got a tr'):
+        kr.lqr(control.tf([1], [1, 1]), 1, 1)
+
+
+def test_a_gain_is_the_matrix_in_arithmetic():
+    gain, x = kr.lqr(A, B, 1, 1), np.array([1.0, 0.0])
+    np.testing.assert_allclose(-gain @ x, [-1.0])
+    np.testing.assert_allclose(np.linalg.eigvals(np.array(A) - B @ gain), gain.poles)
+    np.testing.assert_allclose(np.asarray(2.0 * gain), 2.0 * gain.gain)
+    K, S, E = gain
+    assert K is gain.gain and S is gain.cost_to_go and E is gain.poles
+
+
+def test_it_prints_what_it_is():
+    assert str(kr.lqr(A, B, [1, 1], 1)).splitlines() == [
+        'State feedback u = -K x, in continuous time',
+        '      x0     x1',
+        'K u0   1  1.732',
+        'poles [1/s] -0.866 ± 0.5j',
+        '         x0     x1',
+        'S x0  1.732      1',
+        'S x1      1  1.732',
+        'margins at u0: gain 0 to inf, phase -inf to +72.4 deg, delay 0.695 s, disk 1.31',
+    ]
+    assert 'K u0' in repr(kr.lqr(CHAIN, 1, 1, dt=0.1))
+    assert 'the input held for 0.1 s' in repr(kr.lqr(CHAIN, 1, 1, dt=0.1))
+    assert '-0.7321, -2.732' in repr(kr.place([[0, 1], [2, 0]], [0, 1], [-2.732, -0.7321]))
+    assert 'the closed loop is not stable' in repr(kr.place(A, B, [1, 2]))
+    for result in (kr.lqe(A, [1, 0], 1, 1), kr.discretize(A, B, 0.1), kr.margins(A, B, [1, 1])):
+        assert ' at 0x' not in repr(result)
+
+
+def test_a_sampled_gain_has_the_published_margins():
+    # Michigan's cart-pole at 100 Hz: phase margin 53.39 deg
+    model = kr.load('cart_pole').model
+    gain = kr.lqr(model, [5000, 0, 100, 0], 1, dt=0.01)
+    (margins,) = gain.margins
+    np.testing.assert_allclose(np.degrees(margins.lag.value), 53.39, atol=1e-2)
+    assert kr.margins(gain) == margins
+    assert kr.margins(gain.plant.A, gain.plant.B, gain, dt=0.01) == margins
+
+
+def test_lqe_and_its_published_values():
+    # Drake, and Altair's lqe
+    np.testing.assert_allclose(kr.lqe(A, [1, 0], 1, 1).gain, [[3**0.5], [1.0]], atol=1e-9)
+    found = kr.lqe([[-1, 0.1], [0, -2]], [1, 0], 0.1, 1)
+    np.testing.assert_allclose(found.gain, [[0.04889], [0.00082]], atol=5e-6)
+    W = np.diag([0.0, 1.0])
+    by_noise = kr.lqe(A, [0, 1], [1, 0], 1, 0.5)
+    np.testing.assert_allclose(by_noise.gain, kr.lqe(A, [1, 0], W, 0.5).gain)
+
+
+def test_lqe_of_a_model_and_its_sensors():
+    found = kr.lqe(CHAIN, kr.sensor([1, 0], 0.25), dt=0.1)
+    F, _, Q, _ = kr.discretize(CHAIN, 0.1)
+    np.testing.assert_allclose(found.gain, kr.dlqe(F, [1, 0], Q, 0.25).gain)
+    np.testing.assert_allclose(found.gain, kr.lqe(A, [1, 0], [0, 1], 0.25, dt=0.1).gain)
+    two = [kr.sensor([1, 0], 0.25), kr.sensor([0, 1], 1.0)]
+    assert kr.lqe(CHAIN, two, dt=0.1).gain.shape == (2, 2)
+    with pytest.raises(ValueError, match='dt: expected the seconds between readings'):
+        kr.lqe(CHAIN, two)
+
+
+def test_discretize():
+    F, G, Q, dt = kr.discretize(A, B, 0.5, [0, 2.0])
+    np.testing.assert_allclose(F, [[1, 0.5], [0, 1]])
+    np.testing.assert_allclose(G, [[0.125], [0.5]])
+    np.testing.assert_allclose(Q, 2.0 * np.array([[0.5**3 / 3, 0.125], [0.125, 0.5]]))
+    assert dt == 0.5
+    np.testing.assert_allclose(kr.discretize(CHAIN, 0.5).F, F)
+    assert kr.discretize(A, None, 0.5).G.shape == (2, 0)
+
+
+def test_place():
+    np.testing.assert_allclose(kr.place(A, B, [-1, -2]).gain, [[2.0, 3.0]])
+    np.testing.assert_allclose(kr.place(CHAIN, [-1, -2]).gain, [[2.0, 3.0]])
+    sampled = kr.place(A, B, [-1, -2], dt=0.1)
+    np.testing.assert_allclose(np.sort(sampled.poles), np.exp([-0.2, -0.1]))
+
+
+@pytest.mark.parametrize(
+    ('call', 'says'),
+    [
+        (lambda: kr.lqr(A, B, 1), 'R: expected numbers, got nothing'),
+        (lambda: kr.lqr(A), 'B: expected numbers, got nothing'),
+        (lambda: kr.lqr([[0, 1]], B, 1, 1), r'A: expected a square matrix, got shape \(1, 2\)'),
+        (lambda: kr.lqr(A, [1, 2, 3], 1, 1), r'B: expected 2 rows, one a state, got shape \(3, 1'),
+        (lambda: kr.lqr(A, B, [1, 2, 3], 1), r'Q: expected 2 numbers \(the diagonal\) or 4'),
+        (lambda: kr.lqr(A, B, 1, -1), 'R: expected a positive definite matrix'),
+        (lambda: kr.lqr(A, B, 1, 1, dt=-1), 'dt: expected a positive number of seconds, got -1'),
+        (lambda: kr.lqr('abc', B, 1, 1), 'A: expected numbers, got str'),
+        (lambda: kr.lqr(kr.load('level').model, 1, 1), 'B: expected at least one input'),
+        (lambda: kr.lqe(A, [1, 0, 0], 1, 1), 'C: expected 2 columns, one a state'),
+        (lambda: kr.lqe(A, [1, 0], 1, 0), 'V: expected a positive definite matrix'),
+        (lambda: kr.place(A, B), 'poles: expected 2 numbers, one a state, got nothing'),
+        (lambda: kr.discretize(A, B), 'dt: expected a number of seconds, got None'),
+    ],
+)
+def test_mistakes_are_named(call, says):
+    with pytest.raises(ValueError, match=f'^{says}'):
+        call()
