@@ -41,3 +41,12 @@ def test_a_window_judges_what_it_holds():
         window.add(value)
     assert window.count == 200
     assert not window.inside()
+
+
+@pytest.mark.parametrize(('degrees', 'count'), [(1, 1), (2, 10), (6, 400)])
+def test_the_bounds_of_an_average_are_those_of_chi_square(degrees, count):
+    window = ChiSquareWindow(degrees)
+    for _ in range(count):
+        window.add(float(degrees))
+    exact = chi2.ppf([0.005, 0.995], degrees * count) / (degrees * count)
+    np.testing.assert_allclose(window.bounds(0.01), exact, rtol=1e-9)
