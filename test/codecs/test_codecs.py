@@ -9,6 +9,7 @@ pytest.importorskip('rclpy')
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
+from scipy.spatial.transform import Rotation
 
 from kalman_ros import models
 from kalman_ros.codecs import wire
@@ -73,6 +74,19 @@ def test_angles_come_back_through_the_quaternion(name, angle, other):
     codec = SignalCodec(TURNED[name])
     raw = over_the_wire(codec, 0, [other, angle])
     np.testing.assert_allclose(WireReader(codec)(raw).values, [other, angle], atol=1e-12)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
+def test_three_angles_are_those_of_rotations_about_fixed_axes(roll, pitch, yaw):
+    """REP-103: about x, then y, then z, of axes that do not turn."""
+    angles = ('orientation.roll', 'orientation.pitch', 'orientation.yaw')
+    codec = SignalCodec(Signal('a', 'sensor_msgs/Imu', angles))
+    q = codec.encode(0, np.array([roll, pitch, yaw])).orientation
+    found = Rotation.from_quat([q.x, q.y, q.z, q.w])
+    expected = Rotation.from_euler('xyz', [roll, pitch, yaw])
+    np.testing.assert_allclose((found.inv() * expected).magnitude(), 0.0, atol=1e-12)
+    raw = over_the_wire(codec, 0, [roll, pitch, yaw])
+    np.testing.assert_allclose(WireReader(codec)(raw).values, [roll, pitch, yaw], atol=1e-7)
 
 
 @pytest.mark.parametrize('name', ['odometry', 'pose', 'imu', 'attitude', 'heading', 'pressure'])
