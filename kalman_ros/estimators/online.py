@@ -241,15 +241,15 @@ class OnlineEstimator:
         return item.outcome
 
     def _forget(self) -> None:
-        """Drop what is older than the window, some at a time; the last of it becomes the base.
-
-        One old item is looked at, not all of them: they are no longer in the processor's caches.
-        """
-        items, some = self._items, _DROPPED if self._window else 1
+        """Drop what is older than the window; the last of it becomes the base."""
+        items = self._items
         oldest = items[-1].key[0] - self._window
-        while len(items) > some and items[some - 1].key[0] < oldest:
-            self._base = items[some - 1].after
-            del items[:some]
+        gone = 0
+        while gone < len(items) - 1 and items[gone].key[0] < oldest:
+            gone += 1
+        if gone > 16 or (gone and self._window == 0):
+            self._base = items[gone - 1].after
+            del items[:gone]
 
     def _predict(self, state: _State, time: int, filter: Filter) -> Gaussian:
         """Return the belief at ``time``: the initial one if the old is worth nothing by then."""
@@ -307,8 +307,6 @@ class OnlineEstimator:
         return Outcome.REJECTED, correction
 
 
-#: So many items are dropped at a time, for each time all others move.
-_DROPPED = 16
 #: Fourfold each time, this widens standard deviations by up to a million.
 _MOST_WIDENINGS = 20
 
