@@ -39,3 +39,7 @@ def test_the_input_is_copied():
     given = np.ones(2)
     vector('x', given)[0] = 5.0
     assert given[0] == 1.0
+
+
+def test_variances_are_the_squares_of_standard_deviations():
+    np.testing.assert_array_equal(variances('noise', [0.5, 3.0], 2), np.diag([0.25, 9.0]))

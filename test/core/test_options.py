@@ -35,6 +35,11 @@ def test_whole_numbers_serve_as_numbers_and_an_item_as_a_list():
     assert words == ['b']
 
 
+@pytest.mark.parametrize('given', [{'size': 0.0}, {'count': 1}, {'count': 5}, {'pole': -0.1}])
+def test_the_ends_of_a_range_belong_to_it(given):
+    build_with(thing, given)
+
+
 @pytest.mark.parametrize(
     ('given', 'says'),
     [

@@ -53,3 +53,9 @@ def test_a_wrong_space_says_why(names, units, angles, says):
 def test_labels_have_units():
     assert HEADING.label('x') == 'x [m]'
     assert Space(('n',), ('',)).label('n') == 'n'
+
+
+def test_a_selection_keeps_units_and_angles_in_the_order_asked_for():
+    found = Space(('x', 'psi', 'v'), ('m', 'rad', 'm/s'), angles=('psi',)).select(('v', 'psi'))
+    assert found == Space(('v', 'psi'), ('m/s', 'rad'), angles=('psi',))
+    np.testing.assert_allclose(found.wrap(np.array([4.0, 4.0])), [4.0, 4.0 - 2.0 * np.pi])

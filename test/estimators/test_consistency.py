@@ -52,3 +52,12 @@ def test_what_is_said_to_be_certain_is_right_or_infinitely_wrong():
     assert np.isfinite(both[0])
     assert both[1] == np.inf
     assert nees(np.zeros(2), np.zeros((2, 2))) == 0.0
+
+
+@pytest.mark.parametrize(('degrees', 'count'), [(1, 1), (2, 10), (6, 400)])
+def test_the_bounds_of_an_average_are_those_of_chi_square(degrees, count):
+    window = ChiSquareWindow(degrees)
+    for _ in range(count):
+        window.add(float(degrees))
+    exact = chi2.ppf([0.005, 0.995], degrees * count) / (degrees * count)
+    np.testing.assert_allclose(window.bounds(0.01), exact, rtol=1e-9)

@@ -54,7 +54,6 @@ items = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None)
 @given(items, st.randoms(use_true_random=False), st.booleans())
 def test_the_order_of_arrival_does_not_matter(given_items, random, gated):
     gates = {'position': 3.0} if gated else None
@@ -121,6 +120,54 @@ def test_what_is_older_than_the_window_is_dropped_and_counted():
     assert online.counts['velocity'][Outcome.TOO_OLD] == 1
     late = SECOND + 99 * 20_000_000 - 400_000_000 + 1
     assert online.add_reading('velocity', late, np.array([1.0]))[0] is Outcome.FUSED
+
+
+@pytest.mark.parametrize('count', range(60, 77))
+def test_at_the_far_end_of_the_window_late_is_as_good_as_in_order(count):
+    """Also just before the oldest reading that is kept, whenever the last were forgotten."""
+    step, window = 20_000_000, 510_000_000
+    readings = [('position', SECOND + k * step, 0.1 * k) for k in range(count)]
+    extra = ('velocity', readings[-1][1] - window, 1.0)
+    late, in_order = estimator(window=window * 1e-9), estimator(window=window * 1e-9)
+    for item in readings:
+        feed(late, item)
+    assert feed(late, extra) is Outcome.FUSED
+    for item in sorted([*readings, extra], key=lambda item: item[1]):
+        feed(in_order, item)
+    np.testing.assert_array_equal(late.belief.mean, in_order.belief.mean)
+    np.testing.assert_array_equal(late.belief.covariance, in_order.belief.covariance)
+
+
+def test_no_more_is_kept_than_the_window_asks_for():
+    for window, most in ((0.5, 27 + 16), (0.0, 1)):
+        online = estimator(window=window)
+        for k in range(200):
+            feed(online, ('position', SECOND + k * 20_000_000, 0.0))
+        assert len(online._items) <= most
+
+
+@pytest.mark.parametrize('recover_after', [1, 2, 5])
+def test_recovery_comes_with_the_reading_that_it_is_due_with(recover_after):
+    online = estimator(gates={'position': 9.0}, recover_after=recover_after)
+    outcomes = [feed(online, ('position', k * SECOND // 100, 1e3)) for k in range(recover_after)]
+    assert outcomes == [Outcome.REJECTED] * (recover_after - 1) + [Outcome.RECOVERED]
+
+
+def test_only_rejections_in_a_row_count():
+    online = estimator(gates={'position': 9.0}, recover_after=3)
+    for k in range(20):
+        outcome = feed(online, ('position', k * SECOND // 1000, 0.0 if k % 3 == 2 else 1e3))
+        assert outcome is (Outcome.FUSED if k % 3 == 2 else Outcome.REJECTED)
+
+
+def test_the_noise_of_one_reading_is_not_that_of_the_next():
+    online, alone = estimator(), estimator()
+    y = np.array([1.0])
+    online.add_reading('position', SECOND, y, np.array([[4.0]]))
+    alone.add_reading('position', SECOND, y, np.array([[4.0]]))
+    _, correction = online.add_reading('position', 2 * SECOND, y, np.array([[0.25]]))
+    prior = alone.predicted(2 * SECOND).covariance[0, 0]
+    np.testing.assert_allclose(correction.innovation_covariance, [[prior + 0.25]], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -396,7 +443,7 @@ def test_starting_from_the_first_reading():
     assert online.belief.std[0] < 0.06
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=2 * settings.default.max_examples)
 @given(
     st.lists(
         st.tuples(

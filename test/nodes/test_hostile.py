@@ -63,8 +63,9 @@ LIMIT = 5.0
 #: Of rclpy itself.
 NOT_OURS = ('/parameter_events', '/rosout', '/clock')
 PATIENT = settings(
-    deadline=None, suppress_health_check=list(HealthCheck), derandomize=True, max_examples=400
+    suppress_health_check=list(HealthCheck), max_examples=4 * settings.default.max_examples
 )
+pytestmark = pytest.mark.slow
 
 HOSTILE = (np.nan, np.inf, -np.inf, 0.0, -0.0, 1e308, -1e308, 5e-324, 1e155, -1.0, 1e9)
 FLOATS = st.sampled_from(HOSTILE) | st.floats() | st.floats(-10.0, 10.0)

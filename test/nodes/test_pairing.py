@@ -42,6 +42,16 @@ def test_covariances_may_come_first():
     assert pairing.estimate(7, part(0))[0] == 7
 
 
+def test_what_has_found_its_pair_is_gone():
+    pairing = Pairing()
+    pairing.estimate(7, part(0))
+    assert pairing.covariance(whole(0))[0] == 7
+    assert pairing.covariance(whole(0)) is None
+    pairing.covariance(whole(1))
+    assert pairing.estimate(8, part(1))[0] == 8
+    assert pairing.estimate(9, part(1)) is None
+
+
 def test_what_finds_no_pair_does_not_make_it_slow(monkeypatch):
     pairing, compared = Pairing(), []
     monkeypatch.setattr(np, 'array_equal', lambda a, b: compared.append(1))

@@ -43,6 +43,12 @@ def test_the_reason_is_given(doubtful, reason):
     assert reason in trust().reason(doubtful, 10 * SECOND)
 
 
+@pytest.mark.parametrize(('variance', 'trusted'), [(3.99, True), (4.01, False)])
+def test_the_limit_is_a_standard_deviation(variance, trusted):
+    found = estimate(P=((0.5, 0.0), (0.0, variance)))
+    assert (trust().reason(found, 10 * SECOND) == '') is trusted
+
+
 def test_an_older_estimate_is_ignored_as_long_as_newer_ones_come():
     watch = trust()
     assert watch.reason(estimate(), None) == ''

@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,20 +26,25 @@ from kalman_ros.nodes.topics import QUEUE
 
 from . import Contest
 
-#: Readings a measurement.
-_READINGS = 1000
+#: Readings a measurement: without a break, and with one as on a robot, in seconds.
+_READINGS, _SPACED = 1000, 300
+_BREAK = 0.002
 #: How much later than a bare node the estimator may be ready, in seconds.
 _HEAD_START = 0.4
 
 
 @contextmanager
 def contests() -> Iterator[list[Contest]]:
-    """Give both contests; what they start is gone at the end."""
+    """Give the contests; what they start is gone at the end."""
     estimator = [str(executable('estimator'))]
     relay = [sys.executable, bare.__file__]
     with Respondent(estimator) as ours, Respondent(relay) as peer:
         yield [
             Contest('reading to estimate / bare relay', 1.25, ours.answer, peer.answer),
+            Contest(
+                f'the same, {1e3 * _BREAK:g} ms between readings', 1.4,
+                partial(ours.answer, _SPACED, _BREAK), partial(peer.answer, _SPACED, _BREAK),
+            ),
             Contest(
                 f'estimator ready / a bare node and {_HEAD_START} s', 1.0,
                 ours.restart, lambda: peer.restart() + _HEAD_START,
@@ -101,11 +107,15 @@ class Respondent:
         self._start()
         return time.perf_counter() - start
 
-    def answer(self) -> float:
-        """Return the median of the seconds from a message to its answer."""
-        return float(np.median([self._once() for _ in range(_READINGS)]))
+    def answer(self, readings: int = _READINGS, pause: float = 0.0) -> float:
+        """Return the median of the seconds from a message to its answer.
 
-    def _once(self) -> float:
+        A ``pause`` of some seconds before each lets caches and clocks of the processor cool down.
+        """
+        return float(np.median([self._once(pause) for _ in range(readings)]))
+
+    def _once(self, pause: float) -> float:
+        time.sleep(pause)
         start = time.perf_counter()
         if not self._answered(5.0):
             raise RuntimeError(f'no estimate: {self._process.last_words()}')

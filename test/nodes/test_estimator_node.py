@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the estimator does with readings that waited, and with changes while it runs."""
+
+import numpy as np
+from geometry_msgs.msg import TwistWithCovarianceStamped
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+
+from kalman_ros.codecs.messages import nanoseconds, write_stamp
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.nodes.estimator import EstimatorNode
+
+STEP = 10_000_000
+
+
+def send(publisher, stamps):
+    message = TwistWithCovarianceStamped()
+    message.twist.covariance[:] = np.eye(6).ravel()
+    for stamp in stamps:
+        write_stamp(message.header.stamp, stamp)
+        publisher.publish(message)
+
+
+def record(pair, monkeypatch):
+    """Return the stamps of the estimates that are published from now on."""
+    publisher = pair.node._publish._publisher
+    stamps, publish = [], publisher.publish
+
+    def publish_and_note(message):
+        found = message
+        if isinstance(message, bytes):
+            found = deserialize_message(message, publisher.msg_type)
+        stamps.append(nanoseconds(found.header.stamp))
+        publish(message)
+
+    monkeypatch.setattr(publisher, 'publish', publish_and_note)
+    return stamps
+
+
+def test_readings_that_waited_in_the_wrong_order_are_each_computed_once(pair, monkeypatch):
+    """Each that is taken in late would make all those after it anew."""
+    found = pair(EstimatorNode)
+    velocity = found.publisher(TwistWithCovarianceStamped, 'velocity')
+    online, computed = found.node._online, []
+    process = online._process
+    monkeypatch.setattr(
+        online, '_process', lambda item, state: computed.append(item) or process(item, state)
+    )
+    first = found.node.get_clock().now().nanoseconds - 20 * STEP
+    send(velocity, [first + k * STEP for k in reversed(range(20))])
+    counts = online.counts['velocity']
+    found.until(lambda: counts.total() == 20, 'not all readings came')
+    assert counts == {Outcome.FUSED: 20}
+    assert online.time == first + 19 * STEP
+    # what wakes the node is the first to be taken, the others may come just after
+    assert len(computed) < 3 * 20, len(computed)
+
+
+def test_of_readings_that_are_too_many_the_newest_are_used(pair, monkeypatch):
+    found = pair(EstimatorNode)
+    velocity = found.publisher(TwistWithCovarianceStamped, 'velocity')
+    estimates = record(found, monkeypatch)
+    first = found.node.get_clock().now().nanoseconds - 200 * STEP
+    send(velocity, [first + k * STEP for k in range(200)])
+    counts = found.node._online.counts['velocity']
+    found.until(lambda: counts.total() == 200, 'some readings are not accounted for')
+    assert counts[Outcome.OVERRUN] > 0
+    assert found.node._online.time == estimates[-1] == first + 199 * STEP
+    assert estimates == sorted(estimates)
+
+
+def test_a_change_leaves_what_was_changed_before(pair):
+    node = pair(EstimatorNode).node
+    for name, value in (('position.noise', [0.5, 0.5]), ('velocity.noise', [0.25, 0.25])):
+        result = node.set_parameters_atomically([Parameter(name, value=value)])
+        assert result.successful, result.reason
+    noise = {
+        name: np.sqrt(source.sensor.covariance.diagonal()).tolist()
+        for name, source in node.scenario.sensors.items()
+    }
+    assert noise == {'position': [0.5, 0.5], 'velocity': [0.25, 0.25]}
+    assert list(node.get_parameter('position.noise').value) == [0.5, 0.5]
