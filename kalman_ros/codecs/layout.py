@@ -17,6 +17,7 @@ from rclpy.serialization import serialize_message
 from kalman_ros.core import Array
 
 from .messages import STAMP, STAMP_START, leading_stamp, split
+from .padding import without_padding
 from .signal_codec import SignalCodec
 
 #: Marks are numbers that no message has by chance: these bits, and a counter.
@@ -138,7 +139,11 @@ def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
     if not (_numbers_of(wanted) < count).all():  # what is computed from a field is no mark
         return None
     places = None if covariance is None else (own, there[_numbers_of(covariance)])
-    fixed = _fixed_runs(data, marked, there, stamped)
+    try:
+        used = without_padding(b'\xff' * len(data), message)
+    except NotImplementedError:
+        return None
+    fixed = _fixed_runs(data, marked, used, there, stamped)
     return Layout(data, fixed, there[_numbers_of(values)], places, stamped)
 
 
@@ -158,13 +163,16 @@ def _marks_in(marked: bytes, count: int) -> _Places | None:
     return there if len(places) == count and (there >= 0).all() else None
 
 
-def _fixed_runs(data: bytes, marked: bytes, there: _Places, stamped: bool) -> list[slice]:
+def _fixed_runs(
+    data: bytes, marked: bytes, used: bytes, there: _Places, stamped: bool
+) -> list[slice]:
     """Return where bytes must stay the same: all but numbers, the stamp, and padding.
 
-    ``marked`` says the same as ``data`` but for its numbers; what differs besides is padding,
-    which may be anything.
+    ``marked`` contains the same as ``data`` but for its numbers. Padding, which is zero in
+    ``used``, may be anything: what the publisher's memory held before.
     """
     fixed = np.frombuffer(data, np.uint8) == np.frombuffer(marked, np.uint8)
+    fixed &= np.frombuffer(used, np.uint8) != 0
     for byte in range(_SIZE):
         fixed[_BASE + _SIZE * there + byte] = False
     if stamped:

@@ -19,7 +19,13 @@ _SIZES = {
 
 
 def without_padding(data: bytes, message: Any) -> bytes:
-    """Return ``data``, which is ``message`` serialised, with zeros for all that is padding."""
+    """Return ``data``, which is ``message`` serialised, with zeros for all that is padding.
+
+    Raises
+    ------
+    NotImplementedError
+        If the message has wide strings, whose size on the wire differs between implementations.
+    """
     clean = bytearray(len(data))
     clean[:_ENCAPSULATION] = data[:_ENCAPSULATION]
     walk = _Walk()
@@ -47,6 +53,8 @@ class _Walk:
         elif kind.startswith('string'):
             self._use(4, 4)
             self._use(len(value.encode()) + 1, 1)
+        elif kind.startswith('wstring'):
+            raise NotImplementedError('wide strings')
         elif kind.startswith('sequence<'):
             self._use(4, 4)
             self._each(value, kind[len('sequence<') : -1].partition(',')[0])
