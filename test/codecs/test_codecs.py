@@ -283,7 +283,7 @@ def test_another_stamp_and_other_numbers_are_read_without_objects(name, monkeypa
         used = without_padding(b'\xff' * len(data), message)
         return bytes(byte if is_used else garbage for byte, is_used in zip(data, used))
 
-    reader(padded(1, np.zeros(codec.size), 0xAB))
+    reader(padded(1, np.zeros(codec.size), 0x00))
     later = padded(2_000_000_003, np.arange(1.0, codec.size + 1.0), 0xCD)
     monkeypatch.setattr(wire, 'decode', None)
     sample = reader(later)
