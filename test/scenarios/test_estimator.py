@@ -55,7 +55,9 @@ class Feed:
 
 
 def alone(**parameters):
-    return Run(overrides=parameters, lockstep=False, nodes=('estimator',))
+    # no controller is there to set anything in motion
+    told = {'rest_until_input': False, **parameters}
+    return Run(overrides=told, lockstep=False, nodes=('estimator',))
 
 
 def test_gates_and_noise_change_live_and_rejections_are_counted():
