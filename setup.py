@@ -21,7 +21,10 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'scipy', 'pyyaml', 'rich', 'matplotlib'],
-    extras_require={'test': ['pytest', 'pytest-timeout', 'hypothesis', 'filterpy', 'rosbags']},
+    extras_require={
+        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'filterpy', 'rosbags'],
+        'docs': ['sphinx', 'myst-parser'],
+    },
     zip_safe=False,
     maintainer='The kalman_ros authors',
     maintainer_email='kalman_ros@users.noreply.github.com',

@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted(path.stem for path in (ROOT / 'config').glob('*.yaml'))
-PAGE = (ROOT / 'docs' / 'scenarios.md').read_text()
+PAGE = (ROOT / 'docs' / 'reference' / 'scenarios.md').read_text()
 SECTIONS = dict(re.findall(r'^## (\w+)\n(.*?)(?=^## |\Z)', PAGE, re.MULTILINE | re.DOTALL))
 
 
@@ -19,7 +19,7 @@ def test_a_scenario_has_its_section(name):
     assert 'Measured: ' in section
     (picture,) = re.findall(r'!\[.+\]\((scenarios/\w+\.png)\)', section)
     assert picture == f'scenarios/{name}.png'
-    assert 5_000 < (ROOT / 'docs' / picture).stat().st_size < 60_000
+    assert 5_000 < (ROOT / 'docs' / 'reference' / picture).stat().st_size < 60_000
 
 
 def test_no_section_is_of_a_scenario_that_is_gone():
