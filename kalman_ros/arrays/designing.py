@@ -39,9 +39,9 @@ class Design:
         out = StringIO()
         console = Console(file=out, width=WIDTH, highlight=False, force_terminal=False)
         console.print(design_tables.structure(self.report), markup=False)
-        for title, table in design_tables.tables(self.report):
+        for title, sheet in design_tables.tables(self.report):
             console.print(f'\n{title}', markup=False)
-            console.print(table)
+            console.print(*sheet.tables(console), sep='\n\n')
         console.print()
         for sentence in (*design_tables.closing(self.report), *advice.notes(self.report)):
             console.print(sentence, markup=False)

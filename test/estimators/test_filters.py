@@ -270,7 +270,7 @@ def test_a_factor_is_repaired_by_little_or_not_at_all(case):
     np.testing.assert_allclose(P, case.P, atol=1e-7)
 
 
-@pytest.mark.parametrize('P', [np.diag([1.0, -1.0]), np.zeros((2, 2)), np.full((2, 2), np.nan)])
+@pytest.mark.parametrize('P', [np.diag([1.0, -1.0]), np.full((2, 2), np.nan)])
 def test_what_is_no_covariance_is_not_repaired(P):
     with pytest.raises(np.linalg.LinAlgError):
         cholesky(P)
