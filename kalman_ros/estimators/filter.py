@@ -43,18 +43,21 @@ def parts(model: Model, dt: float) -> int:
     return ceil(min(ratio / _ONE, _MOST_PARTS))
 
 
-def process_noise(model: Model, x: Array, u: Array, dt: float) -> Array:
-    """Return the covariance Q (n, n) that noise adds in ``dt`` seconds on the path from ``x``.
+def carried(model: Model, points: Array, u: Array, dt: float) -> tuple[Array, Array]:
+    """Return points (p, n) after ``dt`` seconds, and the covariance Q (n, n) that noise adds.
 
-    Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`.
+    Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`, along
+    the path of the first point.
     """
     count = parts(model, dt)
-    Q = model.transition(x, u, dt / count).Q
+    h = dt / count
+    Q = model.transition(points[0], u, h).Q
+    points = model.step(points, u, h)
     for _ in range(1, count):
-        x = model.step(x, u, dt / count)
-        step = model.transition(x, u, dt / count)
+        step = model.transition(points[0], u, h)
         Q = step.F @ Q @ step.F.T + step.Q
-    return Q
+        points = model.step(points, u, h)
+    return points, Q
 
 
 #: The models whose steps are x' = F x + G u + w, whatever x and u are.

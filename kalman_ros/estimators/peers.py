@@ -18,7 +18,7 @@ from filterpy.kalman import (
 from kalman_ros.core import Array, Gaussian, Model, Sensor, symmetric
 
 from .correction import Correction
-from .filter import Plan, linear_system, parts, process_noise
+from .filter import Plan, carried, linear_system, parts
 from .ukf import Alpha, Beta, Kappa
 
 R = TypeVar('R')
@@ -119,7 +119,7 @@ class _Unscented:
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Let filterpy predict."""
         peer = self._peer(belief, None)
-        peer.Q = process_noise(self._model, belief.mean, u, dt)
+        _, peer.Q = carried(self._model, belief.mean[np.newaxis], u, dt)
         peer.predict(dt=dt, fx=lambda x, dt: self._model.step(x, u, dt))
         return Gaussian(np.array(peer.x), symmetric(np.array(peer.P)), belief.repairs)
 

@@ -18,7 +18,7 @@ from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, identi
 
 from .correction import Correction
 from .factor import cholesky
-from .filter import Plan, process_noise
+from .filter import Plan, carried
 from .lapack import dgemm, dgemv, dger, dsymm
 from .update import transposed_gain
 
@@ -104,9 +104,8 @@ class UnscentedKalmanFilter:
         """Move every point by the model; P = sum of W d d' + Q."""
         model = self.model
         offsets, repairs = self._offsets(belief)
-        moved = model.step(self._points(belief.mean, offsets), u, dt)
+        moved, Q = carried(model, self._points(belief.mean, offsets), u, dt)
         mean, d = self._spread(model.state, moved)
-        Q = process_noise(model, belief.mean, u, dt)
         covariance = dgemm(1.0, self._weights[self._n] * d, d, 1.0, Q, 0, 1)
         return unchecked((mean, dsymm(1.0, covariance, identity(self._n)), repairs))
 

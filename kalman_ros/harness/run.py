@@ -41,6 +41,8 @@ _LOOK = 0.1
 _PATIENCE = 2.0
 #: Seconds without any message after which what is missing will not come.
 _SILENCE = 20.0
+#: Seconds without a step after which an error of the plant is final; before, it asks again.
+_STALL = 5.0
 
 
 class NodeError(RuntimeError):
@@ -242,7 +244,7 @@ class Run:
 
     def _complain(self, silence: float) -> None:
         plant = self.diagnostics.get('plant')
-        if plant is not None and plant.level == DiagnosticStatus.ERROR:
+        if silence > _STALL and plant is not None and plant.level == DiagnosticStatus.ERROR:
             raise NodeError(plant.message)
         if silence > _SILENCE:
             said = '; '.join(

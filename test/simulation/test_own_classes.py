@@ -73,7 +73,7 @@ def test_what_is_wrong_with_a_model_is_named(model, says):
         ('NoOutput', 'its output: expected Space, which its __init__ sets, got None'),
         ('Breaks', "KeyError: 'no such state'"),
         ('NoMeasure', 'measure'),
-        ('NoSensor', 'expected a Sensor'),
+        ('NoSensor', 'is not a Sensor class'),
     ],
 )
 def test_what_is_wrong_with_a_sensor_is_named(sensor, says):
