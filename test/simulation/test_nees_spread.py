@@ -21,6 +21,7 @@ def failed(built, run):
     return [check.name for check in consistency(built, run) if not check.passed]
 
 
+@pytest.mark.slow
 def test_of_a_linear_loop_the_spread_is_that_of_many_runs():
     built = scenario.build({'model': 'mass_spring_damper'})
     gain = regulator(built)[0].gain
