@@ -24,7 +24,7 @@ SCENARIOS = Path(__file__).with_name('scenarios')
 def pytest_addoption(parser):
     """Add the options for a quick look, and for two processes side by side."""
     parser.addoption('--fast', action='store_true', help='leave out what is slow or in real time')
-    parser.addoption('--part', choices=PARTS, help='run the files with tests in real time, or not')
+    parser.addoption('--part', choices=PARTS, help='of two that run side by side')
     parser.addoption('--counts', type=Path, help='a file to write to how many tests did what')
 
 
@@ -55,8 +55,17 @@ def pytest_collection_modifyitems(config, items):
     if config.getoption('fast'):
         keep(config, items, lambda item: not any(map(item.get_closest_marker, SLOW)))
     if part := config.getoption('part'):
-        timed = {item.path for item in items if item.get_closest_marker('real_time')}
-        keep(config, items, lambda item: (item.path in timed) is (part == PARTS[0]))
+        first = first_part(items, config.getoption('fast'))
+        keep(config, items, lambda item: (item.path in first) is (part == PARTS[0]))
+
+
+def first_part(items, fast):
+    """Return the files of the first of two parts; of quick tests that is every other file."""
+    if fast:
+        return {*sorted({item.path for item in items})[::2]}
+    timed = {item.path for item in items if item.get_closest_marker('real_time')}
+    nodes = (path for path in SCENARIOS.glob('test_*.py') if path.stem not in BESIDE)
+    return timed.union(nodes)
 
 
 def keep(config, items, wanted):
@@ -69,7 +78,19 @@ def keep(config, items, wanted):
 #: The marks of what `--fast` leaves out.
 SLOW = ('slow', 'real_time')
 #: Of `side_by_side.py`.
-PARTS = ('real_time', 'other')
+PARTS = ('nodes', 'other')
+#: Files of test/scenarios that the other part has, so that both take about as long; none of them
+#: is in real time, which would disturb its like.
+BESIDE = (
+    'test_checkout',
+    'test_configs',
+    'test_design_command',
+    'test_faults',
+    'test_microphones',
+    'test_programs',
+    'test_replay',
+    'test_studies',
+)
 #: What starts a process, by its audit event.
 STARTS = ('subprocess.Popen', 'os.fork', 'os.forkpty', 'os.posix_spawn', 'os.system', 'os.exec')
 

@@ -3,8 +3,9 @@
 
     python test/side_by_side.py [ARGUMENTS OF PYTEST]
 
-One process has what takes place in real time, so that no two such tests disturb each other, the
-other one all else. The output of the first is seen as it comes, that of the second after it.
+One process has what takes place in real time, so that no two such tests disturb each other, and
+more of test/scenarios; the other one has the rest (`PARTS` in conftest.py). The output of the
+first is seen as it comes, that of the second after it.
 
 Exit code: that of pytest, of the process that failed if one did; 130 after an interrupt.
 """
@@ -23,7 +24,7 @@ from types import FrameType
 
 import pytest
 
-PARTS = ('real_time', 'other')
+PARTS = ('nodes', 'other')
 #: What the closing line always counts, and, by the words of pytest, what it does if there is any.
 _ALWAYS = ('passed', 'failed', 'skipped')
 _ALSO = {'error': 'errors', 'rerun': 'tried again', 'broken': 'of 2 processes broke off'}
