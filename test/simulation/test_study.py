@@ -19,6 +19,7 @@ def both(name, width, runs=RUNS):
 WITHIN = chi_square_bounds(1.0, 2.0 / (2 * 200), 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'width', 'low', 'high'),
     [
