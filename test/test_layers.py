@@ -63,6 +63,7 @@ def test_every_layer_is_known():
     assert folders == set(BELOW)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'node', ['plant', 'estimator', 'controller', 'monitor', 'microphone_array']
 )

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,8 +46,39 @@ class Consistency:
         return float(np.mean((low <= values) & (values <= high)))
 
 
+class Moment(NamedTuple):
+    """The state (n,) at a step of a run, and the readings (k,) that are due there, by sensor."""
+
+    state: Array
+    readings: Mapping[str, Array]
+
+
+def truths(scenario: Scenario, runs: int, steps: int) -> list[list[Moment]]:
+    """Return what happens in runs from states drawn from the initial belief, step by step.
+
+    The seeds are 0, 1, ...; the input is that of the equilibrium.
+    """
+    timed = {name: source.timed for name, source in scenario.enabled.items()}
+    u, found = scenario.model.equilibrium.input, []
+    for run in range(runs):
+        start = _draw(scenario.initial_belief, run)
+        plant, moments = SimulatedPlant(scenario.model, timed, scenario.rate, start, run), []
+        for step in range(steps):
+            if step:
+                plant.step(u)
+            moments.append(Moment(plant.state, plant.readings()))
+        found.append(moments)
+    return found
+
+
 def consistency(
-    scenario: Scenario, filter: Filter, runs: int, steps: int, *, noise: float = 1.0
+    scenario: Scenario,
+    filter: Filter,
+    runs: int,
+    steps: int,
+    *,
+    noise: float = 1.0,
+    drawn: Sequence[Sequence[Moment]] | None = None,
 ) -> Consistency:
     """Run a filter from truths drawn from its initial belief, with the equilibrium's input.
 
@@ -63,6 +95,9 @@ def consistency(
     noise
         The standard deviations that the filter believes the sensors to have, relative to those
         that they have.
+    drawn
+        The `truths`, if they are there already; those of another filter of the same scenario
+        will do.
     """
     timed = {name: source.timed for name, source in scenario.enabled.items()}
     believed = {
@@ -70,23 +105,22 @@ def consistency(
     }
     space, belief = scenario.model.state, scenario.initial_belief
     u = scenario.model.equilibrium.input
+    dt = 1.0 / scenario.rate
+    drawn = truths(scenario, runs, steps) if drawn is None else drawn
     all_nees = np.empty((runs, steps))
     all_nis: dict[str, list[list[float]]] = {name: [] for name in timed}
-    for run in range(runs):
-        truth = _draw(belief, run)
-        plant = SimulatedPlant(scenario.model, timed, scenario.rate, truth, run)
+    for run, moments in enumerate(drawn):
         posterior = belief
         for found in all_nis.values():
             found.append([])
-        for step in range(steps):
-            for name, y in plant.readings().items():
+        for step, (truth, readings) in enumerate(moments):
+            for name, y in readings.items():
                 correction = filter.correct(posterior, y, believed[name])
                 all_nis[name][-1].append(correction.nis)
                 posterior = correction.posterior
-            error = space.subtract(plant.state, posterior.mean)
+            error = space.subtract(truth, posterior.mean)
             all_nees[run, step] = nees(error, posterior.covariance)
-            plant.step(u)
-            posterior = filter.predict(posterior, u, plant.dt)
+            posterior = filter.predict(posterior, u, dt)
     degrees = {'': space.size, **{name: t.sensor.output.size for name, t in timed.items()}}
     return Consistency(
         runs,

@@ -95,6 +95,7 @@ def srp_phat(frame, bearings):
     return bearings[response.sum(axis=0).argmax()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('decibel', [10.0, -8.0])
 def test_it_beats_a_steered_response(decibel):
     near = np.linspace(-0.2, 0.2, 201)  # which is kind to the peer
@@ -106,11 +107,13 @@ def test_it_beats_a_steered_response(decibel):
     assert ours < theirs
 
 
+@pytest.mark.slow
 def test_noise_alone_is_no_source():
     _, _, evidence = found(-60.0, runs=500)
     assert np.all(evidence < LEAST_EVIDENCE)
 
 
+@pytest.mark.slow
 def test_what_is_hardly_heard_does_no_harm():
     # here most frames have no clear source; the few that pass must be as good as they say
     for decibel in (-10.0, -12.0, -14.0):
@@ -147,6 +150,7 @@ def test_loudness_does_not_matter_but_silence_does():
     assert not FINDER(np.full_like(frame, np.nan)).evidence > LEAST_EVIDENCE
 
 
+@pytest.mark.slow
 def test_an_array_of_any_shape_will_do():
     array = MicrophoneArray([0.0, 0.0, 0.15, 0.02, -0.03, 0.12, 0.1, -0.1])
     finder = DirectionFinder(array, RATE, SAMPLES, BAND)

@@ -23,6 +23,7 @@ def run(code, *flags):
     return result
 
 
+@pytest.mark.slow
 def test_the_import_loads_nothing():
     out = run('import sys, kalman_ros; print(sorted(sys.modules))').stdout
     loaded = {name.partition('.')[0] for name in ast.literal_eval(out)}
@@ -30,6 +31,7 @@ def test_the_import_loads_nothing():
     assert "'kalman_ros.core'" not in out
 
 
+@pytest.mark.slow
 def test_the_import_takes_a_fraction_of_that_of_numpy():
     """By Python's own account of one process, so that the load of a machine strikes both."""
 
@@ -42,6 +44,7 @@ def test_the_import_takes_a_fraction_of_that_of_numpy():
     assert median(ratio() for _ in range(5)) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('use', 'not_loaded'),
     [
@@ -58,6 +61,7 @@ def test_what_is_used_loads_what_it_needs(use, not_loaded):
     assert not loaded.intersection(not_loaded)
 
 
+@pytest.mark.slow
 def test_it_works_without_ros():
     block = "import sys; sys.modules.update(dict.fromkeys(['rclpy', 'ament_index_python']))"
     code = 'import kalman_ros as kr; print(kr.simulate("cart_pole", seconds=0.2, seed=1))'
@@ -90,6 +94,7 @@ def test_a_name_that_is_not_there():
         _ = kr.kalman
 
 
+@pytest.mark.slow
 def test_run_without_a_sourced_workspace_says_what_to_do():
     pytest.importorskip('rclpy')
     code = (

@@ -128,6 +128,7 @@ def test_a_model_without_an_input():
         run.plot(what='force')
 
 
+@pytest.mark.slow
 def test_design_prints_and_draws(tmp_path):
     found = kr.design('cart_pole')
     text = repr(found)
@@ -139,6 +140,7 @@ def test_design_prints_and_draws(tmp_path):
         assert (tmp_path / f'{what}.png').stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_pictures(tmp_path):
     run = kr.simulate('cart_pole', seconds=5)
     for what in ('overview', 'states', 'errors', 'innovations', 'force'):

@@ -129,6 +129,7 @@ def bag():
                 yield 'odometry', time, np.array([speed.linear.x * np.cos(pitch), speed.angular.z])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', ['ekf', 'ukf'])
 def test_the_differential_drive_robot_ends_where_it_should(kind):
     # cra-ros-pkg/robot_localization, test_ekf_localization_node_bag3: (1.0206, 3.4292, .7419)

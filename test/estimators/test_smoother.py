@@ -187,7 +187,9 @@ def runs(model, sensor, prior, count, steps, dt, filter):
         yield np.array(truth), found, kr.smooth(found)
 
 
-@pytest.mark.parametrize('filter', ['kf', 'ekf', 'ukf'])
+@pytest.mark.parametrize(
+    'filter', ['kf', *(pytest.param(name, marks=pytest.mark.slow) for name in ('ekf', 'ukf'))]
+)
 def test_it_is_never_worse_than_the_filter_and_consistent(filter):
     """Over 200 runs, at every time and in every state; the pendulum turns over, past +-pi."""
     count, steps, dt = 200, 12, 0.1

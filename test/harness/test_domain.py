@@ -38,6 +38,7 @@ def test_nothing_in_the_temporary_folder_is_followed_or_truncated(tmp_path, monk
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_a_domain_is_held_until_its_process_ends(monkeypatch):
     process = subprocess.Popen(
         [sys.executable, '-c', HOLDER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

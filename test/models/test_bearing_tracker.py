@@ -14,6 +14,7 @@ from kalman_ros.simulation.regulator import regulator
 from kalman_ros.simulation.study import study
 
 RUNS = 100
+SLOW = pytest.param('gaussian_sum', marks=pytest.mark.slow)
 LOST = 1000.0  # m, at the end: ten times the bound
 
 
@@ -56,7 +57,7 @@ def test_it_is_the_manoeuvre_that_tells_the_range():
     assert straight[-1] > 5.0 * bound(built)[-1]
 
 
-@pytest.mark.parametrize('filter', ['ekf', 'ukf', 'gaussian_sum'])
+@pytest.mark.parametrize('filter', ['ekf', 'ukf', SLOW])
 def test_tracks_come_near_the_bound(filter):
     built = moderate()
     errors = np.array([position_errors(built, filter, seed) for seed in range(RUNS)])
@@ -89,6 +90,7 @@ def test_a_first_belief_in_quite_another_direction_does_no_harm(seed):
         assert (off < 3.0 * std) is np.bool_(good)
 
 
+@pytest.mark.slow
 def test_ranges_side_by_side_keep_what_one_range_loses():
     case, lost, median, sure = CASES['bearings_only'], {}, {}, {}
     for filter in ('ekf', 'ukf', 'gaussian_sum'):

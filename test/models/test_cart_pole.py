@@ -57,7 +57,7 @@ def test_without_friction_it_keeps_its_energy():
 
 
 @pytest.mark.parametrize('filter', ['ekf', 'ukf'])
-@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('seed', [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_the_loop_recovers_from_a_lean(filter, seed):
     built = scenario.build({'model': 'cart_pole'})
     assert built.initial_state[2] == 0.3
@@ -76,6 +76,7 @@ def test_without_the_gain_it_falls():
     assert np.abs(run.truth[:, 2]).max() > 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('filter', ['ekf', 'ukf'])
 def test_nothing_is_lost_where_the_angle_wraps(filter):
     values = {'initial_state': [0.0, 0.0, 0.3, 12.0], 'initial_std': [0.1, 0.1, 0.3, 3.0]}

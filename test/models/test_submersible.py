@@ -54,6 +54,7 @@ def test_the_sensors_do_not_tell_where_it_is_along_x(built):
     assert observability(built).unseen == ('x', 'u')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('filter', ['ekf', 'ukf'])
 def test_upright_comes_first_and_depth_later(built, filter):
     run = closed_loop.run(built, regulator(built)[0].gain, 20.0, 0, filter=filter)

@@ -42,7 +42,9 @@ def test_a_radar_needs_position_and_velocity():
         Radar(TurnRate.state, NOISE, ('x', 'y'))
 
 
-@pytest.mark.parametrize('name', ['constant_velocity', 'turn_rate'])
+@pytest.mark.parametrize(
+    'name', ['constant_velocity', pytest.param('turn_rate', marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize('filter', ['ekf', 'ukf'])
 def test_readings_that_do_not_wait_for_each_other(name, filter):
     built = scenario.build({'model': name})

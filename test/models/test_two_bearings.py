@@ -53,6 +53,7 @@ def test_two_bearings_cross_at_the_target():
     np.testing.assert_allclose(np.array([-20.0, 0.0]) + near * lines[0], x[:2])
 
 
+@pytest.mark.slow
 def test_tracks_are_as_good_as_they_can_be():
     both = built()
     errors, nis = tracks(both, 'ukf')
@@ -75,19 +76,3 @@ def test_one_place_alone_does_not_tell_the_range():
         return np.sqrt(np.trace(P))
 
     assert spread(built(**{'east.enabled': False})) > 5.0 > 1.0 > spread(built())
-
-
-def test_over_topics():
-    pytest.importorskip('rclpy')
-    from kalman_ros.harness import Run
-
-    with Run('two_bearings') as run:
-        run.advance(10.0)
-        loop, east = run.trajectory(), run.recorder['east/bearing']
-    assert set(run.processes) == {'plant', 'estimator', 'monitor'}
-    alone = closed_loop.run(built(), None, 10.0, 0)
-    np.testing.assert_allclose(loop.truth, alone.truth, atol=1e-9)
-    np.testing.assert_allclose(loop.estimate, alone.estimate, atol=1e-9)
-    # bearings go by quaternions, with their variance in the place of the yaw
-    np.testing.assert_allclose(east.values, alone.readings['east'].values, atol=1e-12)
-    np.testing.assert_allclose(east.covariance, np.full((len(east.stamp), 1, 1), 0.02**2))

@@ -36,6 +36,7 @@ def test_wheels_and_gyroscope_tell_the_motion_but_not_the_place():
     assert observability(scenario.build({'model': 'diff_drive'})).unseen == ('x', 'y', 'psi')
 
 
+@pytest.mark.slow
 def test_dead_reckoning_knows_how_far_it_may_be_off():
     built, errors, covariances = runs('diff_drive', 8.0)
     n = built.model.state.size
@@ -45,6 +46,7 @@ def test_dead_reckoning_knows_how_far_it_may_be_off():
     assert np.all(spread(covariances)[:, -1] > 1.1 * spread(covariances)[:, 100])
 
 
+@pytest.mark.slow
 def test_two_sources_of_yaw_rate_are_better_than_one():
     alone = scenario.build({'model': 'diff_drive', 'imu.enabled': False})
     both = scenario.build({'model': 'diff_drive'})
@@ -58,11 +60,13 @@ def outage():
     return runs('gnss_imu', 22.0, arrives=lambda name, t: name != 'gnss' or not 10.0 < t < 20.0)
 
 
+@pytest.mark.slow
 def test_everything_is_observed_where_the_vehicle_moves(outage):
     built, *_ = outage
     assert observability(built).unseen == ()
 
 
+@pytest.mark.slow
 def test_the_biases_of_the_imu_are_found(outage):
     built, errors, covariances = outage
     before = covariances[:, 999, 6:, 6:].diagonal(axis1=1, axis2=2)
@@ -72,6 +76,7 @@ def test_the_biases_of_the_imu_are_found(outage):
     assert inside.mean() > 0.95
 
 
+@pytest.mark.slow
 def test_in_an_outage_the_covariance_grows_and_covers_the_error(outage):
     _, errors, covariances = outage
     position = spread(covariances)

@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros.harness import Run
+from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.judgement import judge
 
 
@@ -74,3 +75,16 @@ def test_a_target_that_goes_round_and_round_is_not_lost_where_angles_wrap(filter
     error = run.scenario.model.state.subtract(loop.truth, loop.estimate)[100:]
     assert np.abs(error[:, 3]).max() < 0.1
     assert np.hypot(*error[:, :2].T).max() < 0.5
+
+
+def test_two_bearings_over_topics_are_the_loop_in_one_process():
+    with Run('two_bearings') as run:
+        run.advance(10.0)
+        loop, east = run.trajectory(), run.recorder['east/bearing']
+    assert set(run.processes) == {'plant', 'estimator', 'monitor'}
+    alone = closed_loop.run(run.scenario, None, 10.0, 0)
+    np.testing.assert_allclose(loop.truth, alone.truth, atol=1e-9)
+    np.testing.assert_allclose(loop.estimate, alone.estimate, atol=1e-9)
+    # bearings go by quaternions, with their variance in the place of the yaw
+    np.testing.assert_allclose(east.values, alone.readings['east'].values, atol=1e-12)
+    np.testing.assert_allclose(east.covariance, np.full((len(east.stamp), 1, 1), 0.02**2))

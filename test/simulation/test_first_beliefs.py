@@ -17,6 +17,14 @@ RUNS = 200
 STEPS = {'submersible': 25}
 
 
+#: What is not linear takes seconds, and is slow but for one.
+QUICK = ('level', 'nile', 'linear', 'mass_spring_damper', 'mass_spring_damper_2d', 'two_bearings')
+MARKED = [
+    pytest.param(path, id=path.stem, marks=() if path.stem in QUICK else pytest.mark.slow)
+    for path in CONFIGS
+]
+
+
 def built(path, **options):
     """Return the scenario of a file, with no step between the readings."""
     values = from_file(path, 'estimator')
@@ -25,7 +33,7 @@ def built(path, **options):
     return scenario.build({**values, 'rate': fastest, **options})
 
 
-@pytest.mark.parametrize('path', CONFIGS, ids=lambda path: path.stem)
+@pytest.mark.parametrize('path', MARKED)
 def test_the_error_scatters_as_the_first_belief_and_all_after_it_say(path):
     chosen = built(path)
     filter = build_filter(chosen.filter, chosen.plan)

@@ -9,6 +9,7 @@ from kalman_ros.estimators import FILTERS, online
 from kalman_ros.simulation.fuzz import _SHARES, BrokenPromiseError, Episode
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(100_000, 100_040))
 def test_hostile_input_breaks_no_promise(seed):
     with np.errstate(all='ignore'):

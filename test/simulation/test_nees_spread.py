@@ -21,6 +21,7 @@ def failed(built, run):
     return [check.name for check in consistency(built, run) if not check.passed]
 
 
+@pytest.mark.slow
 def test_of_a_linear_loop_the_spread_is_that_of_many_runs():
     built = scenario.build({'model': 'mass_spring_damper'})
     gain = regulator(built)[0].gain
@@ -33,6 +34,7 @@ def test_of_a_linear_loop_the_spread_is_that_of_many_runs():
     assert expected > 2.0 * 2.0 / (2 * 400)  # more than that of independent errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('scale', 'passes'), [(1.0, True), (0.2, False), (8.0, False)])
 def test_a_filter_that_is_wrong_about_itself_fails(scale, passes):
     built = scenario.build({'model': 'turn_rate'})
@@ -69,6 +71,7 @@ def test_correlated_values_count_for_fewer():
     assert independent(np.array([1.0, np.inf]), 3.0) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('scale', 'inside'), [(1.0, True), (0.01, False), (50.0, False)])
 def test_the_window_of_the_monitor_notices_a_covariance_that_is_wrong(scale, inside):
     built = scenario.build({'model': 'diff_drive'})

@@ -19,6 +19,7 @@ def both(name, width, runs=RUNS):
 WITHIN = chi_square_bounds(1.0, 2.0 / (2 * 200), 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'width', 'low', 'high'),
     [
@@ -40,6 +41,7 @@ def test_the_truth_is_as_far_from_the_belief_as_that_says(name, width, low, high
     assert low < np.mean(found) < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'runs'), [('bearings_only', RUNS), ('range_bearing', RUNS), ('pole', 3)]
 )
@@ -51,6 +53,7 @@ def test_where_little_is_uncertain_both_are_alike(name, runs):
         assert 0.8 < np.median(found.nees) < 1.4
 
 
+@pytest.mark.slow
 def test_with_range_and_bearing_the_unscented_filter_holds_where_the_extended_one_does_not():
     ekf, ukf = both('range_bearing', 30.0)
     assert ekf.lost > 0.4 * RUNS > 0.2 * RUNS > ukf.lost
@@ -58,6 +61,7 @@ def test_with_range_and_bearing_the_unscented_filter_holds_where_the_extended_on
     assert np.median(ekf.nees) > 20.0 > 1.6 > np.median(ukf.nees)
 
 
+@pytest.mark.slow
 def test_with_bearings_only_and_the_published_prior_both_keep_most_tracks():
     ekf, ukf = both('bearings_only', 1.0)
     for found in (ekf, ukf):
