@@ -15,7 +15,8 @@ from .arrays import Array
 from .discretize import Discretization
 from .space import Space
 
-_MOST_SUBSTEPS = 10_000
+#: The most steps of integration within one step of a model; a longer step is coarser.
+MOST_SUBSTEPS = 10_000
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ class Model(ABC):
         A negative ``dt`` goes back in time.
         """
         u = like(u, x)
-        substeps = max(1, ceil(min(abs(dt) / self.max_step, _MOST_SUBSTEPS)))
+        substeps = max(1, ceil(min(abs(dt) / self.max_step, MOST_SUBSTEPS)))
         h = dt / substeps
         for _ in range(substeps):
             k1 = self.derivative(x, u)

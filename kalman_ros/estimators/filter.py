@@ -20,6 +20,7 @@ from kalman_ros.core import (
     period,
     ratio,
 )
+from kalman_ros.core.model import MOST_SUBSTEPS
 
 if TYPE_CHECKING:
     from .correction import Correction  # it needs scipy, and a `Plan` does not
@@ -35,10 +36,11 @@ def parts(model: Model, dt: float) -> int:
     """Return the number of equal parts in which to predict a covariance over ``dt`` seconds.
 
     The mean of a nonlinear model is integrated in steps of at most ``max_step``. A linearisation
-    holds no longer than such a step, so the covariance goes along with the mean.
+    holds no longer than such a step, so the covariance goes along with the mean. Beyond what the
+    model resolves itself, nothing is known of the path, and one part is as good as many.
     """
     ratio = abs(dt) / model.max_step
-    if ratio <= _ONE:
+    if not _ONE < ratio <= MOST_SUBSTEPS:
         return 1
     return ceil(min(ratio / _ONE, _MOST_PARTS))
 
