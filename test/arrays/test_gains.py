@@ -85,7 +85,8 @@ def test_it_prints_what_it_is():
         '         x0     x1',
         'S x0  1.732      1',
         'S x1      1  1.732',
-        'margins at u0: gain 0 to inf, phase -inf to +72.4 deg, delay 0.695 s, disk 1.31',
+        'margins at u0: gain 0 to inf, phase -inf to +72.4 deg, delay 0.695 s, disk',
+        '  1.31, min|1 + L| 1',
     ]
     assert 'K u0' in repr(kr.lqr(CHAIN, 1, 1, dt=0.1))
     assert 'the input held for 0.1 s' in repr(kr.lqr(CHAIN, 1, 1, dt=0.1))
