@@ -26,7 +26,7 @@ from kalman_ros.core import (
 
 def square(name: str, value: ArrayLike | None) -> Array:
     """Return a square matrix (n, n); a number is a matrix (1, 1)."""
-    array = _numbers(name, value)
+    array = numbers(name, value)
     array = np.atleast_2d(array) if array.ndim == 0 else array
     if array.ndim != 2 or array.shape[0] != array.shape[1]:
         raise ValueError(f'{name}: expected a square matrix, got {_shape(array)}')
@@ -35,7 +35,7 @@ def square(name: str, value: ArrayLike | None) -> Array:
 
 def columns(name: str, value: ArrayLike | None, n: int) -> Array:
     """Return a matrix (n, m), such as B; n numbers are one column."""
-    array = _numbers(name, value)
+    array = numbers(name, value)
     array = array.reshape(-1, 1) if array.ndim <= 1 else array
     if array.ndim != 2 or len(array) != n:
         raise ValueError(f'{name}: expected {n} rows, one a state, got {_shape(array)}')
@@ -44,7 +44,7 @@ def columns(name: str, value: ArrayLike | None, n: int) -> Array:
 
 def rows(name: str, value: ArrayLike | None, n: int) -> Array:
     """Return a matrix (k, n), such as C; n numbers are one row."""
-    array = _numbers(name, value)
+    array = numbers(name, value)
     array = array.reshape(1, -1) if array.ndim <= 1 else array
     if array.ndim != 2 or array.shape[1] != n:
         raise ValueError(f'{name}: expected {n} columns, one a state, got {_shape(array)}')
@@ -56,13 +56,14 @@ def weight(name: str, value: ArrayLike | None, size: int, *, definite: bool = Fa
 
     A number stands for that number times the identity, ``size`` numbers for the diagonal.
     """
-    array = _numbers(name, value)
+    array = numbers(name, value)
     if array.ndim == 0:
         array = np.full(size, float(array))
     return semidefinite(name, array, size, definite=definite)
 
 
-def _numbers(name: str, value: ArrayLike | None) -> Array:
+def numbers(name: str, value: Any) -> Array:
+    """Return numbers of any shape."""
     if value is None:
         raise ValueError(f'{name}: expected numbers, got nothing')
     try:
@@ -159,17 +160,23 @@ def belief_of(initial: Any, model: Model) -> Gaussian:
             f'initial: expected a Gaussian or a pair of mean and covariance at the first time, '
             f'got {got}'
         )
-    mean = vector('initial mean', np.ravel(np.asarray(initial[0], dtype=float)), n)
+    mean = vector('initial mean', np.ravel(numbers('initial mean', initial[0])), n)
     P = weight('initial covariance', initial[1], n)
     return Gaussian(mean, semidefinite('initial covariance', P, n, definite=True))
 
 
+def number(name: str, value: Any, what: str = 'a number') -> float:
+    """Return one number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        got = repr(value) if value is None or isinstance(value, str) else type(value).__name__
+        raise ValueError(f'{name}: expected {what}, got {got}') from None
+
+
 def duration(name: str, value: Any) -> float:
     """Return a positive, finite number of seconds."""
-    try:
-        seconds = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f'{name}: expected a number of seconds, got {value!r}') from None
+    seconds = number(name, value, 'a number of seconds')
     if not 0.0 < seconds < np.inf:
         raise ValueError(f'{name}: expected a positive number of seconds, got {seconds:g}')
     return seconds

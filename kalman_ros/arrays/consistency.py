@@ -14,6 +14,7 @@ from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.simulation.trajectory import Innovations, Trajectory
 
 from . import text
+from .accept import number, numbers
 from .estimates import Estimates
 
 
@@ -104,11 +105,13 @@ def consistency(estimates: Any, truth: Any = None, *, miss: float = 0.001) -> Co
         If there is nothing to check, or shapes do not match.
     """
     single = isinstance(estimates, (Estimates, Trajectory))
-    runs = [estimates] if single else list(estimates)
-    truths = [truth] if single else [None] * len(runs) if truth is None else list(truth)
+    runs = [estimates] if single else _listed('estimates', estimates)
+    truths = (
+        [truth] if single else [None] * len(runs) if truth is None else _listed('truth', truth)
+    )
     if len(truths) != len(runs):
         raise ValueError(f'truth: expected {len(runs)} arrays, one a run, got {len(truths)}')
-    if not 0.0 < miss < 1.0:
+    if not 0.0 < number('miss', miss) < 1.0:
         raise ValueError(f'miss: expected a probability, got {miss:g}')
     errors = [found for pair in zip(runs, truths) if (found := _nees(*pair)) is not None]
     checks: list[ConsistencyCheck] = []
@@ -136,6 +139,20 @@ _NIS_HINTS = (
 )
 
 
+def _listed(name: str, given: Any) -> list[Any]:
+    """Return what belongs to several runs, one or more."""
+    try:
+        several = list(given)
+    except TypeError:
+        got = 'nothing' if given is None else type(given).__name__
+        raise ValueError(
+            f'{name}: expected those of one run, or a list of several, got {got}'
+        ) from None
+    if not several:
+        raise ValueError(f'{name}: expected at least one run, got none')
+    return several
+
+
 def _size(run: Any) -> int:
     mean = run.mean if isinstance(run, Estimates) else run.estimate
     return int(mean.shape[1])
@@ -153,9 +170,10 @@ def _nees(run: Any, truth: Any) -> Array | None:
         raise ValueError(f'estimates: expected those of kr.filter, got {type(run).__name__}')
     if truth is None:
         return None
-    states = np.asarray(truth, dtype=float).reshape(len(run.time), -1)
+    states = numbers('truth', truth)
+    states = states.reshape(-1, 1) if states.ndim == 1 else states
     if states.shape != run.mean.shape:
-        raise ValueError(f'truth: expected shape {run.mean.shape}, got {np.shape(truth)}')
+        raise ValueError(f'truth: expected shape {run.mean.shape}, got {states.shape}')
     return nees(run.state.subtract(states, run.mean), run.covariance)
 
 

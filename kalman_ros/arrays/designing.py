@@ -14,6 +14,7 @@ from kalman_ros.simulation import scenario as scenarios
 from kalman_ros.simulation.design import DesignReport, report
 from kalman_ros.simulation.scenario import Scenario
 
+from .accept import number
 from .estimates import _path
 from .scenarios import BELIEVED, values_of
 from .text import WIDTH
@@ -39,9 +40,7 @@ class Design:
         out = StringIO()
         console = Console(file=out, width=WIDTH, highlight=False, force_terminal=False)
         console.print(design_tables.structure(self.report), markup=False)
-        for title, sheet in design_tables.tables(self.report):
-            console.print(f'\n{title}', markup=False)
-            console.print(*sheet.tables(console), sep='\n\n')
+        design_tables.show(console, design_tables.tables(self.report))
         console.print()
         for sentence in (*design_tables.closing(self.report), *advice.notes(self.report)):
             console.print(sentence, markup=False)
@@ -91,5 +90,8 @@ def design(
         If the input cannot stabilise the model, or a mode grows that no sensor sees.
     """
     if not isinstance(scenario, Scenario):
-        scenario = scenarios.build(values_of(scenario, overrides or {}, *BELIEVED))
+        scenario = scenarios.build(
+            values_of(scenario, {} if overrides is None else overrides, *BELIEVED)
+        )
+    delay = number('delay', delay, 'a number of seconds')
     return Design(report(scenario, delay), delay)

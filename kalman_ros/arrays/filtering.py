@@ -31,7 +31,7 @@ from kalman_ros.estimators.smoother import smooth as smooth_steps
 from kalman_ros.simulation.scenario import Scenario
 from kalman_ros.simulation.trajectory import Innovations, Series
 
-from .accept import belief_of
+from .accept import belief_of, numbers
 from .estimates import Estimates, Record
 from .readings import Rows, parts_of, readings_of, rows_of, sensors_of, times_of
 from .scenarios import load
@@ -158,7 +158,7 @@ def _inputs(
         raise ValueError('inputs: expected none, for the model has no input')
     if inputs is None:
         inputs = np.zeros(m)
-    array = np.asarray(inputs, dtype=float)
+    array = numbers('inputs', inputs)
     if not np.isfinite(array).all():
         raise ValueError('inputs: expected finite numbers')
     start = min(float(each.time.min()) for each in rows.values() if len(each.time))

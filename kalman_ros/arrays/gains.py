@@ -278,6 +278,8 @@ def margins(
         A, B, C, D = A.A, A.B, A.C, A.D
     loop = plant(A, B)
     C = rows('C', C, len(loop.A))
+    if len(C) != loop.B.shape[1]:
+        raise ValueError(f'C: expected a row for each of {loop.B.shape[1]} inputs, got {len(C)}')
     each = loop_at_a_time(state_space(loop.A, loop.B, C, D, loop.dt or dt))
     return each[0] if len(each) == 1 else LoopMargins(each)
 

@@ -22,7 +22,7 @@ from kalman_ros.core import (
     numerical_jacobian,
 )
 
-from .accept import columns, duration, rows, space, square, weight
+from .accept import columns, duration, numbers, rows, space, square, weight
 
 #: A function of a state (n,) and an input (m,), or of a state alone.
 Function = Callable[..., ArrayLike]
@@ -136,10 +136,10 @@ def sensor(
     if not name:
         raise ValueError("name: expected a word, such as 'gps', got ''")
     if callable(H):
-        k = _size(outputs) or np.asarray(R, dtype=float).shape[:1] or (1,)
+        k = _size(outputs) or numbers('R', R).shape[:1] or (1,)
         k = k if isinstance(k, int) else k[0]
     else:
-        array = np.asarray(H, dtype=float)
+        array = numbers('H', H)
         H = rows('H', array, array.shape[-1] if array.ndim else 1)
         k = len(H)
     prefix = [name] if k == 1 else [f'{name}{index}' for index in range(k)]
@@ -168,7 +168,7 @@ def _spaces(
     f: Function, what: str, noise: ArrayLike, states: Names, inputs: Names, angles: Sequence[str]
 ) -> tuple[Space, Space]:
     """Return the spaces of a function's state and input."""
-    array = np.asarray(noise, dtype=float)
+    array = numbers('noise', noise)
     n = _size(states) or (len(array) if array.ndim else 0)
     if not n:
         raise ValueError(f'states: expected names or a number, for {what} does not tell how many')

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from kalman_ros.simulation.parameters import from_file
 from kalman_ros.simulation.scenario import Scenario, SensorSource
 from kalman_ros.simulation.shapes import check_model
 
-from .accept import belief_of, weight
+from .accept import belief_of, number, weight
 from .readings import sensors_of
 
 #: An object in a program has no topic.
@@ -60,7 +61,7 @@ def load(
         if overrides:
             raise ValueError('overrides: expected none for a Scenario, whose objects are built')
         return given
-    return scenario.build(values_of(given, overrides or {}, 'plant'))
+    return scenario.build(values_of(given, {} if overrides is None else overrides, 'plant'))
 
 
 def values_of(
@@ -73,6 +74,9 @@ def values_of(
     ValueError
         If there is no such file, or a parameter beside those of the file is unknown.
     """
+    if not isinstance(overrides, Mapping):
+        kind = type(overrides).__name__
+        raise ValueError(f'overrides: expected parameters by name, got {kind}')
     typed, filed = dict(overrides), dict[str, Any]()
     if isinstance(given, Mapping):
         typed = {**given, **overrides}
@@ -159,6 +163,9 @@ def make_scenario(
         if not isinstance(model, DiscreteModel):
             raise ValueError('rate: expected the steps of the loop a second, got nothing')
         rate = 1.0 / model.period
+    rate = number('rate', rate)
+    if not 0.0 < rate < inf:
+        raise ValueError(f'rate: expected a positive number of steps a second, got {rate:g}')
     x, _ = model.equilibrium
     n, m = model.state.size, model.input.size
     belief = belief_of((x, 1.0) if initial is None else initial, model)
@@ -168,7 +175,7 @@ def make_scenario(
     named = sensors_of(sensors, model)
     refuse_unknown(rates or {}, named, 'sensor')
     for name, sensor in named.items():
-        own = float((rates or {}).get(name, rate))
+        own = number('rates', (rates or {}).get(name, rate))
         try:
             ratio(own, rate)
         except ValueError as error:
@@ -183,7 +190,7 @@ def make_scenario(
         sensors=sources,
         state=_NOWHERE,
         input=_NOWHERE,
-        rate=float(rate),
+        rate=rate,
         initial_state=vector(
             'initial_state', belief.mean if initial_state is None else initial_state, n
         ),

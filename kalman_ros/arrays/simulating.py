@@ -29,7 +29,7 @@ from kalman_ros.simulation.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import text
-from .accept import duration
+from .accept import duration, numbers
 from .estimates import _path
 from .gains import dlqr
 from .scenarios import BELIEVED, load, values_of
@@ -139,10 +139,18 @@ def simulate(
     """
     real, believed, told = _scenarios(scenario, overrides)
     seconds = duration('seconds', seconds)
+    if not isinstance(seed, (int, np.integer)) or seed < 0:
+        got = repr(seed) if isinstance(seed, (int, str)) else type(seed).__name__
+        raise ValueError(f'seed: expected a whole number from 0, got {got}')
     limits = regulators.limits(
         believed,
-        told.get('input_limit', inf) if input_limit is None else input_limit,
-        told.get('input_rate_limit', inf) if input_rate_limit is None else input_rate_limit,
+        *(
+            numbers(name, told.get(name, inf) if given is None else given).ravel()
+            for name, given in (
+                ('input_limit', input_limit),
+                ('input_rate_limit', input_rate_limit),
+            )
+        ),
     )
     if not real.model.input.size:
         for name, value in {'reference': reference, 'gain': gain}.items():
@@ -168,7 +176,7 @@ def _scenarios(
     """Return the plant's scenario, the believed one, and what the controller is told."""
     if isinstance(given, Scenario):
         return load(given, overrides), given, {}
-    told = values_of(given, overrides or {}, *BELIEVED)
+    told = values_of(given, {} if overrides is None else overrides, *BELIEVED)
     return load(given, overrides), scenarios.build(told), told
 
 
@@ -177,7 +185,7 @@ def _feedback(scenario: Scenario, gain: Any) -> Feedback:
     model = scenario.model
     n, m = model.state.size, model.input.size
     if gain is not None:
-        K = matrix('gain', np.asarray(gain, dtype=float), (m, n))
+        K = matrix('gain', numbers('gain', gain), (m, n))
     elif isinstance(model, DiscreteModel):
         if scenario.law != 'lqr':
             raise ValueError(f'law: expected lqr or a gain in discrete time, got {scenario.law}')

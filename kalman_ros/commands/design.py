@@ -119,13 +119,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     law = f', law {built.law}' if built.law else ''
     console.print(f'[bold]{path.stem} at {built.rate:g} Hz{law}[/]')
     console.print(design_tables.structure(report))
-    sheets = [*design_tables.tables(report)]
+    design_tables.show(console, design_tables.tables(report))
     if options.matrices:
-        sheets += design_tables.matrices(report)
-    for title, sheet in sheets:
-        if sheet.columns:
-            console.print(f'\n[bold]{title}[/]')
-            console.print(*sheet.tables(console), sep='\n\n')
+        design_tables.show(console, design_tables.matrices(report))
     console.print()
     for sentence in (*design_tables.closing(report), *notes, *unchecked):
         console.print(sentence, markup=False)

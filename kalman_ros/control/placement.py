@@ -124,7 +124,13 @@ def place_observer(A: Array, C: Array, poles: Sequence[complex]) -> PlacementDes
 
 
 def _checked(n: int, poles: Sequence[complex]) -> ComplexArray:
-    wanted = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
+    try:
+        wanted = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
+    except (TypeError, ValueError):
+        got = type(poles).__name__
+        raise ValueError(f'poles: expected {n} numbers, one a state, got {got}') from None
+    if wanted.ndim > 1:
+        raise ValueError(f'poles: expected {n} numbers, one a state, got shape {wanted.shape}')
     if wanted.shape != (n,) or not np.all(np.isfinite(wanted)):
         raise ValueError(f'poles: expected {n} finite numbers, one a state, got {poles}')
     if not np.allclose(np.sort_complex(wanted), np.sort_complex(wanted.conj())):

@@ -243,7 +243,13 @@ def _scaled(
             f'{terms.weight}: expected a positive definite matrix, got one that is singular: its '
             f'smallest eigenvalue, with the diagonal scaled to 1, is {smallest:.3g}'
         )
-    loaded, moved = np.linalg.norm(Q), np.linalg.norm(B) ** 2
+    with np.errstate(over='ignore'):
+        loaded, moved = np.linalg.norm(Q), np.linalg.norm(B) ** 2
+    if not np.isfinite(loaded) or not np.isfinite(moved):
+        raise DesignError(
+            f'system: expected matrices and {terms.state_weight} whose squares are '
+            f'finite, got elements up to {max(np.abs(Q).max(), np.abs(B).max()):.3g}'
+        )
     size = float(np.sqrt(loaded / moved)) if loaded > 0.0 and moved > 0.0 else 1.0
     root = float(np.sqrt(size))
     return _Problem(A, B * root, Q / size, R, N / root), units * root, size

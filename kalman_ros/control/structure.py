@@ -85,6 +85,13 @@ def describe(modes: ComplexArray) -> str:
     return ', '.join(f'{s.real:.3g}' if abs(s.imag) < 1e-12 else f'{s:.3g}' for s in modes)
 
 
+def _parted(some: tuple[str, ...], others: tuple[str, ...]) -> str:
+    """Return which states, and which not, as text."""
+    if not some:
+        return f'none of {", ".join(others)}'
+    return f'{", ".join(some)}; not {", ".join(others)}' if others else ', '.join(some)
+
+
 @dataclass(frozen=True)
 class HiddenMode:
     """A mode that the input cannot move, or the readings cannot see.
@@ -124,8 +131,7 @@ class Controllability:
     stabilizable: bool
 
     def __str__(self) -> str:
-        reached = f'the input controls {", ".join(self.reached) or "nothing"}'
-        return f'{reached}; not {", ".join(self.unreached)}' if self.unreached else reached
+        return f'the input controls {_parted(self.reached, self.unreached)}'
 
 
 @dataclass(frozen=True)
@@ -148,8 +154,7 @@ class Observability:
     detectable: bool
 
     def __str__(self) -> str:
-        seen = f'the sensors observe {", ".join(self.seen) or "nothing"}'
-        return f'{seen}; not {", ".join(self.unseen)}' if self.unseen else seen
+        return f'the sensors observe {_parted(self.seen, self.unseen)}'
 
 
 def observability(

@@ -53,7 +53,8 @@ class Discretization:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If A is so large that no halving makes the step short enough.
+            If A is so large that no halving makes the step short enough, or what grows does so
+            beyond all numbers within the step.
         """
         reach = self._norm * abs(dt) / _LONGEST
         if reach == inf:
@@ -64,10 +65,22 @@ class Discretization:
         F = flat[: n * n].reshape(n, n, order='F')
         G = flat[n * n : n * (n + m)].reshape(n, m, order='F')
         Q = flat[n * (n + m) :].reshape(n, n, order='F')
-        for _ in range(halvings):
-            G, Q = G + F.dot(G), Q + F.dot(Q).dot(F.T)
-            F = F.dot(F)
+        if halvings:
+            F, G, Q = _doubled(F, G, Q, halvings)
+            if not all(np.isfinite(each).all() for each in (F, G, Q)):
+                raise np.linalg.LinAlgError(
+                    f'the model grows beyond all numbers within a step of {dt:g} s'
+                )
         return F, G, symmetric(Q).T
+
+
+@np.errstate(over='ignore', invalid='ignore')
+def _doubled(F: Array, G: Array, Q: Array, times: int) -> tuple[Array, Array, Array]:
+    """Return F, G and Q of a step that is 2 ** ``times`` as long."""
+    for _ in range(times):
+        G, Q = G + F.dot(G), Q + F.dot(Q).dot(F.T)
+        F = F.dot(F)
+    return F, G, Q
 
 
 def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,7 @@ class Comparison:
         if np.isnan(belief.covariance).any():  # nobody said how good it is
             return
         try:
-            self.nees.add(float(nees(error, belief.covariance)))
+            found = float(nees(error, belief.covariance))
         except np.linalg.LinAlgError:
-            self.nees.add(float('inf'))
+            found = inf
+        self.nees.add(found if found >= 0.0 else inf)  # below zero: of no covariance

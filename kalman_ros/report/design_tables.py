@@ -79,6 +79,14 @@ def tables(report: DesignReport) -> Iterator[tuple[str, Sheet]]:
         yield 'Margins', _margins(report)
 
 
+def show(console: Console, sheets: Iterable[tuple[str, Sheet]]) -> None:
+    """Print sheets below their titles, those that are not empty."""
+    for title, sheet in sheets:
+        if sheet.columns:
+            console.print(f'\n[bold]{title}[/]')
+            console.print(*sheet.tables(console), sep='\n\n')
+
+
 def structure(report: DesignReport) -> str:
     """Return in words what the input moves and what the sensors show."""
     seen = report.observability

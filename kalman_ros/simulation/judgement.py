@@ -100,7 +100,7 @@ def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
         Check(f'largest error of {name} / std', '', nan, value, 0.0, most, value <= most)
         for name, value in zip(space.names, worst.tolist())
     ]
-    found.append(_nees(scenario, run, miss))
+    found.append(nees_check(scenario, run, miss))
     for name in scenario.enabled:
         nis = run.innovations[name].nis
         k = scenario.sensors[name].sensor.output.size
@@ -111,8 +111,11 @@ def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
     return found
 
 
-def _nees(scenario: Scenario, run: Trajectory, miss: float) -> Check:
-    """Return the check of the average NEES after the start; one of no covariance fails."""
+def nees_check(scenario: Scenario, run: Trajectory, miss: float = MISS) -> Check:
+    """Return the check of the average NEES after the start; one of no covariance fails.
+
+    A filter that is as good as it says passes with the probability 1 - ``miss``.
+    """
     n = scenario.model.state.size
     try:
         _, mean, variance = average_nees(scenario, run)

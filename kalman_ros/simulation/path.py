@@ -93,9 +93,13 @@ class Path:
 
     @property
     def growing(self) -> tuple[str, ...]:
-        """The states whose error still grows over the second half."""
-        half = self.std[len(self.std) // 2]
-        return tuple(n for n, a, b in zip(self.names, half, self.std[-1]) if b > _GROWTH * a)
+        """The states whose error still grows over the second half.
+
+        What every window determines anew does not grow, it goes up and down with the path.
+        """
+        half, always = self.std[len(self.std) // 2], self.observed(throughout=True)
+        ends = zip(self.names, half, self.std[-1])
+        return tuple(n for n, a, b in ends if b > _GROWTH * a and n not in always)
 
 
 def default_seconds(scenario: Scenario) -> float:

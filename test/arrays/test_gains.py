@@ -159,7 +159,16 @@ def test_place():
         (lambda: kr.lqe(A, [1, 0, 0], 1, 1), 'C: expected 2 columns, one a state'),
         (lambda: kr.lqe(A, [1, 0], 1, 0), 'V: expected a positive definite matrix'),
         (lambda: kr.place(A, B), 'poles: expected 2 numbers, one a state, got nothing'),
+        (lambda: kr.place(A, B, 'fast'), 'poles: expected 2 numbers, one a state, got str'),
+        (lambda: kr.place(A, B, {}), 'poles: expected 2 numbers, one a state, got dict'),
+        (lambda: kr.place(A, B, np.eye(2)), r'poles: expected 2 numbers, .* got shape \(2, 2\)'),
+        (lambda: kr.margins(A, B, np.eye(2)), 'C: expected a row for each of 1 inputs, got 2'),
         (lambda: kr.discretize(A, B), 'dt: expected a number of seconds, got None'),
+        (lambda: kr.discretize(A, B, np.eye(2)), 'dt: expected a number of seconds, got ndarray'),
+        (
+            lambda: kr.discretize([[800, 1], [0, 700]], B, 2.0),
+            'the model grows beyond all numbers within a step of 2 s',
+        ),
     ],
 )
 def test_mistakes_are_named(call, says):

@@ -81,3 +81,18 @@ def test_a_constant_without_noise_is_refused(design, stays):
     A, C = np.diag([stays, -0.5]), np.array([[1.0, 1.0]])
     with pytest.raises(DesignError, match='has no process noise'):
         design(A, C, np.diag([0.0, 1.0]), np.eye(1))
+
+
+@pytest.mark.filterwarnings('error')
+def test_a_noise_whose_square_is_no_number_is_a_design_error():
+    for design in (lqe, dlqe):
+        with pytest.raises(DesignError, match='process noise whose squares are finite, got .*1e'):
+            design(-0.5 * np.eye(2), np.eye(2), 1e200 * np.eye(2), np.eye(2))
+
+
+def test_no_variance_of_what_is_known_exactly_is_below_zero():
+    """Rounding leaves -2e-17 of a state without noise, and a root of that is no number."""
+    A = np.array([[-6.0, 2, 0, 0], [0, -7, 0, 0], [0, 0, -6, 2], [0, 0, 0, -5]])
+    found = lqe(A, np.array([[-2.0, 2, 0, 1]]), np.diag([100.0, 0, 0, 0]), np.eye(1))
+    assert found.covariance.diagonal().min() >= 0.0
+    assert np.linalg.eigvalsh(found.covariance).min() >= -1e-14 * found.covariance.max()

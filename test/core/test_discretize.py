@@ -78,3 +78,12 @@ def test_a_model_that_changes_infinitely_fast_has_no_step():
     A = np.array([[-1e308, 1e308], [1e308, -1e308]])
     with np.errstate(over='ignore'), pytest.raises(np.linalg.LinAlgError, match='infinite'):
         van_loan(A, np.eye(2), 1.0)
+
+
+@pytest.mark.filterwarnings('error')
+def test_what_grows_beyond_all_numbers_within_a_step_is_an_error_and_no_matrix_of_nan():
+    A = np.array([[800.0, 1.0], [0.0, 700.0]])
+    for makes in (lambda: zero_order_hold(A, np.eye(2), 2.0), lambda: van_loan(A, np.eye(2), 2.0)):
+        with pytest.raises(np.linalg.LinAlgError, match='grows beyond .* within a step of 2 s'):
+            makes()
+    assert zero_order_hold(-A, np.eye(2), 2.0)[0].max() == 0.0

@@ -3,6 +3,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from kalman_ros.core import Gaussian, Space
+from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import (
     ChiSquareWindow,
     chi_square_bounds,
@@ -61,3 +63,13 @@ def test_the_bounds_of_an_average_are_those_of_chi_square(degrees, count):
         window.add(float(degrees))
     exact = chi2.ppf([0.005, 0.995], degrees * count) / (degrees * count)
     np.testing.assert_allclose(window.bounds(0.01), exact, rtol=1e-9)
+
+
+@pytest.mark.parametrize('factor', [0.01, 0.0, -1.0])
+def test_a_covariance_that_is_too_small_or_none_at_all_is_called_too_sure(factor):
+    rng = np.random.default_rng(0)
+    found = Comparison(Space(('a', 'b'), ('', '')), {}, np.eye(2), 100)
+    for time in range(100):
+        found.truth(time, np.zeros(2))
+        found.estimate(time, Gaussian(rng.normal(size=2), factor * np.eye(2)))
+    assert found.nees.mean > 10.0 and not found.nees.inside()

@@ -128,7 +128,17 @@ BLIND = ['-p', 'model:=linear', '-p', 'model_parameters.A:=[0.5, 0.0, 0.0, -1.0]
         (['--delay', '-1'], 'delay: expected 0 to 1 s, got -1'),
         (['--delay', 'nan'], 'delay: expected 0 to 1 s, got nan'),
         (['linear', *BLIND, '-p', 'model_parameters.B:=[0.0, 1.0]'], 'input: it does not move'),
-        (['linear', *BLIND, '-p', 'position.C:=[0.0, 1.0]'], 'no sensor sees the growing mode'),
+        (
+            [
+                'linear',
+                *BLIND,
+                '-p',
+                'model_parameters.B:=[1.0, 1.0]',
+                '-p',
+                'position.C:=[0.0, 1.0]',
+            ],
+            'no sensor sees the growing mode',
+        ),
         (['-p', 'position.fields:=[pose.pose.position.q, pose.pose.position.y]'], 'position: '),
         (['-p', 'position.type:=nav_msgs/Odometri'], 'position: '),
         (['turn_rate', '--duration', '0'], 'duration: expected 0.04 to 1000 s, got 0'),

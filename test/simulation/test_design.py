@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from kalman_ros.simulation import scenario
 from kalman_ros.simulation.advice import notes, warnings
 from kalman_ros.simulation.bounds import posterior_cramer_rao
 from kalman_ros.simulation.design import report, settling_time
+from kalman_ros.simulation.parameters import from_file
 from kalman_ros.simulation.path import follow
 from kalman_ros.simulation.verdicts import theory
 
@@ -288,7 +290,17 @@ def test_the_error_along_a_path_is_the_bound_there():
 def test_a_bearing_alone_tells_no_state_and_the_design_says_so():
     found = report(build(model='bearing_tracker'), duration=60.0)
     assert found.observability.seen == () and found.estimator is None
+    assert str(found.observability) == 'the sensors observe none of x, y, v_x, v_y'
     assert any('do not determine x, y, v_x, v_y along' in w for w in warnings(found, 0.01))
+
+
+def test_an_error_that_goes_up_and_down_with_the_path_does_not_grow():
+    config = Path(__file__).parents[2] / 'config/lidar_radar.yaml'
+    path = report(build(**from_file(config, 'estimator')), duration=60.0).path
+    assert np.any(path.std[-1] > 1.05 * path.std[len(path.std) // 2])
+    assert path.observed(throughout=True) == path.names and path.growing == ()
+    lost = report(build(model='diff_drive'), duration=20.0).path
+    assert {'x', 'psi'} <= set(lost.growing) and not {'v', 'omega'} & set(lost.growing)
 
 
 def test_a_path_of_no_length_and_one_that_diverges_say_so():
