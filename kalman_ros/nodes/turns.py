@@ -15,14 +15,17 @@ class Turn(NamedTuple):
     time: int
     input: tuple[int, Any] | None
     readings: list[tuple[str, Any]]
+    #: What `Turns.tick` was given to keep.
+    kept: Any = None
 
 
 #: Before every time.
 _UNSTAMPED = -1
 #: In nanoseconds: readings that no tick has named for so long never will be.
 _FORGOTTEN = 60_000_000_000
-#: So many ticks may wait for what they name.
-_MOST_TICKS = 10_000
+#: How many ticks may wait for what they name, and how many readings and inputs for their tick. A
+#: plant has one step under way, so more are not those of a plant.
+_MOST_TICKS, _MOST_WAITING = 1000, 10_000
 
 #: The name of a sensor, and a stamp.
 _Key = tuple[str, int]
@@ -53,8 +56,10 @@ class Turns:
         self._names = names
         self._answered = answered
         self._ticks: dict[int, list[_Key]] = {}
+        self._kept: dict[int, Any] = {}
         # what has no stamp is at _UNSTAMPED, for one step is under way at a time
         self._readings: dict[_Key, list[Any]] = {}
+        self._waiting = 0
         self._inputs: dict[int, Any] = {}
         self._last: int | None = None
         # by the last turn: what comes of it again, because the plant asked again, is not new
@@ -64,23 +69,34 @@ class Turns:
         """Take in a reading."""
         key = name, _UNSTAMPED if time is None else time
         if key not in self._taken:
+            self._waiting += 1
+            if self._waiting > _MOST_WAITING:  # the plant asks again for what it did send
+                self._readings.clear()
+                self._waiting = 1
             self._readings.setdefault(key, []).append(reading)
 
     def input(self, time: int | None, value: Any) -> None:
         """Take in the input that answers the step at ``time``."""
+        if len(self._inputs) >= _MOST_WAITING:
+            self._inputs.clear()
         self._inputs[_UNSTAMPED if time is None else time] = value
 
-    def tick(self, time: int, topics: Iterable[str]) -> bool:
-        """Take in a tick with the topics of its readings; return whether time went back."""
+    def tick(self, time: int, topics: Iterable[str], kept: Any = None) -> bool:
+        """Take in a tick with the topics of its readings; return whether time went back.
+
+        What is ``kept`` comes back with its turn.
+        """
         named = [mentioned(topic, time) for topic in topics]
         if time in self._ticks:
             self._give_up_before(time)
         self._ticks[time] = [
             (self._names[topic], stamp) for topic, stamp in named if topic in self._names
         ]
-        if len(self._ticks) > _MOST_TICKS:  # no plant is so far ahead of its readings
+        self._kept[time] = kept
+        if len(self._ticks) > _MOST_TICKS:
             earliest = sorted(self._ticks)[: _MOST_TICKS // 2]
             self._ticks = {each: self._ticks[each] for each in earliest}
+            self._kept = {each: self._kept[each] for each in earliest}
         if self._last is None or time >= self._last:
             return False
         self._last, self._taken = None, []
@@ -112,7 +128,7 @@ class Turns:
             if readings is None:
                 if not self._never(time):
                     return
-                del self._ticks[time]
+                self._drop(time)
                 continue
             input = None
             if self._answered and last is not None and time != last:
@@ -121,20 +137,23 @@ class Turns:
                     return
                 input = last, value
             self._last = time
-            del self._ticks[time]
+            kept = self._drop(time)
             if keys:
                 self._taken = keys
             self._forget(time)
             self._inputs = {stamp: u for stamp, u in self._inputs.items() if stamp >= time}
-            yield Turn(time, input, readings)
+            yield Turn(time, input, readings, kept)
 
     def _give_up_before(self, time: int) -> None:
         """Drop earlier ticks that lack a reading: a plant that asks again has sent them all."""
-        self._ticks = {
-            earlier: keys
-            for earlier, keys in self._ticks.items()
-            if earlier >= time or self._named(keys) is not None
-        }
+        for earlier, keys in list(self._ticks.items()):
+            if earlier < time and self._named(keys) is None:
+                self._drop(earlier)
+
+    def _drop(self, time: int) -> Any:
+        """Forget the tick at ``time``, and return what was kept with it."""
+        del self._ticks[time]
+        return self._kept.pop(time)
 
     def _never(self, time: int) -> bool:
         """Tell whether a reading that the tick at ``time`` lacks will not come any more."""
@@ -171,3 +190,4 @@ class Turns:
             for key, readings in self._readings.items()
             if key not in self._taken and key[1] > oldest
         }
+        self._waiting = sum(map(len, self._readings.values()))
