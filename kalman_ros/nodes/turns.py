@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Set
 from typing import Any, NamedTuple
 
 from kalman_ros.codecs.tick import mentioned
@@ -23,9 +24,9 @@ class Turn(NamedTuple):
 _UNSTAMPED = -1
 #: In nanoseconds: readings that no tick has named for so long never will be.
 _FORGOTTEN = 60_000_000_000
-#: How many ticks may wait for what they name, and how many readings and inputs for their tick. A
-#: plant has one step under way, so more are not those of a plant.
-_MOST_TICKS, _MOST_WAITING = 1000, 10_000
+#: How many ticks may wait for readings, how many readings they may name, and how many readings and
+#: inputs may wait for their tick. A plant has one step under way: more are not those of a plant.
+_MOST_TICKS, _MOST_NAMED, _MOST_WAITING = 1000, 10_000, 10_000
 
 #: The name of a sensor, and a stamp.
 _Key = tuple[str, int]
@@ -63,7 +64,7 @@ class Turns:
         self._inputs: dict[int, Any] = {}
         self._last: int | None = None
         # by the last turn: what comes of it again, because the plant asked again, is not new
-        self._taken: list[_Key] = []
+        self._taken: Set[_Key] = frozenset()
 
     def reading(self, name: str, time: int | None, reading: Any) -> None:
         """Take in a reading."""
@@ -93,13 +94,12 @@ class Turns:
             (self._names[topic], stamp) for topic, stamp in named if topic in self._names
         ]
         self._kept[time] = kept
-        if len(self._ticks) > _MOST_TICKS:
-            earliest = sorted(self._ticks)[: _MOST_TICKS // 2]
-            self._ticks = {each: self._ticks[each] for each in earliest}
-            self._kept = {each: self._kept[each] for each in earliest}
+        if len(self._ticks) > _MOST_TICKS or sum(map(len, self._ticks.values())) > _MOST_NAMED:
+            for latest in sorted(self._ticks)[len(self._ticks) // 2 :]:
+                self._drop(latest)
         if self._last is None or time >= self._last:
             return False
-        self._last, self._taken = None, []
+        self._last, self._taken = None, frozenset()
         self._inputs.clear()
         return True
 
@@ -139,7 +139,7 @@ class Turns:
             self._last = time
             kept = self._drop(time)
             if keys:
-                self._taken = keys
+                self._taken = set(keys)
             self._forget(time)
             self._inputs = {stamp: u for stamp, u in self._inputs.items() if stamp >= time}
             yield Turn(time, input, readings, kept)
@@ -157,8 +157,8 @@ class Turns:
 
     def _never(self, time: int) -> bool:
         """Tell whether a reading that the tick at ``time`` lacks will not come any more."""
-        wanted = self._ticks[time]
-        lacking = {key[0] for key in wanted if len(self._there(key)) < wanted.count(key)}
+        wanted = Counter(self._ticks[time])
+        lacking = {key[0] for key, count in wanted.items() if len(self._there(key)) < count}
         return any(
             key[0] in lacking and key not in wanted and key in self._readings
             for later, keys in self._ticks.items()
@@ -172,14 +172,14 @@ class Turns:
 
     def _named(self, keys: list[_Key]) -> list[tuple[str, Any]] | None:
         """Return the readings that a tick names, in its order; None if one has not come."""
+        left = Counter(keys)
+        if any(len(self._there(key)) < count for key, count in left.items()):
+            return None
         found: list[tuple[str, Any]] = []
-        for index, key in enumerate(keys):
-            name, _ = key
-            there = self._there(key)
-            if len(there) < keys.count(key):
-                return None
+        for key in keys:
             # of those that were sent again the last
-            found.append((name, there[-keys[index:].count(key)]))
+            found.append((key[0], self._there(key)[-left[key]]))
+            left[key] -= 1
         return found
 
     def _forget(self, time: int) -> None:

@@ -2,6 +2,7 @@
 """Lockstep waits for all of a step, whatever the order of arrival."""
 
 import random
+from time import process_time
 
 import pytest
 
@@ -238,6 +239,17 @@ def test_what_a_hostile_sender_makes_wait_is_bounded():
     assert len(turns._inputs) <= 10_000
     assert len(turns._ticks) <= 1000
     assert len(turns._kept) <= 1000
+
+
+def test_ticks_that_name_much_take_time_in_proportion():
+    began = process_time()
+    turns = fresh()
+    for time in range(1, 300):
+        turns.tick(time, ['velocity', *('position',) * 900])
+        turns.reading('position', time + 1, 'y')
+        turns.reading('velocity', time, 'y')
+        assert list(turns.complete()) == []
+    assert process_time() - began < 5.0
 
 
 def test_a_turn_brings_back_what_was_kept_with_its_tick():
