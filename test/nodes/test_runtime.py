@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a node ends: at rest before anything that may wait, and told by an answer that comes late."""
+"""How a node ends: at rest before anything that may wait. And an answer that comes late counts."""
 
 import gc
 from types import SimpleNamespace
