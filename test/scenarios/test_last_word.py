@@ -111,11 +111,13 @@ class Ear:
         after = len(forces) - 1 - at_idle[0]
         if after:
             return f'{after} forces follow the idle one, the last is {forces[-1]}'
-        # stamps here are never before the clock, nor after the moment of publication
-        times = np.array([sample.time for sample in self.samples(start - 1)]) * 1e-9
+        # stamps are never after the moment of publication; that of an answer is before it, by as
+        # much as its estimate had to wait, and what came later was published later
+        stamps = np.array([sample.time for sample in self.samples(start - 1)]) * 1e-9
         steps = np.abs(np.diff(self.forces(start - 1), axis=0)).max(axis=1)
-        over = steps > limit * np.diff(times) + 1e-5
-        return f'steps of {steps[over]} within {np.diff(times)[over]} s' if over.any() else ''
+        times = np.maximum(np.diff(stamps), np.diff(self.came[start - 1 : start + len(forces)]))
+        over = steps > limit * times + 1e-5
+        return f'steps of {steps[over]} within {times[over]} s' if over.any() else ''
 
 
 def alone(**parameters):
