@@ -15,12 +15,14 @@ from functools import lru_cache
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import TimeReference
 
-from .messages import STAMP, STAMP_START, decode, leading_stamp, split
+from .messages import STAMP, STAMP_START, UndecodableError, decode, leading_stamp, split
 
 #: A stamp in nanoseconds has fewer.
 _DIGITS = 20
 #: The longest tick, in bytes, whose topics are kept.
 _KEPT = 4096
+#: No plant publishes more readings at one step, nor names them by more bytes.
+_MOST_READINGS, _LONGEST = 1000, 65536
 
 
 def write_tick(time: int, topics: tuple[str, ...]) -> bytes:
@@ -36,13 +38,18 @@ def read_tick(data: bytes) -> tuple[int, tuple[str, ...]]:
     Raises
     ------
     UndecodableError
-        If it is none.
+        If it is none, or no plant's: one that is longer, or names more readings.
     """
+    if len(data) > _LONGEST:
+        raise UndecodableError(f'no tick is as long as {len(data)} bytes')
     time, end = leading_stamp(data), STAMP_START + STAMP.size
     unstamped = data[:STAMP_START] + bytes(STAMP.size) + data[end:]
     # what is kept takes memory, and a sender may make up any number of long ones
     topics = _topics if len(data) <= _KEPT else _topics.__wrapped__
-    return time, topics(unstamped)
+    found = topics(unstamped)
+    if len(found) > _MOST_READINGS:
+        raise UndecodableError(f'no tick names as many readings as {len(found)}')
+    return time, found
 
 
 def mention(topic: str, stamp: int, time: int) -> str:

@@ -19,6 +19,8 @@ ArrayLike = Union[npt.ArrayLike, Sequence[float], Sequence[Sequence[float]]]
 
 #: An eigenvalue this far below zero, relative to the largest, is rounding and not a sign.
 _ROUNDING = 1e-10
+#: Sums of larger numbers may be infinite, and such a matrix has no eigenvalues.
+_LARGEST = 1e300
 
 #: As an array, since a number would be made into one every time.
 _HALF = np.array(0.5)
@@ -110,6 +112,8 @@ def semidefinite(name: str, value: ArrayLike, size: int, *, definite: bool = Fal
         options = f'{size} numbers (the diagonal) or {size * size} (the matrix, row by row)'
         raise ValueError(f'{name}: expected {options}, got {array.size}')
     largest = float(np.abs(array).max(initial=0.0))
+    if largest > _LARGEST:
+        raise ValueError(f'{name}: expected numbers of at most {_LARGEST:g}, got {largest:g}')
     if not np.allclose(array, array.T, rtol=0.0, atol=1e-9 * largest):
         raise ValueError(f'{name}: expected a symmetric matrix, got {array.tolist()}')
     array = symmetric(array)

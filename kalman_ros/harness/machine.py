@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -31,14 +31,20 @@ class Usage(NamedTuple):
     delayed: float
 
 
-def usage(pid: int) -> Usage:
-    """Return what a process has had; ProcessLookupError if there is none."""
+def usage(pid: int, threads: Collection[str] = ()) -> Usage:
+    """Return what a process has had; ProcessLookupError if there is none.
+
+    Delays are those of all its threads, or of its first and of those with the names ``threads``.
+    """
     process = _PROC / str(pid)
     delayed = 0.0
     try:
         resident = int((process / 'statm').read_text().split()[1]) * _PAGE
         for thread in (process / 'task').iterdir():
             with suppress(FileNotFoundError):  # a thread may end meanwhile
+                name = (thread / 'comm').read_text().strip()
+                if threads and thread.name != str(pid) and name not in threads:
+                    continue
                 delayed += int((thread / 'schedstat').read_text().split()[1]) * 1e-9
     except FileNotFoundError:
         raise ProcessLookupError(f'there is no process {pid}') from None
@@ -52,10 +58,13 @@ class Withheld:
     ----------
     pids
         The processes; those that end no longer count.
+    threads
+        As in `usage`: for what is done by one thread after another, the others do not matter.
     """
 
-    def __init__(self, pids: Iterable[int]) -> None:
-        self._before = {pid: usage(pid).delayed for pid in pids}
+    def __init__(self, pids: Iterable[int], threads: Collection[str] = ()) -> None:
+        self._threads = threads
+        self._before = {pid: usage(pid, threads).delayed for pid in pids}
         self._stolen = _stolen()
 
     def __call__(self) -> float:
@@ -63,7 +72,7 @@ class Withheld:
         waited = _stolen() - self._stolen
         for pid, before in self._before.items():
             with suppress(ProcessLookupError):
-                waited += usage(pid).delayed - before
+                waited += usage(pid, self._threads).delayed - before
         return waited
 
 

@@ -39,6 +39,8 @@ from .station import Station
 _LOOK = 0.1
 #: Seconds for the last answer where a node was killed, and may have taken it along.
 _PATIENCE = 2.0
+#: Seconds after each of which a request is sent again.
+_REPEATS = (1.0, 2.0, 4.0, 8.0, 15.0)
 #: Seconds without any message after which what is missing will not come.
 _SILENCE = 20.0
 #: Seconds without a step after which an error of the plant is final; before, it asks again.
@@ -333,13 +335,20 @@ class Run:
             self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
         self.wait(client.service_is_ready, 20.0, lambda: f'there is no service {service}')
-        for _ in range(10):
-            # a node that was killed and started again may not have been found yet
-            future = client.call_async(request)
-            self.spin(1.0, until=future)
-            if future.done():
-                return future.result()
-        raise NodeError(f'no answer from {service} within 10 s')
+        answer = Future()
+
+        def on_answer(future: Future) -> None:
+            if not answer.done():
+                answer.set_result(future.result())
+
+        for seconds in _REPEATS:
+            # a node that was killed and started again may not have been found yet, and one that
+            # is slow may still answer the first request
+            client.call_async(request).add_done_callback(on_answer)
+            self.spin(seconds, until=answer)
+            if answer.done():
+                return answer.result()
+        raise NodeError(f'no answer from {service} within {sum(_REPEATS):g} s')
 
     def trigger(self, service: str) -> None:
         """Call a service without arguments, such as ``plant/reset``."""

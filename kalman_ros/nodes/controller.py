@@ -67,6 +67,7 @@ class ControllerNode(runtime.ScenarioNode):
         self._output = OutputStage(
             publisher, write, limiter, self._period, simulated=options.lockstep
         )
+        self.at_the_end(self._output.deliver)
         #: The last estimate that could be read.
         self._estimate = b''
         self._reference = ReferenceReader(self, scenario, self._on_reference, self._frame)

@@ -42,6 +42,8 @@ from .turns import Turns
 #: No clock is published so out of order; less is as good as no jump.
 _BACK = Duration(seconds=-0.1)
 
+#: The lowest rate of publication, in Hz, other than none.
+_SLOWEST = 1e-3
 #: In seconds, for nodes that are there to find each other.
 _MEETING = 1.0
 
@@ -61,6 +63,9 @@ class EstimatorNode(runtime.ScenarioNode):
         """Build the filter, and what it reads and publishes."""
         super().configure()
         scenario, options = self.scenario, self.options
+        if 0.0 < options.publish_rate < _SLOWEST:
+            expected = f'0 or at least {_SLOWEST:g} Hz'
+            raise ValueError(f'publish_rate: expected {expected}, got {options.publish_rate:g}')
         self._warn = Throttle(self.get_logger().warning)
         found = fusion(scenario, options, self.extra)
         # this also loads what the first step needs: a plant that moves would not wait for it

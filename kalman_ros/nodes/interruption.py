@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import signal
 import socket
+from contextlib import suppress
+from pathlib import Path
 from threading import Thread
 
 from rclpy.task import Future
 
 #: Ctrl-C, a launcher's request, a closed terminal, Ctrl-\.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+#: The name of the thread that waits for them.
+WATCHER = 'signals'
 
 
 class Interruption:
@@ -30,7 +34,7 @@ class Interruption:
         self._numbers = [number for number in ENDING if not _stays_ignored(number)]
         for number in self._numbers:
             signal.signal(number, lambda *_: None)
-        Thread(target=self._watch, name='signals', daemon=True).start()
+        Thread(target=self._watch, name=WATCHER, daemon=True).start()
 
     def ignore(self) -> None:
         """Ignore further signals: the end is under way."""
@@ -38,10 +42,14 @@ class Interruption:
             signal.signal(number, signal.SIG_IGN)
 
     def _watch(self) -> None:
+        with suppress(OSError):  # as `ps -L` and `Withheld` know it
+            Path('/proc/thread-self/comm').write_text(WATCHER)
         # another signal, that somebody else handles, writes its number, too
         while not set(self._wait.recv(4096)) & set(self._numbers):
             pass
         self.asked.set_result(None)
+        while self._wait.recv(4096):  # so that what it had to wait for can still be read
+            pass
 
 
 def _stays_ignored(number: signal.Signals) -> bool:

@@ -15,6 +15,8 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from .published import PublishedCounts, counted
 
+#: The most characters of a reason.
+_LONGEST = 500
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
 
 
@@ -143,9 +145,13 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
             self._leave(UNCONFIGURED)
         return TransitionCallbackReturn.SUCCESS
 
-    def destroy_node(self) -> None:
-        """Deactivate it if it is active, and give everything back."""
+    def rest(self) -> None:
+        """Deactivate it if it is active, and destroy what its states have created."""
         self._close(FINALIZED)
+
+    def destroy_node(self) -> None:
+        """Bring it to rest, and give everything back."""
+        self.rest()
         super().destroy_node()
 
     def _on_change_state(self, answer: Callable[..., Any], request: Any, response: Any) -> Any:
@@ -202,7 +208,15 @@ def _do_nothing(*_: Any) -> None:
 
 
 def reason(error: Exception) -> str:
-    """Return in one line what a user did wrong; '' if the fault is not the user's."""
+    """Return in one line what a user did wrong; '' if the fault is not the user's.
+
+    Of a long one, as that which quotes a long value, the middle is left out.
+    """
+    found = _reason(error)
+    return found if len(found) <= _LONGEST else f'{found[: _LONGEST - 100]} ... {found[-90:]}'
+
+
+def _reason(error: Exception) -> str:
     if isinstance(error, ValueError):
         return str(error)
     if isinstance(error, (ArithmeticError, MemoryError)):

@@ -101,7 +101,6 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         truth = on_topic(self.scenario.state, _TRUTH)
         self._read_truth = WireReader(SignalCodec(truth))
         self._turns = Turns({_TRUTH: _TRUTH}, answered=False)
-        self._topics: dict[int, tuple[str, ...]] = {}
         kind = self._read_truth.message_type
         self.create_subscription(kind, _TRUTH, self._on_truth, QUEUE, raw=True)
         if self.options.lockstep:
@@ -141,8 +140,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
 
     def _on_tick(self, data: bytes) -> None:
         time, topics = read_tick(data)
-        self._topics[time] = topics
-        if self._turns.tick(time, [_TRUTH]):
+        if self._turns.tick(time, [_TRUTH], kept=topics):
             self._start()
         self._take_turns()
 
@@ -153,7 +151,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
                 self._listen(turn.time, x)
             if not turn.readings:  # asked again
                 self._publish()
-            topics = self._topics.pop(turn.time)
+            topics = turn.kept
             if self._answer is not None:
                 topics = (*topics, self._source.signal.topic)
             self._tick_publisher.publish(write_tick(turn.time, topics))

@@ -103,7 +103,10 @@ class EstimatorOptions:
     publish_rate: Annotated[
         float,
         About(
-            'estimates a second, predicted to now; 0 for one at each reading', 'Hz', minimum=0.0
+            'estimates a second, predicted to now; 0 for one at each reading',
+            'Hz',
+            minimum=0.0,
+            maximum=1e4,
         ),
     ] = 0.0
     initialize: Annotated[
@@ -247,7 +250,8 @@ class MicrophoneArrayOptions:
         str, About("WAV file, one channel a microphone; '' to simulate what there is to hear")
     ] = ''
     sample_rate: Annotated[
-        float, About('of what is simulated; a recording has its own', 'Hz', minimum=100.0)
+        float,
+        About('of what is simulated; a recording has its own', 'Hz', minimum=100.0, maximum=1e6),
     ] = 16000.0
     sound_level: Annotated[
         float, About('simulated source: sound pressure at 1 m, RMS', 'Pa', minimum=0.0)

@@ -19,9 +19,9 @@ _LONGEST_PAUSE = 0.1
 _LONGEST_RAMP = 0.5
 #: Between two inputs on that way, no longer than this or one period, in seconds.
 _RAMP_STEP = 0.02
-#: How long subscribers have to acknowledge the last input, and to ask again for what they missed.
-#: By default Fast DDS asks them only every three seconds; mostly what was sent has arrived anyway.
-_DELIVERY = Duration(seconds=0.5)
+#: How long subscribers have to acknowledge the last input, and to request what they missed, before
+#: the publisher is destroyed. Below the five seconds after which ``ros2 launch`` insists.
+_DELIVERY = Duration(seconds=2.0)
 
 
 class OutputStage:
@@ -132,8 +132,13 @@ class OutputStage:
             self._say(stamp())
             if not self.at_idle:
                 sleep(step)
+
+    def deliver(self) -> None:
+        """Wait until all that was published has arrived, but not for ever.
+
+        To be called before the publisher is destroyed, which takes along what was not delivered.
+        """
         if self.count:
-            # a publisher that is destroyed takes along what has not been delivered
             self._publisher.wait_for_all_acked(_DELIVERY)
 
     def _elapsed(self, stamp: int) -> float:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -11,7 +12,6 @@ import rclpy
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.logging import LoggingSeverity, set_logger_level
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -80,7 +80,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
         refuse_unknown(given, {*known, *node_options.names()}, 'parameter')
         values = scenario.complete(given, known)
         self.scenario, self.options, self.extra = self._build(values)
-        topics.check(self.scenario)
+        topics.check(self.scenario, self.get_name(), self.get_namespace())
         self.intake.longest = self.options.max_message_size
         self._code.trust(values)
         live = parameters.LiveParameters(self, known, values, self._prepare)
@@ -135,7 +135,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
         return Level.WARN, f'{self.phase}{why}', {}
 
 
-def main(build: Callable[[], Node]) -> None:
+def main(build: Callable[[], ScenarioNode]) -> None:
     """Run one node until a signal asks for the end; exit 1 with one line if it cannot start.
 
     With ``--help`` among its arguments it only says what it is, and which parameters it has.
@@ -162,22 +162,27 @@ def main(build: Callable[[], Node]) -> None:
             print(usage(node))
         else:
             _spin(node, interruption)
-    finally:  # a model of a user's own may raise anything; the force goes to zero all the same
+    finally:
         interruption.ignore()
         node.destroy_node()
         rclpy.try_shutdown()
 
 
-def _spin(node: Node, interruption: Interruption) -> None:
+def _spin(node: ScenarioNode, interruption: Interruption) -> None:
     """Let a node work until a signal comes, and bring it to rest before anything else."""
     executor = EventsExecutor()
     executor.add_node(node)
+    # what was built lasts as long as the process: a full collection would look through all of it,
+    # which takes tens of milliseconds in the midst of the work
+    gc.freeze()
     try:
         while not interruption.asked.done():
             # spin() of this executor neither waits properly nor notices signals; see its issues
             executor.spin_until_future_complete(interruption.asked, _PATIENCE)
-    finally:
+    finally:  # a model of a user's own may raise anything; the force goes to zero all the same
         interruption.ignore()
+        # before the executor: it waits for its threads, which a busy machine may not let run
+        node.rest()
         executor.shutdown()
 
 

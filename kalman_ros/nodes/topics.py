@@ -6,7 +6,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_topic_name import validate_topic_name
 
 from kalman_ros.codecs.messages import message_type
@@ -50,13 +52,14 @@ def on_topic(signal: Signal, topic: str) -> Signal:
     return replace(signal, topic=topic)
 
 
-def check(scenario: Scenario) -> None:
+def check(scenario: Scenario, node: str, namespace: str) -> None:
     """Raise ValueError if a topic of a scenario cannot be one, or a state would have no stamp."""
     sensors = {name: source.signal for name, source in scenario.sensors.items()}
     for name, signal in {'state': scenario.state, 'input': scenario.input, **sensors}.items():
         try:
             validate_topic_name(signal.topic)
-        except InvalidTopicNameException:
+            validate_full_topic_name(expand_topic_name(signal.topic, node, namespace))
+        except (InvalidTopicNameException, ValueError):
             expected = 'expected the name of a topic'
             raise ValueError(f"{name}.topic: {expected}, got '{signal.topic}'") from None
     if not hasattr(message_type(scenario.state.type), 'header'):

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Set
 from typing import Any, NamedTuple
 
 from kalman_ros.codecs.tick import mentioned
@@ -15,14 +16,17 @@ class Turn(NamedTuple):
     time: int
     input: tuple[int, Any] | None
     readings: list[tuple[str, Any]]
+    #: What `Turns.tick` was given to keep.
+    kept: Any = None
 
 
 #: Before every time.
 _UNSTAMPED = -1
 #: In nanoseconds: readings that no tick has named for so long never will be.
 _FORGOTTEN = 60_000_000_000
-#: So many ticks may wait for what they name.
-_MOST_TICKS = 10_000
+#: How many ticks may wait for readings, how many readings they may name, and how many readings and
+#: inputs may wait for their tick. A plant has one step under way: more are not those of a plant.
+_MOST_TICKS, _MOST_NAMED, _MOST_WAITING = 1000, 10_000, 10_000
 
 #: The name of a sensor, and a stamp.
 _Key = tuple[str, int]
@@ -53,37 +57,49 @@ class Turns:
         self._names = names
         self._answered = answered
         self._ticks: dict[int, list[_Key]] = {}
+        self._kept: dict[int, Any] = {}
         # what has no stamp is at _UNSTAMPED, for one step is under way at a time
         self._readings: dict[_Key, list[Any]] = {}
+        self._waiting = 0
         self._inputs: dict[int, Any] = {}
         self._last: int | None = None
         # by the last turn: what comes of it again, because the plant asked again, is not new
-        self._taken: list[_Key] = []
+        self._taken: Set[_Key] = frozenset()
 
     def reading(self, name: str, time: int | None, reading: Any) -> None:
         """Take in a reading."""
         key = name, _UNSTAMPED if time is None else time
         if key not in self._taken:
+            self._waiting += 1
+            if self._waiting > _MOST_WAITING:  # the plant asks again for what it did send
+                self._readings.clear()
+                self._waiting = 1
             self._readings.setdefault(key, []).append(reading)
 
     def input(self, time: int | None, value: Any) -> None:
         """Take in the input that answers the step at ``time``."""
+        if len(self._inputs) >= _MOST_WAITING:
+            self._inputs.clear()
         self._inputs[_UNSTAMPED if time is None else time] = value
 
-    def tick(self, time: int, topics: Iterable[str]) -> bool:
-        """Take in a tick with the topics of its readings; return whether time went back."""
+    def tick(self, time: int, topics: Iterable[str], kept: Any = None) -> bool:
+        """Take in a tick with the topics of its readings; return whether time went back.
+
+        What is ``kept`` comes back with its turn.
+        """
         named = [mentioned(topic, time) for topic in topics]
         if time in self._ticks:
             self._give_up_before(time)
         self._ticks[time] = [
             (self._names[topic], stamp) for topic, stamp in named if topic in self._names
         ]
-        if len(self._ticks) > _MOST_TICKS:  # no plant is so far ahead of its readings
-            earliest = sorted(self._ticks)[: _MOST_TICKS // 2]
-            self._ticks = {each: self._ticks[each] for each in earliest}
+        self._kept[time] = kept
+        if len(self._ticks) > _MOST_TICKS or sum(map(len, self._ticks.values())) > _MOST_NAMED:
+            for latest in sorted(self._ticks)[len(self._ticks) // 2 :]:
+                self._drop(latest)
         if self._last is None or time >= self._last:
             return False
-        self._last, self._taken = None, []
+        self._last, self._taken = None, frozenset()
         self._inputs.clear()
         return True
 
@@ -112,7 +128,7 @@ class Turns:
             if readings is None:
                 if not self._never(time):
                     return
-                del self._ticks[time]
+                self._drop(time)
                 continue
             input = None
             if self._answered and last is not None and time != last:
@@ -121,25 +137,28 @@ class Turns:
                     return
                 input = last, value
             self._last = time
-            del self._ticks[time]
+            kept = self._drop(time)
             if keys:
-                self._taken = keys
+                self._taken = set(keys)
             self._forget(time)
             self._inputs = {stamp: u for stamp, u in self._inputs.items() if stamp >= time}
-            yield Turn(time, input, readings)
+            yield Turn(time, input, readings, kept)
 
     def _give_up_before(self, time: int) -> None:
         """Drop earlier ticks that lack a reading: a plant that asks again has sent them all."""
-        self._ticks = {
-            earlier: keys
-            for earlier, keys in self._ticks.items()
-            if earlier >= time or self._named(keys) is not None
-        }
+        for earlier, keys in list(self._ticks.items()):
+            if earlier < time and self._named(keys) is None:
+                self._drop(earlier)
+
+    def _drop(self, time: int) -> Any:
+        """Forget the tick at ``time``, and return what was kept with it."""
+        del self._ticks[time]
+        return self._kept.pop(time)
 
     def _never(self, time: int) -> bool:
         """Tell whether a reading that the tick at ``time`` lacks will not come any more."""
-        wanted = self._ticks[time]
-        lacking = {key[0] for key in wanted if len(self._there(key)) < wanted.count(key)}
+        wanted = Counter(self._ticks[time])
+        lacking = {key[0] for key, count in wanted.items() if len(self._there(key)) < count}
         return any(
             key[0] in lacking and key not in wanted and key in self._readings
             for later, keys in self._ticks.items()
@@ -153,14 +172,14 @@ class Turns:
 
     def _named(self, keys: list[_Key]) -> list[tuple[str, Any]] | None:
         """Return the readings that a tick names, in its order; None if one has not come."""
+        left = Counter(keys)
+        if any(len(self._there(key)) < count for key, count in left.items()):
+            return None
         found: list[tuple[str, Any]] = []
-        for index, key in enumerate(keys):
-            name, _ = key
-            there = self._there(key)
-            if len(there) < keys.count(key):
-                return None
+        for key in keys:
             # of those that were sent again the last
-            found.append((name, there[-keys[index:].count(key)]))
+            found.append((key[0], self._there(key)[-left[key]]))
+            left[key] -= 1
         return found
 
     def _forget(self, time: int) -> None:
@@ -171,3 +190,4 @@ class Turns:
             for key, readings in self._readings.items()
             if key not in self._taken and key[1] > oldest
         }
+        self._waiting = sum(map(len, self._readings.values()))

@@ -268,7 +268,7 @@ def _model(system: System, parameters: Mapping[str, Any]) -> Model:
     except ValueError as error:
         raise ValueError(f'model_parameters.{error}') from None
     except ArithmeticError:
-        raise ValueError('model_parameters: too large or too small to reckon with') from None
+        raise ValueError('model_parameters: too large or too small to compute with') from None
     check_equilibrium(model)
     return model
 

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a node ends: at rest before anything that may wait. And an answer that comes late counts."""
+
+import gc
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from rclpy.task import Future
+
+from kalman_ros.control.limiter import Limiter, Limits
+from kalman_ros.harness import Run
+from kalman_ros.nodes import runtime
+from kalman_ros.nodes.output import OutputStage
+
+
+class Witness:
+    """Writes down which of its methods were called, in order."""
+
+    def __init__(self):
+        self.calls = []
+
+    def __getattr__(self, name):
+        return lambda *_, **__: self.calls.append(name)
+
+
+@pytest.fixture
+def unfrozen():
+    yield
+    gc.unfreeze()
+
+
+@pytest.mark.parametrize('error', [None, RuntimeError('of a model')])
+def test_a_node_rests_before_its_executor_waits_for_its_threads(error, monkeypatch, unfrozen):
+    witness, interruption = Witness(), SimpleNamespace(asked=Future(), ignore=lambda: None)
+
+    def spin(asked, _):
+        assert gc.get_freeze_count() > 1000
+        if error:
+            raise error
+        asked.set_result(None)
+
+    executor = SimpleNamespace(
+        add_node=lambda _: None,
+        spin_until_future_complete=spin,
+        shutdown=lambda: witness.calls.append('shutdown'),
+    )
+    monkeypatch.setattr(runtime, 'EventsExecutor', lambda: executor)
+    if error:
+        with pytest.raises(RuntimeError, match='of a model'):
+            runtime._spin(witness, interruption)
+    else:
+        runtime._spin(witness, interruption)
+    assert witness.calls == ['rest', 'shutdown']
+
+
+def test_an_output_that_is_closed_does_not_wait_for_subscribers():
+    """Only whoever destroys the publisher has to; the node would be deaf meanwhile."""
+    publisher = Witness()
+    limiter = Limiter(Limits(np.array([5.0]), np.array([np.inf])), np.zeros(1))
+    output = OutputStage(publisher, lambda *_: b'', limiter, 0.01, simulated=False)
+    output.open()
+    output.command(0, np.array([1.0]))
+    output.close(lambda: 0)
+    assert publisher.calls == ['publish', 'publish']
+    assert output.at_idle
+    output.deliver()
+    assert publisher.calls[2:] == ['wait_for_all_acked']
+
+
+def test_the_answer_to_a_request_that_was_repeated_counts_however_late():
+    sent = []
+
+    def spin(seconds, until):
+        if len(sent) == 3:
+            sent[0].set_result('late')
+
+    client = SimpleNamespace(
+        service_is_ready=lambda: True, call_async=lambda _: sent.append(Future()) or sent[-1]
+    )
+    run = SimpleNamespace(_clients={'a': client}, wait=lambda *_: None, spin=spin)
+    assert Run.call(run, None, 'a', None) == 'late'
