@@ -58,7 +58,8 @@ def average_nees(scenario: Scenario, run: Trajectory) -> AverageNees:
     count = steps - first
     error = space.subtract(run.truth[first:], run.estimate[first:])
     mean = float(nees(error, run.covariance[first:]).mean()) / n
-    return AverageNees(first, mean, 2.0 * total / (n * count) ** 2)
+    # no average scatters more than one value does; a covariance far too large asks for that
+    return AverageNees(first, mean, min(2.0 * total / (n * count) ** 2, 2.0 / n))
 
 
 def _normalised_moves(scenario: Scenario, run: Trajectory) -> Array:

@@ -147,8 +147,8 @@ def test_parameters_are_free_before_checked_while_and_kept_after_configuration()
             assert run.change_state('controller', transition)
         with pytest.raises(ValueError, match='model: it names code'):
             run.set_parameter('model', 'mass_spring_damper', 'controller')
-        run.set_parameter('law', 'placement', 'controller')
-        assert not run.change_state('controller', 'configure')  # which needs poles
+        run.set_parameter('law', 'lqt', 'controller')
+        assert not run.change_state('controller', 'configure')  # there is no such law
         run.set_parameter('law', 'lqr', 'controller')
         assert run.change_state('controller', 'configure')
 
