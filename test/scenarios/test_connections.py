@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a node says when nothing can arrive, and of what arrives and cannot be used."""
 
+import re
+
 import pytest
 
 pytest.importorskip('rclpy')
@@ -70,12 +72,12 @@ def test_readings_that_came_and_were_dropped_are_counted_with_field_and_sizes():
         run.wait(publisher.get_subscription_count, 10.0, lambda: 'not heard')
         message = JointState(position=[1.0, 2.0])
         write_stamp(message.header.stamp, run.node.get_clock().now().nanoseconds)
-        for _ in range(3):
-            publisher.publish(message)
         said = lambda: run.diagnostics['estimator'].message  # noqa: E731
         trouble = 'position[2]: expected at least 3 numbers, got 2'
-        wanted = f'no reading could be used: 3 of position dropped: wrong size ({trouble})'
-        run.wait(lambda: said().startswith(wanted), 5.0, said)
+        # the subscription is best effort: what comes before both have met is lost
+        wanted = rf'no reading could be used: \d+ of position dropped: wrong size \({re.escape(trouble)}\)'
+        send = lambda: publisher.publish(message)  # noqa: E731
+        run.wait(lambda: send() or re.match(wanted, said()), 5.0, said)
         assert f'wrong size: {trouble}' in run.processes['estimator'].output()
 
 
