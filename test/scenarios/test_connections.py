@@ -75,7 +75,8 @@ def test_readings_that_came_and_were_dropped_are_counted_with_field_and_sizes():
         said = lambda: run.diagnostics['estimator'].message  # noqa: E731
         trouble = 'position[2]: expected at least 3 numbers, got 2'
         # the subscription is best effort: what comes before both have met is lost
-        wanted = rf'no reading could be used: \d+ of position dropped: wrong size \({re.escape(trouble)}\)'
+        start = 'no reading could be used: '
+        wanted = rf'{start}\d+ of position dropped: wrong size \({re.escape(trouble)}\)'
         send = lambda: publisher.publish(message)  # noqa: E731
         run.wait(lambda: send() or re.match(wanted, said()), 5.0, said)
         assert f'wrong size: {trouble}' in run.processes['estimator'].output()
