@@ -148,7 +148,7 @@ def shared():
 
 
 def test_a_plant_that_diverges_falls_silent_and_comes_back():
-    with Run(lockstep=False, nodes=('plant',)) as run:
+    with Run(overrides={'rest_until_input': False}, lockstep=False, nodes=('plant',)) as run:
         run.set_parameter('run_until', 1e6)
         readings = lambda: run.recorder['position']  # noqa: E731
         run.wait(lambda: readings().stamp.size > 3, 10.0, lambda: 'no readings')
