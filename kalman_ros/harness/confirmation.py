@@ -122,7 +122,8 @@ class Confirmation:
                 if name in repeats:
                     repeats[name].append(repeated)
         for topic, flags in repeats.items():
-            _drop(self._recorder.raw[topic], flags)
+            if flags:  # a sensor that is off has no record
+                _drop(self._recorder.raw[topic], flags)
         _drop(self._ticks, again)
 
 
