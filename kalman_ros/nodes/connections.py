@@ -11,6 +11,9 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 #: How long a connection may be missing before it is reported, in seconds.
 PATIENCE = 3.0
+#: To ask the graph about every topic takes milliseconds, which a loop misses: so many seconds
+#: apart while nodes meet or something is wrong, and where all is well.
+_MEETING, _SOON, _LATER = 10.0, 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 
 
@@ -28,6 +31,7 @@ class Connections:
         self._awaited: list[Any] = []
         self._since: dict[str, float] = {}
         self._logged: set[str] = set()
+        self._began, self._looked = monotonic(), -_LATER
 
     def expect(self, subscription: Any) -> Any:
         """Report from now on when nobody publishes to this subscription; return it."""
@@ -39,6 +43,10 @@ class Connections:
     def problems(self) -> list[str]:
         """Return what has been wrong for some seconds, and log what is new of it."""
         now = monotonic()
+        pause = _SOON if self._since or now - self._began < _MEETING else _LATER
+        if now - self._looked < pause:
+            return [*self._logged]
+        self._looked = now
         self._since = {found: self._since.get(found, now) for found in self._mismatches()}
         lasting = [found for found, since in self._since.items() if now - since > PATIENCE]
         for found in lasting:

@@ -163,7 +163,7 @@ def velocity(stamp, value):
 
 @pytest.mark.real_time
 def test_nothing_that_came_meanwhile_is_replayed():
-    with alone('estimator') as run:
+    with alone('estimator', rest_until_input=False) as run:
         estimates = []
         run.node.create_subscription(Odometry, 'estimate', estimates.append, 100)
         publisher = run.node.create_publisher(TwistWithCovarianceStamped, 'velocity', 100)
