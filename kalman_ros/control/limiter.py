@@ -69,14 +69,14 @@ class Limiter:
         return bool(np.array_equal(self.value, self.idle))
 
     def toward(self, wanted: Array, seconds: float) -> Array:
-        """Return the input (m,) that is closest to ``wanted`` (m,) after so many seconds."""
+        """Return the input (m,) closest to ``wanted`` (m,) that can be reached in ``seconds``."""
         most = self._limits.magnitude
         self.value = self._within_reach(np.clip(wanted, -most, most), seconds)
         self.limited += int(np.any(self.value != wanted))
         return self.value
 
     def toward_idle(self, seconds: float) -> Array:
-        """Return the input (m,) that is closest to the idle one after so many seconds."""
+        """Return the input (m,) closest to the idle one that can be reached in ``seconds``."""
         self.value = self._within_reach(self.idle, seconds)
         return self.value
 

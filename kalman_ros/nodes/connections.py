@@ -11,8 +11,8 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 #: How long a connection may be missing before it is reported, in seconds.
 PATIENCE = 3.0
-#: To ask the graph about every topic takes milliseconds, which a loop misses: so many seconds
-#: apart while nodes meet or something is wrong, and where all is well.
+#: Asking the graph about every topic takes milliseconds, which a loop misses: the seconds between
+#: two looks, while nodes meet or something is wrong, and where all is well.
 _MEETING, _SOON, _LATER = 10.0, 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 

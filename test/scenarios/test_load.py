@@ -121,9 +121,6 @@ class Flood:
         self.sent = count + int(run.reported('plant', 'velocity: readings'))
 
 
-@pytest.mark.xfail(
-    reason='open: on a slow machine half of the flood is fused, and forces pause for up to 1.5 s'
-)
 def test_a_flood_takes_no_control():
     with Run(overrides={'velocity.reliable': True}, lockstep=False, seed=4) as run:
         stolen = Withheld([])

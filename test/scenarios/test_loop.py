@@ -144,9 +144,6 @@ def test_real_time_pauses_for_nobody_and_resumes():
 
 
 @pytest.mark.real_time
-@pytest.mark.xfail(
-    reason='open: on a slow machine forces come a step late, which the regulator dynamics show'
-)
 def test_real_time_keeps_its_statistics():
     with Run(lockstep=False, seed=1) as run:
         withheld = Withheld(process.pid for process in run.processes.values())

@@ -35,9 +35,8 @@ def test_of_a_linear_loop_the_spread_is_that_of_many_runs():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('scale', 'passes'), [(1.0, True), (0.2, False), (300.0, False)])
+@pytest.mark.parametrize(('scale', 'passes'), [(1.0, True), (0.2, False), (8.0, False)])
 def test_a_filter_that_is_wrong_about_itself_fails(scale, passes):
-    """Too sure is noticed soon; too cautious only by far, but then its NIS is too small, too."""
     built = scenario.build({'model': 'turn_rate'})
     run = closed_loop.run(built, None, 20.0, 1)
     wrong = replace(run, covariance=scale * run.covariance)
