@@ -11,9 +11,9 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 #: How long a connection may be missing before it is reported, in seconds.
 PATIENCE = 3.0
-#: Asking the graph about every topic takes milliseconds, which a loop misses: the seconds between
-#: two looks, while nodes meet or something is wrong, and where all is well.
-_MEETING, _SOON, _LATER = 10.0, 1.0, 30.0
+#: Asking the graph about every topic takes milliseconds, which a loop misses. So it is asked at
+#: most so often, in seconds, while something is wrong or has changed, and seldom where all is well.
+_SOON, _LATER = 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 
 
@@ -31,7 +31,8 @@ class Connections:
         self._awaited: list[Any] = []
         self._since: dict[str, float] = {}
         self._logged: set[str] = set()
-        self._began, self._looked = monotonic(), -_LATER
+        self._counts: list[tuple[str, int, int]] = []
+        self._looked = -_LATER
 
     def expect(self, subscription: Any) -> Any:
         """Report from now on when nobody publishes to this subscription; return it."""
@@ -43,10 +44,12 @@ class Connections:
     def problems(self) -> list[str]:
         """Return what has been wrong for some seconds, and log what is new of it."""
         now = monotonic()
-        pause = _SOON if self._since or now - self._began < _MEETING else _LATER
-        if now - self._looked < pause:
+        if now - self._looked < _SOON:
             return [*self._logged]
-        self._looked = now
+        counts = self._count()
+        if counts == self._counts and not self._since and now - self._looked < _LATER:
+            return []
+        self._counts, self._looked = counts, now
         self._since = {found: self._since.get(found, now) for found in self._mismatches()}
         lasting = [found for found, since in self._since.items() if now - since > PATIENCE]
         for found in lasting:
@@ -54,6 +57,12 @@ class Connections:
                 self._node.get_logger().warning(found)
         self._logged = {*lasting}
         return lasting
+
+    def _count(self) -> list[tuple[str, int, int]]:
+        """Return how many endpoints of any type each topic has; that costs microseconds."""
+        node = self._node
+        topics = [own.topic_name for own in (*self._subscriptions(), *node.publishers)]
+        return [(name, node.count_publishers(name), node.count_subscribers(name)) for name in topics]
 
     def _subscriptions(self) -> Iterator[Any]:
         yield from self._node.subscriptions

@@ -2,7 +2,8 @@
 """How much the average NEES of one run scatters, where a filter is as good as it says.
 
 Errors are correlated from step to step: a filter that forgets slowly has few independent errors
-in a run. How it forgets follows from the covariances that it published,
+in a run. How the best one forgets follows from its covariances P, the posterior Cramer-Rao bound;
+what the filter itself published may be wrong, and is what is to be judged:
 
     e' = A e + ...,  A = P' (F P F' + Q)^-1 F,
 
@@ -20,6 +21,7 @@ import numpy as np
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import nees
 
+from .bounds import posterior_cramer_rao
 from .scenario import Scenario
 from .trajectory import Trajectory
 
@@ -44,7 +46,7 @@ def average_nees(scenario: Scenario, run: Trajectory) -> AverageNees:
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a covariance is singular.
+        If a covariance is singular, published or as it should be.
     """
     space = scenario.model.state
     steps, n = run.truth.shape
@@ -58,20 +60,21 @@ def average_nees(scenario: Scenario, run: Trajectory) -> AverageNees:
     count = steps - first
     error = space.subtract(run.truth[first:], run.estimate[first:])
     mean = float(nees(error, run.covariance[first:]).mean()) / n
-    # no average scatters more than one value does; a covariance far too large asks for that
+    # no average scatters more than one value does
     return AverageNees(first, mean, min(2.0 * total / (n * count) ** 2, 2.0 / n))
 
 
 def _normalised_moves(scenario: Scenario, run: Trajectory) -> Array:
     """Return M (N - 1, n, n), with F and Q of each step to second order in its length."""
     model, dt = scenario.model, scenario.plan.dt
-    x, u, P = run.estimate[:-1], run.input[:-1], run.covariance[:-1]
+    x, u = run.truth[:-1], run.input[:-1]
+    known = posterior_cramer_rao(scenario, run.truth, run.input, run.readings)
+    roots, P = np.linalg.cholesky(known), known[:-1]
     A = np.array([model.state_jacobian(*point) for point in zip(x, u)])
     W = np.array([model.noise_density(each) for each in x])
     F = np.eye(model.state.size) + dt * A + 0.5 * dt**2 * A @ A
     Q = dt * W + 0.5 * dt**2 * (A @ W + W @ A.swapaxes(-1, -2))
-    move = run.covariance[1:] @ np.linalg.solve(F @ P @ F.swapaxes(-1, -2) + Q, F)
-    roots = np.linalg.cholesky(run.covariance)
+    move = known[1:] @ np.linalg.solve(F @ P @ F.swapaxes(-1, -2) + Q, F)
     return np.linalg.solve(roots[1:], move @ roots[:-1])
 
 

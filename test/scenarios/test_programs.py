@@ -14,6 +14,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.harness import executables
 from kalman_ros.harness.domain import Domain
+from kalman_ros.nodes.interruption import WATCHER
 from kalman_ros.simulation.parameters import from_file, sections
 
 LOOP = ('plant', 'estimator', 'controller', 'monitor')
@@ -107,7 +108,7 @@ def test_a_parameter_file_serves_the_whole_loop_and_a_typo_in_it_none(environmen
 @pytest.mark.parametrize('node', NODES)
 def test_a_signal_ends_a_node_cleanly_also_twice(environment, node, number):
     process = start(environment, node)
-    _wait_for_node(environment, process)
+    _wait_for_node(environment, process, node)
     os.killpg(process.pid, number)
     os.killpg(process.pid, number)
     code, output = finish(process)
@@ -115,8 +116,8 @@ def test_a_signal_ends_a_node_cleanly_also_twice(environment, node, number):
     assert 'Traceback' not in output
 
 
-def _wait_for_node(environment, process):
-    """Wait until the node is up: until its parameter services answer the graph."""
+def _wait_for_node(environment, process, name):
+    """Wait until the node is up: until it is on the graph, and its own process waits for signals."""
     import rclpy
 
     context = rclpy.Context()
@@ -124,7 +125,7 @@ def _wait_for_node(environment, process):
     node = rclpy.create_node('watcher', context=context)
     try:
         for _ in range(600):
-            if any(name != 'watcher' for name in node.get_node_names()):
+            if name in node.get_node_names() and WATCHER in _threads(process):
                 return
             assert process.poll() is None
             rclpy.spin_once(node, executor=_executor(context), timeout_sec=0.05)
@@ -132,6 +133,10 @@ def _wait_for_node(environment, process):
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+def _threads(process):
+    return [path.read_text().strip() for path in Path(f'/proc/{process.pid}/task').glob('*/comm')]
 
 
 def _executor(context):
