@@ -19,6 +19,9 @@ from .messages import decode, stamp_of
 from .padding import without_padding
 from .signal_codec import SignalCodec
 
+#: So many layouts of a topic are kept: each of its publishers may have one of its own.
+_MOST_LAYOUTS = 4
+
 
 class WireReader:
     """Decodes the serialised messages of a signal: what `SignalCodec` does, sooner.
@@ -31,7 +34,7 @@ class WireReader:
         self._codec = codec
         self.message_type = codec.message_type
         self._may_learn = True
-        self._layout: Layout | None = None
+        self._layouts: list[Layout] = []
 
     def __call__(self, data: bytes) -> Sample:
         """Return what a message says.
@@ -43,16 +46,18 @@ class WireReader:
         LookupError, ValueError
             If an array of the message is too short, too long, or lacks a name.
         """
-        layout = self._layout
-        if layout is not None and layout.fits(data):
-            return layout.read(data)
+        for layout in self._layouts:
+            if layout.fits(data):
+                return layout.read(data)
         codec = self._codec
         message = decode(data, self.message_type)
         values, covariance = codec.decode(message), codec.decode_covariance(message)
         sample = Sample(stamp_of(message), values, covariance)
         if self._may_learn:
-            self._layout = learn(codec, message, data)
-            self._may_learn = self._layout is not None
+            learnt = learn(codec, message, data)
+            self._may_learn = learnt is not None
+            if learnt is not None:
+                self._layouts = [learnt, *self._layouts[: _MOST_LAYOUTS - 1]]
         return sample
 
 

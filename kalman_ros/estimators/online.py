@@ -7,14 +7,15 @@ nanoseconds, as ROS stamps are, so that no difference of times is rounded.
 The estimator keeps what came within a window as a list in the order of the stamps, with the
 belief after each item. An item that arrives late is put in its place and what follows is done
 again, by the same operations that arrival in order would have taken; so the result does not
-depend on the order of arrival.
+depend on the order of arrival. Of what arrives together all is put in its place first, so that
+what follows is done again once.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import inf, isfinite
 from typing import NamedTuple
 
@@ -43,10 +44,23 @@ class _State(NamedTuple):
     records: agreement.Records
 
 
+class Arrival(NamedTuple):
+    """A reading (k,) of a sensor, or an input (m,) with the ``source`` None, and its stamp.
+
+    ``covariance`` (k, k) is the reading's own, if it came with one.
+    """
+
+    source: str | None
+    time: int
+    values: Array
+    covariance: Array | None = None
+
+
 class _Item:
     """A reading, or an input (``sensor`` None), and where it left the estimator.
 
-    It keeps the filter that there was when it came, as it does the sensor.
+    It keeps the filter that there was when it came, as it does the sensor. A reading has no
+    outcome before it is taken in.
     """
 
     __slots__ = (
@@ -60,10 +74,16 @@ class _Item:
         self.value = value
         self.sensor = sensor
         self.filter = filter
-        self.outcome = Outcome.FUSED
+        self.outcome: Outcome | None = None if sensor else Outcome.FUSED
         self.restarted = False
         self.correction: Correction | None = None
         self.after: _State
+
+    @property
+    def fate(self) -> tuple[Outcome, Correction | None]:
+        """What became of it, once it is taken in."""
+        assert self.outcome is not None
+        return self.outcome, self.correction
 
 
 class OnlineEstimator:
@@ -116,10 +136,13 @@ class OnlineEstimator:
         records = (agreement.Record(),) * len(self._order)
         self._base = _State(None, belief, first, records)
         self._items: list[_Item] = []
+        #: So many of the items, from the oldest on, are taken in.
+        self._settled = 0
         self._old_in_a_row = 0
 
     def restart(self) -> None:
         """Forget what came, for the clock went back, and count that."""
+        self._settle()
         self.restarts += 1
         self.reset(self._initial)
 
@@ -157,13 +180,7 @@ class OnlineEstimator:
         A controller answers twice when two readings of one instant come one after the other.
         ``now`` is when it came, if stamps in the future are to be refused.
         """
-        if now is not None and self._is_future(time, now):
-            return Outcome.FUTURE
-        if u.shape != self._zero.shape:
-            return Outcome.WRONG_SIZE
-        if not is_finite(u):
-            return Outcome.NOT_FINITE
-        return self._insert(_Item((time, len(self._order)), u, None, self._filter))
+        return self.add([Arrival(None, time, u)], now)[0][0]
 
     def add_reading(
         self,
@@ -179,37 +196,60 @@ class OnlineEstimator:
         the gate rejected it). ``now`` is when it came, if stamps in the future are to be
         refused.
         """
-        outcome, item = self._add_reading(name, time, y, covariance, now)
-        self.counts[name][outcome] += 1
-        return outcome, None if item is None else item.correction
+        return self.add([Arrival(name, time, y, covariance)], now)[0]
 
-    def _add_reading(
-        self, name: str, time: int, y: Array, covariance: Array | None, now: int | None
-    ) -> tuple[Outcome, _Item | None]:
-        sensor: Sensor | None = self._sensors[name]
-        if y.shape != self._sensors[name].covariance.shape[:1]:
-            return Outcome.WRONG_SIZE, None
-        if not is_finite(y):
-            return Outcome.NOT_FINITE, None
-        if covariance is not None:
+    def add(
+        self, arrivals: Iterable[Arrival], now: int | None = None
+    ) -> list[tuple[Outcome, Correction | None]]:
+        """Take readings and inputs that came together, at ``now``, as if one came after the other.
+
+        Returns of each what `add_reading` does; an input has no correction.
+        """
+        found = [self._place(arrival, now) for arrival in arrivals]
+        self._settle()
+        return [each.fate if isinstance(each, _Item) else (each, None) for each in found]
+
+    def _place(self, arrival: Arrival, now: int | None) -> _Item | Outcome:
+        """Put what came in its place and return it; or count it, and return why it is refused."""
+        found = self._checked(arrival, now)
+        if isinstance(found, _Item):
+            refused = self._insert(found)
+            if arrival.source is not None:
+                refused = self._restarted_for(found, refused)
+            if refused is None:
+                return found
+            found = refused
+        if arrival.source is not None:
+            self.counts[arrival.source][found] += 1
+        return found
+
+    def _checked(self, arrival: Arrival, now: int | None) -> _Item | Outcome:
+        """Return an item of what came, or what is wrong with it."""
+        name, time, values, covariance = arrival
+        sensor = None if name is None else self._sensors[name]
+        if values.shape != (self._zero.shape if sensor is None else sensor.covariance.shape[:1]):
+            return Outcome.WRONG_SIZE
+        if not is_finite(values):
+            return Outcome.NOT_FINITE
+        if name is not None and covariance is not None:
             sensor = self._noisy(name, covariance)
             if sensor is None:
-                return Outcome.BAD_COVARIANCE, None
-        if now is not None and self._is_future(time, now):
-            return Outcome.FUTURE, None
-        item = _Item((time, self._order[name]), y, sensor, self._filter)
-        outcome = self._insert(item)
-        if outcome is not Outcome.TOO_OLD:
+                return Outcome.BAD_COVARIANCE
+        if now is not None and time - now > self._policy.future_tolerance * 1e9:
+            return Outcome.FUTURE
+        order = len(self._order) if name is None else self._order[name]
+        return _Item((time, order), values, sensor, self._filter)
+
+    def _restarted_for(self, item: _Item, refused: Outcome | None) -> Outcome | None:
+        """Start anew with a reading if too many in a row were too old; return why it is refused."""
+        if refused is not Outcome.TOO_OLD:
             self._old_in_a_row = 0
-            return outcome, item
+            return refused
         self._old_in_a_row += 1
         if self._old_in_a_row != self._policy.restart_after:
-            return outcome, item
+            return refused
         self.restart()
-        return self._insert(item), item
-
-    def _is_future(self, time: int, now: int) -> bool:
-        return time - now > self._policy.future_tolerance * 1e9
+        return self._insert(item)
 
     def _noisy(self, name: str, covariance: Array) -> Sensor | None:
         """Return the sensor with this noise, None if it is no covariance; the last is kept."""
@@ -224,17 +264,13 @@ class OnlineEstimator:
         self._with_covariance[name] = (key, sensor)
         return sensor
 
-    def _insert(self, item: _Item) -> Outcome:
+    def _insert(self, item: _Item) -> Outcome | None:
+        """Put an item in its place; return why if there is none for it."""
         items = self._items
-        if items and item.key <= items[-1].key:
-            return self._insert_late(item)
-        self._process(item, items[-1].after if items else self._base)
-        items.append(item)
-        self._forget()
-        return item.outcome
-
-    def _insert_late(self, item: _Item) -> Outcome:
-        items, time, base = self._items, item.key[0], self._base.time
+        if not items or item.key > items[-1].key:
+            items.append(item)
+            return None
+        time, base = item.key[0], self._base.time
         # before the base there may be nothing though the window has become wider
         if time < items[-1].key[0] - self._window or (base is not None and time < base):
             return Outcome.TOO_OLD
@@ -243,27 +279,40 @@ class OnlineEstimator:
             if item.sensor is not None or np.array_equal(items[index].value, item.value):
                 return Outcome.DUPLICATE
             del items[index]
-        state = self._process(item, items[index - 1].after if index else self._base)
         items.insert(index, item)
-        for other in items[index + 1 :]:
-            before = other.outcome
-            state = self._process(other, state)
-            if other.outcome is not before:
-                counts = self.counts[self._names[other.key[1]]]
-                counts[before] -= 1
-                counts[other.outcome] += 1
-        return item.outcome
+        self._settled = min(self._settled, index)
+        return None
+
+    def _settle(self) -> None:
+        """Take in what was put in its place, and again what follows; keep account of readings."""
+        items, start = self._items, self._settled
+        state = items[start - 1].after if start else self._base
+        for item in items[start:]:
+            before = item.outcome
+            try:
+                state = self._process(item, state)
+            except Exception:  # of a model that raises: the others stay
+                del items[self._settled]
+                raise
+            self._settled += 1
+            if item.outcome is not before:
+                counts = self.counts[self._names[item.key[1]]]
+                counts[item.fate[0]] += 1
+                if before is not None:
+                    counts[before] -= 1
+        self._forget()
 
     def _forget(self) -> None:
         """Drop what is older than the window; the last of it becomes the base."""
         items = self._items
-        oldest = items[-1].key[0] - self._window
+        oldest = items[-1].key[0] - self._window if items else 0
         gone = 0
         while gone < len(items) - 1 and items[gone].key[0] < oldest:
             gone += 1
         if gone > 16 or (gone and self._window == 0):
             self._base = items[gone - 1].after
             del items[:gone]
+            self._settled -= gone
 
     def _predict(self, state: _State, time: int, filter: Filter) -> Gaussian:
         """Return the belief at ``time``: the initial one if the old is worth nothing by then."""

@@ -33,6 +33,8 @@ _MOST = 50
 class Channel:
     """Messages of one topic, all that have come at a time."""
 
+    #: Of the sensor; None if it is no sensor's.
+    name: str | None = None
     #: While the node is active.
     subscription: Any = None
 
@@ -64,7 +66,7 @@ class SensorChannel(Channel):
 
     def __init__(self, node: Any, name: str, source: SensorSource, state: Signal) -> None:
         output = source.sensor.output
-        self.name = name
+        self.name: str = name
         self._read = ReadingReader(source.signal)
         self.message_type = self._read.message_type
         self._publish = InnovationPublisher(node, innovation_signal(state, name, output))
@@ -91,10 +93,14 @@ class SensorChannel(Channel):
         """Why the last message that could not be read could not: the field and the sizes."""
         return self._read.trouble
 
+    def judge(self, correction: Correction) -> None:
+        """Take note of what a reading did, to judge whether innovations scatter as expected."""
+        if isfinite(correction.nis):
+            self.nis.add(correction.nis)
+
     def publish(self, time: int, correction: Correction) -> None:
         """Publish the innovation of the reading taken at ``time``."""
         if isfinite(correction.nis):
-            self.nis.add(correction.nis)
             self._publish(time, correction)
 
     def measure_lead(self, time: int, now: int) -> None:

@@ -20,7 +20,7 @@ from kalman_ros.codecs.tick import read_tick
 from kalman_ros.core import Array, Gaussian, Option, Value
 from kalman_ros.estimators import filter_options
 from kalman_ros.estimators.correction import Correction
-from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.online import Arrival, OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.simulation.local_observability import ObservabilityMeter
 from kalman_ros.simulation.observability import observability
@@ -46,6 +46,9 @@ _BACK = Duration(seconds=-0.1)
 _SLOWEST = 1e-3
 #: In seconds, for nodes that are there to find each other.
 _MEETING = 1.0
+
+#: So many innovations are published at once.
+_TOLD = 20
 
 #: What the reading of a sensor, taken at a time, did to the belief.
 _Correction = tuple[SensorChannel, int, Correction]
@@ -172,17 +175,8 @@ class EstimatorNode(runtime.ScenarioNode):
         # no input waits long behind a single reading
         if first is self._input or len(come) > 1:
             come += self._inputs_come(first, data)
-        # in the order of the stamps, for each that comes late makes those after it anew
-        come.sort(key=itemgetter(0))
         now, began = self._now() or None, monotonic()
-        corrections = []
-        for time, channel, sample in come:
-            if isinstance(channel, SensorChannel):
-                found = self._fuse(channel, time, sample, now)
-                if found is not None:
-                    corrections.append(found)
-            else:
-                self._add_input(time, sample.values, now)
+        corrections = self._fuse(come, now)
         if not corrections or self._is_deaf():
             return
         if self._online.time is not None and not self.options.publish_rate:
@@ -191,7 +185,13 @@ class EstimatorNode(runtime.ScenarioNode):
             self._latency.add(done - came)
             for channel, time, _ in corrections:
                 channel.age.add(((now or time) - time) * 1e-9 + done - began)
-        for channel, time, correction in corrections:
+        self._tell(corrections)
+
+    def _tell(self, corrections: list[_Correction]) -> None:
+        """Publish the innovations; when there is time for only some, those of the newest."""
+        for channel, _, correction in corrections:
+            channel.judge(correction)
+        for channel, time, correction in corrections[-_TOLD:]:
             channel.publish(time, correction)
 
     def _is_deaf(self) -> bool:
@@ -240,20 +240,39 @@ class EstimatorNode(runtime.ScenarioNode):
             account[Outcome.OVERRUN] += missed
             self._warn(f'{what} {Outcome.OVERRUN.value}')
 
-    def _fuse(
-        self, channel: SensorChannel, time: int, reading: Sample, now: Optional[int] = None
-    ) -> Optional[_Correction]:
-        name = channel.name
-        outcome, correction = self._online.add_reading(
-            name, time, reading.values, reading.covariance, now
-        )
+    def _fuse(self, come: Iterable[_Come], now: Optional[int] = None) -> list[_Correction]:
+        """Take in what has come at ``now``, and return what the readings did to the belief."""
+        # in the order of the stamps: what comes with something later is not too old beside it
+        come = sorted(come, key=itemgetter(0))
+        arrivals = [
+            Arrival(channel.name, time, sample.values, sample.covariance)
+            for time, channel, sample in come
+        ]
+        corrections = []
+        for (time, channel, sample), fate in zip(come, self._online.add(arrivals, now)):
+            outcome, correction = fate
+            if isinstance(channel, SensorChannel):
+                self._account_for_reading(channel, time, outcome)
+                if correction is not None:
+                    corrections.append((channel, time, correction))
+            else:
+                self._account_for_input(time, sample.values, outcome)
+        return corrections
+
+    def _account_for_reading(self, channel: SensorChannel, time: int, outcome: Outcome) -> None:
         if outcome is Outcome.WRONG_SIZE:
-            self._warn(f'reading of {name} {outcome.value}: {channel.trouble}')
+            self._warn(f'reading of {channel.name} {outcome.value}: {channel.trouble}')
         elif outcome is not Outcome.FUSED:
-            self._warn(f'reading of {name} {outcome.value}')
+            self._warn(f'reading of {channel.name} {outcome.value}')
         if outcome.accepted:
-            self._observability.reading(name, time)
-        return None if correction is None else (channel, time, correction)
+            self._observability.reading(channel.name, time)
+
+    def _account_for_input(self, time: int, u: Array, outcome: Outcome) -> None:
+        self._inputs[outcome] += 1
+        if outcome.accepted:
+            self._observability.input(time, u)
+        if outcome is not Outcome.FUSED:
+            self._warn(f'{self.scenario.input.topic} {outcome.value}')
 
     def _read_input(self, data: bytes) -> Optional[Sample]:
         """Return the input in a message; None, with a warning, if there is none in it."""
@@ -262,14 +281,6 @@ class EstimatorNode(runtime.ScenarioNode):
         except (LookupError, ValueError) as error:
             self._warn(f'{self.scenario.input.topic}: {error}')
             return None
-
-    def _add_input(self, time: int, u: Array, now: Optional[int] = None) -> None:
-        outcome = self._online.add_input(time, u, now)
-        self._inputs[outcome] += 1
-        if outcome.accepted:
-            self._observability.input(time, u)
-        if outcome is not Outcome.FUSED:
-            self._warn(f'{self.scenario.input.topic} {outcome.value}')
 
     def _on_tick(self, data: bytes) -> None:
         if self._turns is None:
@@ -287,17 +298,17 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def _take_turns(self, turns: Turns) -> None:
         for turn in turns.complete():
-            if turn.input is not None:
-                self._add_input(*turn.input)
-            corrections = [
-                self._fuse(self._channels[name], y.time or turn.time, y)
-                for name, y in turn.readings
+            come: list[_Come] = [
+                (y.time or turn.time, self._channels[name], y) for name, y in turn.readings
             ]
+            if turn.input is not None:
+                time, u = turn.input
+                come.append((time, self._input, Sample(time, u, None)))
+            corrections = self._fuse(come)
             self._publish(turn.time, self._online.predicted(turn.time))
-            for found in corrections:
-                if found is not None:
-                    channel, time, correction = found
-                    channel.publish(time, correction)
+            for channel, time, correction in corrections:
+                channel.judge(correction)
+                channel.publish(time, correction)
 
     def _publish_now(self) -> None:
         if self._online.time is None:
