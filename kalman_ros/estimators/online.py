@@ -27,6 +27,7 @@ from . import agreement
 from .correction import Correction
 from .factor import cholesky
 from .filter import Filter
+from .lapack import dpotrf
 from .outcome import Outcome
 from .policy import Policy
 from .start import taken_at_its_word
@@ -241,7 +242,7 @@ class OnlineEstimator:
         return _Item((time, order), values, sensor, self._filter)
 
     def _restarted_for(self, item: _Item, refused: Outcome | None) -> Outcome | None:
-        """Start anew with a reading if too many in a row were too old; return why it is refused."""
+        """Start anew with a reading if too many in a row were too old; return why it stays out."""
         if refused is not Outcome.TOO_OLD:
             self._old_in_a_row = 0
             return refused
@@ -398,9 +399,12 @@ _MOST_WIDENINGS = 20
 
 def _is_covariance(R: Array, size: int) -> bool:
     """Tell whether ``R`` is finite, symmetric and positive definite."""
-    if R.shape != (size, size) or not np.isfinite(R).all() or not np.allclose(R, R.T):
+    if R.shape != (size, size) or not is_finite(R):
         return False
-    return bool(np.linalg.eigvalsh(R)[0] > 0.0)
+    skew = np.abs(R - R.T).max()
+    if skew and not np.allclose(R, R.T):
+        return False
+    return bool(dpotrf(R, lower=1)[1] == 0)
 
 
 def _committed(belief: Gaussian) -> Gaussian:

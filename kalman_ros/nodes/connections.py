@@ -12,7 +12,7 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 #: How long a connection may be missing before it is reported, in seconds.
 PATIENCE = 3.0
 #: Asking the graph about every topic takes milliseconds, which a loop misses. So it is asked at
-#: most so often, in seconds, while something is wrong or has changed, and seldom where all is well.
+#: most so often, in seconds, while something is wrong or has changed, and else seldom.
 _SOON, _LATER = 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 
@@ -62,7 +62,9 @@ class Connections:
         """Return how many endpoints of any type each topic has; that costs microseconds."""
         node = self._node
         topics = [own.topic_name for own in (*self._subscriptions(), *node.publishers)]
-        return [(name, node.count_publishers(name), node.count_subscribers(name)) for name in topics]
+        return [
+            (name, node.count_publishers(name), node.count_subscribers(name)) for name in topics
+        ]
 
     def _subscriptions(self) -> Iterator[Any]:
         yield from self._node.subscriptions

@@ -48,7 +48,7 @@ _SLOWEST = 1e-3
 _MEETING = 1.0
 
 #: So many innovations are published at once.
-_TOLD = 20
+_TOLD = 8
 
 #: What the reading of a sensor, taken at a time, did to the belief.
 _Correction = tuple[SensorChannel, int, Correction]
@@ -207,6 +207,7 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def _readings_come(self, first: Channel, data: bytes) -> Iterator[_Come]:
         """Yield the readings that have come, after ``data`` of what woke the node."""
+        now = self._now()
         for name, channel in self._channels.items():
             source = self.scenario.sensors[name]
             messages, missed = channel.take([data] if channel is first else [])
@@ -217,7 +218,6 @@ class EstimatorNode(runtime.ScenarioNode):
                     reading = self.intake(channel.topic, read, message)
                     if reading is None:
                         continue
-                    now = self._now()
                     time = reading.time or now
                     if now:  # simulated time may not have begun
                         channel.measure_lead(time, now)

@@ -212,8 +212,12 @@ def reason(error: Exception) -> str:
 
     Of a long one, as that which quotes a long value, the middle is left out.
     """
-    found = _reason(error)
+    found = ''.join(map(_printable, _reason(error)))
     return found if len(found) <= _LONGEST else f'{found[: _LONGEST - 100]} ... {found[-90:]}'
+
+
+def _printable(character: str) -> str:
+    return character if character.isprintable() else ascii(character)[1:-1]
 
 
 def _reason(error: Exception) -> str:

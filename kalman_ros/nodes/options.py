@@ -37,6 +37,14 @@ Longest = Annotated[
         live=True,
     ),
 ]
+Priority = Annotated[
+    int,
+    About(
+        'real time: the priority asked of the system (SCHED_FIFO); 0 for none',
+        minimum=0,
+        maximum=99,
+    ),
+]
 Rest = Annotated[
     bool, About('real time: the state stays at its initial value until the first input comes')
 ]
@@ -57,6 +65,7 @@ class PlantOptions(BodyOptions):
 
     autostart: Autostart = True
     max_message_size: Longest = LONGEST
+    realtime_priority: Priority = 30
     seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
     lockstep: Lockstep = False
     lockstep_timeout: Annotated[
@@ -98,6 +107,7 @@ class EstimatorOptions:
 
     autostart: Autostart = True
     max_message_size: Longest = LONGEST
+    realtime_priority: Priority = 20
     implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
     lockstep: Lockstep = False
     publish_rate: Annotated[
@@ -149,6 +159,7 @@ class ControllerOptions:
 
     autostart: Autostart = True
     max_message_size: Longest = LONGEST
+    realtime_priority: Priority = 30
     lockstep: Lockstep = False
     enabled: Annotated[
         bool, About('whether forces are computed; if not, none is published (lockstep: idle ones)')

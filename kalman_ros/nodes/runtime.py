@@ -11,6 +11,7 @@ from typing import Any
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -27,6 +28,7 @@ from .diagnostics import Diagnostics, Level, Report
 from .interruption import Interruption
 from .managed import ACTIVE, ManagedNode, reason
 from .parameter_files import hint, readable
+from .priority import take_priority
 from .transport import prefer_sockets
 from .usage import usage, wants_help
 from .watcher import WatcherNode
@@ -58,6 +60,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     #: What it runs when it is told nothing.
     default_model = models.DEFAULT
+    _alone, _scheduling = False, 'normal'
 
     def __init__(self, name: str, options: type[Any]) -> None:
         super().__init__(name)
@@ -85,6 +88,26 @@ class ScenarioNode(WatcherNode, ManagedNode):
         self._code.trust(values)
         live = parameters.LiveParameters(self, known, values, self._prepare)
         self.at_the_end(live.close)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Go from inactive to active."""
+        found = super().on_activate(state)
+        self._prioritize()
+        return found
+
+    def own_process(self) -> None:
+        """Take note that the process is this node's alone, so that it may go before others."""
+        self._alone = True
+        self._prioritize()
+
+    def _prioritize(self) -> None:
+        """Take the priority that is wanted in real time, if the system permits it."""
+        if not self._alone or self.phase != ACTIVE:
+            return
+        # who only watches is in no hurry, and has no such option
+        wanted = getattr(self.options, 'realtime_priority', 0)
+        if wanted and not self.options.lockstep and take_priority(wanted):
+            self._scheduling = f'real-time, priority {wanted}'
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters, all or none; any may be set to the value that it has, read-only too."""
@@ -130,7 +153,8 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     def _report_state(self) -> Report:
         if self.phase == ACTIVE:
-            return self.report()
+            level, message, values = self.report()
+            return level, message, {**values, 'scheduling': self._scheduling}
         why = f': {self.refusal}' if self.refusal else ''
         return Level.WARN, f'{self.phase}{why}', {}
 
@@ -172,6 +196,7 @@ def _spin(node: ScenarioNode, interruption: Interruption) -> None:
     """Let a node work until a signal comes, and bring it to rest before anything else."""
     executor = EventsExecutor()
     executor.add_node(node)
+    node.own_process()
     # what was built lasts as long as the process: a full collection would look through all of it,
     # which takes tens of milliseconds in the midst of the work
     gc.freeze()

@@ -68,7 +68,7 @@ class SensorSource:
         """
         if carried is None or self.covariance_from == 'configuration':
             return None
-        larger = np.trace(carried) > np.trace(self.sensor.covariance)
+        larger = carried.trace() > self.sensor.covariance.trace()
         return carried if self.covariance_from == 'message' or larger else None
 
 

@@ -29,3 +29,8 @@ def test_a_weight_too_large_for_its_eigenvalues_is_named(name):
     size = 4 if name == 'state_cost' else 2
     with pytest.raises(ValueError, match=f'^{name}: '):
         scenario.build({name: [1e308] * size})
+
+
+def test_what_is_quoted_cannot_break_the_line():
+    found = reason(ValueError("law: expected lqr, got 'a\n\x1b[2Jé\x85\ud800'"))
+    assert found == r"law: expected lqr, got 'a\n\x1b[2Jé\x85\ud800'"

@@ -54,7 +54,7 @@ def test_a_node_rests_before_its_executor_waits_for_its_threads(error, monkeypat
             runtime._spin(witness, interruption)
     else:
         runtime._spin(witness, interruption)
-    assert witness.calls == ['rest', 'shutdown']
+    assert witness.calls == ['own_process', 'rest', 'shutdown']
 
 
 def test_an_output_that_is_closed_does_not_wait_for_subscribers():

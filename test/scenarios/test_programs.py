@@ -117,7 +117,7 @@ def test_a_signal_ends_a_node_cleanly_also_twice(environment, node, number):
 
 
 def _wait_for_node(environment, process, name):
-    """Wait until the node is up: until it is on the graph, and its own process waits for signals."""
+    """Wait until the node is on the graph, and its own process waits for signals."""
     import rclpy
 
     context = rclpy.Context()
