@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, Space
 
-from .consistency import ChiSquareWindow, nees
+from .consistency import NeesWindow
 
 #: So many instants are kept for what has not come yet.
 _KEPT = 2000
@@ -59,7 +58,7 @@ class Comparison:
         self.error = MeanSquare(state.size)
         self.raw = {name: MeanSquare(s.output.size) for name, s in self._sensors.items()}
         self.fused = {name: MeanSquare(s.output.size) for name, s in self._sensors.items()}
-        self.nees = ChiSquareWindow(state.size, length, white=False)
+        self.nees = NeesWindow(state.size, length)
         self.cost = 0.0
         self.steps = 0
         self._truths: dict[int, Array] = {}
@@ -120,8 +119,4 @@ class Comparison:
             self.fused[name].add(difference)
         if np.isnan(belief.covariance).any():  # nobody said how good it is
             return
-        try:
-            found = float(nees(error, belief.covariance))
-        except np.linalg.LinAlgError:
-            found = inf
-        self.nees.add(found if found >= 0.0 else inf)  # below zero: of no covariance
+        self.nees.add_error(error, belief.covariance)

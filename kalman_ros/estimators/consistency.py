@@ -69,18 +69,35 @@ def _squares(error: Array, covariance: Array) -> Array:
     return np.asarray(np.einsum('...i,...i->...', finite, solved))
 
 
-def independent(values: Array, expected: float) -> float:
-    """Return how many independent values are worth as much as these correlated ones (N,).
+def normalised(error: Array, covariance: Array) -> Array:
+    """Return L^-1 error (n,) with L L' = covariance: its square is the NEES.
 
-    That is N / (1 + 2 sum (1 - l/N) r_l), up to the first correlation r_l that is not positive (C.
-    J. Geyer, Practical Markov Chain Monte Carlo, 1992). Correlations are about the ``expected``
-    mean, so that values which stay on one side of it count as few.
+    A coordinate that is said to be certain and is without error is 0, else infinite.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the covariance is not positive definite otherwise.
     """
-    N = len(values)
-    if not np.isfinite(values).all():
+    certain = covariance.diagonal() == 0.0
+    if error[certain].any():
+        return np.full(error.shape, np.inf)
+    L = np.linalg.cholesky(covariance + np.diag(certain.astype(float)))
+    return np.asarray(np.linalg.solve(L, error))
+
+
+def independent(errors: Array) -> float:
+    """Return how many independent squares are worth as much as those of correlated errors (N, n).
+
+    That is N / (1 + 2 sum (1 - l/N) r_l) with the correlations r_l of the errors, whose mean is
+    zero, up to the first that is not positive (C. J. Geyer, Practical Markov Chain Monte Carlo,
+    1992). Squares are correlated by no more than what they are squares of. How large the errors
+    are does not matter.
+    """
+    N = len(errors)
+    if not np.isfinite(errors).all():
         return 1.0
-    away = values - expected
-    power = np.abs(np.fft.rfft(away, 2 * N)) ** 2
+    power = (np.abs(np.fft.rfft(errors, 2 * N, axis=0)) ** 2).sum(axis=1)
     r = np.fft.irfft(power)[:N]
     if r[0] <= 0.0:
         return float(N)
@@ -93,12 +110,11 @@ def independent(values: Array, expected: float) -> float:
 class ChiSquareWindow:
     """The running average of a chi-square statistic over its last ``length`` values.
 
-    Successive values are taken for independent if they are ``white``, as NIS are and NEES are not.
+    Successive values are taken for independent, as the NIS are.
     """
 
     degrees: int
     length: int = 500
-    white: bool = True
     _values: deque[float] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -120,12 +136,33 @@ class ChiSquareWindow:
 
     def bounds(self, miss: float = 0.001) -> tuple[float, float]:
         """Return the bounds of `mean` for a consistent filter."""
-        count = float(max(1, self.count))
-        if not self.white and self.count:
-            count = independent(np.array(self._values), float(self.degrees))
-        return chi_square_bounds(1.0, 2.0 / (self.degrees * count), miss)
+        return chi_square_bounds(1.0, 2.0 / (self.degrees * max(1.0, self._independent())), miss)
+
+    def _independent(self) -> float:
+        return self.count
 
     def inside(self, miss: float = 0.001) -> bool:
         """Tell whether the average is within its bounds; an empty window is."""
         low, high = self.bounds(miss)
         return not self._values or low <= self.mean <= high
+
+
+@dataclass
+class NeesWindow(ChiSquareWindow):
+    """The running average of the NEES; successive errors are correlated."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._errors: deque[Array] = deque(maxlen=self.length)
+
+    def add_error(self, error: Array, covariance: Array) -> None:
+        """Take in truth minus estimate (n,); of no covariance, its NEES is infinite."""
+        try:
+            z = normalised(error, covariance)
+        except np.linalg.LinAlgError:
+            z = np.full(error.shape, np.inf)
+        self._errors.append(z)
+        self.add(float(z @ z))
+
+    def _independent(self) -> float:
+        return independent(np.array(self._errors)) if self._errors else 0.0

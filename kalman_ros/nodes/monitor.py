@@ -128,7 +128,7 @@ class MonitorNode(runtime.ScenarioNode):
             raw, fused = comparison.raw[name].root, comparison.fused[name].root
             for label, before, after in zip(labels, raw, fused):
                 values[f'{name} {label}: error raw / estimated'] = f'{before:.4g} / {after:.4g}'
-        verdicts = {'NEES': comparison.nees}
+        verdicts: dict[str, ChiSquareWindow] = {'NEES': comparison.nees}
         verdicts.update({f'NIS of {name}': nis for name, nis in self._nis.items()})
         doubtful = []
         for name, window in verdicts.items():

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kalman_ros.estimators.consistency import ChiSquareWindow, independent, nees
+from kalman_ros.estimators.consistency import NeesWindow, independent
 from kalman_ros.simulation import closed_loop, scenario
 from kalman_ros.simulation.judgement import consistency, judge, least_duration
 from kalman_ros.simulation.nees_spread import average_nees
@@ -61,26 +61,38 @@ def test_runs_too_short_to_judge_are_refused(name):
     assert judge(built, closed_loop.run(built, gain, least, 0)).checks
 
 
-def test_correlated_values_count_for_fewer():
+def test_correlated_errors_count_for_fewer_whatever_their_size():
     rng = np.random.default_rng(0)
-    white = rng.chisquare(3, 4000)
-    assert independent(white, 3.0) == pytest.approx(4000, rel=0.25)
-    repeated = np.repeat(rng.chisquare(3, 400), 10)
-    assert independent(repeated, 3.0) == pytest.approx(400, rel=0.3)
-    assert independent(np.full(500, 9.0), 3.0) == pytest.approx(1.0)
-    assert independent(np.array([1.0, np.inf]), 3.0) == 1.0
+    white = rng.standard_normal((4000, 3))
+    repeated = np.repeat(rng.standard_normal((400, 3)), 10, axis=0)
+    for size in (1.0, 1e-3, 1e6):
+        assert independent(size * white) == pytest.approx(4000, rel=0.25)
+        assert independent(size * repeated) == pytest.approx(400, rel=0.3)
+    assert independent(np.full((500, 3), 9.0)) == pytest.approx(1.0)
+    assert independent(np.array([[1.0], [np.inf]])) == 1.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('scale', 'inside'), [(1.0, True), (0.01, False), (50.0, False)])
-def test_the_window_of_the_monitor_notices_a_covariance_that_is_wrong(scale, inside):
-    built = scenario.build({'model': 'diff_drive'})
-    run = closed_loop.run(built, None, 10.0, 3)
-    error = built.model.state.subtract(run.truth, run.estimate)
-    window = ChiSquareWindow(5, 500, white=False)
-    for value in nees(error, scale * run.covariance):
-        window.add(float(value))
+@pytest.mark.parametrize(('scale', 'inside'), [(1.0, True), (0.01, False), (100.0, False)])
+@pytest.mark.parametrize('name', ['diff_drive', 'mass_spring_damper', 'constant_velocity'])
+def test_the_window_of_the_monitor_notices_a_covariance_that_is_wrong(name, scale, inside):
+    built = scenario.build({'model': name})
+    gain = regulator(built)[0].gain if built.law else None
+    run = closed_loop.run(built, gain, 10.0, 3)
+    window = NeesWindow(built.model.state.size)
+    for error, P in zip(built.model.state.subtract(run.truth, run.estimate), run.covariance):
+        window.add_error(error, scale * P)
     assert window.inside() is inside
+
+
+def test_the_window_knows_what_is_no_covariance():
+    window = NeesWindow(2)
+    window.add_error(np.array([0.0, 1.0]), np.diag([0.0, 1.0]))  # certain, and rightly so
+    assert window.mean == 0.5 and window.inside()
+    for error, P in (([1.0, 0.0], np.diag([0.0, 1.0])), ([1.0, 0.0], np.diag([1.0, -1.0]))):
+        window = NeesWindow(2)
+        window.add_error(np.array(error), P)
+        assert not window.inside()
 
 
 def test_the_demo_of_the_bearing_tracker_shows_the_convergence():
