@@ -89,21 +89,20 @@ def normalised(error: Array, covariance: Array) -> Array:
 def independent(errors: Array) -> float:
     """Return how many independent squares are worth as much as those of correlated errors (N, n).
 
-    That is N / (1 + 2 sum (1 - l/N) r_l) with the correlations r_l of the errors, whose mean is
-    zero, up to the first that is not positive (C. J. Geyer, Practical Markov Chain Monte Carlo,
-    1992). Squares are correlated by no more than what they are squares of. How large the errors
-    are does not matter.
+    Of one coordinate that is N / (1 + 2 sum (1 - l/N) r_l) with its correlations r_l, as the mean
+    is zero, up to the first that is not positive (C. J. Geyer, Practical Markov Chain Monte
+    Carlo, 1992); squares are correlated by no more than what they are squares of. Variances
+    add, so of all coordinates it is the harmonic mean. How large the errors are does not matter.
     """
-    N = len(errors)
+    N, n = errors.shape
     if not np.isfinite(errors).all():
         return 1.0
-    power = (np.abs(np.fft.rfft(errors, 2 * N, axis=0)) ** 2).sum(axis=1)
-    r = np.fft.irfft(power)[:N]
-    if r[0] <= 0.0:
-        return float(N)
-    until = int(np.argmax(r <= 0.0)) or N
+    r = np.fft.irfft(np.abs(np.fft.rfft(errors, 2 * N, axis=0)) ** 2, axis=0)[:N]
+    r = r[:, r[0] > 0.0] / r[0, r[0] > 0.0]
+    positive = np.logical_and.accumulate(r > 0.0)
     # r has the factor (1 - l/N) already
-    return max(1.0, N / float(2.0 * np.sum(r[:until] / r[0]) - 1.0))
+    times = np.maximum(1.0, 2.0 * np.sum(r, axis=0, where=positive) - 1.0)
+    return float(N * n / (times.sum() + n - len(times)))
 
 
 @dataclass
