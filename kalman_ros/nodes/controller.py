@@ -25,6 +25,7 @@ from kalman_ros.simulation.scenario import Scenario
 from . import runtime
 from .diagnostics import Level, Report
 from .idle import idle_input
+from .meeting import Meeting
 from .meters import Latency, Rate
 from .options import ControllerOptions
 from .output import OutputStage
@@ -80,6 +81,7 @@ class ControllerNode(runtime.ScenarioNode):
         self._said_at = 0
         self._answered = self._passed = 0
         self._trust.forget()
+        self._meeting = Meeting(self._is_heard)
         topic, kind = self.scenario.state.topic, self._read_state.message_type
         self._estimates = self.create_subscription(kind, topic, self._on_estimate, QUEUE, raw=True)
         self.diagnostics.connections.expect(self._estimates)
@@ -99,8 +101,14 @@ class ControllerNode(runtime.ScenarioNode):
         self._output.close(self._stamp)
         self._released = True
 
+    def _is_heard(self) -> bool:
+        """Tell whether the plant hears the input, and the estimator."""
+        return self.options.lockstep or self._output.listeners >= 2
+
     def _on_estimate(self, data: bytes) -> None:
         """Answer the newest estimate that has come; what it was before is of no use."""
+        if not self._meeting.over:
+            return
         came = monotonic()
         estimate = self._newest([data, *waiting(self._estimates)], came)
         if estimate is None:

@@ -33,6 +33,7 @@ from .estimates import EstimatePublisher
 from .fusion import check_start, fusion
 from .idle import idle_input
 from .initial_pose import PoseReader
+from .meeting import Meeting
 from .meters import Latency
 from .options import EstimatorOptions
 from .throttle import Throttle
@@ -44,8 +45,6 @@ _BACK = Duration(seconds=-0.1)
 
 #: The lowest rate of publication, in Hz, other than none.
 _SLOWEST = 1e-3
-#: In seconds, for nodes that are there to find each other.
-_MEETING = 1.0
 
 #: So many innovations are published at once.
 _TOLD = 8
@@ -101,7 +100,8 @@ class EstimatorNode(runtime.ScenarioNode):
         """
         scenario, options = self.scenario, self.options
         self._start_anew(scenario.initial_belief)
-        self._told, self._began = -1, monotonic()
+        self._told = -1
+        self._meeting = Meeting(self._hears_input)
         subscribe = partial(self.create_subscription, raw=True)
         expect = self.diagnostics.connections.expect
         callback: Callable[..., None]
@@ -177,7 +177,7 @@ class EstimatorNode(runtime.ScenarioNode):
             come += self._inputs_come(first, data)
         now, began = self._now() or None, monotonic()
         corrections = self._fuse(come, now)
-        if not corrections or self._is_deaf():
+        if not corrections or not self._meeting.over:
             return
         if self._online.time is not None and not self.options.publish_rate:
             self._publish(self._online.time, self._online.belief)
@@ -194,16 +194,11 @@ class EstimatorNode(runtime.ScenarioNode):
         for channel, time, correction in corrections[-_TOLD:]:
             channel.publish(time, correction)
 
-    def _is_deaf(self) -> bool:
-        """Tell whether what sets the state in motion may be there and not be heard yet.
-
-        Who answers the first estimate would move the plant, and this node would not know.
-        """
+    def _hears_input(self) -> bool:
+        """Tell whether what sets the state in motion is heard: else it would move unnoticed."""
         resting = self.options.rest_until_input and not self._inputs.total()
         subscription = self._input.subscription
-        if not resting or subscription is None or monotonic() - self._began > _MEETING:
-            return False
-        return not subscription.get_publisher_count()
+        return not resting or subscription is None or subscription.get_publisher_count() > 0
 
     def _readings_come(self, first: Channel, data: bytes) -> Iterator[_Come]:
         """Yield the readings that have come, after ``data`` of what woke the node."""

@@ -80,6 +80,11 @@ class OutputStage:
         return self._limiter.at_idle
 
     @property
+    def listeners(self) -> int:
+        """How many subscribers are connected."""
+        return int(self._publisher.get_subscription_count())
+
+    @property
     def limited(self) -> int:
         """How many inputs a limit has changed."""
         return self._limiter.limited

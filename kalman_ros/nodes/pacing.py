@@ -37,7 +37,7 @@ class RealTime:
             self.missed += max(0, (now - self._next) // period)
             self._next = None
         if self._next is None:
-            if plant.elapsed <= plant.run_until:
+            if plant.elapsed <= plant.run_until and plant.may_begin:
                 # stamps are the time, after a pause too: that for which the timer was set, or
                 # all that follow would be ahead by as much as this call is late
                 late = period - (self._timer.time_until_next_call() or 0)

@@ -26,6 +26,7 @@ from . import runtime
 from .diagnostics import Level, Report
 from .idle import idle_input
 from .managed import ACTIVE
+from .meeting import Meeting
 from .options import PlantOptions
 from .pacing import Lockstep, RealTime
 from .topics import HISTORY, QUEUE, on_topic
@@ -67,6 +68,7 @@ class PlantNode(runtime.ScenarioNode):
         #: In lockstep, for which step each of those that are waited for has answered.
         self._answered = dict.fromkeys(self._answers, -1)
         self.create_service(Trigger, '~/reset', self._on_reset)
+        self._meeting = Meeting(self._hears_input)
         self._pacer = self._build_pacer(self.options)
         if self.options.lockstep and self.options.lockstep_window:
             self.create_subscription(TimeReference, 'recorded', self._on_recorded, QUEUE, raw=True)
@@ -75,6 +77,16 @@ class PlantNode(runtime.ScenarioNode):
     def deactivate(self) -> None:
         """Stop stepping."""
         self._pacer.close()
+
+    def _hears_input(self) -> bool:
+        """Tell whether a force that answers the readings would be heard."""
+        answers = self._answers.values()
+        return not self._rests or any(found.get_publisher_count() for found in answers)
+
+    @property
+    def may_begin(self) -> bool:
+        """Whether it may be seen, for those who would set it in motion are heard."""
+        return self._meeting.over
 
     def _listen(self) -> dict[str, Any]:
         """Subscribe to what drives the plant; return the subscriptions that answer each step."""
