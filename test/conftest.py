@@ -24,7 +24,7 @@ SCENARIOS = Path(__file__).with_name('scenarios')
 def pytest_addoption(parser):
     """Add the options for a quick look, and for two processes side by side."""
     parser.addoption('--fast', action='store_true', help='leave out what is slow or in real time')
-    parser.addoption('--part', choices=PARTS, help='of two that run side by side')
+    parser.addoption('--part', choices=PARTS, help='of those that side_by_side.py runs')
     parser.addoption('--counts', type=Path, help='a file to write to how many tests did what')
 
 
@@ -55,17 +55,19 @@ def pytest_collection_modifyitems(config, items):
     if config.getoption('fast'):
         keep(config, items, lambda item: not any(map(item.get_closest_marker, SLOW)))
     if part := config.getoption('part'):
-        first = first_part(items, config.getoption('fast'))
-        keep(config, items, lambda item: (item.path in first) is (part == PARTS[0]))
+        files = in_parts(items)
+        keep(config, items, lambda item: item.path in files[part])
 
 
-def first_part(items, fast):
-    """Return the files of the first of two parts; of quick tests that is every other file."""
-    if fast:
-        return {*sorted({item.path for item in items})[::2]}
-    timed = {item.path for item in items if item.get_closest_marker('real_time')}
-    nodes = (path for path in SCENARIOS.glob('test_*.py') if path.stem not in BESIDE)
-    return timed.union(nodes)
+def in_parts(items):
+    """Return the files of each part: those with nodes, and every other one of the rest."""
+    nodes = {
+        item.path
+        for item in items
+        if SCENARIOS in item.path.parents or item.get_closest_marker('real_time')
+    }
+    others = sorted({item.path for item in items} - nodes)
+    return dict(zip(PARTS, (others[::2], others[1::2], nodes)))
 
 
 def keep(config, items, wanted):
@@ -78,19 +80,7 @@ def keep(config, items, wanted):
 #: The marks of what `--fast` leaves out.
 SLOW = ('slow', 'real_time')
 #: Of `side_by_side.py`.
-PARTS = ('nodes', 'other')
-#: Files of test/scenarios that the other part has, so that both take about as long; none of them
-#: is in real time, which would disturb its like.
-BESIDE = (
-    'test_checkout',
-    'test_configs',
-    'test_design_command',
-    'test_faults',
-    'test_microphones',
-    'test_programs',
-    'test_replay',
-    'test_studies',
-)
+PARTS = ('even', 'odd', 'nodes')
 #: What starts a process, by its audit event.
 STARTS = ('subprocess.Popen', 'os.fork', 'os.forkpty', 'os.posix_spawn', 'os.system', 'os.exec')
 

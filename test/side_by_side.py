@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the tests in two processes side by side, and says what became of all of them.
+"""Runs the tests in two processes side by side, then those with nodes, and counts them all.
 
     python test/side_by_side.py [ARGUMENTS OF PYTEST]
 
-One process has what takes place in real time, so that no two such tests disturb each other, and
-more of test/scenarios; the other one has the rest (`PARTS` in conftest.py). The output of the
-first is seen as it comes, that of the second after it.
+What is in real time, and all of test/scenarios, is not disturbed by other tests: it comes last
+and by itself. Of the rest each process has every other file (`PARTS` in conftest.py). The output
+of one of them is seen as it comes, that of the other after it.
 
 Exit code: that of pytest, of the process that failed if one did; 130 after an interrupt.
 """
@@ -24,10 +24,11 @@ from types import FrameType
 
 import pytest
 
-PARTS = ('nodes', 'other')
+#: What runs at the same time, one turn after the other.
+TURNS = (('even', 'odd'), ('nodes',))
 #: What the closing line always counts, and, by the words of pytest, what it does if there is any.
 _ALWAYS = ('passed', 'failed', 'skipped')
-_ALSO = {'error': 'errors', 'rerun': 'tried again', 'broken': 'of 2 processes broke off'}
+_ALSO = {'error': 'errors', 'rerun': 'tried again', 'broken': 'of 3 processes broke off'}
 _ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -58,24 +59,31 @@ class Part:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run both parts and return the exit code."""
+    """Run all parts and return the exit code."""
     parts: list[Part] = []
     interrupted = []
 
     def interrupt(number: int, _: FrameType | None) -> None:
         if not interrupted:
             for part in parts:
-                part.process.send_signal(signal.SIGINT)
+                if part.process.poll() is None:
+                    part.process.send_signal(signal.SIGINT)
         interrupted.append(number)
 
     for number in _ENDS:
         signal.signal(number, interrupt)
+    codes: list[int] = []
     with tempfile.TemporaryDirectory(prefix='kalman_ros_') as folder:
-        for index, name in enumerate(PARTS):
-            parts.append(Part(name, Path(folder), arguments, seen=index == 0))
-        codes = [part.process.wait() for part in parts]
-        for part in parts:
-            part.show()
+        for names in TURNS[:1] if '--fast' in arguments else TURNS:
+            turn = [
+                Part(name, Path(folder), arguments, seen=index == 0)
+                for index, name in enumerate(names)
+                if not interrupted
+            ]
+            parts += turn
+            codes += [part.process.wait() for part in turn]
+            for part in turn:
+                part.show()
         total = sum((part.counts() for part in parts), Counter())
     print(f'\nin all: {closing(total)}')
     return 128 + interrupted[0] if interrupted else exit_code(codes)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two processes of pytest side by side count as one."""
+"""Several processes of pytest count as one."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ def test_the_closing_line_counts_both():
     both = Counter(passed=3, failed=1) + Counter(passed=2, skipped=4)
     assert closing(both) == '5 passed, 1 failed, 4 skipped'
     both += Counter(passed=1, rerun=2, broken=1)
-    expected = '6 passed, 1 failed, 4 skipped, 2 tried again, 1 of 2 processes broke off'
+    expected = '6 passed, 1 failed, 4 skipped, 2 tried again, 1 of 3 processes broke off'
     assert closing(both) == expected
 
 
