@@ -92,5 +92,5 @@ def _plane(value: ArrayLike) -> Array:
     positions = positions.reshape(-1, 2)
     spread = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-6 * spread[0] or spread[0] == 0.0:
-        raise ValueError('microphones: expected not all in a line, which hears two directions')
+        raise ValueError('microphones: expected not all on one line, which leaves two directions')
     return positions

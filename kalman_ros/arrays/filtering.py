@@ -312,7 +312,7 @@ def _limits(
     found = {}
     for name, probability in by_name.items():
         if name not in names:
-            raise ValueError(f"gates: '{name}' is none of the sensors ({', '.join(names)})")
+            raise ValueError(f"gates: '{name}' is not one of the sensors ({', '.join(names)})")
         if not 0.0 < probability <= 1.0:
             raise ValueError(f'gates: expected a probability such as 0.999, got {probability:g}')
         for own, sensor in known.items():

@@ -143,7 +143,9 @@ def readings_of(
         return {n: Rows(whole.time, whole.stamps, p) for n, p in zip(sensors, parts)}
     for name in readings:
         if name not in sensors:
-            raise ValueError(f"readings: '{name}' is none of the sensors ({', '.join(sensors)})")
+            raise ValueError(
+                f"readings: '{name}' is not one of the sensors ({', '.join(sensors)})"
+            )
     if isinstance(times, Mapping):
         for name in readings:
             if name not in times:

@@ -28,7 +28,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='design',
         description='Print what theory says of a scenario, and draw it. No node is started.',
-        epilog='Exit code: 0 if there is a design, with or without warnings, 2 if there is none.',
+        epilog='Exit code: 0 if a design exists, with or without warnings, 2 otherwise.',
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(

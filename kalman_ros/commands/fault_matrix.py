@@ -109,7 +109,9 @@ class FaultMatrix:
         pose.pose.covariance[0] = pose.pose.covariance[7] = _VARIANCE
         log = self._run.processes['estimator'].output
         said = log().count('initialpose')
-        self._run.wait(self._pose.get_subscription_count, 10.0, lambda: 'nobody hears initialpose')
+        self._run.wait(
+            self._pose.get_subscription_count, 10.0, lambda: 'initialpose has no subscribers'
+        )
         self._pose.publish(pose)
         self._run.wait(
             lambda: log().count('initialpose') > said, 10.0, lambda: 'initialpose was not taken'

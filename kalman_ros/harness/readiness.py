@@ -27,7 +27,7 @@ def missing(
     """
     silent = [name for name in names if name not in said]
     if silent:
-        return f'no word from {", ".join(silent)}'
+        return f'nothing received from {", ".join(silent)}'
     connections = [
         (value.key, int(value.value))
         for name in names

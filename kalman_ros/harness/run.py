@@ -252,7 +252,7 @@ class Run:
             said = '; '.join(
                 f'{name}: {status.message}' for name, status in sorted(self.diagnostics.items())
             )
-            raise NodeError(f'nothing came from the loop for {silence:.0f} s ({said})')
+            raise NodeError(f'nothing received from the loop for {silence:.0f} s ({said})')
 
     def _drain(self) -> None:
         """Take in what is still under way: in lockstep all that was published, and that once."""
@@ -380,7 +380,9 @@ class Run:
             return [node for node in nodes if self.diagnostics.get(node) is before[node]]
 
         try:
-            self.wait(lambda: not silent(), 10.0, lambda: f'no word from {", ".join(silent())}')
+            self.wait(
+                lambda: not silent(), 10.0, lambda: f'nothing received from {", ".join(silent())}'
+            )
         finally:
             for ear in ears:
                 self.node.destroy_subscription(ear)

@@ -76,7 +76,7 @@ class Connections:
             topic = own.topic_name
             publishers = node.get_publishers_info_by_topic(topic)
             if not publishers and own in self._awaited:
-                yield f'{topic}: nobody publishes it'
+                yield f'{topic}: no publishers'
             for here in self._ours(node.get_subscriptions_info_by_topic(topic)):
                 for there in publishers:
                     why = _mismatch(here, there, there.qos_profile, here.qos_profile)

@@ -196,7 +196,7 @@ class ControllerNode(runtime.ScenarioNode):
         if self._answered and timeout and silence > timeout:
             now = self._stamp()
             if not self._output.at_idle or now != self._said_at:  # else time rests, all is said
-                self._fail(f'no {self.scenario.state.topic} has come for {silence:.2g} s', now)
+                self._fail(f'no {self.scenario.state.topic} received for {silence:.2g} s', now)
             self._said_at = now
 
     def _predicted(self, time: int, x: Array) -> Array:
@@ -295,7 +295,7 @@ class ControllerNode(runtime.ScenarioNode):
         if not self._enabled:
             return Level.WARN, f'disabled: {zero}', values
         if not self._answered:
-            return Level.WARN, f'no {self.scenario.state.topic} has come', values
+            return Level.WARN, f'no {self.scenario.state.topic} received', values
         return Level.OK, 'running', values
 
 

@@ -143,7 +143,7 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def _on_clock_back(self, jump: Any) -> None:
         back = -jump.delta.nanoseconds * 1e-9
-        self.get_logger().warning(f'the clock went back by {back:.3g} s: starting anew')
+        self.get_logger().warning(f'the clock went back by {back:.3g} s: restarting')
         self._restart()
 
     def _now(self) -> int:
@@ -283,7 +283,7 @@ class EstimatorNode(runtime.ScenarioNode):
         time, topics = read_tick(data)
         asked_again = self._turns.waits_for(time)
         if self._turns.tick(time, topics):
-            self.get_logger().info('time went back: starting anew')
+            self.get_logger().info('time went back: restarting')
             self._restart()
         self._take_turns(self._turns)
         unanswered = self._turns.unanswered
@@ -320,7 +320,7 @@ class EstimatorNode(runtime.ScenarioNode):
             self._warn(f'initialpose: {error}')
             return
         self._start_anew(belief)
-        self.get_logger().info('started anew from initialpose')
+        self.get_logger().info('reset to initialpose')
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._start_anew(self.scenario.initial_belief)
@@ -382,7 +382,7 @@ class EstimatorNode(runtime.ScenarioNode):
         if self._online.time is None:
             return Level.WARN, self._unstarted(), values
         if silent and not self.options.lockstep:
-            return Level.WARN, f'no readings of {" and ".join(silent)} come', values
+            return Level.WARN, f'no readings of {" and ".join(silent)} received', values
         if self._online.contradicting:
             which = ' and '.join(self._online.contradicting)
             return Level.WARN, f'{which} contradicts the sensors that agree', values
@@ -401,7 +401,7 @@ class EstimatorNode(runtime.ScenarioNode):
             if count
         ]
         if not dropped:
-            return 'no reading has come'
+            return 'no readings received'
         return f'no reading could be used: {", ".join(dropped)}'
 
 

@@ -147,7 +147,7 @@ class MonitorNode(runtime.ScenarioNode):
                 why = f': the estimator is {"over" if too_sure else "under"}confident'
             return Level.WARN, f'{" and ".join(doubtful)} outside the bounds{why}', values
         if not comparison.error.count:
-            return Level.WARN, 'no truth and estimate of one instant have come', values
+            return Level.WARN, 'no truth and estimate with the same stamp received', values
         return Level.OK, 'consistent', values
 
 

@@ -46,7 +46,8 @@ Priority = Annotated[
     ),
 ]
 Rest = Annotated[
-    bool, About('real time: the state stays at its initial value until the first input comes')
+    bool,
+    About('real time: the state stays at its initial value until the first input is received'),
 ]
 Frame = Annotated[str, About('frame in which positions are given')]
 #: One for all nodes: the plant, the estimator and the controller must mean the same.
@@ -83,7 +84,8 @@ class PlantOptions(BodyOptions):
         About('lockstep: wait for the estimate, too, where the controller does not use it'),
     ] = False
     force_timeout: Annotated[
-        float, About('real time: the input goes to idle when none came so long', 's', minimum=0.0)
+        float,
+        About('real time: the input goes to idle after this time without one', 's', minimum=0.0),
     ] = 0.5
     idle_input: IdleInput = 'zero'
     rest_until_input: Rest = True
@@ -145,7 +147,12 @@ class EstimatorOptions:
     ] = 10
     max_gap: Annotated[
         float,
-        About('silence after which the estimator starts anew; 0 for never', 's', 0.0, live=True),
+        About(
+            'time without readings after which the estimator restarts; 0 for never',
+            's',
+            0.0,
+            live=True,
+        ),
     ] = 60.0
     future_tolerance: FutureTolerance = 1.0
     idle_input: IdleInput = 'zero'

@@ -237,7 +237,7 @@ class PlantNode(runtime.ScenarioNode):
         if self.options.lockstep and force.time not in (None, self.stamp):
             return  # it answers another step, for it was asked for twice
         if self._force_came is None:
-            self.get_logger().info(f'{self.scenario.input.topic} has come')
+            self.get_logger().info(f'first {self.scenario.input.topic} received')
         self._force, self._force_came = force.values, self.steady.now().nanoseconds
         self._rests = False
         self._on_answer('input', self.stamp if force.time is None else force.time)
@@ -304,7 +304,7 @@ class PlantNode(runtime.ScenarioNode):
         if self._rests:
             return Level.WARN, f'at rest until the first {self.scenario.input.topic}', values
         if self.scenario.input.fields and self._force_came is None:
-            words = f'no {self.scenario.input.topic} comes: it is {self._idle_name}'
+            words = f'no {self.scenario.input.topic} received: it is {self._idle_name}'
             return Level.WARN, words, values
         return Level.OK, f'running with {faults}' if faults else 'running', values
 

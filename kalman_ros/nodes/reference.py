@@ -91,5 +91,5 @@ class ReferenceReader:
         found = self.equilibria.equilibrium(difference)
         target = self._rest.state + found.state, self._rest.input + found.input
         if not all(map(is_finite, target)):
-            raise ValueError('expected numbers that can be reckoned with')
+            raise ValueError('expected finite numbers')
         self._take(*target)

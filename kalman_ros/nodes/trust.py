@@ -122,9 +122,7 @@ class Trust:
         first = np.array([self._prior, self._first])
         lost = np.any((variances > 0.5 * first) & (before < 0.01 * first), axis=0)
         names = [name for name, is_lost in zip(self._space.names, lost.tolist()) if is_lost]
-        return (
-            f'the estimator started anew: {names[0]} is as uncertain as at first' if names else ''
-        )
+        return f'the estimator was reset: {names[0]} is as uncertain as at first' if names else ''
 
     def _doubt(self, P: Array) -> str:
         if np.isinf(self._most).all():

@@ -109,7 +109,7 @@ def test_an_estimator_that_started_anew_is_told_once():
     sure, unsure = ((1e-3, -1e-3), (-1e-3, 2.0)), ((1.0, 0.0), (0.0, 2.0))
     for P in (unsure, sure, sure):
         assert watch.reason(estimate(P=P), None) == ''
-    assert 'started anew: x is as uncertain as at first' in watch.reason(estimate(P=unsure), None)
+    assert 'was reset: x is as uncertain as at first' in watch.reason(estimate(P=unsure), None)
     assert watch.reason(estimate(P=unsure), None) == ''
 
 

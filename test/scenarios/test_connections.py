@@ -57,7 +57,7 @@ def test_what_cannot_arrive_is_named(driver):
         )
         assert 'force' not in run.diagnostics['estimator'].message
         run.kill('estimator', 15)
-        says(run, 'controller', '/estimate: nobody publishes it')
+        says(run, 'controller', '/estimate: no publishers')
         # what matches is no problem, whatever else a profile has
         assert 'quality' not in run.processes['controller'].output()
 

@@ -202,7 +202,7 @@ def test_the_force_goes_to_zero_when_estimates_stop_and_comes_back_with_them():
         assert feed.answer(1.0) < -1.0
         zero = lambda: feed.forces[-1].wrench.force.x == 0.0  # noqa: E731
         run.wait(zero, 2.0, lambda: 'the force stays')
-        feed.says('no estimate has come')
+        feed.says('no estimate received')
         assert feed.answer(1.0) < -1.0
         assert 'can be used again' in run.processes['controller'].output()
 
@@ -381,5 +381,5 @@ def test_an_estimator_that_started_anew_is_noticed():
         assert feed.answer(1.0) < -1.0
         assert feed.answer(1.0, variance=1.0) == 0.0
         log = run.processes['controller'].output
-        run.wait(lambda: 'the estimator started anew' in log(), 5.0, log)
+        run.wait(lambda: 'the estimator was reset' in log(), 5.0, log)
         assert feed.answer(1.0, variance=1.0) < -1.0

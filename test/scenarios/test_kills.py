@@ -88,7 +88,7 @@ class Loop:
 
 def without_controller(loop, delay):
     """The plant lets the force go to zero in time, and says why."""
-    at = loop.says('plant', 'no force comes: it is zero')
+    at = loop.says('plant', 'no force received: it is zero')
     late = (at - loop.forces[-1][0]) * 1e-9 - TIMEOUT
     assert 0.0 <= late < PERIOD + ROUND_TRIP + delay()
     loop.run.spin(0.2)
@@ -97,7 +97,7 @@ def without_controller(loop, delay):
 
 def without_estimator(loop, delay):
     """The controller lets the force go to zero one period after its timeout, and says why."""
-    loop.says('controller', 'no estimate has come')
+    loop.says('controller', 'no estimate received')
     last = loop.estimates[-1]
     after = [force for force in loop.forces if force[0] > last]
     assert not np.any([force[1:] for force in after])
@@ -107,8 +107,8 @@ def without_estimator(loop, delay):
 
 def without_plant(loop, delay):
     """Estimator and controller say that nothing comes; the force is zero."""
-    loop.says('controller', 'no estimate has come')
-    loop.says('estimator', 'no readings of position and velocity come')
+    loop.says('controller', 'no estimate received')
+    loop.says('estimator', 'no readings of position and velocity received')
     assert not any(loop.forces[-1][1:])
 
 

@@ -285,9 +285,9 @@ def test_the_loop_resumes_in_real_time(node):
                 zero = lambda: not run.recorder['force'].values[-1].any()  # noqa: E731
                 run.wait(zero, 5.0, lambda: 'still a force')
                 told = lambda: run.diagnostics['controller'].message  # noqa: E731
-                run.wait(lambda: 'has come for' in told(), 5.0, told)  # noqa: B023
+                run.wait(lambda: 'received for' in told(), 5.0, told)  # noqa: B023
             else:
-                run.wait(lambda: said() == 'no force comes: it is zero', 5.0, said)
+                run.wait(lambda: said() == 'no force received: it is zero', 5.0, said)
             assert run.change_state(node, 'activate')
             count = len(run.recorder.raw['force'])
             some = lambda: run.recorder['force'].values[count:].any()  # noqa: B023, E731

@@ -135,7 +135,7 @@ def test_real_time_pauses_for_nobody_and_resumes():
         assert run.diagnostics['plant'].message == 'running'
         run.kill('controller')
         run.set_parameter('run_until', 1e6)
-        quiet = 'no force comes: it is zero'
+        quiet = 'no force received: it is zero'
         run.wait(lambda: run.diagnostics['plant'].message == quiet, 5.0, lambda: 'still a force')
         run.start('controller')
         run.wait(
@@ -240,7 +240,9 @@ def test_two_robots_side_by_side_in_namespaces(tmp_path):
                 one = lambda: run.node.count_publishers(topic) == 1  # noqa: B023, E731
                 run.wait(one, 10.0, lambda: f'{topic}: {run.node.count_publishers(topic)}')  # noqa: B023
             both = {'plant', 'r2/plant'}
-            run.wait(lambda: both <= set(run.diagnostics), 5.0, lambda: 'no word from r2/plant')
+            run.wait(
+                lambda: both <= set(run.diagnostics), 5.0, lambda: 'nothing received from r2/plant'
+            )
         finally:
             for process in others:
                 process.stop()

@@ -165,14 +165,14 @@ def test_a_clock_that_rests(loop):
     assert np.abs(run.recorder['force'].values[-1]).max() > 0.5
     for _ in range(200):
         bag.rest()
-    says(run, 'controller', 'no estimate has come')
+    says(run, 'controller', 'no estimate received')
     assert not run.recorder['force'].values[-1].any()
     count = len(run.recorder.raw['force'])
     for _ in range(100):
         bag.rest()
     assert len(run.recorder.raw['force']) == count
     log = run.processes['controller'].output()
-    assert log.count('has come for') == 1, log
+    assert log.count('received for') == 1, log
     assert 'duplicate' not in run.processes['estimator'].output()
     bag.play(1.0)
     assert np.abs(run.recorder['force'].values[-1]).max() > 0.5
