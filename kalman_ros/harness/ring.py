@@ -17,14 +17,19 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import TwistWithCovarianceStamped, WrenchStamped
 from nav_msgs.msg import Odometry
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from kalman_ros.nodes.runtime import main as run_node
+from kalman_ros.nodes.interruption import Interruption
 from kalman_ros.nodes.topics import QUEUE
+from kalman_ros.nodes.transport import prefer_sockets
 
 from .process import NodeProcess
 from .station import Station
 
+#: Nobody keeps a ring going for longer, in seconds.
+_LONGEST = 3600.0
 HOPS: list[tuple[Any, str]] = [
     (TwistWithCovarianceStamped, 'ring_velocity'),
     (Odometry, 'ring_estimate'),
@@ -110,6 +115,17 @@ class Ring:
         return self._station.spin(patience, self._done)
 
 
+def _run(number: int) -> None:
+    """Run a relay until a signal asks for the end."""
+    interruption = Interruption()
+    prefer_sockets()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    executor = EventsExecutor()
+    executor.add_node(relay(number))
+    executor.spin_until_future_complete(interruption.asked, _LONGEST)
+    executor.shutdown()
+    rclpy.try_shutdown()
+
+
 if __name__ == '__main__':
-    own = int(sys.argv.pop())  # the others are for ROS
-    run_node(lambda: relay(own))
+    _run(int(sys.argv.pop()))  # the others are for ROS
