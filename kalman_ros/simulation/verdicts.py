@@ -159,7 +159,7 @@ def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check
         found.append(
             Check(f'NIS of {name} / {k}', '', 1.0, value, low, high, low <= value <= high)
         )
-    found += _dynamics(loop, run, settled, scenario.model.state, miss)
+    found += _dynamics(loop, run, settled, scenario.model.state, dt, miss)
     return found
 
 
@@ -189,19 +189,22 @@ def _averages(
 
 
 def _dynamics(
-    loop: LqgLoop, run: Trajectory, settled: int, space: Space, miss: float
+    loop: LqgLoop, run: Trajectory, settled: int, space: Space, dt: float, miss: float
 ) -> list[Check]:
     """Compare the dynamics fitted to a run, and their poles, with exact ones.
 
-    The regulator's hold from the first step on; the filter's gain, and so its poles, settle.
+    The regulator's hold from the first step on; the filter's gain, and so its poles, settle. In
+    real time not every step has an estimate: what is compared is one step apart, or one period.
     """
-    p = len(loop.schedule)
+    p, steps = len(loop.schedule), np.rint(run.time / dt).astype(int)
     x, e = run.truth, space.subtract(run.truth, run.estimate)
     q = _integrals(loop.regulator, run.estimate)
-    regulator = fit(np.hstack((x, q, e))[:-1], x[1:])
-    last = e[settled + p - 1 :: p]  # the last phase of each period
-    estimator = fit(last[:-1], last[1:])
-    dt = run.time[1] - run.time[0]
+    follows = np.diff(steps) == 1
+    regulator = fit(np.hstack((x, q, e))[:-1][follows], x[1:][follows])
+    last = np.flatnonzero(steps % p == p - 1)  # the last phase of each period
+    last = last[last >= settled]
+    follows = np.diff(steps[last]) == p
+    estimator = fit(e[last[:-1]][follows], e[last[1:]][follows])
     law, n = loop.regulator_matrix, space.size
     # what moves the integral is known; the fit is of the state
     regulator_poles = eigenvalues(np.vstack((regulator.matrix, law[n:]))[:, : len(law)])
