@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -11,14 +12,17 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 #: How long a connection may be missing before it is reported, in seconds.
 PATIENCE = 3.0
-#: Asking the graph about every topic takes milliseconds, which a loop misses. So it is asked at
-#: most so often, in seconds, while something is wrong or has changed, and else seldom.
+#: At most so often, in seconds, all topics are looked at while something is wrong or has changed,
+#: and else seldom.
 _SOON, _LATER = 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 
 
 class Connections:
     """Finds topics whose publishers and subscribers cannot reach each other.
+
+    Asking the graph about a topic takes a good part of a millisecond, and about all of them more
+    than a loop can spare. So each `look` asks about one.
 
     Parameters
     ----------
@@ -29,68 +33,84 @@ class Connections:
     def __init__(self, node: Any) -> None:
         self._node = node
         self._awaited: list[Any] = []
-        self._since: dict[str, float] = {}
-        self._logged: set[str] = set()
         self._counts: list[tuple[str, int, int]] = []
         self._looked = -_LATER
+        self._left: list[Callable[[], Iterator[str]]] = []
+        self._found: list[str] = []
+        self._since: dict[str, float] = {}
+        #: What has been wrong for some seconds.
+        self.problems: list[str] = []
 
     def expect(self, subscription: Any) -> Any:
-        """Report from now on when nobody publishes to this subscription; return it."""
+        """Report from now on when this subscription has no publishers; return it."""
         subscriptions = [*self._subscriptions()]
         self._awaited = [known for known in self._awaited if known in subscriptions]
         self._awaited.append(subscription)
         return subscription
 
-    def problems(self) -> list[str]:
-        """Return what has been wrong for some seconds, and log what is new of it."""
+    def look(self) -> None:
+        """Look at the next topic, if there is a reason to, and log what is new and lasts."""
+        if not self._left:
+            self._begin()
+            return
+        self._found += self._left.pop()()
+        if not self._left:
+            self._conclude()
+
+    def _begin(self) -> None:
         now = monotonic()
         if now - self._looked < _SOON:
-            return [*self._logged]
-        counts = self._count()
+            return
+        subscriptions, publishers = [*self._subscriptions()], [*self._node.publishers]
+        counts = [self._count(own.topic_name) for own in (*subscriptions, *publishers)]
         if counts == self._counts and not self._since and now - self._looked < _LATER:
-            return []
-        self._counts, self._looked = counts, now
-        self._since = {found: self._since.get(found, now) for found in self._mismatches()}
+            return
+        self._counts, self._looked, self._found = counts, now, []
+        self._left = [
+            partial(self._of_subscription, own.topic_name, own in self._awaited)
+            for own in subscriptions
+        ]
+        self._left += [
+            partial(self._of_publisher, own.topic_name)
+            for own in publishers
+            if own.topic_name not in _ROS_OWN
+        ]
+
+    def _conclude(self) -> None:
+        now = monotonic()
+        self._since = {found: self._since.get(found, now) for found in self._found}
         lasting = [found for found, since in self._since.items() if now - since > PATIENCE]
         for found in lasting:
-            if found not in self._logged:
+            if found not in self.problems:
                 self._node.get_logger().warning(found)
-        self._logged = {*lasting}
-        return lasting
+        self.problems = lasting
 
-    def _count(self) -> list[tuple[str, int, int]]:
-        """Return how many endpoints of any type each topic has; that costs microseconds."""
-        node = self._node
-        topics = [own.topic_name for own in (*self._subscriptions(), *node.publishers)]
-        return [
-            (name, node.count_publishers(name), node.count_subscribers(name)) for name in topics
-        ]
+    def _count(self, topic: str) -> tuple[str, int, int]:
+        """Return how many endpoints of any type a topic has; that costs microseconds."""
+        return topic, self._node.count_publishers(topic), self._node.count_subscribers(topic)
 
     def _subscriptions(self) -> Iterator[Any]:
         yield from self._node.subscriptions
         yield from self._node.watched
 
-    def _mismatches(self) -> Iterator[str]:
+    def _of_subscription(self, topic: str, awaited: bool) -> Iterator[str]:
         node = self._node
-        for own in self._subscriptions():
-            topic = own.topic_name
-            publishers = node.get_publishers_info_by_topic(topic)
-            if not publishers and own in self._awaited:
-                yield f'{topic}: no publishers'
-            for here in self._ours(node.get_subscriptions_info_by_topic(topic)):
-                for there in publishers:
-                    why = _mismatch(here, there, there.qos_profile, here.qos_profile)
-                    if why:
-                        yield f'{topic}: {_name(there)} publishes {why}'
-        for own in node.publishers:
-            topic = own.topic_name
-            if topic in _ROS_OWN:
-                continue
-            for here in self._ours(node.get_publishers_info_by_topic(topic)):
-                for there in node.get_subscriptions_info_by_topic(topic):
-                    why = _mismatch(here, there, here.qos_profile, there.qos_profile)
-                    if why:
-                        yield f'{topic}: {_name(there)} subscribes to {why}'
+        publishers = node.get_publishers_info_by_topic(topic)
+        if not publishers and awaited:
+            yield f'{topic}: no publishers'
+        for here in self._ours(node.get_subscriptions_info_by_topic(topic)):
+            for there in publishers:
+                why = _mismatch(here, there, there.qos_profile, here.qos_profile)
+                if why:
+                    yield f'{topic}: {_name(there)} publishes {why}'
+
+    def _of_publisher(self, topic: str) -> Iterator[str]:
+        node = self._node
+        for here in self._ours(node.get_publishers_info_by_topic(topic)):
+            for there in node.get_subscriptions_info_by_topic(topic):
+                why = _mismatch(here, there, here.qos_profile, there.qos_profile)
+                if why:
+                    yield f'{topic}: {_name(there)} subscribes to {why}'
 
     def _ours(self, endpoints: Iterable[Any]) -> list[Any]:
         """Return those of this node; what the graph says of them is complete, unlike a profile."""

@@ -82,6 +82,8 @@ class ControllerNode(runtime.ScenarioNode):
         self._answered = self._passed = 0
         self._trust.forget()
         self._meeting = Meeting(self._is_heard)
+        #: The estimate that is to be answered once they have met.
+        self._early = b''
         topic, kind = self.scenario.state.topic, self._read_state.message_type
         self._estimates = self.create_subscription(kind, topic, self._on_estimate, QUEUE, raw=True)
         self.diagnostics.connections.expect(self._estimates)
@@ -108,7 +110,9 @@ class ControllerNode(runtime.ScenarioNode):
     def _on_estimate(self, data: bytes) -> None:
         """Answer the newest estimate that has come; what it was before is of no use."""
         if not self._meeting.over:
+            self._early = data
             return
+        self._early = b''
         came = monotonic()
         estimate = self._newest([data, *waiting(self._estimates)], came)
         if estimate is None:
@@ -192,6 +196,8 @@ class ControllerNode(runtime.ScenarioNode):
 
     def _supervise(self) -> None:
         """Bring the input to idle when no estimate comes, by a clock that never rests."""
+        if self._early and self._meeting.over:
+            self._on_estimate(self._early)
         silence, timeout = monotonic() - self._came, self.options.estimate_timeout
         if self._answered and timeout and silence > timeout:
             now = self._stamp()

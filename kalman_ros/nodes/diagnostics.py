@@ -55,6 +55,7 @@ class Diagnostics:
         self._timer = node.create_timer(_LOOK, self._look, clock=node.steady)
 
     def _look(self) -> None:
+        self.connections.look()
         connections = self._count_connections()
         self._looks += 1
         if connections != self._connections or self._looks >= _LOOKS:
@@ -77,7 +78,7 @@ class Diagnostics:
         """Publish now."""
         self._looks = 0
         level, message, values = self._report()
-        problems = self.connections.problems()
+        problems = self.connections.problems
         if problems:
             level = Level.WARN if level is Level.OK else level
             message = '; '.join((message, *problems))

@@ -17,14 +17,14 @@ from .tables import plain_table
 _MEGABYTE = 1e6
 _COLOURS = (TRUTH, ESTIMATE, INPUT, READING)
 _WARM_UP = '#eef1f3'
-_TOO_SHORT = f'not judged under {LEAST_MEMORY / 60.0:g} min'
+_TOO_SHORT = f'after {LEAST_MEMORY / 60.0:g} min'
 
 
 def soak_rows(soak: Soak) -> list[tuple[str, str, str]]:
     """Return what was measured, what it came to, and what is allowed."""
     rows = [
         (
-            f'memory of the {name} grows [B/s]',
+            f'growth of {name} [B/s]',
             f'{each.value:.0f} ({each.low:.0f} to {each.high:.0f})',
             f'to {soak.allowed_growth:.0f}' if soak.judges_memory else _TOO_SHORT,
         )
