@@ -163,9 +163,9 @@ def test_an_array_of_any_shape_will_do():
     ('positions', 'says'),
     [
         ([0.0, 0.0, 1.0, 0.0], 'three or more, all finite, got 4 numbers'),
-        ([0.0, 0.0, 1.0, 1.0, 2.0, 2.0], 'not all in a line'),
+        ([0.0, 0.0, 1.0, 1.0, 2.0, 2.0], 'not all on one line'),
         ([0.0, 0.0, 1.0, np.nan, 2.0, 2.0], 'all finite'),
-        ([0.0] * 6, 'not all in a line'),
+        ([0.0] * 6, 'not all on one line'),
     ],
 )
 def test_microphones_that_cannot_tell_directions_are_refused(positions, says):

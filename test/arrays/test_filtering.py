@@ -229,7 +229,7 @@ def test_consistency():
         ({'readings': [1, 2]}, 'readings: expected 3 rows, one a time, got 2'),
         ({'readings': ['a', 'b', 'c']}, r'readings: expected numbers \(N, 1\)'),
         ({'readings': []}, 'readings: expected'),
-        ({'readings': {'gsp': [1, 2, 3]}}, "readings: 'gsp' is none of the sensors"),
+        ({'readings': {'gsp': [1, 2, 3]}}, "readings: 'gsp' is not one of the sensors"),
         ({'times': None}, 'times: expected'),
         ({'times': [0, np.nan, 1]}, 'times: expected finite times'),
         ({'inputs': [[1, 2], [1, 2], [1, 2]]}, r'inputs: expected shape \(N, 1\)'),

@@ -117,7 +117,7 @@ def test_a_new_start_is_told_by_what_an_estimator_starts_with_too():
     """One that was sure before the controller began to listen may start anew."""
     watch = trust(most=(np.inf, np.inf), prior=(1.0, 2.0))
     assert watch.reason(estimate(P=1e-4 * np.eye(2)), None) == ''
-    assert 'anew: v is' in watch.reason(estimate(P=np.diag([1e-4, 2.0])), None)
+    assert 'reset: v is' in watch.reason(estimate(P=np.diag([1e-4, 2.0])), None)
 
 
 def test_other_limits_leave_what_is_known_of_the_estimator():
