@@ -10,6 +10,10 @@ from typing import Any
 
 import numpy as np
 import yaml
+from yaml.composer import Composer
+from yaml.constructor import SafeConstructor
+from yaml.cyaml import CParser
+from yaml.resolver import Resolver
 
 #: The nodes of a loop, and what may stand between plant and estimator.
 NODES = ('estimator', 'controller', 'monitor', 'plant')
@@ -32,15 +36,17 @@ class _Bare(str):
 _MOST_BYTES, _MOST_VALUES, _DEEPEST = 1_000_000, 10_000, 20
 
 
-class _Loader(yaml.SafeLoader):  # type: ignore[misc]
+class _Loader(Composer, CParser, SafeConstructor, Resolver):  # type: ignore[misc]
     """PyYAML's safe loader, which notices such words, and refuses what could take it long.
 
     It refuses aliases, as the parser of ROS does: a few lines of them make up any number of
-    values.
+    values. Characters are read by libyaml, as those of ROS are, five times as fast as in Python.
     """
 
     def __init__(self, stream: Any) -> None:
-        super().__init__(stream)
+        CParser.__init__(self, stream)
+        for part in (Composer, SafeConstructor, Resolver):
+            part.__init__(self)
         self._values = self._depth = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
