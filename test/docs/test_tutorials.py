@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow  # each starts a process
+
 ROOT = Path(__file__).parents[2]
 TUTORIALS = ROOT / 'docs' / 'tutorials'
 #: Pages that start nodes.
