@@ -19,7 +19,7 @@ from .messages import decode, stamp_of
 from .padding import without_padding
 from .signal_codec import SignalCodec
 
-#: So many layouts of a topic are kept: each of its publishers may have one of its own.
+#: Layouts kept for each topic: publishers may differ in theirs.
 _MOST_LAYOUTS = 4
 
 

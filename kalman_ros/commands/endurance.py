@@ -73,8 +73,9 @@ class Endurance:
             run.node.create_subscription(
                 kind, scenario.input.topic, self._on_force, HISTORY, raw=True
             )
-            run.set_parameter('run_until', 1e9)
+            # before the first step: what is missed from then on must have a reason
             self._withheld = Withheld([run.processes['plant'].pid])
+            run.set_parameter('run_until', 1e9)
             start = self._clock()
             while self._clock() - start < seconds:
                 run.spin(1.0)

@@ -242,7 +242,7 @@ class OnlineEstimator:
         return _Item((time, order), values, sensor, self._filter)
 
     def _restarted_for(self, item: _Item, refused: Outcome | None) -> Outcome | None:
-        """Start anew with a reading if too many in a row were too old; return why it stays out."""
+        """Restart with a reading if too many in a row were too old; return why it is refused."""
         if refused is not Outcome.TOO_OLD:
             self._old_in_a_row = 0
             return refused

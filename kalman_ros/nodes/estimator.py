@@ -46,7 +46,7 @@ _BACK = Duration(seconds=-0.1)
 #: The lowest rate of publication, in Hz, other than none.
 _SLOWEST = 1e-3
 
-#: So many innovations are published at once.
+#: The most innovations that are published at once in real time.
 _TOLD = 8
 
 #: What the reading of a sensor, taken at a time, did to the belief.
@@ -188,10 +188,10 @@ class EstimatorNode(runtime.ScenarioNode):
         self._tell(corrections)
 
     def _tell(self, corrections: list[_Correction]) -> None:
-        """Publish the innovations; when there is time for only some, those of the newest."""
+        """Publish the innovations: all in lockstep, the newest of many in real time."""
         for channel, _, correction in corrections:
             channel.judge(correction)
-        for channel, time, correction in corrections[-_TOLD:]:
+        for channel, time, correction in corrections[0 if self.options.lockstep else -_TOLD :]:
             channel.publish(time, correction)
 
     def _hears_input(self) -> bool:
@@ -236,7 +236,7 @@ class EstimatorNode(runtime.ScenarioNode):
             self._warn(f'{what} {Outcome.OVERRUN.value}')
 
     def _fuse(self, come: Iterable[_Come], now: Optional[int] = None) -> list[_Correction]:
-        """Take in what has come at ``now``, and return what the readings did to the belief."""
+        """Fuse the messages received by ``now``, and return the corrections by readings."""
         # in the order of the stamps: what comes with something later is not too old beside it
         come = sorted(come, key=itemgetter(0))
         arrivals = [
@@ -301,9 +301,7 @@ class EstimatorNode(runtime.ScenarioNode):
                 come.append((time, self._input, Sample(time, u, None)))
             corrections = self._fuse(come)
             self._publish(turn.time, self._online.predicted(turn.time))
-            for channel, time, correction in corrections:
-                channel.judge(correction)
-                channel.publish(time, correction)
+            self._tell(corrections)
 
     def _publish_now(self) -> None:
         if self._online.time is None:

@@ -153,11 +153,9 @@ class Soak:
     def unexplained(self) -> int:
         """Missed steps for which the machine did not keep the plant waiting long enough.
 
-        Whoever comes too late for so many steps was kept from running for as long, at least. What
-        was missed before the first look, while nodes meet, is not compared: what the machine
-        withheld until then is not known.
+        A plant that misses N steps was kept from running for N periods, at least.
         """
-        missed = np.diff(self.missed, prepend=self.missed[:1])
+        missed = np.diff(self.missed, prepend=0.0)
         withheld = self.withheld - np.concatenate((np.zeros(_LOOKS), self.withheld[:-_LOOKS]))
         return int(np.sum(np.maximum(0.0, missed - np.ceil(withheld * self.rate))))
 

@@ -222,7 +222,10 @@ def test_every_node_has_help(environment, name):
 @pytest.mark.parametrize(
     ('text', 'says'),
     [
-        ('/**:\n  a: 1\n    b: 2\n', 'not YAML: mapping values are not allowed'),
+        (
+            '/**:\n  a: 1\n    b: 2\n',
+            'not YAML: mapping values are not allowed in this context in line 3',
+        ),
         ('a: [1\n', 'not YAML: did not find expected'),
         ('[1, 2]\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
         ('/**: {model: linear}\n', 'not a ROS parameter file: expected NODE: ros__parameters:'),
