@@ -7,9 +7,11 @@ takes over there is nothing to clean up, so it just ends.
 
 from __future__ import annotations
 
+# `signal` itself builds enumerations while it is loaded, for a millisecond in which Ctrl-C would
+# be a traceback
+import _signal as signal  # type: ignore[import-not-found]
 import errno
 import os
-import signal
 import sys
 from functools import partial
 from importlib import import_module

@@ -69,9 +69,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     for what in found.broken:
         console.print(f'[bold red]broken:[/] {what}')
     if found.broken:
-        console.print(f'[bold red]FAIL, {len(found.broken)} promises broken[/]')
+        console.print(found.verdict, style='bold red')
         sys.exit(1)
-    console.print('[green]PASS:[/] Every promise holds.')
+    console.print(found.verdict, style='green')
 
 
 def _report(options: argparse.Namespace, found: Soak, console: Console) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gc
+import inspect
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -200,6 +201,8 @@ def _spin(node: ScenarioNode, interruption: Interruption) -> None:
     # what was built lasts as long as the process: a full collection would look through all of it,
     # which takes tens of milliseconds in the midst of the work
     gc.freeze()
+    # the first message that is logged makes `inspect` look at all modules, for as long as that
+    inspect.getmodule(inspect.currentframe())
     try:
         while not interruption.asked.done():
             # spin() of this executor neither waits properly nor notices signals; see its issues

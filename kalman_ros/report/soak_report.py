@@ -58,7 +58,7 @@ def soak_table(soak: Soak) -> Table:
 
 def soak_page(soak: Soak, command: str, machine: str, about: str, picture: str) -> str:
     """Return the page in Markdown."""
-    verdict = '; '.join(soak.broken) if soak.broken else 'Every promise holds.'
+    verdict = '; '.join((soak.verdict, *soak.broken))
     lines = [
         '# A long run in real time',
         '',

@@ -171,11 +171,25 @@ class Soak:
         if self.unexplained:
             found.append(f'{self.unexplained} steps were missed for no reason')
         found += [delivery.fault for delivery in self.deliveries if delivery.fault]
-        found += [f'{topic}: a number is not finite' for topic in self.not_finite]
+        if self.not_finite:
+            found.append(f'{", ".join(self.not_finite)}: a number is not finite')
         came, *fates = self.readings
         if came != sum(fates):
             found.append(f'of {came} readings {sum(fates)} are accounted for')
         return found
+
+    @property
+    def promises(self) -> int:
+        """How many promises were looked at; each that is broken is once in `broken`."""
+        memory = len(self.resident) if self.judges_memory else 0
+        always = len(('deadlines', 'finite', 'readings'))
+        return memory + len(self.deliveries) + always
+
+    @property
+    def verdict(self) -> str:
+        """How many of the promises hold, in words."""
+        count = f'{self.promises - len(self.broken)} of {self.promises} promises'
+        return f'FAIL, {count} hold' if self.broken else f'PASS, {count}: Every promise holds.'
 
     def summary(self) -> dict[str, Any]:
         """Return it for JSON, without what was seen second by second."""
@@ -191,5 +205,6 @@ class Soak:
             'latency': dict(zip(('50 %', '90 %', '99 %'), self.latency)),
             'deliveries': [each._asdict() for each in self.deliveries],
             'readings': {'came': came, 'fused': fused, 'rejected': rejected, 'dropped': dropped},
+            'promises': self.promises,
             'broken': self.broken,
         }

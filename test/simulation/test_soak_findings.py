@@ -33,6 +33,18 @@ def test_memory_that_stays_passes():
 
 
 @pytest.mark.parametrize(
+    ('seconds', 'growth', 'verdict'),
+    [
+        (30, 50_000.0, 'PASS, 4 of 4 promises: Every promise holds.'),
+        (400, 0.0, 'PASS, 5 of 5 promises: Every promise holds.'),
+        (400, 50_000.0, 'FAIL, 4 of 5 promises hold'),
+    ],
+)
+def test_the_verdict_counts_what_was_looked_at(seconds, growth, verdict):
+    assert soak(seconds, growth, (Delivery('a', 'plant', 7, 7),)).verdict == verdict
+
+
+@pytest.mark.parametrize(
     ('delivery', 'says'),
     [
         (Delivery('a', 'plant', 5, 3), 'a: 5 published, the plant received 3'),
