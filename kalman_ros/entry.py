@@ -33,11 +33,11 @@ def _node(name: str) -> None:
     import_module(f'kalman_ros.nodes.{name}').main()
 
 
-def _command(name: str) -> None:
-    """Run a command; exit 128 + N if a signal N interrupts it."""
+def _program(name: str, module: str = '') -> None:
+    """Run a program of `kalman_ros.programs`; exit 128 + N if a signal N interrupts it."""
     for number in _SIGNALS:
         signal.signal(number, lambda number, _: os._exit(128 + number))
-    main = import_module(f'kalman_ros.commands.{name}').main
+    main = import_module(f'kalman_ros.programs.{module or name}').main
     try:
         for number in _SIGNALS:
             signal.signal(number, lambda number, _: sys.exit(128 + number))
@@ -62,11 +62,11 @@ controller = partial(_node, 'controller')
 monitor = partial(_node, 'monitor')
 microphone_array = partial(_node, 'microphone_array')
 
-bench = partial(_command, 'bench')
-compare = partial(_command, 'compare')
-demo = partial(_command, 'demo')
-design = partial(_command, 'design')
-faults = partial(_command, 'faults')
-fuzz = partial(_command, 'fuzz')
-soak = partial(_command, 'soak')
-study = partial(_command, 'study')
+bench = partial(_program, 'bench', 'bench.program')
+compare = partial(_program, 'compare', 'compare.program')
+demo = partial(_program, 'demo')
+design = partial(_program, 'design')
+faults = partial(_program, 'faults', 'faults.program')
+fuzz = partial(_program, 'fuzz', 'fuzz.program')
+soak = partial(_program, 'soak', 'soak.program')
+study = partial(_program, 'study')

@@ -17,12 +17,29 @@ import numpy as np
 
 from kalman_ros.control import lqe as estimation
 from kalman_ros.control import lqr as regulation
-from kalman_ros.control import placement
 from kalman_ros.control.margins import Margins, loop_at_a_time
 from kalman_ros.control.state_space import state_space
-from kalman_ros.core import ArrayLike, DiscreteModel, Discretization, Model, Sensor, linearize
+from kalman_ros.core import (
+    ArrayLike,
+    DiscreteModel,
+    Discretization,
+    Model,
+    Sensor,
+    linearize,
+)
+from kalman_ros.linear import placement
 
-from .accept import Plant, columns, duration, is_system, plant, rows, shifted, square, weight
+from .accept import (
+    Plant,
+    columns,
+    duration,
+    is_system,
+    plant,
+    rows,
+    shifted,
+    square,
+    weight,
+)
 from .results import LoopMargins, Observer, Sampled, StateFeedback
 
 
@@ -129,7 +146,7 @@ def place(
         return StateFeedback(found, design.gain, design.poles)
     dt = duration('dt', dt)
     step = found.system.sampled(dt)
-    design = placement.sampled_place(found.system, poles, dt)
+    design = placement.sampled_place(found.system.A, found.system.B, poles, dt)
     return StateFeedback(replace(found, A=step.F, B=step.G, dt=dt), design.gain, design.poles)
 
 

@@ -13,8 +13,8 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from kalman_ros.control.margins import Margins, loop_at_a_time
 from kalman_ros.control.state_space import StateSpace
-from kalman_ros.control.structure import ComplexArray, is_stable
 from kalman_ros.core import Array
+from kalman_ros.linear.structure import ComplexArray, is_stable
 
 from . import text
 from .accept import Plant

@@ -24,10 +24,11 @@ from kalman_ros.core import (
     vector,
 )
 from kalman_ros.estimators.filter import Plan
-from kalman_ros.simulation import faults, scenario
-from kalman_ros.simulation.parameters import from_file
-from kalman_ros.simulation.scenario import Scenario, SensorSource
-from kalman_ros.simulation.shapes import check_model
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.checks import check_model
+from kalman_ros.scenario.parameter_files import from_file
+from kalman_ros.scenario.scenario import Scenario, SensorSource
+from kalman_ros.simulation import faults
 
 from .accept import belief_of, number, weight
 from .readings import sensors_of

@@ -22,10 +22,10 @@ from kalman_ros.core import (
     refuse_unknown,
     vector,
 )
+from kalman_ros.scenario import regulator as regulators
+from kalman_ros.scenario import scenario as scenarios
+from kalman_ros.scenario.scenario import Scenario
 from kalman_ros.simulation import closed_loop
-from kalman_ros.simulation import regulator as regulators
-from kalman_ros.simulation import scenario as scenarios
-from kalman_ros.simulation.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import text

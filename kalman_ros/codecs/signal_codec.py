@@ -13,7 +13,17 @@ from kalman_ros.core import Array, Signal
 from .covariances import Block, blocks, flat_indices
 from .messages import message_type, write_stamp
 from .numbers import converter
-from .paths import ANGLES, Path, Way, is_quaternion, parse, reader, size_arrays, walk, write_euler
+from .paths import (
+    ANGLES,
+    Path,
+    Way,
+    is_quaternion,
+    parse,
+    reader,
+    size_arrays,
+    walk,
+    write_euler,
+)
 
 
 class SignalCodec:

@@ -15,7 +15,14 @@ from functools import lru_cache
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import TimeReference
 
-from .messages import STAMP, STAMP_START, UndecodableError, decode, leading_stamp, split
+from .messages import (
+    STAMP,
+    STAMP_START,
+    UndecodableError,
+    decode,
+    leading_stamp,
+    split,
+)
 
 #: A stamp in nanoseconds has fewer.
 _DIGITS = 20

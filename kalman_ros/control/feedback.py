@@ -16,9 +16,9 @@ from math import exp
 import numpy as np
 
 from kalman_ros.core import Array, Space
+from kalman_ros.linear.structure import ComplexArray
 
 from .state_space import StateSpace
-from .structure import ComplexArray
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kalman_ros.core import Array, solve
-
-from .structure import ComplexArray, eigenvalues
+from kalman_ros.linear.structure import ComplexArray, eigenvalues
 
 
 @dataclass(frozen=True)

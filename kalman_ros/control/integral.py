@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, DesignError, LinearSystem, semidefinite
+from kalman_ros.linear.structure import ComplexArray
 
 from .lqr import Cost, LqrDesign, dlqr, lqr, sampled_cost
-from .structure import ComplexArray
 
 #: A singular value this small, relative to the largest, counts as zero.
 _RANK_TOLERANCE = 1e-10

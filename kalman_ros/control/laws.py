@@ -52,12 +52,13 @@ def _placement(
 
     Fewer poles than states are completed by `spread_poles`.
     """
-    from .placement import sampled_place
+    from kalman_ros.linear.placement import sampled_place
 
     n = system.state.size
     real = spread_poles('regulator_poles', regulator_poles, n)
     imaginary = [*regulator_frequencies, *[0.0] * (n - len(regulator_frequencies))]
-    design = sampled_place(system, [complex(*pair) for pair in zip(real, imaginary)], dt)
+    poles = [complex(*pair) for pair in zip(real, imaginary)]
+    design = sampled_place(system.A, system.B, poles, dt)
     return Feedback(design.gain, np.empty((len(design.gain), 0)), (), design.poles)
 
 

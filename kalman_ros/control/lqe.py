@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kalman_ros.core import Array, matrix, semidefinite, solve, symmetric
-
-from . import riccati
-from .structure import ComplexArray
+from kalman_ros.linear import riccati
+from kalman_ros.linear.structure import ComplexArray
 
 
 @dataclass(frozen=True)

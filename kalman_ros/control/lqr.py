@@ -7,17 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import (
-    Array,
-    ArrayLike,
-    LinearSystem,
-    matrix,
-    semidefinite,
-)
+from kalman_ros.core import Array, ArrayLike, LinearSystem, matrix, semidefinite
 from kalman_ros.core import van_loan as integral
-
-from . import riccati
-from .structure import ComplexArray
+from kalman_ros.linear import riccati
+from kalman_ros.linear.structure import ComplexArray
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from math import atan, inf, nan, pi, sqrt
 import numpy as np
 
 from kalman_ros.core import DesignError
+from kalman_ros.linear.structure import describe, unstable
 
 from .crossings import continuous, frequency, level_crossings, real_crossings
 from .state_space import StateSpace
-from .structure import describe, unstable
 
 #: The peak of a response is found to this, relative to it.
 _PEAK = 1e-9

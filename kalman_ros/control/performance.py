@@ -7,10 +7,10 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from kalman_ros.core import Array, DesignError, semidefinite
+from kalman_ros.linear.structure import describe, is_stable, unstable
 
 from .lqr import Cost
 from .state_space import StateSpace
-from .structure import describe, is_stable, unstable
 
 
 def stationary_cost(

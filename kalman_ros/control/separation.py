@@ -22,11 +22,11 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from kalman_ros.core import Array, DesignError, Transition, symmetric
+from kalman_ros.linear.structure import ComplexArray, eigenvalues
 
 from .lqe import Readings, corrected
 from .lqr import Cost
 from .state_space import StateSpace
-from .structure import ComplexArray, eigenvalues
 
 #: So many periods without convergence mean that the error covariance grows without bound.
 _MOST_PERIODS = 100_000

@@ -14,11 +14,11 @@ from math import inf, sqrt
 import numpy as np
 
 from kalman_ros.core import Array, DesignError
+from kalman_ros.linear.structure import ComplexArray, describe, unstable
 
 from .crossings import balanced, continuous, frequency, singular_crossings
 from .margins import DiskMargin
 from .state_space import StateSpace
-from .structure import ComplexArray, describe, unstable
 
 #: The peak over all frequencies is found to this, relative to it.
 _PEAK = 1e-6

@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 
 from kalman_ros.core import Array
-
-from .structure import ComplexArray, continuous_poles, eigenvalues
+from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
 
 #: A matrix that is changed by this, relative to its norm, is the same but for rounding.
 _ROUNDING = 1e-13

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, matrix
-
-from .structure import ComplexArray, eigenvalues, is_stable
+from kalman_ros.linear.structure import ComplexArray, eigenvalues, is_stable
 
 
 @dataclass(frozen=True)

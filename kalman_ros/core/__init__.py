@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The types that everything else is written in."""
 
-from .arrays import (
+from kalman_ros.linear.arrays import (
     Array,
     ArrayLike,
     identity,
@@ -14,14 +14,22 @@ from .arrays import (
     variances,
     vector,
 )
+from kalman_ros.linear.discretize import Discretization, van_loan, zero_order_hold
+from kalman_ros.linear.errors import DesignError
+from kalman_ros.linear.poles import spread_poles
+
 from .discrete_model import DiscreteLinearSystem, DiscreteModel
-from .discretize import Discretization, van_loan, zero_order_hold
-from .errors import DesignError
 from .gaussian import Gaussian, unchecked
 from .linear_system import LinearSystem, linearize
 from .model import Model, OperatingPoint, Transition, numerical_jacobian
-from .options import About, Option, Value, build_with, options_of, refuse_unknown
-from .poles import spread_poles
+from .options import (
+    About,
+    Option,
+    Value,
+    build_with,
+    options_of,
+    refuse_unknown,
+)
 from .registry import find
 from .sensor import Sensor
 from .space import Space

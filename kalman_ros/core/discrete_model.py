@@ -8,7 +8,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from .arrays import Array, ArrayLike, matrix, semidefinite, symmetric
+from kalman_ros.linear.arrays import Array, ArrayLike, matrix, semidefinite, symmetric
+
 from .model import Model, Transition, like, numerical_jacobian
 from .space import Space
 

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from .arrays import Array, ArrayLike
+from kalman_ros.linear.arrays import Array, ArrayLike
 
 G = TypeVar('G', bound='Gaussian')
 

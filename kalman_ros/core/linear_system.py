@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import Array, ArrayLike, matrix, semidefinite
-from .discretize import Discretization
+from kalman_ros.linear.arrays import Array, ArrayLike, matrix, semidefinite
+from kalman_ros.linear.discretize import Discretization
+
 from .model import Model, Transition
 from .space import Space
 

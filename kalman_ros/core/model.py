@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .arrays import Array
-from .discretize import Discretization
+from kalman_ros.linear.arrays import Array
+from kalman_ros.linear.discretize import Discretization
+
 from .space import Space
 
 #: The most steps of integration within one step of a model; a longer step is coarser.

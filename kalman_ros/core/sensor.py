@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from copy import copy
 from typing import TypeVar
 
-from .arrays import Array
+from kalman_ros.linear.arrays import Array
+
 from .gaussian import Gaussian
 from .model import numerical_jacobian
 from .space import Space

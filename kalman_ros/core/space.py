@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .arrays import Array
+from kalman_ros.linear.arrays import Array
 
 
 @dataclass(frozen=True)

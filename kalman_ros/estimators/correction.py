@@ -6,8 +6,7 @@ from __future__ import annotations
 from math import inf
 
 from kalman_ros.core import Array, Gaussian
-
-from .lapack import dposv
+from kalman_ros.linear.lapack import dposv
 
 
 class Correction:

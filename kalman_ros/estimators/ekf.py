@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian, unchecked
+from kalman_ros.linear.lapack import dgemm
 
 from .filter import Plan, parts
-from .lapack import dgemm
 from .update import LinearUpdate
 
 

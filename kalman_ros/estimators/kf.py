@@ -5,10 +5,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, unchecked
+from kalman_ros.core import (
+    Array,
+    DiscreteLinearSystem,
+    Gaussian,
+    LinearSystem,
+    unchecked,
+)
+from kalman_ros.linear.lapack import dgemm, dgemv
 
 from .filter import Plan, linear_model, sampled_system
-from .lapack import dgemm, dgemv
 from .update import LinearUpdate
 
 

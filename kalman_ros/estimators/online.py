@@ -22,12 +22,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, is_finite
+from kalman_ros.linear.factor import cholesky
+from kalman_ros.linear.lapack import dpotrf
 
 from . import agreement
 from .correction import Correction
-from .factor import cholesky
 from .filter import Filter
-from .lapack import dpotrf
 from .outcome import Outcome
 from .policy import Policy
 from .start import taken_at_its_word

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model, solve, symmetric
+from kalman_ros.linear.factor import cholesky
 
 from .ekf import ExtendedKalmanFilter
-from .factor import cholesky
 from .kf import KalmanFilter
 from .ukf import UnscentedKalmanFilter
 

@@ -14,12 +14,21 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, identity, unchecked
+from kalman_ros.core import (
+    About,
+    Array,
+    Gaussian,
+    Model,
+    Sensor,
+    Space,
+    identity,
+    unchecked,
+)
+from kalman_ros.linear.factor import cholesky
+from kalman_ros.linear.lapack import dgemm, dgemv, dger, dsymm
 
 from .correction import Correction
-from .factor import cholesky
 from .filter import Plan, carried
-from .lapack import dgemm, dgemv, dger, dsymm
 from .update import transposed_gain
 
 Alpha = Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)]

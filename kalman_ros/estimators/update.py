@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor, identity, unchecked
+from kalman_ros.linear.lapack import dgemm, dgemv, dposv, dsymm
 
 from .correction import Correction
-from .lapack import dgemm, dgemv, dposv, dsymm
 
 
 @dataclass(frozen=True)

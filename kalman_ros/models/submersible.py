@@ -7,7 +7,16 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, OperatingPoint, SensorSetup, Signal, Space, System
+from kalman_ros.core import (
+    About,
+    Array,
+    Model,
+    OperatingPoint,
+    SensorSetup,
+    Signal,
+    Space,
+    System,
+)
 
 
 class Submersible(Model):

@@ -19,8 +19,8 @@ from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
 from kalman_ros.core import Array, is_finite, one_each
-from kalman_ros.simulation.regulator import feedback, tracking
-from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.scenario.regulator import feedback, tracking
+from kalman_ros.scenario.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Level, Report

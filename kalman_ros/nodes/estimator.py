@@ -15,6 +15,8 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
+from kalman_ros.analysis.local_observability import ObservabilityMeter
+from kalman_ros.analysis.observability import observability
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.tick import read_tick
 from kalman_ros.core import Array, Gaussian, Option, Value
@@ -22,9 +24,7 @@ from kalman_ros.estimators import filter_options
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.online import Arrival, OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
-from kalman_ros.simulation.local_observability import ObservabilityMeter
-from kalman_ros.simulation.observability import observability
-from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.scenario.scenario import Scenario
 
 from . import runtime
 from .channel import Channel, InputChannel, SensorChannel

@@ -16,8 +16,8 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import read_tick, write_tick
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, is_due, is_finite, ratio
+from kalman_ros.scenario.scenario import Scenario, SensorSource
 from kalman_ros.sensors.bearing import Bearing
-from kalman_ros.simulation.scenario import Scenario, SensorSource
 from kalman_ros.simulation.sound import SimulatedSound, Sound
 
 from . import runtime

@@ -15,8 +15,8 @@ from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Gaussian, Signal
 from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import ChiSquareWindow
-from kalman_ros.simulation.regulator import price
-from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.scenario.regulator import price
+from kalman_ros.scenario.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Level, Report

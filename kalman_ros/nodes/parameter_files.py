@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from kalman_ros.simulation.parameters import unambiguous
+from kalman_ros.scenario.parameter_files import unambiguous
 
 _FILE, _EMPTY = '--params-file', re.compile(r':=\s*\[\s*\]$')
 #: Of rcl's complaint about a list with a word and a truth value in it.

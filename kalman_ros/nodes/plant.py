@@ -17,10 +17,10 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import mention, write_tick
 from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.core import Array, Signal, TimedSensor, one_each
+from kalman_ros.scenario.scenario import Scenario
 from kalman_ros.simulation.faults.body import BodyFaults
 from kalman_ros.simulation.faults.links import Links
 from kalman_ros.simulation.plant import SimulatedPlant
-from kalman_ros.simulation.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Level, Report

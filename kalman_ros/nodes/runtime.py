@@ -20,8 +20,8 @@ from rclpy.utilities import remove_ros_args
 
 from kalman_ros import models
 from kalman_ros.core import Option, Value, options_of, refuse_unknown
-from kalman_ros.simulation import scenario
-from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.scenario import Scenario
 
 from . import options as node_options
 from . import parameters, topics

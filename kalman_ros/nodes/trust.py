@@ -7,7 +7,7 @@ import numpy as np
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Array, Space, is_finite
-from kalman_ros.estimators.lapack import dpotrf
+from kalman_ros.linear.lapack import dpotrf
 
 #: An older stamp may be that of an estimate that came late, or of a time that began again. It is
 #: the latter when, for so many seconds, nothing but older ones came.

@@ -12,12 +12,12 @@ import numpy as np
 from matplotlib.patches import Circle
 from matplotlib.ticker import FormatStrFormatter, LogLocator, MultipleLocator, NullFormatter
 
+from kalman_ros.analysis.advice import loop_names
+from kalman_ros.analysis.design import DesignReport
+from kalman_ros.analysis.input_loops import InputLoops, Loop
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array
-from kalman_ros.simulation.advice import loop_names
-from kalman_ros.simulation.design import DesignReport
-from kalman_ros.simulation.input_loops import InputLoops, Loop
-from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.scenario.scenario import Scenario
 
 from .style import ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below
 

@@ -14,14 +14,14 @@ from rich.console import Console
 from rich.table import Table
 from scipy.linalg import block_diag
 
+from kalman_ros.analysis import advice
+from kalman_ros.analysis.design import DesignReport, settling_time
+from kalman_ros.analysis.input_loops import Loop
+from kalman_ros.analysis.observability import stacked
+from kalman_ros.analysis.path import Path
 from kalman_ros.control.margins import DiskMargin, Margin, Margins
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array, Space, linearize
-from kalman_ros.simulation import advice
-from kalman_ros.simulation.design import DesignReport, settling_time
-from kalman_ros.simulation.input_loops import Loop
-from kalman_ros.simulation.observability import stacked
-from kalman_ros.simulation.path import Path
 
 from .tables import plain, plain_table
 

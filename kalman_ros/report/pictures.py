@@ -10,13 +10,21 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from kalman_ros.analysis.bounds import posterior_cramer_rao
+from kalman_ros.analysis.verdict import nees_check
 from kalman_ros.core import Array
-from kalman_ros.simulation.bounds import posterior_cramer_rao
-from kalman_ros.simulation.judgement import nees_check
-from kalman_ros.simulation.scenario import Scenario
+from kalman_ros.scenario.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
-from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, legend_below, picture
+from .style import (
+    BOUND,
+    ESTIMATE,
+    INPUT,
+    READING,
+    TRUTH,
+    legend_below,
+    picture,
+)
 
 SIGMAS = 3.0
 #: The length of the close-up of the states, in seconds.

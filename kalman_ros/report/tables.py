@@ -10,7 +10,7 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
-from kalman_ros.simulation.verdicts import Check
+from kalman_ros.analysis.checks import Check
 
 
 def checks_table(title: str, checks: Sequence[Check]) -> Table:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import kalman_ros as kr
+from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
-from kalman_ros.simulation.regulator import regulator
 
 
 def test_a_run_is_that_of_the_closed_loop():

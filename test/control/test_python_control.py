@@ -8,9 +8,9 @@ from kalman_ros.control.compensator import compensator, current_compensator
 from kalman_ros.control.lqe import dlqe, lqe
 from kalman_ros.control.lqr import cost, dlqr, lqr
 from kalman_ros.control.margins import margins
-from kalman_ros.control.placement import place
 from kalman_ros.control.state_space import state_space, static
-from kalman_ros.control.structure import controllability, observability
+from kalman_ros.linear.placement import place
+from kalman_ros.linear.structure import controllability, observability
 
 # a module of it, since this very folder may pass for a package named control
 pytest.importorskip('control.statesp', reason='python-control is not installed')

@@ -10,8 +10,8 @@ from kalman_ros.control.lqe import Readings, dlqe
 from kalman_ros.control.lqr import cost, sampled_cost, sampled_lqr
 from kalman_ros.control.separation import LqgLoop, optimal_cost
 from kalman_ros.control.state_space import static
-from kalman_ros.control.structure import continuous_poles
 from kalman_ros.core import DesignError, LinearSystem, Space
+from kalman_ros.linear.structure import continuous_poles
 
 DT = 0.05
 

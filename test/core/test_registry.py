@@ -6,7 +6,7 @@ import pytest
 from kalman_ros import models, sensors
 from kalman_ros.core import Space
 from kalman_ros.core.registry import find
-from kalman_ros.simulation import scenario
+from kalman_ros.scenario import scenario
 
 
 @pytest.mark.parametrize(

@@ -20,11 +20,11 @@ from kalman_ros.core import (
 )
 from kalman_ros.estimators import FILTERS, build_filter, filter_options
 from kalman_ros.estimators.consistency import nees
-from kalman_ros.estimators.factor import cholesky
 from kalman_ros.estimators.filter import Plan, parts
 from kalman_ros.estimators.ukf import UnscentedKalmanFilter
+from kalman_ros.linear.factor import cholesky
 from kalman_ros.models.turn_rate import TurnRate
-from kalman_ros.simulation import scenario
+from kalman_ros.scenario import scenario
 
 
 class Bearing(Sensor):

@@ -7,8 +7,8 @@ import pytest
 from kalman_ros.core import Gaussian, Space
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.gaussian_sum import Mixture
+from kalman_ros.scenario import scenario
 from kalman_ros.sensors.bearing import Bearing
-from kalman_ros.simulation import scenario
 
 PLANE = Space(('x', 'y', 'v_x', 'v_y'), ('m', 'm', 'm/s', 'm/s'))
 PRIOR = Gaussian(np.array([30.0, 0.0, 1.0, 0.0]), np.diag([10.0, 10.0, 1.0, 1.0]) ** 2)

@@ -17,9 +17,9 @@ from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
+from kalman_ros.scenario import scenario
 from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.sensors.radar import Radar
-from kalman_ros.simulation import scenario
 
 SECOND = 1_000_000_000
 

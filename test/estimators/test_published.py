@@ -10,8 +10,8 @@ from recorded import data
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.online import OnlineEstimator, Outcome
-from kalman_ros.simulation import scenario
-from kalman_ros.simulation.parameters import from_file
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.parameter_files import from_file
 
 CONFIG = Path(__file__).parents[2] / 'config'
 

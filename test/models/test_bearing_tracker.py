@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kalman_ros.simulation import closed_loop, scenario
-from kalman_ros.simulation.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
-from kalman_ros.simulation.bounds import posterior_cramer_rao
-from kalman_ros.simulation.hard_cases import CASES
-from kalman_ros.simulation.regulator import regulator
-from kalman_ros.simulation.study import study
+from kalman_ros.analysis.bounds import posterior_cramer_rao
+from kalman_ros.programs.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
+from kalman_ros.programs.compare.cases import CASES
+from kalman_ros.programs.compare.comparison import study
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.regulator import regulator
+from kalman_ros.simulation import closed_loop
 
 RUNS = 100
 SLOW = pytest.param('gaussian_sum', marks=pytest.mark.slow)

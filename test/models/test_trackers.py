@@ -7,9 +7,10 @@ import pytest
 from kalman_ros.core import DesignError, Space
 from kalman_ros.estimators.consistency import nees
 from kalman_ros.models.turn_rate import TurnRate
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.regulator import price, regulator
 from kalman_ros.sensors.radar import Radar
-from kalman_ros.simulation import closed_loop, scenario
-from kalman_ros.simulation.regulator import price, regulator
+from kalman_ros.simulation import closed_loop
 
 NOISE = (0.3, 0.03, 0.3)
 

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.core import Space
 from kalman_ros.estimators.consistency import chi_square_bounds
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.sensors.bearing import Bearing
-from kalman_ros.simulation import closed_loop, scenario
-from kalman_ros.simulation.bounds import posterior_cramer_rao
-from kalman_ros.simulation.parameters import from_file
+from kalman_ros.simulation import closed_loop
 
 CONFIG = Path(__file__).parents[2] / 'config' / 'two_bearings.yaml'
 SECONDS, RUNS = 20.0, 20

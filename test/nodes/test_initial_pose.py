@@ -11,7 +11,7 @@ from rclpy.serialization import serialize_message
 
 from kalman_ros.core import Gaussian
 from kalman_ros.nodes.initial_pose import PoseReader
-from kalman_ros.simulation import scenario
+from kalman_ros.scenario import scenario
 
 NAMES = ('x', 'v_x', 'y', 'v_y')
 

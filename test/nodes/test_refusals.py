@@ -7,7 +7,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.nodes.managed import reason
 from kalman_ros.nodes.topics import check
-from kalman_ros.simulation import scenario
+from kalman_ros.scenario import scenario
 
 
 def test_a_reason_that_quotes_a_long_value_is_short():

@@ -5,8 +5,8 @@ from math import nan
 import pytest
 from rich.console import Console
 
+from kalman_ros.analysis.checks import Check
 from kalman_ros.report.tables import checks_table
-from kalman_ros.simulation.verdicts import Check
 
 POLE = complex(-1.41, 1.71)
 CHECKS = [

@@ -10,7 +10,7 @@ from rclpy.qos import QoSProfile
 
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
-from kalman_ros.simulation import scenario
+from kalman_ros.scenario import scenario
 
 
 def main(rate):

@@ -21,7 +21,7 @@ from nav_msgs.msg import Odometry
 from terminals import Terminals
 
 from kalman_ros.codecs.messages import nanoseconds
-from kalman_ros.harness.machine import Withheld
+from kalman_ros.programs.soak.machine import Withheld
 
 #: The topic by which each node is watched, and the nodes without which it is silent.
 NODES = {

@@ -8,8 +8,8 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from kalman_ros.analysis.verdict import consistency
 from kalman_ros.harness import Run
-from kalman_ros.simulation.judgement import consistency
 
 CONFIGS = sorted(path.stem for path in (Path(__file__).parents[2] / 'config').glob('*.yaml'))
 STEPS = 250

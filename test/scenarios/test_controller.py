@@ -13,11 +13,11 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool
 
+from kalman_ros.analysis.verdict import judge
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.core import options_of
 from kalman_ros.harness import Run
 from kalman_ros.nodes.options import EstimatorOptions
-from kalman_ros.simulation.judgement import judge
 
 
 def publish(run, kind, topic, x, y=0.0, v=0.0):

@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.commands.fault_matrix import FaultMatrix
 from kalman_ros.harness import Run, executables
-from kalman_ros.simulation.fault_cases import CASES, SHORT
+from kalman_ros.programs.faults.cases import CASES, SHORT
+from kalman_ros.programs.faults.matrix import FaultMatrix
 
 FILTERS = ('kf', 'ekf', 'ukf')
 NODES = ('estimator', 'controller', 'plant')

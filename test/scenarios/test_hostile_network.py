@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.harness import NodeError, Run
-from kalman_ros.harness.machine import usage
+from kalman_ros.programs.soak.machine import usage
 
 pytestmark = pytest.mark.real_time
 

@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry
 
 from kalman_ros.codecs.messages import nanoseconds
 from kalman_ros.harness import Run
-from kalman_ros.harness.machine import Withheld
+from kalman_ros.programs.soak.machine import Withheld
 
 pytestmark = pytest.mark.real_time
 

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros.harness import Run
-from kalman_ros.harness.machine import Withheld
+from kalman_ros.programs.soak.machine import Withheld
 
 pytestmark = pytest.mark.real_time
 

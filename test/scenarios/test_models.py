@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from kalman_ros.analysis.verdict import judge
 from kalman_ros.harness import Run
 from kalman_ros.simulation import closed_loop
-from kalman_ros.simulation.judgement import judge
 
 
 def test_the_pole_is_balanced_by_the_filter_that_suits_it():

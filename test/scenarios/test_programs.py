@@ -15,7 +15,7 @@ pytest.importorskip('rclpy')
 from kalman_ros.harness import executables
 from kalman_ros.harness.domain import Domain
 from kalman_ros.nodes.interruption import WATCHER
-from kalman_ros.simulation.parameters import from_file, sections
+from kalman_ros.scenario.parameter_files import from_file, sections
 
 LOOP = ('plant', 'estimator', 'controller', 'monitor')
 NODES = (*LOOP, 'microphone_array')

@@ -7,8 +7,8 @@ pytest.importorskip('rclpy')
 
 from importlib import import_module
 
-from kalman_ros.commands import studies
-from kalman_ros.commands.study import claim
+from kalman_ros.programs import studies
+from kalman_ros.programs.study import claim
 
 
 @pytest.mark.parametrize('name', studies.STUDIES)

@@ -4,8 +4,10 @@
 import numpy as np
 import pytest
 
-from kalman_ros.simulation import closed_loop, scenario, verdicts
-from kalman_ros.simulation.regulator import regulator
+from kalman_ros.analysis import checks as verdicts
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.regulator import regulator
+from kalman_ros.simulation import closed_loop
 
 
 @pytest.fixture(scope='module')

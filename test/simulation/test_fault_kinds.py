@@ -8,8 +8,9 @@ import pytest
 from scipy.stats import binomtest
 
 from kalman_ros.core import About, Space, TimedSensor
+from kalman_ros.scenario import scenario
 from kalman_ros.sensors import states
-from kalman_ros.simulation import faults, scenario
+from kalman_ros.simulation import faults
 from kalman_ros.simulation.faults.body import BodyFaults, BodyOptions
 from kalman_ros.simulation.faults.fault import Fault
 from kalman_ros.simulation.faults.links import Links

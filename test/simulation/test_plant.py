@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from kalman_ros.core import is_due, period, ratio
-from kalman_ros.simulation import scenario
+from kalman_ros.scenario import scenario
 from kalman_ros.simulation.noise import NoiseSource
 from kalman_ros.simulation.plant import SimulatedPlant
 

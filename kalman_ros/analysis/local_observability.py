@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the latest readings tell of the state, without what was believed at first."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from kalman_ros.core import Array, solve, symmetric
+from kalman_ros.linear.structure import Observability
+from kalman_ros.scenario.scenario import Scenario
+
+from .observability import observability
+
+#: The path reaches back over so many readings of the slowest sensor, and no further than to
+#: where the state of now would change by so much more than the first belief was wrong by.
+_PIECES, _MOST_GROWTH = 20, 1e3
+#: Information below this, relative to that of the first belief, is rounding.
+_NONE = 1e-6
+#: The step of numerical derivatives, relative to the first belief.
+_DIFFERENCE = 1e-5
+
+
+@dataclass
+class _Piece:
+    """A piece of the path: from when to when (ns), what was read, and the input's integral."""
+
+    start: int
+    end: int
+    impulse: Array
+    readings: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def seconds(self) -> float:
+        return (self.end - self.start) * 1e-9
+
+
+@dataclass(frozen=True)
+class LocalObservability:
+    """What readings alone tell: of each state a standard deviation (n,), and the verdict.
+
+    A state counts as seen if they tell more of it than the first belief did.
+    """
+
+    std: Array
+    verdict: Observability
+
+
+def readings_alone(gramian: Array, first: Array) -> Array:
+    """Return the standard deviation (n,) that readings alone give each state.
+
+    Parameters
+    ----------
+    gramian
+        The information of the readings (n, n), the sum of H' R^-1 H.
+    first
+        Standard deviations of the first belief (n,), beside which information is rounding or
+        not; a state that was known exactly counts in its own unit.
+    """
+    units = _units(first)
+    size, directions = np.linalg.eigh(units * symmetric(gramian) * units[:, None])
+    variance = np.array([1.0 / s if s > _NONE else inf for s in size.tolist()])
+    taking_part = np.where(np.abs(directions) > _NONE, variance, 0.0) * directions**2
+    return np.asarray(units * np.sqrt(taking_part.sum(axis=1)))
+
+
+def _units(first: Array) -> Array:
+    return np.where(first > 0.0, first, 1.0)
+
+
+class ObservabilityMeter:
+    """Remembers what was read and steered of late, and says when asked what that tells.
+
+    The Gramian of the readings, by the state x of now,
+
+        M = sum of (H dx_k/dx)' R^-1 (H dx_k/dx),
+
+    is the inverse of the covariance that an estimate from them alone would have (R. Hermann and
+    A. Krener, Nonlinear Controllability and Observability, IEEE Trans. Automatic Control 22(5),
+    1977, for the rank). All is linearised along one path, back from the estimate of now with the
+    inputs that were given. Along the estimates of their time, which every reading moves, M would
+    see what cannot be seen (G. Huang, A. Mourikis and S. Roumeliotis, Observability-based Rules
+    for Designing Consistent EKF SLAM Estimators, Int. J. Robotics Research 29(5), 2010).
+
+    A linear scenario is observable or not, wherever it is, and needs no memory.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._pieces: deque[_Piece] = deque(maxlen=_PIECES)
+        self.configure(scenario)
+
+    def configure(self, scenario: Scenario) -> None:
+        """Speak of another model, or of sensors that changed."""
+        self._scenario = scenario
+        self._linear = observability(scenario) if scenario.plan.linear else None
+        slowest = min((s.timed.rate for s in scenario.enabled.values()), default=inf)
+        self._length = 1e9 / slowest
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the path."""
+        self._pieces.clear()
+        self._zero: Array = np.zeros(self._scenario.model.input.size)
+        self._u: Array = self._zero
+
+    def input(self, time: int, u: Array) -> None:
+        """Take in the input (m,) from a time on, in nanoseconds."""
+        if self._linear is None:
+            self._piece(time)
+            self._u = u
+
+    def reading(self, name: str, time: int) -> None:
+        """Take in that a sensor's reading was used."""
+        if self._linear is None:
+            self._piece(time).readings[name] += 1
+
+    def _piece(self, time: int) -> _Piece:
+        """Return the piece that ``time`` is in, after the input has acted until then."""
+        if not self._pieces or time < self._pieces[0].start:  # or the clock went back
+            self.reset()
+            self._pieces.append(_Piece(time, time, self._zero))
+        piece = self._pieces[-1]
+        if time > piece.end:
+            if piece.end - piece.start >= self._length:
+                piece = _Piece(piece.end, piece.end, self._zero)
+                self._pieces.append(piece)
+            piece.impulse = piece.impulse + (time - piece.end) * 1e-9 * self._u
+            piece.end = time
+        return piece
+
+    def report(self, x: Array) -> dict[str, str]:
+        """Return the verdict, and what it rests on, for people."""
+        if self._linear is not None:
+            return {'observability': str(self._linear)}
+        found, space = self(x), self._scenario.model.state
+        deviations = zip(space.names, space.units, found.std.tolist())
+        told = ', '.join(f'{name} {std:.3g} {unit}'.rstrip() for name, unit, std in deviations)
+        return {'observability': str(found.verdict), 'latest readings alone, 1 sigma': told}
+
+    def __call__(self, x: Array) -> LocalObservability:
+        """Return what the readings tell of the state, with ``x`` (n,) the estimate of now."""
+        first = self._scenario.initial_belief.std
+        std = readings_alone(self._gramian(x), first)
+        return LocalObservability(std, self._verdict(std, first))
+
+    def _verdict(self, std: Array, first: Array) -> Observability:
+        names = self._scenario.model.state.names
+        seen = tuple(name for name, s, belief in zip(names, std, first) if s <= belief)
+        unseen = tuple(name for name in names if name not in seen)
+        return Observability(seen, unseen, (), not unseen)
+
+    def _gramian(self, x: Array) -> Array:
+        model, sensors = self._scenario.model, self._scenario.sensors
+        first = _units(self._scenario.initial_belief.std)
+        n, h = x.size, _DIFFERENCE * np.diag(first)  # many points take as long as one
+        back, M = np.eye(n), np.zeros((n, n))
+        for piece in reversed(self._pieces):
+            for name, count in piece.readings.items():
+                sensor = sensors[name].sensor
+                H = sensor.jacobian(x) @ back
+                M += count * H.T @ solve(sensor.covariance, H)
+            if not piece.seconds:
+                break
+            u = piece.impulse / piece.seconds
+            x, *near = model.step(np.vstack((x, x + h, x - h)), u, -piece.seconds)
+            change = model.state.subtract(np.array(near[:n]), np.array(near[n:]))
+            back = (change.T / (2.0 * h.diagonal())) @ back
+            if not np.abs(back / first[:, None] * first).max() < _MOST_GROWTH:
+                break
+        return M

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the sensors of a scenario can tell of its state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
+from kalman_ros.linear import structure
+from kalman_ros.linear.structure import Observability, describe
+from kalman_ros.scenario.scenario import Scenario
+
+
+def observability(scenario: Scenario, point: OperatingPoint | None = None) -> Observability:
+    """Return what the sensors observe, with model and sensors linearised about a point.
+
+    That is the first belief and the input at rest unless told otherwise.
+
+    Raises
+    ------
+    DesignError
+        If a mode that grows is seen by no sensor: no filter can follow it.
+    """
+    model = scenario.model
+    x, u = point or (scenario.initial_belief.mean, model.equilibrium.input)
+    found = structure.observability(
+        linearize(model, x, u).A, stacked(scenario, x), model.state.names
+    )
+    growing = np.array([mode.pole for mode in found.hidden if mode.pole.real > 1e-9])
+    if growing.size:
+        raise DesignError(
+            f'sensors: no sensor sees the growing mode at {describe(growing)} per second; {found}'
+        )
+    return found
+
+
+def stacked(scenario: Scenario, x: Array) -> Array:
+    """Return the Jacobians at x (n,) of all sensors that are on, one below the other (k, n)."""
+    sensors = [source.sensor for source in scenario.enabled.values()]
+    return np.vstack([np.empty((0, x.size)), *(sensor.jacobian(x) for sensor in sensors)])

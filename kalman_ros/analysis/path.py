@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What holds along a simulated path of a scenario, where one operating point says too little.
+
+A bearing has no derivative at its own place, and a robot that stands still does not see where it
+heads: what a sensor tells of a nonlinear system depends on where the system goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from kalman_ros.control.feedback import Feedback, Regulator
+from kalman_ros.control.lqe import Readings, corrected
+from kalman_ros.core import Array, DesignError, solve, symmetric
+from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.simulation.plant import SimulatedPlant
+
+from .local_observability import readings_alone
+
+#: The length of a path in seconds and at most so many steps, unless asked for.
+_SECONDS, _STEPS = 60.0, 2_000
+#: The slowest sensor gets so many readings, if that takes no more steps than this.
+_READINGS, _STEPS_FOR_READINGS = 20, 6_000
+#: No path has more steps.
+_MOST_STEPS = 100_000
+#: The model is linearised anew at so many points of a path, or a few more.
+_POINTS = 400
+#: A window counts no further than to where a change of its start has grown by so much.
+_MOST_GROWTH = 1e3
+#: A path is divided into so many windows.
+_WINDOWS = 4
+#: An error that is this much larger at the end than halfway is one that grows.
+_GROWTH = 1.05
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a path, and the states that its readings determine by themselves.
+
+    Parameters
+    ----------
+    start, end
+        In seconds.
+    std
+        Of an estimate of the state (n,) at ``start`` from these readings alone; inf if they do
+        not tell.
+    observed
+        The states of which they tell more than the first belief did.
+    """
+
+    start: float
+    end: float
+    std: Array
+    observed: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Path:
+    """A simulated path, and how well its states can be known along it.
+
+    Parameters
+    ----------
+    time
+        Of each step (N,), in seconds.
+    truth
+        The states (N, n).
+    std
+        Of the error after the readings of each step (N, n): the posterior Cramer-Rao bound, which
+        is the covariance of an EKF that is linearised about the truth.
+    covariance
+        At the end (n, n).
+    windows
+        What the readings of each part tell.
+    names
+        Of the states.
+    """
+
+    time: Array
+    truth: Array
+    std: Array
+    covariance: Array
+    windows: tuple[Window, ...]
+    names: tuple[str, ...]
+
+    def observed(self, *, throughout: bool) -> tuple[str, ...]:
+        """Return the states that the readings determine in every window, or in some."""
+        test = all if throughout else any
+        return tuple(n for n in self.names if test(n in w.observed for w in self.windows))
+
+    @property
+    def growing(self) -> tuple[str, ...]:
+        """The states whose error still grows over the second half.
+
+        What every window determines anew does not grow, it goes up and down with the path.
+        """
+        half, always = self.std[len(self.std) // 2], self.observed(throughout=True)
+        ends = zip(self.names, half, self.std[-1])
+        return tuple(n for n, a, b in ends if b > _GROWTH * a and n not in always)
+
+
+def default_seconds(scenario: Scenario) -> float:
+    """Return how long a path has to be to say something of every sensor."""
+    slowest = min(source.timed.rate for source in scenario.enabled.values())
+    usual = min(_SECONDS, _STEPS / scenario.rate)
+    return max(usual, min(_READINGS / slowest, _STEPS_FOR_READINGS / scenario.rate))
+
+
+def follow(scenario: Scenario, law: Feedback | None, seconds: float, seed: int = 0) -> Path:
+    """Return what holds along the path that the plant takes from its initial state.
+
+    It has the process noise of ``seed``, and the law acts on the true state.
+
+    Parameters
+    ----------
+    scenario
+        Model, sensors with their rates, and first belief.
+    law
+        Regulates to the equilibrium; None leaves the input at rest.
+    seconds
+        How long.
+    seed
+        Of the process noise.
+
+    Raises
+    ------
+    ValueError
+        If there are too few steps, or too many.
+    DesignError
+        If the path does not stay finite.
+    """
+    steps = ceil(seconds * scenario.rate - 1e-9) if 0.0 < seconds < np.inf else 0
+    if not _WINDOWS <= steps <= _MOST_STEPS:
+        least, most = _WINDOWS / scenario.rate, _MOST_STEPS / scenario.rate
+        raise ValueError(f'duration: expected {least:g} to {most:g} s, got {seconds:g}')
+    try:
+        with np.errstate(all='ignore'):
+            path = _known(scenario, *_simulated(scenario, law, steps, seed))
+    except np.linalg.LinAlgError:
+        path = None
+    if path is None or not np.all(np.isfinite(path.truth)):
+        raise DesignError('initial_state: the simulated path from there does not stay finite')
+    return path
+
+
+def _simulated(
+    scenario: Scenario, law: Feedback | None, steps: int, seed: int
+) -> tuple[Array, Array]:
+    """Return the states (steps + 1, n) and the inputs (steps + 1, m)."""
+    model = scenario.model
+    plant = SimulatedPlant(model, {}, scenario.rate, scenario.initial_state, seed)
+    rest = model.equilibrium
+    regulator = None if law is None else Regulator(model.state, law, rest)
+    states, inputs = [], []
+    for _ in range(steps + 1):
+        x = plant.state
+        u = rest.input
+        if regulator is not None:
+            u = regulator.propose(x, plant.dt)
+            regulator.applied(x, u, u, plant.dt)
+        states.append(x)
+        inputs.append(u)
+        plant.step(u)
+    return np.array(states), np.array(inputs)
+
+
+def _known(scenario: Scenario, truth: Array, input: Array) -> Path:
+    """Return what can be known along a path."""
+    model, plan = scenario.model, scenario.plan
+    first, names = scenario.initial_belief, model.state.names
+    P, over, gramian = first.covariance, np.eye(model.state.size), np.zeros_like(first.covariance)
+    ends = np.linspace(0, len(truth) - 1, _WINDOWS + 1).astype(int)
+    often = ceil(len(truth) / _POINTS)
+    stds: list[Array] = []
+    windows: list[Window] = []
+    for step, x in enumerate(truth):
+        near = np.abs(over).max() < _MOST_GROWTH
+        for H, R in _read(scenario, step, x):
+            _, P = corrected(P, Readings(H, R))
+            seen = H @ over
+            if near:
+                gramian += seen.T @ solve(R, seen)
+        stds.append(np.sqrt(P.diagonal()))
+        if step and step in ends:
+            std = readings_alone(gramian, first.std)
+            observed = tuple(n for n, s, b in zip(names, std, first.std) if s <= b)
+            start = ends[len(windows)] * plan.dt
+            windows.append(Window(start, step * plan.dt, std, observed))
+            over, gramian = np.eye(len(over)), np.zeros_like(gramian)
+        if step % often == 0:
+            move = model.transition(x, input[step], plan.dt)
+        if step < len(truth) - 1:
+            P = symmetric(move.F @ P @ move.F.T + move.Q)
+            over = move.F @ over if near else over
+    time = np.asarray(np.arange(len(truth)) * plan.dt)
+    return Path(time, truth, np.array(stds), P, tuple(windows), names)
+
+
+def _read(scenario: Scenario, step: int, x: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield Jacobian and covariance of each reading of a step, where there is a derivative."""
+    plan = scenario.plan
+    for name in plan.due(step):
+        sensor = plan.sensors[name].sensor
+        H = sensor.jacobian(x)
+        if np.all(np.isfinite(H)):
+            yield H, sensor.covariance

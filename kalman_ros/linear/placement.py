@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""State feedback, and observers, whose poles are where one wants them.
+
+With several inputs the gain is the one of Tits and Yang (IEEE Trans. Automatic Control 41(10),
+1996), whose poles move least when the model is wrong; with one input there is only one gain.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Array
+from .discretize import zero_order_hold
+from .errors import (
+    DesignError,
+)
+from .structure import ComplexArray, describe, eigenvalues, uncontrollable_modes
+
+#: Placed poles further from those asked for than this, relative to the largest, are a failure.
+_ACCURACY = 1e-4
+
+
+@dataclass(frozen=True)
+class PlacementDesign:
+    """A gain that puts poles where they were asked for.
+
+    Parameters
+    ----------
+    gain
+        K (m, n) of a state feedback u = -K x, or L (n, k) of an observer.
+    poles
+        The eigenvalues (n,) that it really has: of A - B K, or of A - L C.
+    """
+
+    gain: Array
+    poles: ComplexArray
+
+
+def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
+    """Return the K (m, n) with the eigenvalues of A - B K at ``poles``.
+
+    For x' = F x + G u give F, G and poles in the z plane, or see `sampled_place`.
+
+    Parameters
+    ----------
+    A, B
+        Matrices (n, n) and (n, m).
+    poles
+        n numbers; a complex one comes with its conjugate.
+
+    Raises
+    ------
+    ValueError
+        If the number of poles is wrong, or a conjugate is missing.
+    DesignError
+        If the input does not move every mode, or one pole is asked for more often than there
+        are independent inputs.
+    """
+    from scipy.signal import place_poles  # slow to import, so only here
+
+    wanted = _checked(len(A), poles)
+    stuck = uncontrollable_modes(A, B)
+    if stuck.size:
+        raise DesignError(f'poles: no input moves the modes at {describe(stuck)}')
+    U, sizes, Vh = np.linalg.svd(B, full_matrices=False)
+    rank = int(np.sum(sizes > len(A) * np.finfo(float).eps * sizes[0]))
+    for pole in wanted:
+        count = int(np.sum(wanted == pole))
+        if count > rank:
+            raise DesignError(
+                'poles: expected no pole more often than there are independent inputs '
+                f'(or readings), {rank}; got {describe(np.array([pole]))} {count} times'
+            )
+    with warnings.catch_warnings():
+        # robustness that stops short of its optimum; whether poles are right is checked below
+        warnings.simplefilter('ignore', UserWarning)
+        # inputs that depend on each other, which scipy does not take, share by least squares
+        independent = place_poles(A, U[:, :rank] * sizes[:rank], wanted).gain_matrix
+    K: Array = np.asarray(Vh[:rank].T @ independent, dtype=float)
+    found = eigenvalues(A - B @ K)
+    if max(np.abs(found - pole).min() for pole in wanted) > _ACCURACY * np.abs(wanted).max():
+        raise DesignError(
+            f'poles: the input moves some mode too little to place it: asked for '
+            f'{describe(wanted)}, the best gain gives {describe(found)}'
+        )
+    return PlacementDesign(K, found)
+
+
+def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> PlacementDesign:
+    """Return the gain for an input held over steps of ``dt``, with ``poles`` given in 1/s.
+
+    A pole s becomes z = exp(s dt), so that samples of the loop move as a continuous one with
+    poles s would. The `PlacementDesign` has the z.
+
+    Raises
+    ------
+    ValueError, DesignError
+        As `place`.
+    """
+    wanted = np.exp(_checked(len(A), poles) * dt)
+    return place(*zero_order_hold(A, B, dt), wanted.tolist())
+
+
+def place_observer(A: Array, C: Array, poles: Sequence[complex]) -> PlacementDesign:
+    """Return Luenberger's L (n, k) with the eigenvalues of A - L C at ``poles``: the dual.
+
+    With F in place of A it is the gain of a predictor, x_hat' = F x_hat + G u + L (y - C x_hat).
+
+    Raises
+    ------
+    ValueError
+        As `place`.
+    DesignError
+        If the readings do not see every mode, or one pole is asked for more often than there
+        are independent readings.
+    """
+    hidden = uncontrollable_modes(A.T, C.T)
+    if hidden.size:
+        raise DesignError(f'poles: no reading sees the modes at {describe(hidden)}')
+    dual = place(A.T, C.T, poles)
+    return PlacementDesign(dual.gain.T, dual.poles)
+
+
+def _checked(n: int, poles: Sequence[complex]) -> ComplexArray:
+    try:
+        wanted = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
+    except (TypeError, ValueError):
+        got = type(poles).__name__
+        raise ValueError(f'poles: expected {n} numbers, one a state, got {got}') from None
+    if wanted.ndim > 1:
+        raise ValueError(f'poles: expected {n} numbers, one a state, got shape {wanted.shape}')
+    if wanted.shape != (n,) or not np.all(np.isfinite(wanted)):
+        raise ValueError(f'poles: expected {n} finite numbers, one a state, got {poles}')
+    if not np.allclose(np.sort_complex(wanted), np.sort_complex(wanted.conj())):
+        raise ValueError(f'poles: expected every complex pole with its conjugate, got {poles}')
+    return wanted

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The algebraic Riccati equations, with a reason where they have no stabilising solution.
+
+A regulator and an estimator have the same equations, for (A, B, Q, R, N) and for their duals
+(A', C', W, V, N). All units are scaled away before scipy's solvers see them: inputs by the
+diagonal of R, and the solution by what balances the two off-diagonal blocks of the Hamiltonian.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from .arrays import (
+    Array,
+    solve,
+    symmetric,
+)
+from .errors import (
+    DesignError,
+)
+from .structure import (
+    ComplexArray,
+    describe,
+    eigenvalues,
+    uncontrollable_modes,
+    unstable,
+)
+
+#: A sampled pole this close to 1 is on it but for rounding.
+_ENDLESS = 1e-9
+#: An eigenvalue of R, with a diagonal of ones, below this is zero but for rounding.
+_SINGULAR = 1e-13
+#: Outside of these no weight and no variance makes sense, nor can it be squared.
+_SMALLEST, _LARGEST = 1e-100, 1e100
+#: Newton's steps; each doubles digits, and the solvers give half of them or more.
+_STEPS = 8
+#: A step that changes the solution by less, relative to its diagonal, was the last.
+_EXACT = 1e-13
+#: A solution that the steps still change by more is not one.
+_LOST = 1e-6
+#: Doublings of a sum along a closed loop: as many as its slowest pole may need.
+_DOUBLINGS = 64
+
+
+class Terms(NamedTuple):
+    """How the errors of a problem name its parts."""
+
+    weight: str
+    state_weight: str
+    out_of_reach: str
+    weightless: str
+
+
+CONTROL = Terms(
+    'input_cost',
+    'state_cost',
+    'no input can stabilise the modes at',
+    'the least-cost gain does not stabilise the system: some mode that does not decay has no '
+    'weight in state_cost',
+)
+ESTIMATION = Terms(
+    'noise of the readings',
+    'process noise',
+    'no reading tells of the modes at',
+    'the error does not decay: some mode that stays has no process noise, so that the filter '
+    'ends up ignoring its readings',
+)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A stabilising solution.
+
+    Parameters
+    ----------
+    S
+        The symmetric positive semi-definite solution (n, n).
+    K
+        The gain (m, n) that goes with it.
+    poles
+        Eigenvalues of A - B K (n,), all stable.
+    """
+
+    S: Array
+    K: Array
+    poles: ComplexArray
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """A Riccati equation in scaled units; see `_scaled`."""
+
+    A: Array
+    B: Array
+    Q: Array
+    R: Array
+    N: Array
+
+    def closed(self, K: Array) -> tuple[Array, Array]:
+        """Return A - B K, and the weight of the state with u = -K x: a sum of squares."""
+        NK = self.N @ K
+        return self.A - self.B @ K, symmetric(self.Q + K.T @ self.R @ K - NK - NK.T)
+
+
+def continuous(A: Array, B: Array, Q: Array, R: Array, N: Array, terms: Terms) -> Solution:
+    """Return S of A'S + S A - (S B + N) R^-1 (B'S + N') + Q = 0, and K = R^-1 (B'S + N').
+
+    Raises
+    ------
+    DesignError
+        If R is not positive definite, or no stabilising solution exists.
+    """
+    # slow to import, so only for a design
+    from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
+
+    def gain(p: _Problem, S: Array) -> Array:
+        return solve(p.R, p.B.T @ S + p.N.T)
+
+    def refine(p: _Problem, K: Array) -> Array:
+        closed, weight = p.closed(K)
+        return symmetric(solve_continuous_lyapunov(closed.T, -weight))
+
+    return _solution((A, B, Q, R, N), terms, (solve_continuous_are, gain, refine), sampled=False)
+
+
+def discrete(F: Array, G: Array, Q: Array, R: Array, N: Array, terms: Terms) -> Solution:
+    """Return S of F'S F - S - (F'S G + N) (R + G'S G)^-1 (G'S F + N') + Q = 0.
+
+    Its gain is K = (R + G'S G)^-1 (G'S F + N').
+
+    Raises
+    ------
+    DesignError
+        If R is not positive definite, or no stabilising solution exists.
+    """
+    from scipy.linalg import solve_discrete_are
+
+    def gain(p: _Problem, S: Array) -> Array:
+        return solve(p.R + p.B.T @ S @ p.B, p.B.T @ S @ p.A + p.N.T)
+
+    def refine(p: _Problem, K: Array) -> Array:
+        return stein(*p.closed(K))
+
+    return _solution((F, G, Q, R, N), terms, (solve_discrete_are, gain, refine), sampled=True)
+
+
+def stein(A: Array, W: Array) -> Array:
+    """Return S = A'S A + W of a stable A: the sum of A'^k W A^k, by doubling (R. Smith, 1968).
+
+    For a positive semi-definite W nothing cancels, so that small elements are as good as large
+    ones.
+    """
+    S = symmetric(W)
+    for _ in range(_DOUBLINGS):
+        more = A.T @ S @ A
+        S, A = symmetric(S + more), A @ A
+        if np.all(np.abs(more) <= np.finfo(float).eps * np.abs(S).max(initial=0.0) * 1e-3):
+            break
+    return S
+
+
+Method = tuple[
+    Callable[..., Array], Callable[[_Problem, Array], Array], Callable[[_Problem, Array], Array]
+]
+
+
+def _solution(
+    given: tuple[Array, Array, Array, Array, Array], terms: Terms, method: Method, *, sampled: bool
+) -> Solution:
+    """Return what scipy finds in scaled units, with the last digits by Newton's method.
+
+    A step of Newton's method is the cost of the gain so far, a linear equation (D. Kleinman,
+    IEEE Trans. Automatic Control 13(1), 1968; G. Hewer, 16(4), 1971).
+    """
+    first, gain, refine = method
+    problem, units, size = _scaled(given, terms)
+    S, K = np.zeros_like(problem.A), np.zeros_like(problem.B.T)
+    settled = False
+    try:
+        with np.errstate(all='ignore'), warnings.catch_warnings():
+            # of a closed loop that is hardly stable; whether it is enough is judged below
+            warnings.simplefilter('ignore', RuntimeWarning)
+            S = symmetric(first(problem.A, problem.B, problem.Q, problem.R, s=problem.N))
+            for _ in range(_STEPS):
+                K = gain(problem, S)
+                before, S = S, refine(problem, K)
+                change = _change(before, S)
+                settled = change <= _LOST
+                if not change > _EXACT:
+                    break
+            K = gain(problem, S)
+            poles = eigenvalues(problem.A - problem.B @ K)
+            S, K = size * _semidefinite(S), units[:, np.newaxis] * K
+    except (np.linalg.LinAlgError, ValueError):  # ValueError: what is not finite
+        settled = False
+    if settled and _stable(poles, sampled=sampled) and np.all(np.isfinite(S)):
+        return Solution(S, K, poles)
+    raise DesignError(_reason(given, problem, terms, sampled=sampled))
+
+
+def _semidefinite(S: Array) -> Array:
+    """Return S without the eigenvalues below zero that rounding leaves."""
+    sizes, directions = np.linalg.eigh(S)
+    if not sizes.size or sizes[0] >= 0.0:
+        return S
+    if sizes[0] < -_LOST * sizes[-1]:
+        raise np.linalg.LinAlgError('not a covariance')
+    root = directions * np.sqrt(np.maximum(sizes, 0.0))
+    return symmetric(root @ root.T)
+
+
+def _stable(poles: ComplexArray, *, sampled: bool) -> bool:
+    decay = 1.0 - _ENDLESS - np.abs(poles) if sampled else -poles.real
+    return bool(np.all(decay > 0.0))
+
+
+def _change(before: Array, S: Array) -> float:
+    """Return the largest change of an element, relative to the diagonal, as of a correlation."""
+    d = np.sqrt(np.maximum(S.diagonal(), 1e-15 * np.abs(S).max(initial=0.0)))
+    scale = np.outer(d, d)
+    if not np.all(np.isfinite(S)):
+        return np.inf
+    return float(np.max(np.abs(S - before) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
+
+
+def _scaled(
+    given: tuple[Array, Array, Array, Array, Array], terms: Terms
+) -> tuple[_Problem, Array, float]:
+    """Return the problem in other units, those of its inputs (m,), and that of its solution.
+
+    Raises
+    ------
+    DesignError
+        If R is not positive definite, or has no reasonable size.
+    """
+    A, B, Q, R, N = given
+    if not all(np.all(np.isfinite(part)) for part in (A, B, Q, N)):
+        raise DesignError(f'system: expected finite matrices and {terms.state_weight}')
+    variances = R.diagonal()
+    if not np.all(np.isfinite(R)) or not np.all((variances > _SMALLEST) & (variances < _LARGEST)):
+        raise DesignError(
+            f'{terms.weight}: expected a positive definite matrix with a diagonal between '
+            f'{_SMALLEST:g} and {_LARGEST:g}, got the diagonal {_listed(variances)}'
+        )
+    units = 1.0 / np.sqrt(variances)
+    R, B, N = R * np.outer(units, units), B * units, N * units
+    smallest = float(np.linalg.eigvalsh(symmetric(R))[0]) if len(R) else 1.0
+    if smallest < _SINGULAR:
+        raise DesignError(
+            f'{terms.weight}: expected a positive definite matrix, got one that is singular: its '
+            f'smallest eigenvalue, with the diagonal scaled to 1, is {smallest:.3g}'
+        )
+    with np.errstate(over='ignore'):
+        loaded, moved = np.linalg.norm(Q), np.linalg.norm(B) ** 2
+    if not np.isfinite(loaded) or not np.isfinite(moved):
+        raise DesignError(
+            f'system: expected matrices and {terms.state_weight} whose squares are '
+            f'finite, got elements up to {max(np.abs(Q).max(), np.abs(B).max()):.3g}'
+        )
+    size = float(np.sqrt(loaded / moved)) if loaded > 0.0 and moved > 0.0 else 1.0
+    root = float(np.sqrt(size))
+    return _Problem(A, B * root, Q / size, R, N / root), units * root, size
+
+
+def _reason(
+    given: tuple[Array, Array, Array, Array, Array],
+    problem: _Problem,
+    terms: Terms,
+    *,
+    sampled: bool,
+) -> str:
+    """Return why there is no solution: a mode out of reach, one without weight, or the sizes."""
+    A, B, Q, R, _ = given
+    stuck = unstable(uncontrollable_modes(A, B), sampled=sampled)
+    if stuck.size:
+        return f'{terms.out_of_reach} {describe(stuck)}'
+    # with the cross weight taken into the state's, by u = v - R^-1 N' x
+    K = solve(problem.R, problem.N.T)
+    free, weight = problem.A - problem.B @ K, problem.Q - problem.N @ K
+    largest = float(np.abs(weight).max(initial=0.0))
+    silent = uncontrollable_modes(free.T, weight / (largest or 1.0))
+    if unstable(silent, sampled=sampled).size:
+        return terms.weightless
+    return (
+        f'{terms.weight}: expected a size that can be weighed against the {terms.state_weight} '
+        f'in double precision, got the diagonals {_listed(R.diagonal())} and '
+        f'{_listed(Q.diagonal())}'
+    )
+
+
+def _listed(values: Array) -> str:
+    return f'({", ".join(f"{value:.3g}" for value in values.tolist())})'

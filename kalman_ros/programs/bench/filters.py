@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One prediction and one update, ours against filterpy's own classes, on one linear system."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from filterpy.kalman import (
+    ExtendedKalmanFilter,
+    KalmanFilter,
+    MerweScaledSigmaPoints,
+    UnscentedKalmanFilter,
+)
+
+from kalman_ros.core import Array, Gaussian, LinearSystem, Space, TimedSensor
+from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.filter import Plan
+from kalman_ros.sensors.states import States
+
+from .contest import Contest, Contestant
+
+#: Steps a measurement.
+_STEPS = 300
+_DT = 0.01
+#: Filter, states, readings, and the share of filterpy's time that is good enough.
+_CASES = (('kf', 4, 2, 0.5), ('ekf', 4, 2, 0.5), ('ukf', 4, 2, 0.2), ('ukf', 15, 6, 0.125))
+
+
+@contextmanager
+def contests() -> Iterator[list[Contest]]:
+    """Give one contest a filter and size."""
+    yield [_contest(*case) for case in _CASES]
+
+
+def _contest(kind: str, n: int, k: int, goal: float) -> Contest:
+    rng = np.random.default_rng(0)
+    space = Space(tuple(f'x{index}' for index in range(n)), ('',) * n)
+    A = 0.3 * rng.normal(size=(n, n)) - np.eye(n)
+    system = LinearSystem(A, np.ones((n, 1)), 0.1 * np.eye(n), space, Space(('u',), ('',)))
+    sensor = States(space, [0.5] * k, space.names[:k])
+    name = f'{kind} step, {n} states, {k} readings / filterpy'
+    y = np.ones(k)
+    return Contest(name, goal, _ours(kind, system, sensor, y), _peer(kind, system, sensor, y))
+
+
+def _timed(step: Callable[[], None]) -> Contestant:
+    def measure() -> float:
+        start = time.perf_counter()
+        for _ in range(_STEPS):
+            step()
+        return (time.perf_counter() - start) / _STEPS
+
+    return measure
+
+
+def _ours(kind: str, system: LinearSystem, sensor: States, y: Array) -> Contestant:
+    plan = Plan(system, {'y': TimedSensor(sensor, 1.0 / _DT)}, 1.0 / _DT)
+    filter, u = build_filter(kind, plan), np.zeros(1)
+    n = system.state.size
+    belief = Gaussian(np.zeros(n), np.eye(n))
+
+    def step() -> None:
+        nonlocal belief
+        belief = filter.correct(filter.predict(belief, u, _DT), y, sensor).posterior
+
+    return _timed(step)
+
+
+def _peer(kind: str, system: LinearSystem, sensor: States, y: Array) -> Contestant:
+    n, k = system.state.size, sensor.output.size
+    sampled, H = system.sampled(_DT), sensor.jacobian(np.zeros(n))
+    peer: Any
+    if kind == 'ukf':
+        points = MerweScaledSigmaPoints(n, 1.0, 0.0, 1.0)
+        peer = UnscentedKalmanFilter(
+            n, k, _DT, hx=lambda x: H @ x, fx=lambda x, dt: sampled.F @ x, points=points
+        )
+    else:
+        peer = (KalmanFilter if kind == 'kf' else ExtendedKalmanFilter)(n, k)
+        peer.F = sampled.F
+        peer.H = H
+    peer.x, peer.P = np.zeros(n), np.eye(n)
+    peer.Q, peer.R = sampled.Q, sensor.covariance
+    update = (y, lambda x: H, lambda x: H @ x) if kind == 'ekf' else (y,)
+
+    def step() -> None:
+        peer.predict()
+        peer.update(*update)
+
+    return _timed(step)

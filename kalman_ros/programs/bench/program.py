@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast it is, as ratios to peers measured in the same run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import statistics
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from kalman_ros.core import refuse_unknown
+from kalman_ros.harness import NodeError
+
+from .contest import Contest
+
+#: The groups of contests, by their modules.
+GROUPS = {'filters': 'filters', 'estimator': 'relay', 'lockstep': 'lockstep'}
+
+
+@dataclass(frozen=True)
+class Result:
+    """The median times of a contest in seconds, and the ratio that is good enough."""
+
+    name: str
+    ours: float
+    peer: float
+    ratio: float
+    goal: float
+
+
+def compete(contest: Contest, rounds: int) -> Result:
+    """Let two contestants take turns, so that the machine's moods strike both alike."""
+    pairs = [(contest.ours(), contest.peer()) for _ in range(rounds)]
+    mine, theirs = (statistics.median(times) for times in zip(*pairs))
+    ratio = statistics.median(a / b for a, b in pairs)
+    return Result(contest.name, mine, theirs, ratio, contest.goal)
+
+
+def results_table(results: Sequence[Result]) -> Table:
+    """Return the results for people; a ratio that misses its goal is red."""
+    table = Table(box=box.HORIZONTALS, show_edge=False, padding=(0, 1, 0, 0))
+    table.add_column('', no_wrap=True)
+    for column in ('ours', 'peer', 'ratio', 'goal'):
+        table.add_column(column, justify='right')
+    for result in results:
+        colour = 'green' if result.ratio <= result.goal else 'red'
+        table.add_row(
+            result.name,
+            f'{result.ours * 1e6:.0f} us',
+            f'{result.peer * 1e6:.0f} us',
+            f'[{colour}]{result.ratio:.3f}[/]',
+            f'{result.goal:.3f}',
+        )
+    return table
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run every contest; exit 1 if a goal is missed."""
+    parser = argparse.ArgumentParser(prog='bench', description=__doc__)
+    parser.add_argument('groups', nargs='*', default=tuple(GROUPS), help=f'of {", ".join(GROUPS)}')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the results there, too')
+    parser.add_argument('--rounds', type=int, default=7, help='turns of each (default: 7)')
+    options = parser.parse_args(argv)
+    console = Console()
+    results = []
+    try:
+        refuse_unknown(options.groups, GROUPS, 'group')
+        for group in options.groups:
+            with import_module(f'{__package__}.{GROUPS[group]}').contests() as contests:
+                for contest in contests:
+                    console.print(f'{contest.name} ...', style='dim')
+                    results.append(compete(contest, options.rounds))
+    except (ValueError, NodeError, RuntimeError) as error:
+        print(f'bench: {error}', file=sys.stderr)
+        sys.exit(2)
+    console.print(results_table(results))
+    console.print(f'{platform.machine()}, Python {platform.python_version()}, medians')
+    if options.json is not None:
+        options.json.write_text(json.dumps([asdict(result) for result in results], indent=2))
+    sys.exit(any(result.ratio > result.goal for result in results))

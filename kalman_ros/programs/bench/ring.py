@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Three bare rclpy processes that pass messages round: what the transport alone costs.
+
+The same message types as the loop (a velocity, an odometry, a wrench), the same executor,
+messages reused in place, and no mathematics. Run as a program this is one of the two relays.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import TwistWithCovarianceStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from kalman_ros.harness.process import NodeProcess
+from kalman_ros.harness.station import Station
+from kalman_ros.nodes.interruption import Interruption
+from kalman_ros.nodes.topics import QUEUE
+from kalman_ros.nodes.transport import prefer_sockets
+
+#: Nobody keeps a ring going for longer, in seconds.
+_LONGEST = 3600.0
+HOPS: list[tuple[Any, str]] = [
+    (TwistWithCovarianceStamped, 'ring_velocity'),
+    (Odometry, 'ring_estimate'),
+    (WrenchStamped, 'ring_force'),
+]
+
+
+def relay(number: int) -> Any:
+    """Return the node that answers each message of hop ``number`` with one of the next."""
+    node = rclpy.create_node(f'relay{number}')
+    (heard, source), (said, target) = HOPS[number], HOPS[number + 1]
+    publisher, message = node.create_publisher(said, target, QUEUE), said()
+
+    def answer(received: Any) -> None:
+        message.header.stamp = received.header.stamp
+        publisher.publish(message)
+
+    node.create_subscription(heard, source, answer, QUEUE)
+    return node
+
+
+def start_relay(number: int, station: Station, folder: str) -> NodeProcess:
+    """Start the relay of hop ``number`` as a process; its output goes to the ``folder``."""
+    command = [sys.executable, '-m', __spec__.name, str(number)]
+    log = Path(folder) / f'relay{number}.log'
+    return NodeProcess(f'relay{number}', command, station.environment, log)
+
+
+class Ring:
+    """The ring, with this process as its third member; use as a context manager."""
+
+    def __enter__(self) -> Ring:
+        self._station = Station('ring')
+        self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_ring_')
+        self._relays = [start_relay(number, self._station, self._folder.name) for number in (0, 1)]
+        node = self._station.node
+        (first, source), (last, target) = HOPS[0], HOPS[-1]
+        self._message = first()
+        self._publisher = node.create_publisher(first, source, QUEUE)
+        self._subscription = node.create_subscription(last, target, self._came, QUEUE)
+        self._left = 0
+        self._done = Future()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for process in self._relays:
+            process.stop()
+        self._station.close()
+        self._folder.cleanup()
+
+    def _came(self, _: Any) -> None:
+        self._left -= 1
+        if self._left > 0:
+            self._publisher.publish(self._message)
+        elif not self._done.done():
+            self._done.set_result(None)
+
+    def rounds(self, count: int) -> float:
+        """Return the seconds that a message takes once round, averaged over ``count``.
+
+        Raises
+        ------
+        RuntimeError
+            If a message gets lost.
+        """
+        if not self._round(1, patience=1.0):
+            for _ in range(20):  # the relays have just started; what is not heard is sent again
+                if self._round(1, patience=1.0):
+                    break
+        start = time.perf_counter()
+        if not self._round(count, patience=60.0):
+            raise RuntimeError('the ring of bare nodes lost a message')
+        return (time.perf_counter() - start) / count
+
+    def _round(self, count: int, patience: float) -> bool:
+        self._left, self._done = count, Future()
+        self._publisher.publish(self._message)
+        return self._station.spin(patience, self._done)
+
+
+def _run(number: int) -> None:
+    """Run a relay until a signal asks for the end."""
+    interruption = Interruption()
+    prefer_sockets()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    executor = EventsExecutor()
+    executor.add_node(relay(number))
+    executor.spin_until_future_complete(interruption.asked, _LONGEST)
+    executor.shutdown()
+    rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    _run(int(sys.argv.pop()))  # the others are for ROS

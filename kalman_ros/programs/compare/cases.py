@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where filters have a hard time: not linear, and at first as uncertain as one likes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.scenario import Scenario
+
+from . import bearings_only
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem, as uncertain at first as one likes.
+
+    Parameters
+    ----------
+    name
+        For people.
+    start
+        Returns, for a width and random numbers, a scenario with its truth and its first belief;
+        the one is as far from the other as that says.
+    widths
+        How uncertain the first belief is, relative to the scenario's own, and in words.
+    seconds
+        The length of a run.
+    measured
+        The names of the states whose error counts, together, in ``unit``.
+    lost
+        A run whose error is larger at the end has lost track.
+    command
+        The input at a time.
+    """
+
+    name: str
+    start: Callable[[float, np.random.Generator], Scenario]
+    widths: Mapping[float, str]
+    seconds: float
+    measured: Sequence[str]
+    unit: str
+    lost: float
+    command: Callable[[float], Array] | None = None
+
+
+def _drawn(values: Mapping[str, Any]) -> Callable[[float, np.random.Generator], Scenario]:
+    """Return a start whose truth is drawn from the first belief."""
+    built = scenario.build(values)
+
+    def start(width: float, rng: np.random.Generator) -> Scenario:
+        mean, P = built.initial_belief.mean, width**2 * built.initial_belief.covariance
+        truth = built.model.state.wrap(rng.multivariate_normal(mean, P, method='cholesky'))
+        return replace(built, initial_state=truth, initial_belief=Gaussian(mean, P))
+
+    return start
+
+
+def _moderate(width: float, rng: np.random.Generator) -> Scenario:
+    """Return the published scenario, whose truth stays and whose belief is drawn."""
+    belief = bearings_only.drawn(rng, width)
+    return replace(bearings_only.moderate(), initial_belief=belief)
+
+
+CASES = {
+    'bearings_only': Case(
+        'bearings only',
+        _moderate,
+        {0.25: 'range 0.5 km', 1.0: 'range 2 km, as published', 2.0: 'range 4 km'},
+        bearings_only.STEPS * bearings_only.STEP,
+        ('x', 'y'),
+        'm',
+        1000.0,
+        bearings_only.manoeuvre,
+    ),
+    'range_bearing': Case(
+        'range and bearing',
+        _drawn(
+            {
+                'model': 'constant_velocity',
+                'model_parameters.acceleration_noise': 0.01,
+                'rate': 10.0,
+                'sensors': ['radar'],
+                'radar.rate': 5.0,
+                # a good range, a poor bearing, and no range rate to speak of
+                'radar.noise': [0.3, 0.2, 1000.0],
+                'initial_estimate': [30.0, 0.0, 0.0, 0.0],
+                'initial_std': [1.0, 1.0, 0.3, 0.3],
+            }
+        ),
+        {3.0: 'position 3 m', 18.0: 'position 18 m', 30.0: 'position 30 m'},
+        10.0,
+        ('x', 'y'),
+        'm',
+        10.0,
+    ),
+    'pole': Case(
+        'pole at large angles',
+        _drawn(
+            {
+                'model': 'cart_pole',
+                'rate': 25.0,
+                # the angle is seen by what the pole does to the cart alone
+                'joint_states.measures': ['x'],
+                'joint_states.fields': ['position[cart]'],
+                'joint_states.noise': [0.005],
+                'joint_states.rate': 25.0,
+                'initial_estimate': [0.0, 0.0, 3.14159, 0.0],
+                'initial_std': [0.05, 0.05, 1.0, 3.0],
+            }
+        ),
+        {0.3: 'angle 0.3 rad', 0.9: 'angle 0.9 rad', 1.5: 'angle 1.5 rad'},
+        3.0,
+        ('theta',),
+        'rad',
+        0.5,
+    ),
+}

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The main job: run the loop, and put what was measured beside what theory says."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from math import ceil, inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from kalman_ros import models
+from kalman_ros.analysis.verdict import judge, least_duration
+from kalman_ros.harness import NodeError, Run
+from kalman_ros.harness.executables import config
+from kalman_ros.harness.interrupts import deferred
+from kalman_ros.scenario.parameter_files import DEMO, overrides, own_section
+from kalman_ros.simulation.trajectory import Trajectory
+
+from .results import ready
+
+#: In seconds, of a scenario that names none.
+_DURATION = 60.0
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='demo',
+        description='Start plant, estimator, monitor and what else a scenario needs as processes '
+        'of their own, let them run, and compare what was measured with what theory says.',
+        epilog='Exit code: 0 if every check passes, 1 if not, 2 if there is no verdict, because '
+        'it could not be run or the record of it is incomplete.',
+    )
+    parser.add_argument(
+        'scenario', nargs='?', default=models.DEFAULT,
+        help='a name in config/, or a parameter file of your own (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--duration', type=float, metavar='S',
+        help=f'simulated seconds (default: that of the scenario, or {_DURATION:g})',
+    )  # fmt: skip
+    parser.add_argument('--realtime', action='store_true', help='in real time instead of lockstep')
+    parser.add_argument('--seed', type=int, default=0, metavar='N', help='of all noise')
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO)'
+    )
+    parser.add_argument(
+        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
+        help='a parameter for every node, as with --ros-args; may be repeated',
+    )  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def gather(
+    options: argparse.Namespace, folder: Path, console: Console
+) -> tuple[Run, Trajectory, float, int]:
+    """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
+    own = own_section(config(options.scenario), DEMO)
+    usual = float(own.pop('duration', _DURATION))
+    run = Run(
+        options.scenario,
+        {**own, **overrides(options.parameters)},
+        seed=options.seed,
+        lockstep=not options.realtime,
+    )
+    least = least_duration(run.scenario)
+    if options.duration is None:
+        options.duration = max(usual, float(ceil(least)))
+    if not least <= options.duration < inf:
+        raise ValueError(f'duration: expected {least:.4g} s or more, got {options.duration:g}')
+    ready(folder)
+    bar = Progress(
+        TextColumn('{task.description}'),
+        BarColumn(),
+        TextColumn('{task.completed:.0f} of {task.total:.0f} simulated seconds'),
+        TimeRemainingColumn(),
+        console=console,
+    )
+    with bar:
+        task = bar.add_task(f'starting {len(run.names)} nodes', total=options.duration)
+        with run:
+            bar.update(task, description=f'ROS_DOMAIN_ID={run.domain}')
+            start = time.monotonic()
+            run.advance(options.duration, lambda done: bar.update(task, completed=done))
+            wall = time.monotonic() - start
+            run.complete()
+            bar.update(task, completed=options.duration, description='stopping')
+            trajectory = run.trajectory()
+            missed = int(run.reported('plant', 'missed steps'))
+    return run, trajectory, wall, missed
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the demo; the exit code says whether theory and measurement agree."""
+    options = arguments(argv)
+    console = Console()
+    name = Path(options.scenario).stem
+    folder = options.out or Path('out') / name
+    try:
+        run, trajectory, wall, missed = gather(options, folder, console)
+        judgement = judge(run.scenario, trajectory)
+    except (ValueError, NodeError, RuntimeError) as error:
+        print(f'demo: {error}', file=sys.stderr)
+        sys.exit(2)
+    checks = judgement.checks
+    failed = [check.name for check in checks if check.counts and not check.passed]
+
+    from kalman_ros.report import pictures, tables  # matplotlib loads while nothing waits
+
+    mode = 'real time' if options.realtime else 'lockstep'
+    title = f'{name}, {mode}, seed {options.seed}: theory and measurement'
+    console.print(tables.checks_table(title, checks))
+    console.print(
+        f'{options.duration:g} simulated seconds took {wall:.1f} s, with {missed} of '
+        f'{len(trajectory.time)} steps late; the first {judgement.settling_time:.1f} s settle '
+        f'and do not count. {judgement.basis}'
+    )
+    # the summary last: where it is, all is whole
+    with deferred():
+        _write(folder, trajectory)
+        drawn = pictures.draw_all(run.scenario, trajectory, folder)
+        summary = {
+            'scenario': name, 'mode': mode, 'seed': options.seed, 'duration': options.duration,
+            'wall': wall, 'missed_steps': missed, 'settling_time': judgement.settling_time,
+            'passed': not failed,
+            'checks': tables.checks_json(checks),
+        }  # fmt: skip
+        (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
+    files = ', '.join(['summary.json', 'data.npz', *(path.name for path in drawn)])
+    console.print(f'In {folder}: {files}')
+    console.print(tables.verdict(checks, judgement.claim))
+    sys.exit(1 if failed else 0)
+
+
+def _write(folder: Path, run: Trajectory) -> None:
+    columns: dict[str, Any] = {
+        'time': run.time,
+        'truth': run.truth,
+        'estimate': run.estimate,
+        'covariance': run.covariance,
+        'input': run.input,
+    }
+    for name, series in run.readings.items():
+        columns[f'{name}_time'], columns[name] = series.time, series.values
+    for name, innovations in run.innovations.items():
+        columns[f'{name}_innovation'] = innovations.values
+        columns[f'{name}_nis'] = innovations.nis
+    np.savez_compressed(folder / 'data.npz', **columns)

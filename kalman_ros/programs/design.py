@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What theory says of a scenario before anything runs: modes, gains, errors, margins."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from kalman_ros import models
+from kalman_ros.analysis import advice, design
+from kalman_ros.core import refuse_unknown
+from kalman_ros.harness import executables
+from kalman_ros.nodes import options as node_options
+from kalman_ros.scenario import scenario
+from kalman_ros.scenario.parameter_files import from_file, overrides
+from kalman_ros.scenario.scenario import Scenario
+
+from .results import ready
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='design',
+        description='Print what theory says of a scenario, and draw it. No node is started.',
+        epilog='Exit code: 0 if a design exists, with or without warnings, 2 otherwise.',
+    )
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        'scenario', nargs='?', default=models.DEFAULT,
+        help='a name in config/, or a parameter file of your own (default: %(default)s)',
+    )  # fmt: skip
+    where.add_argument(
+        '--params-file', type=Path, metavar='FILE', help='the same as a parameter file'
+    )
+    parser.add_argument(
+        '--delay', type=float, metavar='S',
+        help='seconds from a reading to the input that answers it; without it margins are of a '
+        'loop without delay, and warnings expect one sample',
+    )  # fmt: skip
+    parser.add_argument(
+        '--duration', type=float, metavar='S',
+        help='seconds of the simulated path along which a scenario is judged that is not linear',
+    )  # fmt: skip
+    parser.add_argument(
+        '--matrices', action='store_true', help='print A, B, C, F, G, Q, R, K, L and P, too'
+    )
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO/design)'
+    )
+    parser.add_argument(
+        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
+        help='a parameter, over those of the file; may be repeated',
+    )  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def believed(path: Path, changes: dict[str, Any]) -> Scenario:
+    """Return the scenario that estimator and controller believe in, by a parameter file.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or wrong.
+    """
+    values = {**from_file(path, 'estimator', 'controller'), **changes}
+    refuse_unknown(values, {*scenario.options(values), *node_options.names()}, 'parameter')
+    return scenario.build(values)
+
+
+def check_wiring(built: Scenario) -> tuple[str, ...]:
+    """Check that every signal has fields of its message type, as the nodes do when they start.
+
+    Returns a note if message types cannot be checked, for lack of ROS.
+
+    Raises
+    ------
+    ValueError
+        If a type is not installed or has no such field, with the name of the topic.
+    """
+    try:
+        from kalman_ros.codecs.signal_codec import SignalCodec
+    except ImportError:
+        return ('Message types and fields are not checked: no ROS is installed.',)
+    for name, source in built.enabled.items():
+        try:
+            SignalCodec(source.signal)
+        except ValueError as error:
+            raise ValueError(f'{name}: {error}') from None
+    SignalCodec(built.state)
+    if built.model.input.size:
+        SignalCodec(built.input)
+    return ()
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print and draw a design."""
+    options = arguments(argv)
+    console = Console(highlight=False)
+    try:
+        path = options.params_file or executables.config(options.scenario)
+        built = believed(path, overrides(options.parameters))
+        unchecked = check_wiring(built)
+        report = design.report(built, options.delay or 0.0, options.duration)
+        folder = ready(options.out or Path('out') / path.stem / 'design')
+    except (ValueError, RuntimeError, OSError) as error:
+        print(f'design: {error}', file=sys.stderr)
+        sys.exit(2)
+    latency = 1.0 / built.rate if options.delay is None else options.delay
+    notes, warnings = advice.notes(report), advice.warnings(report, latency)
+
+    from kalman_ros.report import design_pictures, design_tables  # matplotlib is slow to load
+
+    law = f', law {built.law}' if built.law else ''
+    console.print(f'[bold]{path.stem} at {built.rate:g} Hz{law}[/]')
+    console.print(design_tables.structure(report))
+    design_tables.show(console, design_tables.tables(report))
+    if options.matrices:
+        design_tables.show(console, design_tables.matrices(report))
+    console.print()
+    for sentence in (*design_tables.closing(report), *notes, *unchecked):
+        console.print(sentence, markup=False)
+    for sentence in warnings:
+        console.print(f'[yellow]Warning:[/] {sentence}')
+    summary = {'scenario': path.stem, **design_tables.design_json(report, notes, warnings)}
+    (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
+    drawn = design_pictures.draw_all(report, folder)
+    console.print(f'In {folder}: {", ".join(["summary.json", *(p.name for p in drawn)])}')

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A long run in real time with faults: memory, deadlines, lost messages."""

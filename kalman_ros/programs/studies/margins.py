@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gain and delay at the plant's input bring the loop to the brink just where theory says.
+
+An unstable pendulum is held by the regulator, once with the true state and once with that of the
+estimator. The plant's actuator is then given more gain, less gain, or a delay, which nobody else
+is told of. Noise is so small that growth or decay can be read from the states themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from kalman_ros.analysis.checks import Check
+from kalman_ros.control.margins import margins
+from kalman_ros.harness import Run
+from kalman_ros.scenario import scenario as scenarios
+
+from . import Findings, close
+from .brink import Trial, brink, root
+from .loops import growth, lqg_loop, lqr_loop
+from .systems import linear
+
+#: The noise is this much weaker than that for which the estimator is right; its gain is the same.
+QUIET = 1e-10
+LOOPS = {'LQR': lqr_loop, 'LQG': lqg_loop}
+#: Where the search for each begins, and its steps.
+SEARCHES = {
+    'gain, up': ('actuator_gain', 1.0, 1.5),
+    'gain, down': ('actuator_gain', 1.0, 1 / 1.5),
+    'delay': ('actuator_delay', 0.05, 1.5),
+}
+
+
+def study(size: float = 1.0) -> Findings:
+    """Search the six brinks; a trial lasts 8 s, or 6 s at a small size."""
+    system = linear(
+        {'angle': 'rad', 'rate': 'rad/s'}, [[0, 1], [4, 0]], [[0], [1]], [0, QUIET**2], [[1, 0]],
+        [0.1 * QUIET], rate=20.0, reading__rate=20.0, state_cost=[10.0, 1.0],
+        initial_state=[0.1, 0.0], filter='steady_state',
+    )  # fmt: skip
+    seconds = 8.0 if size >= 1.0 else 6.0
+    checks: list[Check] = []
+    trials: dict[tuple[str, str], list[Trial]] = {}
+    for name in LOOPS:
+        remaps = {'controller': {'estimate': 'ground_truth'}} if name == 'LQR' else {}
+        with Run(system, nodes=('estimator', 'controller', 'plant'), remaps=remaps) as run:
+            for search, (parameter, start, factor) in SEARCHES.items():
+                run.set_parameter('actuator_gain', [1.0])  # as the search before left it
+                predicted = predict(system, name)[search]
+                found, trials[name, search] = brink(run, parameter, start, factor, seconds)
+                unit = 's' if search == 'delay' else ''
+                # the search stops within 0.1 %; the rest is for modes that are not yet gone
+                checks.append(close(f'{name}: {search}', unit, predicted, found, 0.01 * predicted))
+    return Findings(checks, lambda path: _draw(checks, trials, path))
+
+
+def predict(system: dict[str, Any], name: str) -> dict[str, float]:
+    """Return the margins of a loop.
+
+    The delay is where the sampled loop with that very delay is at the brink: one that is no whole
+    number of samples also smooths the input, which the delay margin of a fixed loop leaves out.
+    """
+    scenario, loop = scenarios.build(system), LOOPS[name]
+    known = margins(loop(scenario))
+    near = known.delay.value
+    return {
+        'gain, up': known.upper_gain.value,
+        'gain, down': known.lower_gain.value,
+        'delay': root(lambda delay: growth(loop(scenario, delay)), 0.8 * near, 1.2 * near),
+    }
+
+
+def _draw(checks: Sequence[Check], trials: dict[tuple[str, str], list[Trial]], path: Path) -> None:
+    from kalman_ros.report.style import ESTIMATE, INPUT, READING, picture
+
+    with picture(path, 1, 2, (9.5, 3.4)) as (_, ((sizes, rates),)):
+        ladder = trials['LQG', 'delay']
+        for found in ladder[: 1 + next(i for i, t in enumerate(ladder) if t.rate > 0.0)]:
+            grows = found.rate > 0.0
+            sizes.plot(found.time, found.size, color=INPUT if grows else ESTIMATE, lw=0.9)
+            sizes.annotate(
+                f' {1000 * found.value:.0f} ms', (found.time[-1], found.size[-1]), fontsize=7
+            )
+        sizes.set_yscale('log')
+        sizes.set_ylim(1e-6, 1e2)
+        sizes.set_ylabel('norm of the state (log)')
+        sizes.set_title('LQG, its input made late')
+        for check, found_in in zip(checks, trials.values()):
+            of = sorted(found_in, key=lambda found: found.value)
+            across = [found.value / check.expected for found in of]
+            loop, change = check.name.split(': ')
+            rates.plot(
+                across, [found.rate for found in of], ('o' if loop == 'LQR' else 's') + '-',
+                ms=3.5, lw=0.8, mfc='white' if loop == 'LQR' else None, label=check.name,
+                color={'gain, up': INPUT, 'gain, down': READING, 'delay': ESTIMATE}[change],
+            )  # fmt: skip
+        rates.axhline(0.0, color='black', lw=0.8)
+        rates.axvline(1.0, color='black', lw=0.8, ls=':')
+        rates.set_xlim(0.5, 1.5)
+        rates.set_ylim(-2.0, 2.0)
+        rates.set_xlabel('gain or delay / computed margin')
+        rates.set_ylabel('measured growth [1/s]')
+        rates.set_title('Growth begins at the margin')
+        rates.legend(loc='center left', bbox_to_anchor=(1.0, 0.5))

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recovery buys back margins and pays in noise: an estimator that distrusts the input.
+
+Doyle's plant again, with the same regulator. The estimator is told of noise q^2 B B' at the
+input that is not there (J. Doyle and G. Stein, IEEE Trans. Automatic Control 24(4), 1979).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.analysis.checks import MISS, Check, theory
+from kalman_ros.control.lqr import cost, lqr
+from kalman_ros.control.margins import margins
+from kalman_ros.control.recovery import recover
+from kalman_ros.control.state_space import StateSpace, state_space
+from kalman_ros.core import Array
+from kalman_ros.estimators.consistency import chi_square_bounds
+from kalman_ros.harness import Run
+from kalman_ros.scenario import scenario as scenarios
+from kalman_ros.scenario.regulator import price
+from kalman_ros.scenario.scenario import Scenario
+
+from . import Findings, close
+from .brink import brink
+from .doyle import NODES, ONES, QUIET, STRENGTH, A, B, C, system
+from .loops import average, lqg_loop, lqr_loop
+
+RATE = 25.0
+#: The q of the runs.
+TOLD = (10.0, 100.0)
+#: Weight of (x, u) that leaves the square of the input.
+INPUT = np.diag([0.0, 0.0, 1.0])
+
+
+def study(size: float = 1.0) -> Findings:
+    """Search two margins, and measure cost and input in 100 s each."""
+    checks = []
+    for q in TOLD:
+        upper = margins(_loop(q)).upper_gain.value
+        with Run(system(STRENGTH, QUIET, RATE), only=_told(q, QUIET), nodes=NODES) as run:
+            found, _ = brink(run, 'actuator_gain', 1.0, 1.3, 16.0)
+        # of the margin itself, beyond 1; the search stops within 0.3 %
+        name = f'q = {q:g}: gain margin'
+        checks.append(close(name, '', upper, found, 0.05 * (upper - 1.0)))
+        checks += _measured(q, max(40.0, 100.0 * size))
+    return Findings(checks, lambda path: _draw(checks, path))
+
+
+def _told(q: float, quiet: float = 1.0) -> dict[str, dict[str, Any]]:
+    """Return what the estimator alone is told: W + q^2 B B'."""
+    W = quiet**2 * (STRENGTH * ONES + q**2 * B @ B.T)
+    return {'estimator': {'model_parameters.noise_density': W.ravel().tolist()}}
+
+
+def _believed(q: float) -> Scenario:
+    return scenarios.build({**system(STRENGTH, rate=RATE), **_told(q)['estimator']})
+
+
+def _real() -> Scenario:
+    return scenarios.build(system(STRENGTH, rate=RATE))
+
+
+def _loop(q: float) -> StateSpace:
+    return lqg_loop(_real(), believed=_believed(q))
+
+
+def _measured(q: float, seconds: float) -> list[Check]:
+    """Compare cost and input over topics with theory; the bounds are their scatter."""
+    parameters = {**system(STRENGTH, rate=RATE), 'initial_state': [0.0, 0.0]}
+    settled = theory(_real()).settling_time
+    with Run(parameters, only=_told(q), nodes=NODES) as run:
+        run.advance(settled + seconds)
+        found = run.trajectory()
+    z = np.hstack((found.truth, found.input))[found.time >= settled]
+    checks = []
+    for name, weight in (('cost', RATE * price(_real()).weight), ('input', INPUT)):
+        expected = average(_real(), weight, len(z), _believed(q))
+        low, high = chi_square_bounds(expected.mean, expected.std**2, MISS)
+        value = float(np.mean(np.einsum('ki,ij,kj->k', z, weight, z)))
+        passed = bool(low <= value <= high)
+        numbers = np.array([expected.mean, value, low, high])
+        label, unit = 'cost', '1/s'
+        if name == 'input':
+            numbers, label, unit = np.sqrt(numbers), 'RMS of the input', ''
+        mean, value, low, high = numbers.tolist()
+        checks.append(Check(f'q = {q:g}: {label}', unit, mean, value, low, high, passed))
+    return checks
+
+
+def _draw(checks: Sequence[Check], path: Path) -> None:
+    from kalman_ros.report.style import ESTIMATE, READING, TRUTH, picture
+    from kalman_ros.report.style import INPUT as ORANGE
+
+    strengths: Array = np.asarray(np.geomspace(0.3, 1000.0, 40), dtype=float)
+    plant = state_space(A, B, C)
+    K = lqr(A, B, cost(STRENGTH * ONES, [1.0], (2, 1))).gain
+    designs = recover(plant, K, (STRENGTH * ONES, np.eye(1)), strengths.tolist())
+    guarantee = margins(lqr_loop(_real())).upper_gain.value
+    measured = {check.name: check.measured.real for check in checks}
+    with picture(path, 1, 2, (9.0, 3.3)) as (_, ((gain, noise),)):
+        gain.plot(
+            strengths, [margins(design.loop).upper_gain.value for design in designs], '--',
+            color=READING, label='in continuous time',
+        )  # fmt: skip
+        gain.plot(
+            strengths, [margins(_loop(q)).upper_gain.value for q in strengths.tolist()],
+            color=ESTIMATE, label=f'sampled at {RATE:g} Hz',
+        )  # fmt: skip
+        gain.axhline(guarantee, color=TRUTH, lw=0.8, ls=':', label='true state, sampled')
+        gain.set_ylabel('upper gain margin (log)')
+        gain.set_title('Margin comes back')
+        noise.plot(
+            strengths,
+            [np.sqrt(average(_real(), INPUT, 1, _believed(q)).mean) for q in strengths.tolist()],
+            color=ESTIMATE,
+        )
+        noise.set_ylabel('RMS of the input (log)')
+        noise.set_title('Noise at the input goes up')
+        for axis, label in ((gain, 'gain margin'), (noise, 'RMS of the input')):
+            values = [measured[f'q = {q:g}: {label}'] for q in TOLD]
+            axis.plot(TOLD, values, 'o', color=ORANGE, ms=6, label='measured')
+            axis.set_xscale('log')
+            axis.set_yscale('log')
+            axis.set_xlabel('q, input noise that the estimator is told of (log)')
+        gain.legend(loc='center left')

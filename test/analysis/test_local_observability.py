@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the latest readings tell: by the bound, and with bearings only, where it matters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kalman_ros.analysis.bounds import posterior_cramer_rao
+from kalman_ros.analysis.local_observability import ObservabilityMeter
+from kalman_ros.analysis.observability import observability
+from kalman_ros.core import Gaussian
+from kalman_ros.programs.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
+from kalman_ros.scenario import scenario
+from kalman_ros.simulation import closed_loop
+
+#: The first belief that the readings are compared with.
+PRIOR = np.array([2000.0, 2000.0, 2.0, 2.0])
+
+
+def told(command, steps=STEPS, seed=0, filter='ukf'):
+    """Return what the readings tell after each step of a run, by the estimates of a filter."""
+    built = replace(moderate(), initial_belief=drawn(np.random.default_rng(seed)))
+    run = closed_loop.run(built, None, steps * STEP, seed, filter=filter, command=command)
+    belief = Gaussian(built.initial_belief.mean, np.diag(PRIOR**2))
+    meter = ObservabilityMeter(replace(built, initial_belief=belief))
+    found = []
+    for time, x, u in zip(run.time, run.estimate, run.input):
+        stamp = round(time * 1e9)
+        meter.reading('bearing', stamp)
+        found.append(meter(x))
+        meter.input(stamp, u)
+    return found, run
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_an_observer_that_does_not_manoeuvre_never_knows_the_range(seed):
+    found, _ = told(lambda time: np.zeros(2), seed=seed)
+    assert all(each.verdict.unseen == ('x', 'y', 'v_x', 'v_y') for each in found)
+    assert all(np.all(each.std > 100.0 * PRIOR) for each in found)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_one_that_manoeuvres_does_until_it_is_long_ago(seed):
+    found, run = told(manoeuvre, 60, seed)
+    seen = [not each.verdict.unseen for each in found]
+    assert not any(seen[:14])
+    assert all(seen[20:31])
+    assert not any(seen[40:])
+    # by then they know it about as well as the filter, which has the first belief and the noise
+    filter = np.sqrt(run.covariance[24].diagonal())
+    assert np.all(found[24].std > 0.4 * filter)
+    assert np.all(found[24].std[:2] < 3.0 * filter[:2])
+
+
+def test_it_is_the_bound_of_one_who_knows_nothing_else():
+    built = scenario.build(
+        {
+            'model': 'bearing_tracker',
+            'model_parameters.acceleration_noise': 0.0,
+            'rate': 1.0 / STEP,
+            'bearing.rate': 1.0 / STEP,
+            'initial_std': (1e4 * PRIOR).tolist(),
+        }
+    )
+    meter, u = ObservabilityMeter(built), np.array([2e-3, -1e-3])
+    x, truth, inputs = built.initial_state, [], []
+    for step in range(20):
+        if step:
+            meter.reading('bearing', round(step * STEP * 1e9))
+        truth.append(x)
+        inputs.append(u * np.sin(step))
+        meter.input(round(step * STEP * 1e9), inputs[-1])
+        x = built.model.step(x, inputs[-1], STEP)
+    bound = posterior_cramer_rao(built, np.array(truth), np.array(inputs))[-1]
+    np.testing.assert_allclose(meter(truth[-1]).std, np.sqrt(bound.diagonal()), rtol=1e-3)
+
+
+def test_a_state_that_no_sensor_sees_is_not_seen_and_the_others_are():
+    built = scenario.build({'model': 'turn_rate', 'sensors': ['lidar']})
+    meter = ObservabilityMeter(built)
+    x = built.initial_state
+    for step in range(20):
+        meter.reading('lidar', step * 100_000_000)
+        x = built.model.step(x, np.zeros(0), 0.1) if step else x
+    assert meter(x).verdict.unseen == ()
+    still = x * [1.0, 1.0, 0.0, 1.0, 1.0]  # where it does not move, it has no heading
+    assert meter(still).verdict.unseen == ('psi', 'omega')
+    assert np.isinf(meter(still).std[3])
+    assert meter.report(still)['observability'] == 'the sensors observe x, y, v; not psi, omega'
+
+
+def test_where_the_past_runs_away_it_ends():
+    """Back in time friction makes every error grow, so that old readings tell little."""
+    values = {'model': 'submersible', 'model_parameters.angular_drag': 4000.0}
+    meter = ObservabilityMeter(scenario.build(values))
+    for step in range(100):
+        meter.reading('imu', step * 10_000_000)
+        meter.reading('pressure', step * 10_000_000)
+    found = meter(np.zeros(6))
+    assert 'x' in found.verdict.unseen
+    assert 'pitch' in found.verdict.seen
+    assert not np.isnan(found.std).any()
+
+
+def test_when_the_clock_goes_back_it_begins_anew():
+    built = replace(moderate(), initial_belief=Gaussian(np.zeros(4), np.diag(PRIOR**2)))
+    meter = ObservabilityMeter(built)
+    x = moderate().initial_state
+    for step in range(20):
+        meter.reading('bearing', round((100 + step) * STEP * 1e9))
+        meter.input(round((100 + step) * STEP * 1e9), np.array([0.0, 0.05 * (step > 8)]))
+    assert not meter(x).verdict.unseen
+    meter.reading('bearing', 0)
+    assert len(meter(x).verdict.unseen) == 4
+
+
+def test_a_linear_scenario_has_its_verdict_at_once():
+    built = scenario.build({'sensors': ['velocity']})
+    meter = ObservabilityMeter(built)
+    meter.input(0, np.zeros(2))
+    meter.reading('velocity', 0)
+    assert meter.report(np.zeros(4)) == {'observability': str(observability(built))}

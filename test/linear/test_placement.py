@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from kalman_ros.core import DesignError, LinearSystem, Space
+from kalman_ros.linear.placement import place, place_observer, sampled_place
+
+A = np.array([[0.0, 1.0], [0.0, 0.0]])
+B = np.array([[0.0], [1.0]])
+
+
+def near(found, wanted, tolerance=1e-6):
+    found, wanted = np.sort_complex(found), np.sort_complex(np.array(wanted, dtype=complex))
+    np.testing.assert_allclose(found, wanted, rtol=tolerance, atol=tolerance)
+
+
+def system(A, B):
+    n, m = np.shape(B)
+    state = Space(tuple(f'x{index}' for index in range(n)), ('',) * n)
+    return LinearSystem(
+        A, B, np.zeros((n, n)), state, Space(tuple(f'u{index}' for index in range(m)), ('',) * m)
+    )
+
+
+def test_the_double_integrator_by_hand():
+    # s^2 + k2 s + k1
+    np.testing.assert_allclose(place(A, B, [-1.0, -3.0]).gain, [[3.0, 4.0]], rtol=1e-12)
+    np.testing.assert_allclose(place(A, B, [-1 + 2j, -1 - 2j]).gain, [[5.0, 2.0]], rtol=1e-12)
+
+
+@pytest.mark.parametrize('inputs', [1, 2, 4])
+@pytest.mark.parametrize('seed', range(5))
+def test_placed_poles_are_the_eigenvalues(seed, inputs):
+    rng = np.random.default_rng(seed)
+    A, B = rng.normal(size=(4, 4)), rng.normal(size=(4, inputs))
+    poles = [-1.0, -2.5, -2 + 1j, -2 - 1j]
+    design = place(A, B, poles)
+    assert design.gain.shape == (inputs, 4)
+    near(np.linalg.eigvals(A - B @ design.gain), poles)
+    near(design.poles, poles)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_an_observer_is_the_dual(seed):
+    rng = np.random.default_rng(seed)
+    A, C = rng.normal(size=(3, 3)), rng.normal(size=(2, 3))
+    design = place_observer(A, C, [-4.0, -5.0, -6.0])
+    near(np.linalg.eigvals(A - design.gain @ C), [-4.0, -5.0, -6.0])
+
+
+def test_sampled_poles_go_where_the_exponential_takes_them():
+    plant, dt = system(A, B), 0.1
+    poles = [-2 + 3j, -2 - 3j]
+    design = sampled_place(plant.A, plant.B, poles, dt)
+    step = plant.sampled(dt)
+    near(np.linalg.eigvals(step.F - step.G @ design.gain), np.exp(np.array(poles) * dt))
+    fast = sampled_place(plant.A, plant.B, poles, 1e-5)
+    np.testing.assert_allclose(fast.gain, place(A, B, poles).gain, rtol=1e-3)
+
+
+def test_equal_poles_need_as_many_inputs():
+    near(place(A, np.eye(2), [-1.0, -1.0]).poles, [-1.0, -1.0])
+    with pytest.raises(DesignError, match=r'independent inputs .*, 1; got -1 2 times'):
+        place(A, B, [-1.0, -1.0])
+    twice = np.hstack((B, 2.0 * B))  # two inputs that do the same
+    near(place(A, twice, [-1.0, -2.0]).poles, [-1.0, -2.0])
+    with pytest.raises(DesignError, match='got -1 2 times'):
+        place(A, twice, [-1.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ('poles', 'says'),
+    [
+        ([-1.0], 'expected 2 finite numbers'),
+        ([-1.0, np.nan], 'expected 2 finite numbers'),
+        ([-1 + 1j, -1 + 1j], 'with its conjugate'),
+    ],
+)
+def test_poles_that_cannot_be_meant(poles, says):
+    with pytest.raises(ValueError, match=says):
+        place(A, B, poles)
+
+
+def test_what_cannot_be_placed_says_why():
+    with pytest.raises(DesignError, match='no input moves the modes at -3'):
+        place(np.diag([1.0, -3.0]), B[::-1], [-1.0, -2.0])
+    with pytest.raises(DesignError, match='no reading sees the modes at -3'):
+        place_observer(np.diag([1.0, -3.0]), B[::-1].T, [-1.0, -2.0])

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Riccati equations whose sizes are far apart: every digit, or an error that names the weight."""
+
+import numpy as np
+import pytest
+from decimals import steady_filter
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from kalman_ros.control.lqe import dlqe, lqe
+from kalman_ros.control.lqr import Cost, cost, dlqr, lqr
+from kalman_ros.core import DesignError
+from kalman_ros.linear.riccati import stein
+
+TINY = [1e-2, 1e-6, 1e-10, 1e-16, 1e-20, 1e-26]
+
+
+@pytest.mark.parametrize('R', TINY)
+def test_the_covariance_of_a_scalar_filter_has_every_digit(R):
+    """P = P R / (P + R) + 1; after the reading P R / (P + R), which P - L P loses."""
+    found = dlqe(np.eye(1), np.eye(1), np.eye(1), np.array([[R]]))
+    P = (1.0 + np.sqrt(1.0 + 4.0 * R)) / 2.0
+    np.testing.assert_allclose(found.covariance, [[P * R / (P + R)]], rtol=1e-13)
+    np.testing.assert_allclose((found.prior, found.gain), ([[P]], [[P / (P + R)]]), rtol=1e-13)
+
+
+SYSTEMS = {
+    'double integrator': ([[1, 0.1], [0, 1]], [[1, 0]], np.diag([1e-4, 1e-2])),
+    'two readings of three': (
+        [[1, 0.1, 0], [0, 1, 0.1], [0, 0, 1]], [[1, 0, 0], [0, 0, 1]], np.diag([1e-6, 1e-4, 1e-2]),
+    ),
+    'unstable': ([[1.2, 0.1], [0.3, 2.0]], [[1, 0]], np.diag([1e-4, 1e-2])),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('R', [1e6, 1.0, *TINY])
+@pytest.mark.parametrize('name', SYSTEMS)
+def test_gain_and_covariances_are_those_of_a_hundred_digits(name, R):
+    F, C, Q = map(np.array, SYSTEMS[name])
+    noise = R * np.eye(len(C))
+    found = dlqe(F, C, Q, noise)
+    prior, gain, after = steady_filter(F, C, Q, noise)
+    np.testing.assert_allclose(found.gain, gain, rtol=1e-11, atol=1e-13 * np.abs(gain).max())
+    for ours, exact in ((found.prior, prior), (found.covariance, after)):
+        std = np.sqrt(exact.diagonal())
+        assert np.abs(ours - exact).max() <= 1e-11 * np.abs(exact).max()
+        np.testing.assert_allclose(np.sqrt(ours.diagonal()), std, rtol=1e-11)
+        assert np.linalg.eigvalsh(ours / np.outer(std, std)).min() > -1e-14
+
+
+WRONG = [
+    np.zeros((2, 2)), np.ones((2, 2)), np.diag([1.0, -1.0]), np.diag([1.0, 1e-300]),
+    np.diag([1.0, 1e300]), np.diag([1.0, np.nan]), np.diag([1e-320, 1.0]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize('R', WRONG, ids=str)
+@pytest.mark.parametrize('design', [lqr, dlqr, lqe, dlqe])
+def test_a_singular_or_absurd_weight_is_named(design, R):
+    A, one = np.array([[0.0, 0.5], [-0.5, 0.1]]), np.eye(2)
+    name = 'input_cost' if design in (lqr, dlqr) else 'noise of the readings'
+    with pytest.raises(DesignError, match=f'^{name}: expected a positive definite matrix'):
+        if design in (lqr, dlqr):
+            design(A, one, Cost(one, R, np.zeros((2, 2))))
+        else:
+            design(A, one, one, R)
+
+
+@pytest.mark.parametrize('R', [1e-60, 1e60])
+def test_a_size_that_cannot_be_weighed_is_named(R):
+    A = np.array([[0.0, 1.0], [0.0, 0.0]])
+    with pytest.raises(DesignError, match='^input_cost: expected a size that can be weighed'):
+        lqr(A, np.array([[0.0], [1.0]]), Cost(np.eye(2), np.array([[R]]), np.zeros((2, 1))))
+
+
+def test_units_do_not_matter():
+    """Inputs in other units, twelve orders apart, and costs in others."""
+    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0, 1.0], [1.0, 0.5]])
+    units = np.array([1e-6, 1e6])
+    for design in (lqr, dlqr):
+        expected = design(A, B, cost([3, 1], [1, 2], (2, 2)))
+        other = cost(1e-8 * np.array([3, 1]), 1e-8 * np.array([1, 2]) * units**2, (2, 2))
+        found = design(A, B * units, other)
+        np.testing.assert_allclose(found.gain * units[:, np.newaxis], expected.gain, rtol=1e-10)
+        np.testing.assert_allclose(found.cost_to_go, 1e-8 * expected.cost_to_go, rtol=1e-10)
+
+
+def test_a_sum_along_a_loop_is_the_series():
+    A, W = np.array([[0.9, 0.5], [0.0, -0.8]]), np.diag([1.0, 1e-8])
+    total, power = np.zeros((2, 2)), np.eye(2)
+    for _ in range(2000):
+        total, power = total + power.T @ W @ power, power @ A
+    np.testing.assert_allclose(stein(A, W), total, rtol=1e-12)
+    assert not stein(A, np.zeros((2, 2))).any()
+
+
+sizes = st.tuples(st.integers(1, 5), st.integers(1, 3), st.integers(0, 10**6))
+
+
+@given(sizes, st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_filter_is_one_or_the_error_says_why(size, log_r, log_q):
+    n, k, seed = size
+    rng = np.random.default_rng(seed)
+    F, C = rng.normal(size=(n, n)), rng.normal(size=(k, n))
+    Q, R = 10.0**log_q * np.eye(n), 10.0**log_r * np.diag(10.0 ** rng.uniform(-3, 3, k))
+    try:
+        found = dlqe(F, C, Q, R)
+    except DesignError as error:
+        assert ':' in str(error) or 'reading' in str(error)
+        return
+    P = found.prior
+    for each in (P, found.covariance):
+        std = np.sqrt(each.diagonal())
+        assert np.linalg.eigvalsh(each / np.outer(std, std)).min() > -1e-12
+    after = found.covariance
+    np.testing.assert_allclose(F @ after @ F.T + Q, P, rtol=1e-7, atol=1e-7 * np.abs(P).max())
+    assert np.abs(found.poles).max() < 1.0

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever comes, an estimator keeps its promises; the command `fuzz` goes on for longer."""
+
+import numpy as np
+import pytest
+
+from kalman_ros.core import Gaussian
+from kalman_ros.estimators import FILTERS, online
+from kalman_ros.programs.fuzz.engine import _SHARES, BrokenPromiseError, Episode
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(100_000, 100_040))
+def test_hostile_input_breaks_no_promise(seed):
+    with np.errstate(all='ignore'):
+        assert sum(1 for _ in Episode(seed).run()) == 200
+
+
+def test_an_estimator_that_does_not_look_is_found_out(monkeypatch):
+    def careless(belief):
+        return Gaussian(belief.mean, belief.covariance)
+
+    monkeypatch.setattr(online, '_committed', careless)
+    with np.errstate(all='ignore'), pytest.raises(BrokenPromiseError, match='seed'):
+        for seed in range(100_000, 100_040):
+            list(Episode(seed).run())
+
+
+def test_every_filter_is_tried():
+    assert set(_SHARES) == set(FILTERS)
+    assert sum(_SHARES.values()) == pytest.approx(1.0)
