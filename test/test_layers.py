@@ -10,22 +10,23 @@ import pytest
 
 ROOT = Path(__file__).parents[1] / 'kalman_ros'
 BELOW = {
-    'core': set(),
-    'models': {'core'},
-    'acoustics': {'core'},
-    'sensors': {'core'},
-    'estimators': {'core'},
-    'control': {'core'},
-    'codecs': {'core'},
-    'simulation': {'core', 'models', 'sensors', 'estimators', 'control', 'acoustics'},
+    'linear': set(),
+    'core': {'linear'},
+    **{
+        library: {'linear', 'core'}
+        for library in ('models', 'acoustics', 'sensors', 'estimators', 'control', 'codecs')
+    },
 }
-BELOW['nodes'] = {*BELOW, 'simulation'}
-BELOW['harness'] = {*BELOW, 'nodes'}
-BELOW['report'] = {*BELOW['simulation'], 'simulation'}
+BELOW['scenario'] = {'linear', 'core', 'models', 'sensors', 'estimators', 'control'}
+BELOW['simulation'] = {*BELOW['scenario'], 'scenario', 'acoustics'}
+BELOW['analysis'] = {*BELOW['simulation'], 'simulation'}
+BELOW['report'] = {*BELOW['analysis'], 'analysis'}
 BELOW['arrays'] = {*BELOW['report'], 'report'}
-BELOW['commands'] = {*BELOW, 'harness', 'report'}
+BELOW['nodes'] = {*BELOW['analysis'], 'analysis', 'codecs'}
+BELOW['harness'] = {*BELOW['nodes'], 'nodes'}
+BELOW['programs'] = {*BELOW['harness'], 'harness', 'report'}
 ROS = ('rclpy', '_msgs', 'std_srvs', 'builtin_interfaces', 'ament_index_python')
-WITH_ROS = {'codecs', 'nodes', 'harness', 'commands'}
+WITH_ROS = {'codecs', 'nodes', 'harness', 'programs'}
 FILES = sorted(ROOT.rglob('*.py'))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from kalman_ros.control.lqe import Readings, corrected
 from kalman_ros.core import Array, symmetric
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Series
 
 

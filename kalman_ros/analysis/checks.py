@@ -19,8 +19,8 @@ from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array, Model, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, price
-from kalman_ros.scenario.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 #: A right system fails a run with at most this probability, over all of its checks together.

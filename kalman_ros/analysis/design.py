@@ -28,8 +28,8 @@ from kalman_ros.core import (
     symmetric,
 )
 from kalman_ros.linear.structure import Controllability, Observability, controllability
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, price
-from kalman_ros.scenario.scenario import Scenario
 
 from . import path as paths
 from .checks import LqgTheory, schedule

@@ -18,8 +18,8 @@ from kalman_ros.control.margins import DiskMargin, Margins, margins
 from kalman_ros.control.simultaneous import simultaneous_disk
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import DesignError, OperatingPoint, linearize
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import regulator
-from kalman_ros.scenario.scenario import Scenario
 
 from .observability import stacked
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from kalman_ros.core import Array, solve, symmetric
 from kalman_ros.linear.structure import Observability
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from .observability import observability
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import nees
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .bounds import posterior_cramer_rao

@@ -8,7 +8,7 @@ import numpy as np
 from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
 from kalman_ros.linear import structure
 from kalman_ros.linear.structure import Observability, describe
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 
 def observability(scenario: Scenario, point: OperatingPoint | None = None) -> Observability:

@@ -16,7 +16,7 @@ import numpy as np
 from kalman_ros.control.feedback import Feedback, Regulator
 from kalman_ros.control.lqe import Readings, corrected
 from kalman_ros.core import Array, DesignError, solve, symmetric
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.plant import SimulatedPlant
 
 from .local_observability import readings_alone

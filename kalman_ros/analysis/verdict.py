@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from kalman_ros.estimators.consistency import chi_square_bounds
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import checks as verdicts

@@ -9,10 +9,10 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from kalman_ros import scenario as scenarios
 from kalman_ros.analysis import advice
 from kalman_ros.analysis.design import DesignReport, report
-from kalman_ros.scenario import scenario as scenarios
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from .accept import number
 from .estimates import _path

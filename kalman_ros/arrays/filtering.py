@@ -28,7 +28,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.smoother import Filtered
 from kalman_ros.estimators.smoother import smooth as smooth_steps
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Innovations, Series
 
 from .accept import belief_of, numbers

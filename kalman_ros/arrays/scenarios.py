@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import kalman_ros
-from kalman_ros import models
+from kalman_ros import models, scenario
 from kalman_ros.core import (
     ArrayLike,
     DiscreteModel,
@@ -24,11 +24,9 @@ from kalman_ros.core import (
     vector,
 )
 from kalman_ros.estimators.filter import Plan
-from kalman_ros.scenario import scenario
+from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.scenario.checks import check_model
 from kalman_ros.scenario.parameter_files import from_file
-from kalman_ros.scenario.scenario import Scenario, SensorSource
-from kalman_ros.simulation import faults
 
 from .accept import belief_of, number, weight
 from .readings import sensors_of
@@ -181,9 +179,8 @@ def make_scenario(
             ratio(own, rate)
         except ValueError as error:
             raise ValueError(f'rates: {name}: {error}') from None
-        off = {option.name: option.default for option in faults.fault_options()}
         timed = TimedSensor(sensor, own)
-        sources[name] = SensorSource(timed, _NOWHERE, 'configuration', False, 1.0, off)
+        sources[name] = SensorSource(timed, _NOWHERE, 'configuration', False, 1.0)
     linear = Plan(model, {n: s.timed for n, s in sources.items()}, rate).linear
     options = dict(law_options or {})
     return Scenario(

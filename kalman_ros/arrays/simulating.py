@@ -11,6 +11,7 @@ from typing import Any, Union
 
 import numpy as np
 
+from kalman_ros import scenario as scenarios
 from kalman_ros.control.feedback import Feedback, Regulator
 from kalman_ros.control.limiter import Limiter
 from kalman_ros.core import (
@@ -22,9 +23,8 @@ from kalman_ros.core import (
     refuse_unknown,
     vector,
 )
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
-from kalman_ros.scenario import scenario as scenarios
-from kalman_ros.scenario.scenario import Scenario
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.trajectory import Trajectory
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from kalman_ros.scenario import scenario as scenarios
+from kalman_ros import scenario as scenarios
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.parameter_files import BETWEEN, NODES, from_file, sections, yaml_value
-from kalman_ros.scenario.scenario import Scenario
 
 from . import executables
 

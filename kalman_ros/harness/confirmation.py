@@ -15,7 +15,7 @@ from kalman_ros.codecs.messages import leading_stamp, message_type
 from kalman_ros.codecs.tick import mentioned, read_tick, write_tick
 from kalman_ros.core import Signal
 from kalman_ros.nodes.topics import QUEUE, covariance_signal
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from .recorder import QUEUE as RECORDING
 from .recorder import Recorder

@@ -9,7 +9,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Signal
 from kalman_ros.nodes.topics import covariance_signal, innovation_signal
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Innovations, Series, Trajectory
 
 from .recorder import Recorder

@@ -6,7 +6,7 @@ from __future__ import annotations
 from rclpy.task import Future
 
 from kalman_ros.codecs.messages import leading_stamp, message_type
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 
 class Progress:

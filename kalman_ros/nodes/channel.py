@@ -14,7 +14,7 @@ from kalman_ros.core import Signal
 from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.outcome import Outcome
-from kalman_ros.scenario.scenario import SensorSource
+from kalman_ros.scenario import SensorSource
 
 from .estimates import InnovationPublisher
 from .meters import Latency, Rate

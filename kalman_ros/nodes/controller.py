@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import monotonic
 from typing import Any
 
@@ -18,9 +18,9 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
-from kalman_ros.core import Array, is_finite, one_each
+from kalman_ros.core import Array, Value, is_finite, one_each
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, tracking
-from kalman_ros.scenario.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Level, Report
@@ -44,6 +44,8 @@ _BACK = Duration(seconds=-0.1)
 
 class ControllerNode(runtime.ScenarioNode):
     """Answers every estimate with the force of a law: lqr, placement or lqi."""
+
+    with_law = True
 
     def __init__(self) -> None:
         super().__init__('controller', ControllerOptions)
@@ -262,7 +264,9 @@ class ControllerNode(runtime.ScenarioNode):
     def _idle_name(self) -> str:
         return "the equilibrium's" if self._output.idle.any() else 'zero'
 
-    def prepare(self, scenario: Scenario, options: ControllerOptions) -> Callable[[], None]:
+    def prepare(
+        self, scenario: Scenario, options: ControllerOptions, extra: Mapping[str, Value]
+    ) -> Callable[[], None]:
         """Design the gains again, for other weights, poles, limits or another model."""
         found, (limits, idle) = feedback(scenario), _limits(scenario, options)
         check_idle(limits, idle)

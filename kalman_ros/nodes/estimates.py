@@ -12,7 +12,7 @@ from kalman_ros.codecs.signal_codec import SignalCodec, named
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Gaussian, Signal, Space
 from kalman_ros.estimators.correction import Correction
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from .topics import HISTORY, covariance_signal
 

@@ -24,7 +24,7 @@ from kalman_ros.estimators import filter_options
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.online import Arrival, OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from . import runtime
 from .channel import Channel, InputChannel, SensorChannel
@@ -340,9 +340,11 @@ class EstimatorNode(runtime.ScenarioNode):
         for channel in self._channels.values():
             channel.start_anew()
 
-    def prepare(self, scenario: Scenario, options: EstimatorOptions) -> Callable[[], None]:
+    def prepare(
+        self, scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Value]
+    ) -> Callable[[], None]:
         """Change the model's parameters, noise or gates; the belief stays."""
-        found = fusion(scenario, options, self.extra)
+        found = fusion(scenario, options, extra)
         observability(scenario)  # what no filter can follow is refused
 
         def apply() -> None:

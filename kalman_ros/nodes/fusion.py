@@ -13,7 +13,7 @@ from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.scenario.scenario import Scenario, SensorSource
+from kalman_ros.scenario import Scenario, SensorSource
 
 from .options import EstimatorOptions
 

@@ -8,7 +8,7 @@ import numpy as np
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Gaussian, Signal, is_finite, semidefinite
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 _TYPE = 'geometry_msgs/PoseWithCovarianceStamped'
 

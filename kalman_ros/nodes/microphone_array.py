@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,8 @@ from kalman_ros.acoustics.array import MicrophoneArray
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import read_tick, write_tick
 from kalman_ros.codecs.wire import WireReader
-from kalman_ros.core import Array, is_due, is_finite, ratio
-from kalman_ros.scenario.scenario import Scenario, SensorSource
+from kalman_ros.core import Array, Value, is_due, is_finite, ratio
+from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.simulation.sound import SimulatedSound, Sound
 
@@ -156,7 +156,9 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
                 topics = (*topics, self._source.signal.topic)
             self._tick_publisher.publish(write_tick(turn.time, topics))
 
-    def prepare(self, scenario: Scenario, options: MicrophoneArrayOptions) -> Callable[[], None]:
+    def prepare(
+        self, scenario: Scenario, options: MicrophoneArrayOptions, extra: Mapping[str, Value]
+    ) -> Callable[[], None]:
         """Take what asks more or less of a bearing; it is looked up with every frame."""
         return lambda: None
 

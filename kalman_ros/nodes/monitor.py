@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -12,11 +12,11 @@ import numpy as np
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
-from kalman_ros.core import Gaussian, Signal
+from kalman_ros.core import Gaussian, Signal, Value
 from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import ChiSquareWindow
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import price
-from kalman_ros.scenario.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Level, Report
@@ -31,6 +31,8 @@ _PERIOD = 0.02
 
 class MonitorNode(runtime.ScenarioNode):
     """Listens to everything, says on ``/diagnostics`` how well it goes, and changes nothing."""
+
+    with_law = True
 
     def __init__(self) -> None:
         super().__init__('monitor', MonitorOptions)
@@ -112,7 +114,9 @@ class MonitorNode(runtime.ScenarioNode):
         if pair is not None:
             self._comparison.estimate(*pair)
 
-    def prepare(self, scenario: Scenario, options: MonitorOptions) -> Callable[[], None]:
+    def prepare(
+        self, scenario: Scenario, options: MonitorOptions, extra: Mapping[str, Value]
+    ) -> Callable[[], None]:
         """Start to compare anew, with the changed model, noise or costs."""
         return partial(self._compare_anew, *self._fresh(scenario, options))
 

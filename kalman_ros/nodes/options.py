@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each node may be told beside the scenario. Every node knows the names of all of them.
-
-Nodes share one parameter file, so a name that belongs to another node is no mistake, and a name
-that belongs to none is.
-"""
+"""What each node may be told beside the scenario; for the plant see `plant_options`."""
 
 from __future__ import annotations
 
@@ -12,14 +8,9 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated
 
-from kalman_ros.control.laws import LAWS, law_options
-from kalman_ros.core import About, options_of
-from kalman_ros.simulation.faults.body import BodyOptions
+from kalman_ros.core import About
 
 from .intake import LONGEST
-
-#: What some filters may be told; named here so that no node has to load the filters.
-FILTER_OPTIONS = ('alpha', 'beta', 'kappa', 'hypotheses', 'observer_poles')
 
 Lockstep = Annotated[
     bool, About('step in turns with the other nodes instead of in real time; for tests')
@@ -58,49 +49,6 @@ IdleInput = Annotated[
 FutureTolerance = Annotated[
     float, About('how far ahead of now a stamp may be', 's', minimum=0.0, live=True)
 ]
-
-
-@dataclass(frozen=True)
-class PlantOptions(BodyOptions):
-    """Options of the plant."""
-
-    autostart: Autostart = True
-    max_message_size: Longest = LONGEST
-    realtime_priority: Priority = 30
-    seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
-    lockstep: Lockstep = False
-    lockstep_timeout: Annotated[
-        float, About('how long to wait for an answer before saying so', 's', minimum=1e-3)
-    ] = 2.0
-    lockstep_window: Annotated[
-        int,
-        About(
-            'lockstep: steps that may go by before the recorder confirms them; 0 for no recorder',
-            minimum=0,
-        ),
-    ] = 0
-    wait_for_estimate: Annotated[
-        bool,
-        About('lockstep: wait for the estimate, too, where the controller does not use it'),
-    ] = False
-    force_timeout: Annotated[
-        float,
-        About('real time: the input goes to idle after this time without one', 's', minimum=0.0),
-    ] = 0.5
-    idle_input: IdleInput = 'zero'
-    rest_until_input: Rest = True
-    run_until: Annotated[
-        float, About('seconds of simulated time after which to pause', 's', live=True)
-    ] = 1e9
-    actuator_gain: Annotated[
-        Sequence[float],
-        About('what each input is multiplied with before it acts; one for all', live=True),
-    ] = (1.0,)
-    actuator_delay: Annotated[
-        float, About('how late the input acts', 's', 0.0, 10.0, live=True)
-    ] = 0.0
-    frame: Frame = 'map'
-    child_frame: Annotated[str, About('frame of the body')] = 'base_link'
 
 
 @dataclass(frozen=True)
@@ -277,19 +225,3 @@ class MicrophoneArrayOptions:
     microphone_noise: Annotated[
         float, About('simulated noise of each microphone, RMS', 'Pa', minimum=0.0)
     ] = 0.02
-
-
-ALL = (
-    PlantOptions,
-    EstimatorOptions,
-    ControllerOptions,
-    MonitorOptions,
-    MicrophoneArrayOptions,
-)
-
-
-def names() -> set[str]:
-    """Return the names of the options of every node, whichever filter the estimator runs."""
-    own = {option.name for options in ALL for option in options_of(options)}
-    laws = {option.name for law in LAWS for option in law_options(law)}
-    return own | laws | set(FILTER_OPTIONS)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,9 @@ from kalman_ros.codecs.messages import leading_stamp, message_type, write_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import mention, write_tick
 from kalman_ros.codecs.wire import WireReader, WireWriter
-from kalman_ros.core import Array, Signal, TimedSensor, one_each
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.core import Array, Option, Signal, TimedSensor, Value, one_each
+from kalman_ros.scenario import Scenario, sensor_names
+from kalman_ros.simulation.faults import options_of_sensors, settings_of_sensors
 from kalman_ros.simulation.faults.body import BodyFaults
 from kalman_ros.simulation.faults.links import Links
 from kalman_ros.simulation.plant import SimulatedPlant
@@ -27,8 +28,8 @@ from .diagnostics import Level, Report
 from .idle import idle_input
 from .managed import ACTIVE
 from .meeting import Meeting
-from .options import PlantOptions
 from .pacing import Lockstep, RealTime
+from .plant_options import PlantOptions
 from .topics import HISTORY, QUEUE, on_topic
 
 
@@ -125,12 +126,18 @@ class PlantNode(runtime.ScenarioNode):
         self._links.reset()
         #: Whether it is held at its initial state: nobody has driven it yet, in real time.
         self._rests = self._may_rest and bool(scenario.input.fields)
-        self._adapting(scenario, self.options)()
+        self._adapting(scenario, self.options, self.extra)()
 
-    def _adapting(self, scenario: Scenario, options: PlantOptions) -> Callable[[], None]:
+    def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
+        """Return the options of the faults that each sensor may have."""
+        return options_of_sensors(sensor_names(chosen['sensors']))
+
+    def _adapting(
+        self, scenario: Scenario, options: PlantOptions, faulty: Mapping[str, Value]
+    ) -> Callable[[], None]:
         """Return what adapts the plant to a scenario; ValueError if that cannot be."""
         timed, model = _timed(scenario), scenario.model
-        wrong = {name: source.faults for name, source in scenario.sensors.items()}
+        wrong = settings_of_sensors(timed, faulty)
         gain = one_each('actuator_gain', options.actuator_gain, model.input.size)
         faults = BodyFaults(options, model.input.size)
         idle = idle_input(model, options.idle_input)
@@ -276,9 +283,11 @@ class PlantNode(runtime.ScenarioNode):
         response.success, response.message = True, 'back at the initial state; time goes on'
         return response
 
-    def prepare(self, scenario: Scenario, options: PlantOptions) -> Callable[[], None]:
+    def prepare(
+        self, scenario: Scenario, options: PlantOptions, extra: Mapping[str, Value]
+    ) -> Callable[[], None]:
         """Change noise, the model, faults, or when to pause, without a jump."""
-        adapt = self._adapting(scenario, options)
+        adapt = self._adapting(scenario, options, extra)
 
         def apply() -> None:
             adapt()

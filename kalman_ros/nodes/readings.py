@@ -9,7 +9,7 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Signal
-from kalman_ros.scenario.scenario import SensorSource
+from kalman_ros.scenario import SensorSource
 
 
 class ReadingReader:

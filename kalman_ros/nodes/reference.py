@@ -12,8 +12,8 @@ from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import tracking
-from kalman_ros.scenario.scenario import Scenario
 
 from .topics import QUEUE, on_topic
 

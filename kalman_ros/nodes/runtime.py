@@ -18,13 +18,11 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from kalman_ros import models
+from kalman_ros import models, scenario
 from kalman_ros.core import Option, Value, options_of, refuse_unknown
-from kalman_ros.scenario import scenario
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
-from . import options as node_options
-from . import parameters, topics
+from . import names, parameters, topics
 from .diagnostics import Diagnostics, Level, Report
 from .interruption import Interruption
 from .managed import ACTIVE, ManagedNode, reason
@@ -61,6 +59,8 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     #: What it runs when it is told nothing.
     default_model = models.DEFAULT
+    #: Whether it controls, or judges control, and so reads the law and the cost.
+    with_law = False
     _alone, _scheduling = False, 'normal'
 
     def __init__(self, name: str, options: type[Any]) -> None:
@@ -77,11 +77,12 @@ class ScenarioNode(WatcherNode, ManagedNode):
         """Build the scenario and the options from the parameters, and declare them all."""
         given = {'model': self.default_model, **parameters.given(self)}
         self._own = {option.name: option for option in options_of(self._build_options)}
-        shared = scenario.options(given)
+        shared = scenario.options(given, with_law=self.with_law)
         chosen = {**{name: option.default for name, option in shared.items()}, **given}
         self._extra = {option.name: option for option in self.extra_options(chosen)}
         known = {**shared, **self._own, **self._extra}
-        refuse_unknown(given, {*known, *node_options.names()}, 'parameter')
+        sensors = scenario.sensor_names(chosen['sensors'])
+        refuse_unknown(given, {*known, *names.known(sensors)}, 'parameter')
         values = scenario.complete(given, known)
         self.scenario, self.options, self.extra = self._build(values)
         topics.check(self.scenario, self.get_name(), self.get_namespace())
@@ -125,11 +126,12 @@ class ScenarioNode(WatcherNode, ManagedNode):
     def _build(self, values: Mapping[str, Value]) -> tuple[Scenario, Any, dict[str, Value]]:
         own = {name: values[name] for name in self._own}
         extra = {name: values[name] for name in self._extra}
-        return scenario.build(values), self._build_options(**own), extra
+        built = scenario.build(values, with_law=self.with_law)
+        return built, self._build_options(**own), extra
 
     def _prepare(self, values: dict[str, Value]) -> Callable[[], None]:
         built, options, extra = self._build(values)
-        apply = self.prepare(built, options)
+        apply = self.prepare(built, options, extra)
 
         def put_in_place() -> None:
             self.scenario, self.options, self.extra = built, options, extra
@@ -138,7 +140,9 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
         return put_in_place
 
-    def prepare(self, scenario: Scenario, options: Any) -> Callable[[], None]:
+    def prepare(
+        self, scenario: Scenario, options: Any, extra: Mapping[str, Value]
+    ) -> Callable[[], None]:
         """Build what a changed scenario needs and return a function that puts it in place.
 
         Raises

@@ -14,7 +14,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.codecs.signal_codec import named
 from kalman_ros.core import Signal, Space
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 #: Reliable, with room for what comes while a node gets no processor time, a second or so. What
 #: a queue drops, nobody is told of: whoever has too much to read drops it, and counts it.

@@ -12,14 +12,13 @@ from typing import Any
 
 from rich.console import Console
 
-from kalman_ros import models
+from kalman_ros import models, scenario
 from kalman_ros.analysis import advice, design
 from kalman_ros.core import refuse_unknown
 from kalman_ros.harness import executables
-from kalman_ros.nodes import options as node_options
-from kalman_ros.scenario import scenario
+from kalman_ros.nodes import names
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.parameter_files import from_file, overrides
-from kalman_ros.scenario.scenario import Scenario
 
 from .results import ready
 
@@ -70,7 +69,9 @@ def believed(path: Path, changes: dict[str, Any]) -> Scenario:
         If a parameter is unknown or wrong.
     """
     values = {**from_file(path, 'estimator', 'controller'), **changes}
-    refuse_unknown(values, {*scenario.options(values), *node_options.names()}, 'parameter')
+    known = scenario.options(values)
+    sensors = scenario.sensor_names(values.get('sensors', known['sensors'].default))
+    refuse_unknown(values, {*known, *names.known(sensors)}, 'parameter')
     return scenario.build(values)
 
 

@@ -17,7 +17,7 @@ from kalman_ros.analysis.design import DesignReport
 from kalman_ros.analysis.input_loops import InputLoops, Loop
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from .style import ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below
 

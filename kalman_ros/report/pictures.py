@@ -13,7 +13,7 @@ from PIL import Image
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.analysis.verdict import nees_check
 from kalman_ros.core import Array
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .style import (

@@ -13,7 +13,7 @@ from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from .plant import SimulatedPlant
 from .trajectory import Innovations, Series, Trajectory

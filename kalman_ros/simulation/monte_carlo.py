@@ -13,7 +13,7 @@ from kalman_ros.core import Array, Gaussian
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.linear.factor import cholesky
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from .plant import SimulatedPlant
 

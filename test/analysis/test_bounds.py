@@ -3,9 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.core import Gaussian
-from kalman_ros.scenario import scenario
 from kalman_ros.simulation import closed_loop
 
 

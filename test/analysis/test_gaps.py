@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis import checks as verdicts
-from kalman_ros.scenario import scenario
 from kalman_ros.simulation import closed_loop
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis.nees_spread import average_nees
 from kalman_ros.analysis.verdict import consistency, judge, least_duration
 from kalman_ros.estimators.consistency import NeesWindow, independent
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.parameter_files import from_file, own_section
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop

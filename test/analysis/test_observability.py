@@ -2,10 +2,10 @@
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import DesignError
 from kalman_ros.linear.structure import observed
-from kalman_ros.scenario import scenario
 
 
 def test_a_position_alone_observes_everything():

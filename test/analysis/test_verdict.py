@@ -3,8 +3,8 @@
 
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis.verdict import judge
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
-from kalman_ros import models, sensors
+from kalman_ros import models, scenario, sensors
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import Gaussian, Model, Sensor, numerical_jacobian
 from kalman_ros.estimators import FILTERS, build_filter
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.simulation.monte_carlo import consistency, truths
 

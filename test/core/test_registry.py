@@ -3,10 +3,9 @@ import sys
 
 import pytest
 
-from kalman_ros import models, sensors
+from kalman_ros import models, scenario, sensors
 from kalman_ros.core import Space
 from kalman_ros.core.registry import find
-from kalman_ros.scenario import scenario
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from random_systems import Linear, random_plan
 
+from kalman_ros import scenario
 from kalman_ros.control.lqe import dlqe
 from kalman_ros.core import (
     DesignError,
@@ -18,13 +19,12 @@ from kalman_ros.core import (
     TimedSensor,
     variances,
 )
-from kalman_ros.estimators import FILTERS, build_filter, filter_options
+from kalman_ros.estimators import FILTERS, build_filter
 from kalman_ros.estimators.consistency import nees
 from kalman_ros.estimators.filter import Plan, parts
 from kalman_ros.estimators.ukf import UnscentedKalmanFilter
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.models.turn_rate import TurnRate
-from kalman_ros.scenario import scenario
 
 
 class Bearing(Sensor):
@@ -240,13 +240,6 @@ def test_an_unobservable_mode_that_grows_has_no_steady_state():
 def test_linear_filters_refuse_other_models(kind):
     with pytest.raises(ValueError, match=f'filter: {kind} needs a linear model, got Unicycle'):
         build_filter(kind, unicycle_plan())
-
-
-def test_every_filter_option_is_known_to_every_node():
-    from kalman_ros.nodes.options import FILTER_OPTIONS
-
-    found = {option.name for kind in FILTERS for option in filter_options(kind)}
-    assert found == set(FILTER_OPTIONS)
 
 
 @dataclass

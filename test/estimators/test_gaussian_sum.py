@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.core import Gaussian, Space
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.gaussian_sum import Mixture
-from kalman_ros.scenario import scenario
 from kalman_ros.sensors.bearing import Bearing
 
 PLANE = Space(('x', 'y', 'v_x', 'v_y'), ('m', 'm', 'm/s', 'm/s'))

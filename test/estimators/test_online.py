@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kalman_ros import scenario
 from kalman_ros.core import Gaussian, LinearSystem, Model, Space, TimedSensor
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.ekf import ExtendedKalmanFilter
@@ -17,7 +18,6 @@ from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.scenario import scenario
 from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.sensors.radar import Radar
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from recorded import data
 
+from kalman_ros import scenario
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.online import OnlineEstimator, Outcome
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.parameter_files import from_file
 
 CONFIG = Path(__file__).parents[2] / 'config'

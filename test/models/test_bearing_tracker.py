@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.programs.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
 from kalman_ros.programs.compare.cases import CASES
 from kalman_ros.programs.compare.comparison import study
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 

@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.control.lqr import cost, lqr
 from kalman_ros.core import linearize
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.linear.structure import eigenvalues
 from kalman_ros.models.cart_pole import CartPole
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 

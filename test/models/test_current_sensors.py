@@ -3,8 +3,8 @@
 
 import numpy as np
 
+from kalman_ros import scenario
 from kalman_ros.analysis import checks as verdicts
-from kalman_ros.scenario import scenario
 from kalman_ros.simulation import closed_loop
 
 C = np.array([[1.0, 1.0], [0.0, 1.0]])

@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.models.submersible import Submersible
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.sensors.pressure import Pressure
 from kalman_ros.simulation import closed_loop

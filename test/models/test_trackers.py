@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.core import DesignError, Space
 from kalman_ros.estimators.consistency import nees
 from kalman_ros.models.turn_rate import TurnRate
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.regulator import price, regulator
 from kalman_ros.sensors.radar import Radar
 from kalman_ros.simulation import closed_loop

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.core import Space
 from kalman_ros.estimators.consistency import chi_square_bounds
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.simulation import closed_loop

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis.observability import observability
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
-from kalman_ros.scenario import scenario
 from kalman_ros.simulation import closed_loop
 
 RUNS = 6

@@ -9,9 +9,9 @@ pytest.importorskip('rclpy')
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.serialization import serialize_message
 
+from kalman_ros import scenario
 from kalman_ros.core import Gaussian
 from kalman_ros.nodes.initial_pose import PoseReader
-from kalman_ros.scenario import scenario
 
 NAMES = ('x', 'v_x', 'y', 'v_y')
 

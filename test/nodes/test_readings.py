@@ -8,10 +8,10 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from kalman_ros import scenario
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.nodes.readings import ReadingReader
-from kalman_ros.scenario import scenario
 
 CONFIGURED = 0.05**2
 

@@ -11,13 +11,13 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from kalman_ros import scenario
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.verdict import least_duration
 from kalman_ros.harness import NodeError
 from kalman_ros.programs import demo, study
 from kalman_ros.programs.studies import Findings, close
 from kalman_ros.report.tables import verdict
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.parameter_files import from_file, own_section
 
 CONFIGS = sorted((Path(__file__).parents[2] / 'config').glob('*.yaml'))

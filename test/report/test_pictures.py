@@ -7,9 +7,9 @@ import matplotlib
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.report.pictures import errors
-from kalman_ros.scenario import scenario
 from kalman_ros.simulation import closed_loop
 
 matplotlib.use('agg')

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_bounds
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.simulation.monte_carlo import consistency
 

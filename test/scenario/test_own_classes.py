@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kalman_ros.scenario import scenario
+from kalman_ros import scenario
 
 PACKAGE = Path(__file__).parents[1] / 'packages' / 'strange_sensors'
 ONE = {

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from kalman_ros.scenario import scenario
+from kalman_ros import scenario
 from kalman_ros.scenario.parameter_files import from_file, overrides
 
 HEAD = '/**:\n  ros__parameters:\n'

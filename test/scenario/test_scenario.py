@@ -2,8 +2,8 @@
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.core import Model, Sensor, Space, variances
-from kalman_ros.scenario import scenario
 
 
 @pytest.mark.parametrize(

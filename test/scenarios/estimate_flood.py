@@ -8,9 +8,9 @@ import numpy as np
 import rclpy
 from rclpy.qos import QoSProfile
 
+from kalman_ros import scenario
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
-from kalman_ros.scenario import scenario
 
 
 def main(rate):

@@ -12,9 +12,9 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from kalman_ros import scenario
 from kalman_ros.analysis.design import report
 from kalman_ros.harness import executables
-from kalman_ros.scenario import scenario
 
 ROBOT = Path(__file__).parents[1] / 'packages' / 'pendulum_robot'
 

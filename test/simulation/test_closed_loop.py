@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.analysis import checks as verdicts
-from kalman_ros.scenario import scenario
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from kalman_ros import scenario
 from kalman_ros.core import About, Space, TimedSensor
-from kalman_ros.scenario import scenario
 from kalman_ros.sensors import states
 from kalman_ros.simulation import faults
 from kalman_ros.simulation.faults.body import BodyFaults, BodyOptions
@@ -300,8 +300,11 @@ def test_angles_stay_angles():
     ],
 )
 def test_a_fault_that_cannot_be_is_refused(values, says):
+    sensors = {name: source.timed for name, source in scenario.build({}).sensors.items()}
     with pytest.raises(ValueError, match=says):
-        scenario.build(values)
+        complete = {o.name: o.check(values.get(o.name, o.default)) for o in
+                    faults.options_of_sensors(sensors)}  # fmt: skip
+        faults.settings_of_sensors(sensors, complete)
 
 
 def test_every_fault_is_off_by_default_and_can_be_switched_on():
@@ -310,10 +313,12 @@ def test_every_fault_is_off_by_default_and_can_be_switched_on():
     assert len(names) == len(set(names))
     assert all(isinstance(option.about, About) and option.about.live
                for option in faults.fault_options())  # fmt: skip
-    shared = scenario.options({})
-    assert all(
-        f'{sensor}.{name}' in shared for sensor in ('position', 'velocity') for name in names
-    )
+    sensors = ('position', 'velocity')
+    assert [option.name for option in faults.options_of_sensors(sensors)] == [
+        f'{sensor}.{name}' for sensor in sensors for name in names
+    ]
+    # who has no plant knows none of them
+    assert not any(name.endswith('.dropout') for name in scenario.options({}))
 
 
 def test_a_new_fault_is_a_class_and_a_name_in_the_list(monkeypatch):

@@ -4,8 +4,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from kalman_ros import scenario
 from kalman_ros.core import is_due, period, ratio
-from kalman_ros.scenario import scenario
 from kalman_ros.simulation.noise import NoiseSource
 from kalman_ros.simulation.plant import SimulatedPlant
 

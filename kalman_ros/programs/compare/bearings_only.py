@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from kalman_ros import scenario
 from kalman_ros.core import Array, Gaussian
-from kalman_ros.scenario import scenario
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 STEP, STEPS = 60.0, 32
 SIGMA_BEARING = float(np.radians(1.5))

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros import scenario
 from kalman_ros.core import Array, Gaussian
-from kalman_ros.scenario import scenario
-from kalman_ros.scenario.scenario import Scenario
+from kalman_ros.scenario import Scenario
 
 from . import bearings_only
 

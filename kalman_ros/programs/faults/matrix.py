@@ -12,10 +12,12 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
+from kalman_ros import scenario
 from kalman_ros.core import Value, options_of
 from kalman_ros.harness import Run
-from kalman_ros.nodes.options import EstimatorOptions, PlantOptions
-from kalman_ros.scenario import scenario
+from kalman_ros.nodes.options import EstimatorOptions
+from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.simulation.faults import options_of_sensors
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import cases as fault_cases
@@ -59,7 +61,8 @@ class FaultMatrix:
         # what was set at some time, by node, with what it usually is
         self._restored: dict[str, dict[str, Value]] = {'plant': {}, 'estimator': {}}
         self._topics = {name: source.signal.topic for name, source in sensors.items()}
-        known = (*scenario.options({}).values(), *options_of(PlantOptions))
+        known = [*scenario.options({}).values(), *options_of(PlantOptions)]
+        known += options_of_sensors(sensors)
         self._usual = {o.name: o.default for o in (*known, *options_of(EstimatorOptions))}
 
     def findings(self, cases: Sequence[Case], done: Callable[[], None]) -> list[Finding]:

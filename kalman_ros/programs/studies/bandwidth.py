@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros import scenario as scenarios
 from kalman_ros.analysis.checks import MISS, Check, LqgTheory, theory
 from kalman_ros.control.identification import fit
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.harness import Run
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
-from kalman_ros.scenario import scenario as scenarios
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings

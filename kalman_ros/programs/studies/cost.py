@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros import scenario as scenarios
 from kalman_ros.analysis.checks import MISS, Check, theory
 from kalman_ros.control.performance import stationary_cost
 from kalman_ros.control.separation import optimal_cost
@@ -22,9 +23,8 @@ from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.harness import Run
-from kalman_ros.scenario import scenario as scenarios
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, price, regulator
-from kalman_ros.scenario.scenario import Scenario
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.trajectory import Trajectory
 

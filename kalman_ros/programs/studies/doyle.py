@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros import scenario as scenarios
 from kalman_ros.analysis.checks import MISS, Check, theory
 from kalman_ros.control.compensator import compensator
 from kalman_ros.control.lqe import lqe
@@ -23,7 +24,6 @@ from kalman_ros.control.state_space import StateSpace, state_space
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.harness import Run
-from kalman_ros.scenario import scenario as scenarios
 
 from . import Findings, close
 from .brink import Trial, brink, trial

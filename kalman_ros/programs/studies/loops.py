@@ -17,8 +17,8 @@ from kalman_ros.control.lqe import LqeDesign, Readings, dlqe
 from kalman_ros.control.separation import Expectation
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array, LinearSystem, linearize
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback
-from kalman_ros.scenario.scenario import Scenario
 
 
 def lqr_loop(scenario: Scenario, delay: float = 0.0) -> StateSpace:

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from kalman_ros import scenario as scenarios
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.margins import margins
 from kalman_ros.harness import Run
-from kalman_ros.scenario import scenario as scenarios
 
 from . import Findings, close
 from .brink import Trial, brink, root

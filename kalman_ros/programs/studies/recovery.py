@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros import scenario as scenarios
 from kalman_ros.analysis.checks import MISS, Check, theory
 from kalman_ros.control.lqr import cost, lqr
 from kalman_ros.control.margins import margins
@@ -21,9 +22,8 @@ from kalman_ros.control.state_space import StateSpace, state_space
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.harness import Run
-from kalman_ros.scenario import scenario as scenarios
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import price
-from kalman_ros.scenario.scenario import Scenario
 
 from . import Findings, close
 from .brink import brink

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import ArrayLike, LinearSystem, linearize
-from kalman_ros.scenario.scenario import build
+from kalman_ros.scenario import build
 
 CART_STATES = {'x': 'm', 'v': 'm/s'}
 CART_READING = np.array([[1.0, 0.0]])

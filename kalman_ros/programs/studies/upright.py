@@ -18,8 +18,8 @@ import numpy as np
 from kalman_ros.control.lqr import Cost
 from kalman_ros.core import Array, linearize
 from kalman_ros.harness import Run
+from kalman_ros.scenario import Scenario, build
 from kalman_ros.scenario.regulator import feedback
-from kalman_ros.scenario.scenario import Scenario, build
 
 from . import Findings, between, close
 from .decay import price

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,33 @@ _WINDOW = options_of(window)
 def fault_options() -> tuple[Option, ...]:
     """Return the options of all faults that a sensor may have, without the sensor's name."""
     return (*_WINDOW, *(option for found in _OPTIONS.values() for option in found))
+
+
+def options_of_sensors(names: Iterable[str]) -> Iterator[Option]:
+    """Yield the options of all faults of these sensors, with the sensor's name."""
+    for name in names:
+        for option in fault_options():
+            yield Option(f'{name}.{option.name}', option.default, option.about)
+
+
+def settings_of_sensors(
+    sensors: Mapping[str, TimedSensor], values: Mapping[str, Value]
+) -> dict[str, dict[str, Value]]:
+    """Return what ``values`` say of the faults of each sensor.
+
+    Raises
+    ------
+    ValueError
+        If the faults of a sensor cannot be, with the name of the option.
+    """
+    found = {}
+    for name, timed in sensors.items():
+        found[name] = {o.name: values[f'{name}.{o.name}'] for o in fault_options()}
+        try:
+            check(timed, found[name])
+        except ValueError as error:
+            raise ValueError(f'{name}.{error}') from None
+    return found
 
 
 def settings_of(kind: type[Fault], values: Mapping[str, Value]) -> dict[str, Value] | None:

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The names of the parameters that some node has beside the scenario; each node knows them all.
+
+Nodes share one parameter file, so a name that belongs to another node is no mistake, and a name
+that belongs to none is. Here they are no more than names, so that no node loads what only another
+one needs; a test holds them against the options.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+#: By what they are options of.
+NAMES = {
+    'plant': (
+        'actuator_dead_zone actuator_delay actuator_gain actuator_loss autostart child_frame '
+        'disturbance_amplitude disturbance_constant disturbance_frequency disturbance_noise '
+        'fault_window force_timeout frame idle_input lockstep lockstep_timeout lockstep_window '
+        'max_message_size realtime_priority rest_until_input run_until seed wait_for_estimate'
+    ),
+    'estimator': (
+        'autostart child_frame frame future_tolerance gate_recover_after idle_input '
+        'implementation initialize lockstep max_gap max_message_size publish_rate '
+        'realtime_priority rest_until_input restart_after window'
+    ),
+    'controller': (
+        'autostart enabled estimate_timeout frame future_tolerance idle_input input_limit '
+        'input_rate_limit lockstep max_message_size max_std predict_latency realtime_priority '
+        'resume transition_time'
+    ),
+    'monitor': 'autostart confidence max_message_size monitor_window',
+    'microphone_array': (
+        'autostart band frame frame_duration hears_for largest_std least_odds lockstep '
+        'max_message_size microphone_noise microphones recording sample_rate seed sound_level '
+        'speed_of_sound'
+    ),
+    'filters': 'alpha beta hypotheses kappa observer_poles',
+    'laws': (
+        'input_cost integral_cost law regulator_frequencies regulator_poles state_cost tracked'
+    ),
+}
+#: Of each sensor, in the plant: `SENSOR.NAME`.
+FAULTS = (
+    'bias burst_length burst_loss delay drift dropout duplication fault_window freeze jitter nan '
+    'outlier_size outliers random_walk reordering'
+)
+
+
+def known(sensors: Iterable[str]) -> set[str]:
+    """Return the names that some node has, where these are the ``sensors``."""
+    own = {name for names in NAMES.values() for name in names.split()}
+    return own | {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}

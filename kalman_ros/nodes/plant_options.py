@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the plant may be told beside the scenario: how it runs, and what is wrong with its body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from kalman_ros.core import About
+from kalman_ros.simulation.faults.body import BodyOptions
+
+from .intake import LONGEST
+from .options import Autostart, Frame, IdleInput, Lockstep, Longest, Priority, Rest
+
+
+@dataclass(frozen=True)
+class PlantOptions(BodyOptions):
+    """Options of the plant."""
+
+    autostart: Autostart = True
+    max_message_size: Longest = LONGEST
+    realtime_priority: Priority = 30
+    seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
+    lockstep: Lockstep = False
+    lockstep_timeout: Annotated[
+        float, About('how long to wait for an answer before saying so', 's', minimum=1e-3)
+    ] = 2.0
+    lockstep_window: Annotated[
+        int,
+        About(
+            'lockstep: steps that may go by before the recorder confirms them; 0 for no recorder',
+            minimum=0,
+        ),
+    ] = 0
+    wait_for_estimate: Annotated[
+        bool,
+        About('lockstep: wait for the estimate, too, where the controller does not use it'),
+    ] = False
+    force_timeout: Annotated[
+        float,
+        About('real time: the input goes to idle after this time without one', 's', minimum=0.0),
+    ] = 0.5
+    idle_input: IdleInput = 'zero'
+    rest_until_input: Rest = True
+    run_until: Annotated[
+        float, About('seconds of simulated time after which to pause', 's', live=True)
+    ] = 1e9
+    actuator_gain: Annotated[
+        Sequence[float],
+        About('what each input is multiplied with before it acts; one for all', live=True),
+    ] = (1.0,)
+    actuator_delay: Annotated[
+        float, About('how late the input acts', 's', 0.0, 10.0, live=True)
+    ] = 0.0
+    frame: Frame = 'map'
+    child_frame: Annotated[str, About('frame of the body')] = 'base_link'

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which options a scenario has: that depends on its model, its sensors and their kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Annotated, Any
+
+from kalman_ros import models, sensors
+from kalman_ros.core import (
+    About,
+    Model,
+    Option,
+    SensorSetup,
+    Signal,
+    System,
+    Value,
+    build_with,
+    options_of,
+)
+from kalman_ros.estimators import FILTERS
+
+from .checks import check_equilibrium
+
+
+def _shared(
+    rate: Annotated[
+        float, About('steps of the loop a second', 'Hz', minimum=1e-3, maximum=1e4)
+    ] = 100.0,
+) -> None:
+    """Carry the options that do not depend on the model."""
+
+
+def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
+    signal = setup.signal
+    own: dict[str, tuple[Value, About]] = {
+        'kind': (setup.kind, About('kind of sensor, or package.module:Class of your own')),
+        'noise': (
+            list(setup.noise),
+            About('standard deviation of each coordinate that it reads', live=True),
+        ),
+        'rate': (setup.rate, About('readings a second', 'Hz', minimum=1e-6, live=True)),
+        'enabled': (setup.enabled, About('whether it is read at all', live=True)),
+        'topic': (signal.topic, About('topic of the readings')),
+        'type': (signal.type, About('message type of the readings')),
+        'fields': (list(signal.fields), About('field of the message for each coordinate')),
+        'covariance': (
+            signal.covariance,
+            About("path of a covariance array in the message; '' for that of the type"),
+        ),
+        'covariance_from': (
+            'message',
+            About(
+                "noise taken from the 'message' where it carries one, from the "
+                "'configuration', or the 'larger' of both",
+                live=True,
+            ),
+        ),
+        'gate': (
+            1.0,
+            About(
+                'probability with which a good reading passes its gate; 1 for no gate',
+                minimum=0.5,
+                maximum=1.0,
+                live=True,
+            ),
+        ),
+        'reliable': (
+            False,
+            About('subscribe reliably; drivers of real sensors often publish best effort'),
+        ),
+    }
+    found = {key: Option(f'{name}.{key}', default, about) for key, (default, about) in own.items()}
+    try:
+        listed = sensors.options(setup.kind)
+    except ValueError as error:
+        raise ValueError(f'{name}.{error}') from None
+    for option in listed:
+        default = setup.options.get(option.name, option.default)
+        found[option.name] = Option(f'{name}.{option.name}', default, option.about)
+    return {option.name: option for option in found.values()}
+
+
+def _signal_options(section: str, signal: Signal, meaning: str) -> dict[str, Option]:
+    options = (
+        Option(f'{section}.topic', signal.topic, About(f'topic of {meaning}')),
+        Option(f'{section}.type', signal.type, About(f'message type of {meaning}')),
+        Option(
+            f'{section}.fields',
+            list(signal.fields),
+            About(f'field of the message for each coordinate of {meaning}'),
+        ),
+    )
+    return {option.name: option for option in options}
+
+
+def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Option]:
+    """Return every option of the scenario that ``values`` speaks of, by name.
+
+    Which there are depends on the model, on the list of sensors and on their kinds; those of the
+    control law may be left out.
+
+    Raises
+    ------
+    ValueError
+        If the model, a sensor or a kind is unknown.
+    """
+    model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
+    system, built = _system(values)
+    listed = Option('sensors', list(system.sensors) or [''], About('names of the sensors'))
+    filter = Option('filter', system.filter, About(f'the filter: {", ".join(FILTERS)}'))
+    found = {option.name: option for option in (model, listed, filter)}
+    found.update({option.name: option for option in options_of(_shared)})
+    for option in options_of(system.build, 'model_parameters.'):
+        about = About(**{**option.about.__dict__, 'live': True})
+        found[option.name] = Option(option.name, option.default, about)
+    for name in sensor_names(listed.check(values.get('sensors', listed.default))):
+        setup = _setup(system, name, values)
+        found.update(_sensor_options(name, setup))
+    found.update(_signal_options('state', system.state, 'the estimate, truth and reference'))
+    if built.input.size:
+        found.update(_signal_options('input', system.input, 'the input'))
+        if with_law:
+            from . import law
+
+            found.update(law.options(system, values))
+    vectors = {
+        'initial_state': (system.initial_state, 'state in which the plant starts'),
+        'initial_estimate': (
+            system.initial_estimate or built.equilibrium.state.tolist(),
+            'state that the estimator believes in before the first reading',
+        ),
+        'initial_std': (system.initial_std, 'standard deviations of that belief'),
+    }
+    for name, (default, meaning) in vectors.items():
+        found[name] = Option(name, list(default), About(meaning))
+    return found
+
+
+def sensor_names(value: Value) -> list[str]:
+    """Return the names in a list of sensors, of which none is there twice."""
+    names = [str(name) for name in value if name] if isinstance(value, list) else []
+    if len({*names}) < len(names):
+        raise ValueError(f'sensors: expected each name once, got ({", ".join(names)})')
+    return names
+
+
+def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
+    """Return what is known of a sensor: from the system, or from the values if it is a new one."""
+    setup = system.sensors.get(name)
+    if setup is None:
+        missing = [key for key in ('type', 'fields', 'noise') if f'{name}.{key}' not in values]
+        if missing:
+            near = get_close_matches(name, system.sensors, n=1)
+            hint = f"did you mean '{near[0]}'? " if near else ''
+            needs = ', '.join(f'{name}.{key}' for key in missing)
+            raise ValueError(f"sensors: unknown sensor '{name}'; {hint}a new one needs {needs}")
+        setup = SensorSetup('states', Signal(name, '', ('',)), (1.0,), 10.0)
+    kind = str(values.get(f'{name}.kind', setup.kind))
+    if kind == setup.kind:
+        return setup
+    return SensorSetup(kind, setup.signal, setup.noise, setup.rate)
+
+
+def _system(values: Mapping[str, Any]) -> tuple[System, Model]:
+    """Return the system that is spoken of, wired by name if its parameters change its states."""
+    model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
+    system = models.system(str(model.check(values.get('model', model.default))))
+    built = model_of(system, section(values, 'model_parameters'))
+    sizes = len(system.state.fields), len(system.input.fields)
+    if sizes == (built.state.size, built.input.size):
+        return system, built
+    return models.by_name(system.build, built), built
+
+
+def section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return those of the ``values`` whose names start with ``name`` and a dot, without these."""
+    start = f'{name}.'
+    return {key[len(start) :]: value for key, value in values.items() if key.startswith(start)}
+
+
+def model_of(system: System, parameters: Mapping[str, Any]) -> Model:
+    """Return the model of a system with these parameters.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is wrong, or the model has no equilibrium.
+    """
+    try:
+        model: Model = build_with(system.build, parameters)
+    except ValueError as error:
+        raise ValueError(f'model_parameters.{error}') from None
+    except ArithmeticError:
+        raise ValueError('model_parameters: too large or too small to compute with') from None
+    check_equilibrium(model)
+    return model

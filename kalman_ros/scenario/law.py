@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the input is to answer the state: the part of a scenario that only control is about.
+
+Who does not control, nor judges control, leaves it out, and does not load how gains are designed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from kalman_ros.control.laws import LAWS, law_options
+from kalman_ros.core import About, Option, System, semidefinite
+
+
+def options(system: System, values: Mapping[str, Any]) -> dict[str, Option]:
+    """Return the options of the law that ``values`` choose, and of the cost."""
+    law = Option('law', 'lqr', About(f'how the input answers the state: {", ".join(LAWS)}'))
+    chosen = str(law.check(values.get(law.name, law.default)))
+    found = {option.name: option for option in (law, *law_options(chosen))}
+    weights = {
+        'state_cost': (system.state_cost, 'weight of the state'),
+        'input_cost': (system.input_cost, 'weight of the input'),
+    }
+    for name, (default, meaning) in weights.items():
+        about = About(f'{meaning} in the LQR cost: the diagonal, or all rows', live=True)
+        found[name] = Option(name, list(default), about)
+    return found
+
+
+def build(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:
+    """Return what ``values`` say of the law to a `Scenario` of ``n`` states and ``m`` inputs.
+
+    Raises
+    ------
+    ValueError
+        If a weight is not positive (semi-)definite.
+    """
+    return {
+        'state_cost': semidefinite('state_cost', values['state_cost'], n),
+        'input_cost': semidefinite('input_cost', values['input_cost'], m, definite=True),
+        'law': values['law'],
+        'law_options': {option.name: values[option.name] for option in law_options(values['law'])},
+    }

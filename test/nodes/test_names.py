@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes know each other's parameters by name, and load only what they need themselves."""
+
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from kalman_ros import scenario
+from kalman_ros.control.laws import LAWS, law_options
+from kalman_ros.core import options_of
+from kalman_ros.estimators import FILTERS, filter_options
+from kalman_ros.nodes import names, options
+from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.simulation import faults
+
+OPTIONS = {
+    'plant': PlantOptions,
+    'estimator': options.EstimatorOptions,
+    'controller': options.ControllerOptions,
+    'monitor': options.MonitorOptions,
+    'microphone_array': options.MicrophoneArrayOptions,
+}
+
+
+@pytest.mark.parametrize('node', OPTIONS)
+def test_the_names_are_those_of_the_options(node):
+    assert names.NAMES[node].split() == sorted(o.name for o in options_of(OPTIONS[node]))
+
+
+def test_the_names_of_filters_laws_and_faults_are_those_of_their_options():
+    found = {option.name for kind in FILTERS for option in filter_options(kind)}
+    assert names.NAMES['filters'].split() == sorted(found)
+    found = {option.name for law in LAWS for option in law_options(law)}
+    with_law = {*scenario.options({})} - {*scenario.options({}, with_law=False)}
+    assert names.NAMES['laws'].split() == sorted(found | with_law)
+    assert names.FAULTS.split() == sorted(option.name for option in faults.fault_options())
+
+
+@pytest.mark.parametrize(
+    ('node', 'foreign'),
+    [
+        ('estimator', ['kalman_ros.simulation.faults', 'kalman_ros.control']),
+        ('controller', ['kalman_ros.simulation.faults', 'kalman_ros.estimators.ekf']),
+        ('plant', ['kalman_ros.control', 'kalman_ros.estimators.ekf']),
+    ],
+)  # fmt: skip
+@pytest.mark.slow
+def test_a_node_loads_nothing_that_is_anothers(node, foreign):
+    code = (
+        f'import sys; from kalman_ros import scenario; import kalman_ros.nodes.{node} as node; '
+        "values = {'state_cost': [1.0, 1.0, 1.0, 1.0], 'position.dropout': 0.1}; "
+        "kind = getattr(node, '" + node.title() + "Node'); "
+        'scenario.build(values, with_law=kind.with_law); '
+        f'print([name for name in {foreign} if name in sys.modules])'
+    )
+    out = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
+    assert out.stdout.strip() == '[]', out.stdout + out.stderr
