@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array, matrix, semidefinite, solve, symmetric
+from kalman_ros.core import Array, matrix, semidefinite, solve
 from kalman_ros.linear import riccati
+from kalman_ros.linear.kernels import joseph, sandwich
 from kalman_ros.linear.structure import ComplexArray
 
 
@@ -27,9 +28,10 @@ def corrected(P: Array, readings: Readings) -> tuple[Array, Array]:
     are good, and loses its sign where they are very good.
     """
     C, R = readings.C, readings.R
-    L = solve(C @ P @ C.T + R, C @ P).T
-    I_LC = np.eye(len(P)) - L @ C
-    return L, symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
+    if not R.size:
+        return np.zeros((len(P), 0)), P
+    L = solve(sandwich(C, P, R), C @ P).T
+    return L, joseph(L, C, P, R)
 
 
 @dataclass(frozen=True)

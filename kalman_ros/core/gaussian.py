@@ -17,14 +17,10 @@ G = TypeVar('G', bound='Gaussian')
 class _Moments(NamedTuple):
     mean: Array
     covariance: Array
-    repairs: int = 0
 
 
 class Gaussian(_Moments):
     """A mean (n,) and a covariance (n, n).
-
-    ``repairs`` counts how often, on the way to this belief, a covariance lost its definiteness
-    to rounding and was given it back.
 
     Raises
     ------
@@ -34,7 +30,7 @@ class Gaussian(_Moments):
 
     __slots__ = ()
 
-    def __new__(cls: type[G], mean: ArrayLike, covariance: ArrayLike, repairs: int = 0) -> G:
+    def __new__(cls: type[G], mean: ArrayLike, covariance: ArrayLike) -> G:
         """Return the belief; lists are made into arrays."""
         x, P = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
         if x.ndim == 0:
@@ -44,7 +40,7 @@ class Gaussian(_Moments):
             got = ' x '.join(map(str, P.shape)) or f'the number {P}'
             numbers = f'{x.size} number{"" if x.size == 1 else "s"}'
             raise ValueError(f'covariance: expected {expected} for a mean of {numbers}, got {got}')
-        return super().__new__(cls, x, P, repairs)
+        return super().__new__(cls, x, P)
 
     @property
     def std(self) -> Array:
@@ -53,5 +49,5 @@ class Gaussian(_Moments):
 
 
 #: For the inner loops of filters, whose sizes match by construction: the belief of a tuple of
-#: mean, covariance and repairs, not checked, in a third of the time.
-unchecked: Callable[[tuple[Array, Array, int]], Gaussian] = partial(tuple.__new__, Gaussian)
+#: mean and covariance, not checked, in a third of the time.
+unchecked: Callable[[tuple[Array, Array]], Gaussian] = partial(tuple.__new__, Gaussian)

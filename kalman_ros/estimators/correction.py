@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-from math import inf
-
 from kalman_ros.core import Array, Gaussian
-from kalman_ros.linear.lapack import dposv
+from kalman_ros.linear.kernels import weighed
 
 
 class Correction:
@@ -41,6 +39,5 @@ class Correction:
         Infinite if S is not positive definite.
         """
         if self._nis is None:
-            _, weighted, info = dposv(self.innovation_covariance, self.innovation)
-            self._nis = float(self.innovation.dot(weighted)) if info == 0 else inf
+            self._nis = weighed(self.innovation_covariance, self.innovation)
         return self._nis

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian, unchecked
-from kalman_ros.linear.lapack import dgemm
+from kalman_ros.linear.kernels import sandwich
 
 from .filter import Plan, parts
 from .update import LinearUpdate
@@ -25,14 +25,14 @@ class ExtendedKalmanFilter(LinearUpdate):
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = step(x, u), P = F P F' + Q, in steps of the model's ``max_step``."""
-        x, P, repairs = belief
+        x, P = belief
         model, count = self.model, parts(self.model, dt)
         h = dt / count
         for _ in range(count):
             step = model.transition(x, u, h)
-            P = dgemm(1.0, dgemm(1.0, step.F, P), step.F, 1.0, step.Q, 0, 1)
+            P = sandwich(step.F, P, step.Q)
             x = model.step(x, u, h)
-        return unchecked((x, P, repairs))
+        return unchecked((x, P))
 
 
 def build(plan: Plan) -> ExtendedKalmanFilter:

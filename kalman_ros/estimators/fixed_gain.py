@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, Sensor, identity, symmetric
+from kalman_ros.core import Array, Gaussian, Sensor
+from kalman_ros.linear.kernels import joseph, sandwich
 
 from .correction import Correction
 from .filter import SampledLinear
@@ -27,21 +28,16 @@ class FixedGainObserver:
         """Return x = F x + G u, P = F P F' + Q."""
         step = self.system.sampled(dt)
         F, G, Q = step.F, step.G, step.Q
-        x, P = belief.mean, belief.covariance
-        return Gaussian(F @ x + G @ u, F @ P @ F.T + Q, belief.repairs)
+        x, P = belief
+        return Gaussian(F @ x + G @ u, sandwich(F, P, Q))
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading with the gain of its sensor."""
-        x, P = belief.mean, belief.covariance
+        x, P = belief
         L, C, R = self._gain(sensor), sensor.jacobian(x), sensor.covariance
         innovation = sensor.output.subtract(y, sensor.measure(x))
-        S = C @ P @ C.T + R
-        I_LC = identity(x.size) - L @ C
-        covariance = symmetric(I_LC @ P @ I_LC.T + L @ R @ L.T)
-        posterior = Gaussian(
-            self.system.state.wrap(x + L @ innovation), covariance, belief.repairs
-        )
-        return Correction(posterior, innovation, S)
+        mean = self.system.state.wrap(x + L @ innovation)
+        return Correction(Gaussian(mean, joseph(L, C, P, R)), innovation, sandwich(C, P, R))
 
     def _gain(self, sensor: Sensor) -> Array:
         try:

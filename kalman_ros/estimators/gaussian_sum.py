@@ -47,7 +47,7 @@ class Mixture(Gaussian):
         d = space.subtract(points, mean)
         within = np.tensordot(weights, [part.covariance for part in parts], axes=1)
         P = symmetric(within + (weights * d.T) @ d)
-        self = super().__new__(cls, mean, P, max(part.repairs for part in parts))
+        self = super().__new__(cls, mean, P)
         self.weights, self.parts = weights, parts
         return self
 

@@ -12,7 +12,7 @@ from kalman_ros.core import (
     LinearSystem,
     unchecked,
 )
-from kalman_ros.linear.lapack import dgemm, dgemv
+from kalman_ros.linear.kernels import affine, sandwich
 
 from .filter import Plan, linear_model, sampled_system
 from .update import LinearUpdate
@@ -33,12 +33,10 @@ class KalmanFilter(LinearUpdate):
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = F x + G u, P = F P F' + Q."""
+        x, P = belief
         step = self.model.sampled(dt)
         F, G, Q = step.F, step.G, step.Q
-        x, P, repairs = belief
-        mean = dgemv(1.0, F, x, 1.0, G.dot(u), 0, 1, 0, 1, 0, 1)
-        covariance = dgemm(1.0, dgemm(1.0, F, P), F, 1.0, Q, 0, 1)
-        return unchecked((mean, covariance, repairs))
+        return unchecked((affine(F, x, G.dot(u)), sandwich(F, P, Q)))
 
 
 def build(plan: Plan) -> KalmanFilter:

@@ -11,7 +11,9 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, DesignError, spread_poles
+from kalman_ros.core import About, DesignError
+from kalman_ros.linear.placement import place_observer
+from kalman_ros.linear.poles import spread_poles
 
 from .filter import Plan, linear_system
 from .fixed_gain import FixedGainObserver
@@ -40,17 +42,15 @@ def build(
     ValueError
         If the model is not linear, or there are more poles than states.
     """
-    from scipy.signal import place_poles  # slow to import, so only here
-
     system = linear_system('luenberger', plan)
     n = system.state.size
     poles = spread_poles('observer_poles', observer_poles, n)
     x = np.zeros(n)
     C = np.vstack([timed.sensor.jacobian(x) for timed in plan.sensors.values()])
     try:
-        L: Array = np.asarray(place_poles(system.A.T, C.T, poles).gain_matrix).T
-    except ValueError as error:
-        raise DesignError(f'observer_poles: {str(error).rstrip(".")}') from None
+        L = place_observer(system.A, C, poles).gain
+    except DesignError as error:
+        raise DesignError(f'observer_{error}') from None
     gains, at = {}, 0
     for name, timed in plan.sensors.items():
         k = timed.sensor.output.size

@@ -23,7 +23,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, is_finite
 from kalman_ros.linear.factor import cholesky
-from kalman_ros.linear.lapack import dpotrf
+from kalman_ros.linear.kernels import is_definite
 
 from . import agreement
 from .correction import Correction
@@ -36,13 +36,15 @@ from .start import taken_at_its_word
 class _State(NamedTuple):
     """The belief at a time, the input in effect from then on, and what each sensor says of it.
 
-    The input is None as long as the system is at rest.
+    The input is None as long as the system is at rest. ``repairs`` counts how often, on the way
+    here, a covariance lost its definiteness to rounding and was given it back.
     """
 
     time: int | None
     belief: Gaussian
     u: Array | None
     records: agreement.Records
+    repairs: int = 0
 
 
 class Arrival(NamedTuple):
@@ -162,6 +164,11 @@ class OnlineEstimator:
         return self._head.belief
 
     @property
+    def repairs(self) -> int:
+        """How often on the way to `belief` a covariance had to be made definite again."""
+        return self._head.repairs
+
+    @property
     def contradicting(self) -> list[str]:
         """The sensors whose readings are rejected for so long that only others keep them out."""
         needed = self._policy.recover_after
@@ -173,7 +180,7 @@ class OnlineEstimator:
         head = self._head
         if head.time is None:
             return head.belief
-        return self._predict(head, time, self._filter)
+        return self._predict(head, time, self._filter)[0]
 
     def add_input(self, time: int, u: Array, now: int | None = None) -> Outcome:
         """Take the input that is in effect from ``time`` on; of one stamp, the last one counts.
@@ -315,26 +322,30 @@ class OnlineEstimator:
             del items[:gone]
             self._settled -= gone
 
-    def _predict(self, state: _State, time: int, filter: Filter) -> Gaussian:
-        """Return the belief at ``time``: the initial one if the old is worth nothing by then."""
+    def _predict(self, state: _State, time: int, filter: Filter) -> tuple[Gaussian, int]:
+        """Return the belief at ``time``, and how often it was repaired on the way there.
+
+        It is the initial one if the old is worth nothing by then.
+        """
         if state.time is None or time == state.time or state.u is None:
-            return state.belief
+            return state.belief, 0
         if self._max_gap and time - state.time > self._max_gap:
-            return self._initial
+            return self._initial, 0
         try:
             return _committed(filter.predict(state.belief, state.u, (time - state.time) * 1e-9))
         except np.linalg.LinAlgError:
-            return self._initial
+            return self._initial, 0
 
     def _process(self, item: _Item, state: _State) -> _State:
         """Bring ``state`` to the item's time and take the item in."""
         time, order = item.key
-        belief = self._predict(state, time, item.filter)
+        belief, repairs = self._predict(state, time, item.filter)
+        repairs += state.repairs
         if belief is self._initial and state.time not in (None, time) and not item.restarted:
             item.restarted = True
             self.restarts += 1
         if item.sensor is None:
-            item.after = _State(time, belief, item.value, state.records)
+            item.after = _State(time, belief, item.value, state.records, repairs)
             return item.after
         records = state.records
         try:
@@ -342,11 +353,12 @@ class OnlineEstimator:
             start = taken_at_its_word(belief, item.value, item.sensor) if first else belief
             item.outcome, item.correction, records = self._correct(start, item, records)
             if item.outcome.accepted:
-                belief = _committed(item.correction.posterior)
+                belief, repaired = _committed(item.correction.posterior)
+                repairs += repaired
         except np.linalg.LinAlgError:
             item.outcome, item.correction = Outcome.INDEFINITE, None
             records = agreement.replaced(records, order, records[order].after(time, None))
-        item.after = _State(time, belief, state.u, records)
+        item.after = _State(time, belief, state.u, records, repairs)
         return item.after
 
     def _correct(
@@ -404,11 +416,11 @@ def _is_covariance(R: Array, size: int) -> bool:
     skew = np.abs(R - R.T).max()
     if skew and not np.allclose(R, R.T):
         return False
-    return bool(dpotrf(R, lower=1)[1] == 0)
+    return is_definite(R)
 
 
-def _committed(belief: Gaussian) -> Gaussian:
-    """Return a belief that may be kept: finite, its covariance definite, repaired if need be.
+def _committed(belief: Gaussian) -> tuple[Gaussian, int]:
+    """Return a belief that may be kept, finite and definite, and how often it was repaired.
 
     Raises
     ------
@@ -418,6 +430,4 @@ def _committed(belief: Gaussian) -> Gaussian:
     if not is_finite(belief.mean):
         raise np.linalg.LinAlgError('the estimate is not finite')
     _, P, repairs = cholesky(belief.covariance)
-    if not repairs:
-        return belief
-    return Gaussian(belief.mean, P, belief.repairs + repairs)
+    return (Gaussian(belief.mean, P) if repairs else belief), repairs

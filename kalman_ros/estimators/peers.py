@@ -24,9 +24,9 @@ from .ukf import Alpha, Beta, Kappa
 R = TypeVar('R')
 
 
-def _correction(peer: Any, innovation: Array, repairs: int) -> Correction:
+def _correction(peer: Any, innovation: Array) -> Correction:
     S = np.asarray(peer.S, dtype=float)
-    posterior = Gaussian(np.array(peer.x, dtype=float), symmetric(np.array(peer.P)), repairs)
+    posterior = Gaussian(np.array(peer.x, dtype=float), symmetric(np.array(peer.P)))
     return Correction(posterior, innovation, S)
 
 
@@ -72,7 +72,7 @@ class _Linearised:
         if self._kind is ExtendedKalmanFilter:
             # filterpy leaves the nonlinear step to a subclass, and takes F x + G u without one
             mean = self._model.step(belief.mean, u, dt)
-        return Gaussian(mean, symmetric(np.array(peer.P)), belief.repairs)
+        return Gaussian(mean, symmetric(np.array(peer.P)))
 
     @_sound
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
@@ -87,7 +87,7 @@ class _Linearised:
         else:
             peer.update(y, sensor.jacobian, sensor.measure, residual=space.subtract)
         peer.x = self._model.state.wrap(peer.x)
-        return _correction(peer, innovation, belief.repairs)
+        return _correction(peer, innovation)
 
 
 class _Unscented:
@@ -121,7 +121,7 @@ class _Unscented:
         peer = self._peer(belief, None)
         _, peer.Q = carried(self._model, belief.mean[np.newaxis], u, dt)
         peer.predict(dt=dt, fx=lambda x, dt: self._model.step(x, u, dt))
-        return Gaussian(np.array(peer.x), symmetric(np.array(peer.P)), belief.repairs)
+        return Gaussian(np.array(peer.x), symmetric(np.array(peer.P)))
 
     @_sound
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
@@ -131,7 +131,7 @@ class _Unscented:
         peer.sigmas_f = self._points.sigma_points(peer.x, peer.P)
         peer.update(y)
         peer.x = self._model.state.wrap(peer.x)
-        return _correction(peer, np.asarray(peer.y), belief.repairs)
+        return _correction(peer, np.asarray(peer.y))
 
 
 def _kf(plan: Plan) -> _Linearised:

@@ -103,4 +103,4 @@ def _back(
     mean = model.state.wrap(x + C @ model.state.subtract(after.mean, predicted.mean))
     I_CF = np.eye(x.size) - C @ F
     covariance = symmetric(I_CF @ P @ I_CF.T + C @ (after.covariance + Q) @ C.T)
-    return Gaussian(mean, covariance, belief.repairs)
+    return Gaussian(mean, covariance)

@@ -21,15 +21,22 @@ from kalman_ros.core import (
     Model,
     Sensor,
     Space,
-    identity,
     unchecked,
 )
 from kalman_ros.linear.factor import cholesky
-from kalman_ros.linear.lapack import dgemm, dgemv, dger, dsymm
+from kalman_ros.linear.kernels import (
+    corrected,
+    divided,
+    mirrored,
+    moments,
+    plus_each,
+    remainder,
+    scaled,
+    through_gain,
+)
 
 from .correction import Correction
 from .filter import Plan, carried
-from .update import transposed_gain
 
 Alpha = Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)]
 Beta = Annotated[float, About('weight of the centre; 2 suits a Gaussian')]
@@ -74,11 +81,6 @@ class UnscentedKalmanFilter:
         return np.asfortranarray(np.hstack((np.zeros((self._n, 1)), eye, -eye)))
 
     @cached_property
-    def _ones(self) -> Array:
-        """A one for each sigma point (2n + 1,)."""
-        return np.ones(2 * self._n + 1)
-
-    @cached_property
     def _mean_weights(self) -> Array:
         """The weights of means (2n + 1,)."""
         c, n = self._scale, self._n
@@ -93,35 +95,29 @@ class UnscentedKalmanFilter:
         weights[0] += 1.0 - self.alpha**2 + self.beta
         return _Repeated(weights)
 
-    def _offsets(self, belief: Gaussian) -> tuple[Array, int]:
-        """Return the sigma points less the mean (n, 2n + 1), and the repairs so far."""
-        L, _, repairs = cholesky(belief.covariance)
-        return dgemm(1.0, L, self._directions), belief.repairs + repairs
-
-    def _points(self, mean: Array, offsets: Array) -> Array:
-        """Return the sigma points (2n + 1, n)."""
-        points: Array = dger(1.0, mean, self._ones, 1, 1, offsets).T
-        return points
+    def _offsets(self, P: Array) -> Array:
+        """Return the sigma points less the mean (n, 2n + 1)."""
+        L, _, _ = cholesky(P)
+        return scaled(L, self._directions)
 
     def _spread(self, space: Space, points: Array) -> tuple[Array, Array]:
         """Return mean (k,) and deviations (k, 2n + 1) of ``points`` (2n + 1, k)."""
         mean = space.mean(points, self._mean_weights)
-        deviations = dger(-1.0, mean, self._ones, 1, 1, points.T)
-        return mean, space.wrap(deviations.T).T
+        return mean, space.wrap(plus_each(points.T, mean, -1.0).T).T
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Move every point by the model; P = sum of W d d' + Q."""
-        model = self.model
-        offsets, repairs = self._offsets(belief)
-        moved, Q = carried(model, self._points(belief.mean, offsets), u, dt)
-        mean, d = self._spread(model.state, moved)
-        covariance = dgemm(1.0, self._weights[self._n] * d, d, 1.0, Q, 0, 1)
-        return unchecked((mean, dsymm(1.0, covariance, identity(self._n)), repairs))
+        x, P = belief
+        points = plus_each(self._offsets(P), x).T
+        moved, Q = carried(self.model, points, u, dt)
+        mean, d = self._spread(self.model.state, moved)
+        W = self._weights[self._n]
+        return unchecked((mean, mirrored(moments(W * d, d, Q))))
 
     def cross_covariance(self, belief: Gaussian, u: Array, dt: float) -> Array:
         """Return the covariance (n, n) of the state now with the one predicted, for smoothing."""
-        offsets, _ = self._offsets(belief)
-        moved = self.model.step(self._points(belief.mean, offsets), u, dt)
+        offsets = self._offsets(belief.covariance)
+        moved = self.model.step(plus_each(offsets, belief.mean).T, u, dt)
         _, d = self._spread(self.model.state, moved)
         cross: Array = (self._weights[self._n] * offsets) @ d.T
         return cross
@@ -131,20 +127,17 @@ class UnscentedKalmanFilter:
 
         This is P - K S K' as a sum of squares: what the form of Bucy and Joseph is to points.
         """
-        x, R = belief.mean, sensor.covariance.T
-        dx, repairs = self._offsets(belief)
-        predicted, dy = self._spread(sensor.output, sensor.measure(self._points(x, dx)))
+        (x, P), R = belief, sensor.covariance.T
+        dx = self._offsets(P)
+        predicted, dy = self._spread(sensor.output, sensor.measure(plus_each(dx, x).T))
         innovation = sensor.output.subtract(y, predicted)
-        weighted = self._weights[y.size] * dy
-        S = dgemm(1.0, weighted, dy, 1.0, R, 0, 1)
-        Kt = transposed_gain(S, dgemm(1.0, weighted, dx, 0.0, None, 0, 1))
-        mean = dgemv(1.0, Kt, innovation, 1.0, x, 0, 1, 0, 1, 1)  # x + K innovation
-        left = dgemm(-1.0, Kt, dy, 1.0, dx, 1, 0, 1)  # dx - K dy
-        KRK = dgemm(1.0, dgemm(1.0, Kt, R, 0.0, None, 1), Kt)
-        covariance = dgemm(1.0, self._weights[self._n] * left, left, 1.0, KRK, 0, 1, 1)
-        P = dsymm(1.0, covariance, identity(self._n))
-        posterior = unchecked((self.model.state.wrap(mean), P, repairs))
-        return Correction(posterior, innovation, S)
+        W_dy = self._weights[y.size] * dy
+        S = moments(W_dy, dy, R)
+        K = divided(moments(W_dy, dx), S)
+        left = remainder(dx, K, dy)
+        P = mirrored(moments(self._weights[self._n] * left, left, through_gain(K, R)))
+        mean = self.model.state.wrap(corrected(x, K, innovation))
+        return Correction(unchecked((mean, P)), innovation, S)
 
 
 class _Repeated(dict[int, Array]):

@@ -376,7 +376,7 @@ class EstimatorNode(runtime.ScenarioNode):
         values['estimates published'] = self._publish.count
         values.update(self._observability.report(self._online.belief.mean))
         values['restarts'] = self._online.restarts
-        values['repairs of the covariance'] = self._online.belief.repairs
+        values['repairs of the covariance'] = self._online.repairs
         if ahead:
             return Level.WARN, f'stamps are ahead of the clock: {words}', values
         if self._online.time is None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Array, Space, is_finite
-from kalman_ros.linear.lapack import dpotrf
+from kalman_ros.linear.kernels import is_definite
 
 #: An older stamp may be that of an estimate that came late, or of a time that began again. It is
 #: the latter when, for so many seconds, nothing but older ones came.
@@ -143,7 +143,7 @@ def is_covariance(P: Array) -> bool:
     """
     if not is_finite(P):
         return False
-    if dpotrf(P, lower=1)[1] == 0:
+    if is_definite(P):
         return True
     variances = P.diagonal()
     if np.any(variances < 0.0):

@@ -99,7 +99,8 @@ def test_a_belief_checks_its_sizes_but_not_in_inner_loops():
     belief = Gaussian([1, 2], [[1, 0], [0, 4]])
     np.testing.assert_array_equal(belief.std, [1, 2])
     assert belief.mean.dtype == float
-    assert belief._replace(repairs=2).repairs == 2
+    x, P = belief
+    assert x is belief.mean and P is belief.covariance
     assert Gaussian(np.zeros((5, 2)), np.zeros((5, 2, 2))).mean.shape == (5, 2)
     with pytest.raises(
         ValueError, match='covariance: expected 2 x 2 for a mean of 2 numbers, got'

@@ -533,7 +533,7 @@ def test_a_certain_belief_is_one_like_another(filter, std, from_reading):
             assert feed(online, ('position', SECOND + k * 20_000_000, 0.4)) is Outcome.FUSED
         assert np.linalg.eigvalsh(exact.belief.covariance)[0] >= -1e-15
     assert exact.restarts == 0
-    assert exact.belief.repairs <= 1
+    assert exact.repairs <= 1
     if not from_reading:
         np.testing.assert_allclose(exact.belief.mean, nearly.belief.mean, atol=1e-6)
         np.testing.assert_allclose(exact.belief.covariance, nearly.belief.covariance, atol=1e-6)

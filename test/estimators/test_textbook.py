@@ -29,7 +29,7 @@ class Square(Sensor):
 
 @pytest.mark.parametrize(('alpha', 'beta', 'kappa'), [(1.0, 0.0, 1.0), (0.5, 2.0, 1.0)])
 def test_an_unscented_update_is_that_of_its_weighted_points(alpha, beta, kappa):
-    n, (x, P, _) = 2, PRIOR
+    n, (x, P) = 2, PRIOR
     scale = alpha**2 * (n + kappa)
     root = np.linalg.cholesky(scale * P)
     points = np.vstack((x, x + root.T, x - root.T))
