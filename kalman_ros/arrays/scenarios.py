@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-import kalman_ros
-from kalman_ros import models, scenario
+from kalman_ros import scenario
 from kalman_ros.core import (
     ArrayLike,
     DiscreteModel,
@@ -24,7 +23,7 @@ from kalman_ros.core import (
     vector,
 )
 from kalman_ros.estimators.filter import Plan
-from kalman_ros.scenario import Scenario, SensorSource
+from kalman_ros.scenario import Scenario, SensorSource, shipped
 from kalman_ros.scenario.checks import check_model
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -80,7 +79,7 @@ def values_of(
     if isinstance(given, Mapping):
         typed = {**given, **overrides}
     elif isinstance(given, (str, Path)):
-        filed = from_file(_file(given), *nodes)
+        filed = from_file(shipped.file(given), *nodes)
     else:
         kind = type(given).__name__
         raise ValueError(f'scenario: expected a name, a file or a Scenario, got {kind}')
@@ -88,29 +87,6 @@ def values_of(
     if typed:
         refuse_unknown(typed, {*scenario.options(values), *LIMITS}, 'parameter')
     return values
-
-
-def _file(given: str | Path) -> Path:
-    """Return the parameter file of a name, where the package or its sources have it."""
-    if str(given).endswith(('.yaml', '.yml')):
-        path = Path(given)
-        if not path.is_file():
-            raise ValueError(f"scenario: no file '{given}'")
-        return path
-    folder = _folder()
-    known = sorted(file.stem for file in folder.glob('*.yaml')) if folder else models.names()
-    refuse_unknown([str(given)], known, 'scenario')
-    if folder is None:
-        raise ValueError(f"scenario: the file of '{given}' is not installed")
-    return folder / f'{given}.yaml'
-
-
-def _folder() -> Path | None:
-    """Return the folder of the parameter files: beside the sources, or of an installation."""
-    package = Path(kalman_ros.__file__).resolve().parent
-    installed = [p / 'share' / package.name / 'config' for p in package.parents]
-    found = (path for path in (package.parent / 'config', *installed) if any(path.glob('*.yaml')))
-    return next(found, None)
 
 
 def make_scenario(

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kalman_ros import scenario as scenarios
-from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.parameter_files import BETWEEN, NODES, from_file, sections, yaml_value
 
 from . import executables
@@ -25,7 +25,7 @@ class Cast:
         also: Mapping[str, str],
         remaps: Mapping[str, Mapping[str, str]],
     ) -> None:
-        self._file = executables.config(scenario) if isinstance(scenario, str) else None
+        self._file = shipped.file(scenario) if isinstance(scenario, str) else None
         given = {} if isinstance(scenario, str) else dict(scenario)
         between = (BETWEEN,) if BETWEEN in sections(self._file) else ()
         self._also = also

@@ -36,24 +36,3 @@ def executable(name: str) -> Path:
     if not path.exists():
         raise RuntimeError(f"there is no executable '{name}' in {path.parent}")
     return path
-
-
-def config(scenario: str) -> Path:
-    """Return the parameter file of a scenario: a name of ours, or the path of a YAML file.
-
-    Raises
-    ------
-    ValueError
-        If there is none, with the names that there are.
-    """
-    if scenario.endswith(('.yaml', '.yml')):
-        path = Path(scenario)
-        if not path.is_file():
-            raise ValueError(f"scenario: no file '{scenario}'")
-        return path.resolve()
-    folder = prefix() / 'share' / PACKAGE / 'config'
-    path = folder / f'{scenario}.yaml'
-    if not path.is_file():
-        known = ', '.join(sorted(file.stem for file in folder.glob('*.yaml')))
-        raise ValueError(f"scenario: unknown scenario '{scenario}'; known are {known}")
-    return path

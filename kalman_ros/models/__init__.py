@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One plant a file. The file's name is the model's name, and its ``SYSTEM`` is what it offers."""
+"""Physics, one plant a file: the file's name is the model's name, and ``MODEL`` builds it.
+
+How a model is wired to topics is said in ``config/NAME.yaml``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from kalman_ros.core import LinearSystem, Model, Signal, Space, System, find
+from kalman_ros.core import Model, Space, System, find
 from kalman_ros.core.registry import builds
 from kalman_ros.core.registry import names as _names
 
@@ -18,33 +21,23 @@ def names() -> list[str]:
     return _names(__name__)
 
 
-def system(name: str) -> System:
-    """Return the system of ``name``: what a built-in model registers, or one's own.
+def find_model(name: str) -> Callable[..., Model] | System:
+    """Return what builds the model of ``name``, or a `System` of one's own; nothing is called.
 
     ``package.module:Name`` may name a `System`, a subclass of `Model`, or a function that is
-    annotated to return one; the last two are wired by the names of their states and inputs.
-    Nothing else is called.
+    annotated to return one.
 
     Raises
     ------
     ValueError
         If there is none, or it is none of the three.
     """
-    found = find('model', name, __name__, 'SYSTEM')
-    if isinstance(found, System):
-        return found
-    if not builds(found, Model):
+    found: Callable[..., Model] | System = find('model', name, __name__, 'MODEL')
+    if not isinstance(found, System) and not builds(found, Model):
         raise ValueError(
             f"model: '{name}' is not a System, a Model class or a function annotated '-> Model'"
         )
-    try:
-        model = found()
-    except TypeError as error:
-        raise ValueError(f"model: '{name}' cannot be built without arguments: {error}") from None
-    if not isinstance(model, Model):
-        raise ValueError(f"model: '{name}' gives a {type(model).__name__}, not a Model")
-    check_spaces(model)
-    return by_name(found, model)
+    return found
 
 
 def check_spaces(model: Model) -> None:
@@ -55,28 +48,7 @@ def check_spaces(model: Model) -> None:
             raise ValueError(f'model: its {name}: expected a Space, got {found!r}')
 
 
-def by_name(build: Callable[..., Model], model: Model) -> System:
-    """Return the wiring of a model by the names of its states and inputs, without sensors.
-
-    States go by ``sensor_msgs/JointState``, inputs by ``std_msgs/Float64MultiArray``; costs and
-    initial deviations are ones.
-    """
-    n, m = model.state.size, model.input.size
-    positions = tuple(f'position[{name}]' for name in model.state.names)
-    elements = tuple(f'data[{index}]' for index in range(m))
-    return System(
-        build=build,
-        sensors={},
-        state=Signal('estimate', 'sensor_msgs/JointState', positions),
-        input=Signal('command', 'std_msgs/Float64MultiArray', elements),
-        state_cost=(1.0,) * n,
-        input_cost=(1.0,) * m,
-        initial_state=(0.0,) * n,
-        initial_std=(1.0,) * n,
-        filter='kf' if isinstance(model, LinearSystem) else 'ekf',
-    )
-
-
 def default_model(name: str) -> Model:
     """Return the model ``name`` with its default parameters."""
-    return system(name).build()
+    found = find_model(name)
+    return found.build() if isinstance(found, System) else found()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+from kalman_ros.core import About, LinearSystem, Space
 
 
 def bearing_tracker(
@@ -33,36 +33,4 @@ def bearing_tracker(
     )
 
 
-SYSTEM = System(
-    build=bearing_tracker,
-    sensors={
-        'bearing': SensorSetup(
-            kind='bearing',
-            options={'measures': ['x', 'y']},
-            noise=(0.026,),
-            rate=0.1,
-            signal=Signal(
-                'bearing',
-                'geometry_msgs/PoseWithCovarianceStamped',
-                ('pose.pose.orientation.yaw',),
-            ),
-        ),
-    },
-    state=Signal(
-        'estimate',
-        'sensor_msgs/JointState',
-        ('position[x]', 'position[y]', 'velocity[x]', 'velocity[y]'),
-    ),
-    input=Signal(
-        'own_acceleration',
-        'geometry_msgs/AccelStamped',
-        ('accel.linear.x', 'accel.linear.y'),
-    ),
-    # weights of a pursuit so slow that a ship can follow
-    state_cost=(1e-12, 1e-12, 0.0, 0.0),
-    input_cost=(1.0, 1.0),
-    initial_state=(850.0, 4920.0, -3.5, -2.6),
-    initial_estimate=(600.0, 3500.0, 0.0, 0.0),
-    initial_std=(2000.0, 2000.0, 2.0, 2.0),
-    filter='gaussian_sum',
-)
+MODEL = bearing_tracker

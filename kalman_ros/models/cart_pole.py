@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, SensorSetup, Signal, Space, System
+from kalman_ros.core import About, Array, Model, Space
 
 
 class CartPole(Model):
@@ -80,28 +80,4 @@ class CartPole(Model):
         return W
 
 
-SYSTEM = System(
-    build=CartPole,
-    sensors={
-        'joint_states': SensorSetup(
-            kind='states',
-            options={'measures': ['x', 'theta']},
-            noise=(0.005, 0.01),
-            rate=100.0,
-            signal=Signal(
-                'joint_states', 'sensor_msgs/JointState', ('position[cart]', 'position[pole]')
-            ),
-        ),
-    },
-    state=Signal(
-        'estimate',
-        'sensor_msgs/JointState',
-        ('position[cart]', 'velocity[cart]', 'position[pole]', 'velocity[pole]'),
-    ),
-    input=Signal('force', 'geometry_msgs/WrenchStamped', ('wrench.force.x',)),
-    state_cost=(5000.0, 0.0, 100.0, 0.0),
-    input_cost=(1.0,),
-    initial_state=(0.0, 0.0, 0.3, 0.0),
-    initial_std=(0.1, 0.1, 0.3, 0.1),
-    filter='ekf',
-)
+MODEL = CartPole

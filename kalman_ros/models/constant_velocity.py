@@ -7,9 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, LinearSystem, Signal, Space, System
-
-from ._lidar_radar import lidar_and_radar
+from kalman_ros.core import About, LinearSystem, Space
 
 
 def constant_velocity(
@@ -32,16 +30,4 @@ def constant_velocity(
     )
 
 
-SYSTEM = System(
-    build=constant_velocity,
-    sensors=lidar_and_radar(['x', 'y', 'v_x', 'v_y']),
-    state=Signal(
-        'estimate',
-        'sensor_msgs/JointState',
-        ('position[x]', 'position[y]', 'velocity[x]', 'velocity[y]'),
-    ),
-    initial_state=(20.0, 10.0, -1.0, 2.0),
-    initial_estimate=(19.0, 11.0, 0.0, 0.0),
-    initial_std=(1.0, 1.0, 5.0, 5.0),
-    filter='ekf',
-)
+MODEL = constant_velocity

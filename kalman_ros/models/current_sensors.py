@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+from kalman_ros.core import About, LinearSystem, Space
 
 
 def current_sensors(
@@ -44,25 +44,4 @@ def current_sensors(
     )
 
 
-SYSTEM = System(
-    build=current_sensors,
-    sensors={
-        'currents': SensorSetup(
-            kind='linear',
-            options={'C': [1.0, 1.0, 0.0, 1.0], 'names': ['total', 'thruster']},
-            noise=(0.5, 0.3),
-            rate=100.0,
-            signal=Signal(
-                'currents',
-                'sensor_msgs/JointState',
-                ('position[total]', 'position[thruster]'),
-            ),
-        ),
-    },
-    state=Signal('estimate', 'sensor_msgs/JointState', ('position[i_m]', 'position[i_t]')),
-    input=Signal('voltage', 'sensor_msgs/JointState', ('position[u_m]', 'position[u_t]')),
-    state_cost=(1.0, 1.0),
-    input_cost=(1.0, 1.0),
-    initial_state=(5.0, 2.0),
-    initial_std=(5.0, 5.0),
-)
+MODEL = current_sensors

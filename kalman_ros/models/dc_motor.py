@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+from kalman_ros.core import About, LinearSystem, Space
 
 
 def dc_motor(
@@ -39,25 +39,4 @@ def dc_motor(
     )
 
 
-SYSTEM = System(
-    build=dc_motor,
-    sensors={
-        'encoder': SensorSetup(
-            kind='states',
-            options={'measures': ['theta']},
-            noise=(0.005,),
-            rate=100.0,
-            signal=Signal('joint_states', 'sensor_msgs/JointState', ('position[motor]',)),
-        ),
-    },
-    state=Signal(
-        'estimate',
-        'sensor_msgs/JointState',
-        ('position[motor]', 'velocity[motor]', 'position[current]'),
-    ),
-    input=Signal('voltage', 'std_msgs/Float64MultiArray', ('data[0]',)),
-    state_cost=(100.0, 0.0, 0.0),
-    input_cost=(1.0,),
-    initial_state=(1.0, 0.0, 0.0),
-    initial_std=(1.0, 0.5, 0.5),
-)
+MODEL = dc_motor

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from kalman_ros.core import About, SensorSetup, Signal, System
+from kalman_ros.core import About
 
 from .turn_rate import TurnRate
 
@@ -26,38 +26,4 @@ def diff_drive(
     return TurnRate(acceleration_noise, turn_noise)
 
 
-SYSTEM = System(
-    build=diff_drive,
-    sensors={
-        'odometry': SensorSetup(
-            kind='states',
-            options={'measures': ['v', 'omega']},
-            noise=(0.02, 0.1),
-            rate=50.0,
-            signal=Signal(
-                'odom', 'nav_msgs/Odometry', ('twist.twist.linear.x', 'twist.twist.angular.z')
-            ),
-        ),
-        'imu': SensorSetup(
-            kind='states',
-            options={'measures': ['omega']},
-            noise=(0.02,),
-            rate=50.0,
-            signal=Signal('imu', 'sensor_msgs/Imu', ('angular_velocity.z',)),
-        ),
-    },
-    state=Signal(
-        'estimate',
-        'nav_msgs/Odometry',
-        (
-            'pose.pose.position.x',
-            'pose.pose.position.y',
-            'twist.twist.linear.x',
-            'pose.pose.orientation.yaw',
-            'twist.twist.angular.z',
-        ),
-    ),
-    initial_state=(0.0, 0.0, 0.5, 0.0, 0.0),
-    initial_std=(0.01, 0.01, 0.5, 0.01, 0.5),
-    filter='ekf',
-)
+MODEL = diff_drive

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, SensorSetup, Signal, Space, System
+from kalman_ros.core import About, Array, Model, Space
 
 
 class GnssImu(Model):
@@ -75,43 +75,4 @@ class GnssImu(Model):
         return self._noise
 
 
-SYSTEM = System(
-    build=GnssImu,
-    sensors={
-        'gnss': SensorSetup(
-            kind='states',
-            options={'measures': ['x', 'y']},
-            noise=(0.5, 0.5),
-            rate=5.0,
-            signal=Signal(
-                'gnss',
-                'geometry_msgs/PoseWithCovarianceStamped',
-                ('pose.pose.position.x', 'pose.pose.position.y'),
-            ),
-        ),
-        'imu': SensorSetup(
-            kind='linear',
-            options={
-                'C': [
-                    *(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0),
-                    *(0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0),
-                ],
-                'names': ['acceleration', 'yaw_rate'],
-            },
-            noise=(0.1, 0.01),
-            rate=100.0,
-            signal=Signal(
-                'imu', 'sensor_msgs/Imu', ('linear_acceleration.x', 'angular_velocity.z')
-            ),
-        ),
-    },
-    state=Signal(
-        'estimate',
-        'sensor_msgs/JointState',
-        tuple(f'position[{name}]' for name in GnssImu.state.names),
-    ),
-    initial_state=(0.0, 0.0, 0.5, 10.0, 0.0, 0.0, 0.02, 0.1),
-    initial_estimate=(0.0, 0.0, 0.4, 9.0, 0.0, 0.0, 0.0, 0.0),
-    initial_std=(1.0, 1.0, 0.2, 2.0, 0.2, 1.0, 0.02, 0.2),
-    filter='ekf',
-)
+MODEL = GnssImu

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+from kalman_ros.core import About, LinearSystem, Space
 
 
 def level(
@@ -21,19 +21,4 @@ def level(
     return LinearSystem([[0.0]], [[]], [[noise_density]], Space(('level',), ('',)), Space((), ()))
 
 
-SYSTEM = System(
-    build=level,
-    sensors={
-        'reading': SensorSetup(
-            kind='states',
-            options={'measures': ['level']},
-            noise=(1.0,),
-            rate=10.0,
-            # a std_msgs/Float64 with the field 'data' does as well, but carries no stamp
-            signal=Signal('reading', 'sensor_msgs/JointState', ('position[level]',)),
-        ),
-    },
-    state=Signal('estimate', 'sensor_msgs/JointState', ('position[level]',)),
-    initial_state=(1.0,),
-    initial_std=(10.0,),
-)
+MODEL = level

@@ -11,10 +11,7 @@ import numpy as np
 from kalman_ros.core import (
     About,
     LinearSystem,
-    SensorSetup,
-    Signal,
     Space,
-    System,
     matrix,
     semidefinite,
 )
@@ -57,21 +54,4 @@ def _units(
     return units
 
 
-SYSTEM = System(
-    build=linear,
-    sensors={
-        'position': SensorSetup(
-            kind='linear',
-            options={'C': [1.0, 0.0]},
-            noise=(0.05,),
-            rate=20.0,
-            signal=Signal('position', 'sensor_msgs/JointState', ('position[x]',)),
-        ),
-    },
-    state=Signal('estimate', 'sensor_msgs/JointState', ('position[x]', 'position[v]')),
-    input=Signal('command', 'std_msgs/Float64MultiArray', ('data[0]',)),
-    state_cost=(1.0, 1.0),
-    input_cost=(1.0,),
-    initial_state=(1.0, 0.0),
-    initial_std=(1.0, 1.0),
-)
+MODEL = linear

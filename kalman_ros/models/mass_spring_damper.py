@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from kalman_ros.core import About, LinearSystem, SensorSetup, Signal, Space, System
+from kalman_ros.core import About, LinearSystem, Space
 
 
 def mass_spring_damper(
@@ -33,34 +33,4 @@ def mass_spring_damper(
     )
 
 
-SYSTEM = System(
-    build=mass_spring_damper,
-    sensors={
-        'position': SensorSetup(
-            kind='states',
-            options={'measures': ['x']},
-            noise=(0.05,),
-            rate=20.0,
-            signal=Signal(
-                'position', 'geometry_msgs/PoseWithCovarianceStamped', ('pose.pose.position.x',)
-            ),
-        ),
-        'velocity': SensorSetup(
-            kind='states',
-            options={'measures': ['v']},
-            noise=(0.5,),
-            rate=100.0,
-            signal=Signal(
-                'velocity', 'geometry_msgs/TwistWithCovarianceStamped', ('twist.twist.linear.x',)
-            ),
-        ),
-    },
-    state=Signal(
-        'estimate', 'nav_msgs/Odometry', ('pose.pose.position.x', 'twist.twist.linear.x')
-    ),
-    input=Signal('force', 'geometry_msgs/WrenchStamped', ('wrench.force.x',)),
-    state_cost=(20.0, 2.0),
-    input_cost=(1.0,),
-    initial_state=(1.0, 0.0),
-    initial_std=(1.0, 1.0),
-)
+MODEL = mass_spring_damper

@@ -12,10 +12,7 @@ from kalman_ros.core import (
     Array,
     Model,
     OperatingPoint,
-    SensorSetup,
-    Signal,
     Space,
-    System,
 )
 
 
@@ -103,45 +100,4 @@ class Submersible(Model):
         return self._noise
 
 
-SYSTEM = System(
-    build=Submersible,
-    sensors={
-        'pressure': SensorSetup(
-            kind='pressure',
-            noise=(300.0,),
-            rate=20.0,
-            signal=Signal('pressure', 'sensor_msgs/FluidPressure', ('fluid_pressure',)),
-        ),
-        'imu': SensorSetup(
-            kind='states',
-            options={'measures': ['pitch', 'q']},
-            noise=(0.02, 0.01),
-            rate=100.0,
-            signal=Signal('imu', 'sensor_msgs/Imu', ('orientation.pitch', 'angular_velocity.y')),
-        ),
-    },
-    state=Signal(
-        'estimate',
-        'nav_msgs/Odometry',
-        (
-            'pose.pose.position.x',
-            'pose.pose.position.z',
-            'pose.pose.orientation.pitch',
-            'twist.twist.linear.x',
-            'twist.twist.linear.z',
-            'twist.twist.angular.y',
-        ),
-    ),
-    input=Signal(
-        'thrust', 'sensor_msgs/JointState', ('effort[surge]', 'effort[fore]', 'effort[aft]')
-    ),
-    # upright matters much, a vertical displacement little
-    state_cost=(1.0, 1.0, 1000.0, 1.0, 1.0, 10.0),
-    input_cost=(0.1, 0.1, 0.1),
-    initial_state=(0.0, -5.0, 0.4, 0.2, 0.0, 0.0),
-    # Nothing reads surge and heave. Were they uncertain by much, their product would turn the hull
-    # more than the gyroscope errs, and no filter of one Gaussian would be consistent.
-    initial_estimate=(0.0, 0.0, 0.0, 0.2, 0.0, 0.0),
-    initial_std=(0.1, 10.0, 0.5, 0.05, 0.05, 0.5),
-    filter='ekf',
-)
+MODEL = Submersible

@@ -7,9 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, Signal, Space, System
-
-from ._lidar_radar import lidar_and_radar
+from kalman_ros.core import About, Array, Model, Space
 
 
 class TurnRate(Model):
@@ -56,23 +54,4 @@ class TurnRate(Model):
         return self._noise
 
 
-SYSTEM = System(
-    build=TurnRate,
-    sensors=lidar_and_radar(['x', 'y', 'v', 'psi']),
-    state=Signal(
-        'estimate',
-        'nav_msgs/Odometry',
-        (
-            'pose.pose.position.x',
-            'pose.pose.position.y',
-            'twist.twist.linear.x',
-            'pose.pose.orientation.yaw',
-            'twist.twist.angular.z',
-        ),
-    ),
-    initial_state=(20.0, 10.0, 3.0, 1.0, 0.2),
-    # a heading that is known no better than to a radian has no Gaussian belief with a range rate
-    initial_estimate=(20.0, 10.0, 2.5, 0.8, 0.1),
-    initial_std=(0.5, 0.5, 0.5, 0.2, 0.2),
-    filter='ukf',
-)
+MODEL = TurnRate

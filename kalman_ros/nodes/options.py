@@ -12,9 +12,7 @@ from kalman_ros.core import About
 
 from .intake import LONGEST
 
-Lockstep = Annotated[
-    bool, About('step in turns with the other nodes instead of in real time; for tests')
-]
+Lockstep = Annotated[bool, About('step in turns with the other nodes, not in real time')]
 Autostart = Annotated[
     bool,
     About('configure and activate at once, instead of when asked by ~/change_state'),
@@ -22,7 +20,7 @@ Autostart = Annotated[
 Longest = Annotated[
     int,
     About(
-        'the longest message that is read; longer ones are dropped, and counted',
+        'longer messages are dropped, and counted',
         'bytes',
         minimum=100,
         live=True,
@@ -31,7 +29,7 @@ Longest = Annotated[
 Priority = Annotated[
     int,
     About(
-        'real time: the priority asked of the system (SCHED_FIFO); 0 for none',
+        'real time: SCHED_FIFO priority to ask for; 0: none',
         minimum=0,
         maximum=99,
     ),
@@ -69,9 +67,9 @@ class EstimatorOptions:
             maximum=1e4,
         ),
     ] = 0.0
-    initialize: Annotated[
-        str, About("start from the initial 'belief' or from the first 'reading'")
-    ] = 'belief'
+    initialize: Annotated[str, About("start from the initial 'belief' or first 'reading'")] = (
+        'belief'
+    )
     rest_until_input: Rest = False
     window: Annotated[
         float, About('late readings are still fused if no older than this', 's', 0.0, live=True)
@@ -96,7 +94,7 @@ class EstimatorOptions:
     max_gap: Annotated[
         float,
         About(
-            'time without readings after which the estimator restarts; 0 for never',
+            'silence after which the estimator restarts; 0 for never',
             's',
             0.0,
             live=True,

@@ -20,7 +20,8 @@ from rclpy.utilities import remove_ros_args
 
 from kalman_ros import models, scenario
 from kalman_ros.core import Option, Value, options_of, refuse_unknown
-from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import Scenario, shipped
+from kalman_ros.scenario.parameter_files import own_section
 
 from . import names, parameters, topics
 from .diagnostics import Diagnostics, Level, Report
@@ -65,7 +66,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     def __init__(self, name: str, options: type[Any]) -> None:
         super().__init__(name)
-        self._build_options = options
+        self._kind, self._build_options = name, options
         parameters.free(self, parameters.given(self))
         self._code = parameters.CodeNames(self)
         self.diagnostics = Diagnostics(self, self._report_state)
@@ -75,7 +76,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     def configure(self) -> None:
         """Build the scenario and the options from the parameters, and declare them all."""
-        given = {'model': self.default_model, **parameters.given(self)}
+        given = self._given()
         self._own = {option.name: option for option in options_of(self._build_options)}
         shared = scenario.options(given, with_law=self.with_law)
         chosen = {**{name: option.default for name, option in shared.items()}, **given}
@@ -90,6 +91,14 @@ class ScenarioNode(WatcherNode, ManagedNode):
         self._code.trust(values)
         live = parameters.LiveParameters(self, known, values, self._prepare)
         self.at_the_end(live.close)
+
+    def _given(self) -> dict[str, Any]:
+        """Return what it is told; where no model is named, the file of the default one says so."""
+        told = parameters.given(self)
+        if 'model' in told:
+            return told
+        section = own_section(shipped.file(self.default_model), self._kind)
+        return {'model': self.default_model, **section, **told}
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Go from inactive to active."""

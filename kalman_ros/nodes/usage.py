@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ``--help`` says of a node: what it does, and every parameter that it has."""
+"""What ``--help`` says of a node: what it does, and every parameter that it has, in groups."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from os.path import commonprefix
 from textwrap import fill
 from typing import Any
 
 from .parameters import given
 
-_WIDTH = 96
+_WIDTH = 80
+_SIGNALS = ('state', 'input')
 
 
 def wants_help(arguments: Iterable[str]) -> bool:
@@ -22,19 +24,64 @@ def usage(node: Any) -> str:
     """Return the help of a node that is configured: its parameters are those that it would use."""
     name = node.get_name()
     about = (sys.modules[type(node).__module__].__doc__ or '').partition('\n')[0]
+    arguments = '--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r FROM:=TO]'
     lines = [
-        f'usage: {name} [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r FROM:=TO]]',
+        fill(f'usage: {name} {arguments}', _WIDTH, subsequent_indent='    '),
         '',
-        about,
+        fill(about, _WIDTH),
         '',
-        'Parameters, with the values that they would have:',
+        'Parameters, and the values that they would have; * may change while it runs.',
     ]
-    for key, value in sorted(given(node).items()):
-        descriptor = node.describe_parameter(key)
-        when = '' if descriptor.read_only else ' (may change while it runs)'
-        lines.append(f'  {key}: {_text(value)}')
-        lines.append(_indented(f'{descriptor.description}{when}'))
+    values = dict(sorted(given(node).items()))
+    for title, entries in _groups(values).items():
+        lines += ['', f'{title}:']
+        for key, told in entries.items():
+            descriptors = node.describe_parameters(list(told))
+            mark = '' if descriptors[0].read_only else '*'
+            # of the state and of the input: what both descriptions begin with
+            meaning = commonprefix([each.description for each in descriptors])
+            lines.append(_entry(f'{key}{mark}: {_merged(told)}', meaning.removesuffix(' of the ')))
     return '\n'.join(lines)
+
+
+def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
+    """Return what to list, in groups: by its name, the parameters that it stands for.
+
+    Parameters that every sensor has, or the state and the input, stand for each other.
+    """
+    sensors = [str(sensor) for sensor in values['sensors'] if sensor]
+    model, listed, topics, own = ({}, {}, {}, {})  # type: ignore[var-annotated]
+    for name, value in values.items():
+        section, _, key = name.partition('.')
+        if section in ('model', 'model_parameters'):
+            group, title = model, name
+        elif section in sensors:
+            group, title = listed, f'SENSOR.{key}'
+        elif section in _SIGNALS and key:
+            group, title = topics, f'SIGNAL.{key}'
+        else:
+            group, title = own, name
+        group.setdefault(title, {})[name] = _text(value)
+    found = {
+        'The model': model,
+        f'The sensors, {" and ".join(sensors)}': listed,
+        'Signals, state and input': topics,
+        'The node': own,
+    }
+    return {title: names for title, names in found.items() if names}
+
+
+def _merged(told: Mapping[str, str]) -> str:
+    """Return the value of parameters that stand for each other: one if they are the same."""
+    if len({*told.values()}) == 1:
+        return next(iter(told.values()))
+    return '; '.join(f'{name.partition(".")[0]} {text}' for name, text in told.items())
+
+
+def _entry(what: str, meaning: str) -> str:
+    """Return a parameter and what it means, in as few lines as that takes."""
+    text = f'{what}  ({meaning})'
+    return fill(text, _WIDTH, initial_indent='  ', subsequent_indent=' ' * 6)
 
 
 def _text(value: Any) -> str:
@@ -43,7 +90,3 @@ def _text(value: Any) -> str:
     if isinstance(value, (bool, int, float)):
         return f'{value}'.lower()
     return f'[{", ".join(map(_text, value))}]'
-
-
-def _indented(text: str) -> str:
-    return fill(text, _WIDTH, initial_indent=' ' * 6, subsequent_indent=' ' * 6)

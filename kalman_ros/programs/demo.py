@@ -19,8 +19,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from kalman_ros import models
 from kalman_ros.analysis.verdict import judge, least_duration
 from kalman_ros.harness import NodeError, Run
-from kalman_ros.harness.executables import config
 from kalman_ros.harness.interrupts import deferred
+from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import DEMO, overrides, own_section
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -63,7 +63,7 @@ def gather(
     options: argparse.Namespace, folder: Path, console: Console
 ) -> tuple[Run, Trajectory, float, int]:
     """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
-    own = own_section(config(options.scenario), DEMO)
+    own = own_section(shipped.file(options.scenario), DEMO)
     usual = float(own.pop('duration', _DURATION))
     run = Run(
         options.scenario,

@@ -15,9 +15,8 @@ from rich.console import Console
 from kalman_ros import models, scenario
 from kalman_ros.analysis import advice, design
 from kalman_ros.core import refuse_unknown
-from kalman_ros.harness import executables
 from kalman_ros.nodes import names
-from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.parameter_files import from_file, overrides
 
 from .results import ready
@@ -105,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(argv)
     console = Console(highlight=False)
     try:
-        path = options.params_file or executables.config(options.scenario)
+        path = options.params_file or shipped.file(options.scenario)
         built = believed(path, overrides(options.parameters))
         unchecked = check_wiring(built)
         report = design.report(built, options.delay or 0.0, options.duration)

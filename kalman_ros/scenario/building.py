@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros import models, sensors
+from kalman_ros import sensors
 from kalman_ros.core import (
     Gaussian,
     Model,
@@ -30,6 +30,7 @@ from kalman_ros.estimators import FILTERS
 from .checks import check_attributes, check_model, check_sensor
 from .declarations import model_of, options, section, sensor_names
 from .scenario import Scenario, SensorSource
+from .wiring import system as system_of
 
 #: Where the covariance of a reading may be taken from.
 POLICIES = ('message', 'configuration', 'larger')
@@ -57,7 +58,7 @@ def build(values: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
     """
     full: dict[str, Any] = complete(values, options(values, with_law=with_law))
     refuse_unknown([full['filter']], FILTERS, 'filter')
-    system = models.system(full['model'])
+    system = system_of(full['model'])
     model = model_of(system, section(full, 'model_parameters'))
     rate = full['rate']
     n, m = model.state.size, model.input.size

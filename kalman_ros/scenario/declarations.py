@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Annotated, Any
 
@@ -22,6 +22,8 @@ from kalman_ros.core import (
 from kalman_ros.estimators import FILTERS
 
 from .checks import check_equilibrium
+from .wiring import by_name
+from .wiring import system as system_of
 
 
 def _shared(
@@ -60,7 +62,7 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         'gate': (
             1.0,
             About(
-                'probability with which a good reading passes its gate; 1 for no gate',
+                'probability with which a good reading passes; 1: no gate',
                 minimum=0.5,
                 maximum=1.0,
                 live=True,
@@ -109,7 +111,7 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
     model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
     system, built = _system(values)
     listed = Option('sensors', list(system.sensors) or [''], About('names of the sensors'))
-    filter = Option('filter', system.filter, About(f'the filter: {", ".join(FILTERS)}'))
+    filter = Option('filter', system.filter, About(_either(FILTERS)))
     found = {option.name: option for option in (model, listed, filter)}
     found.update({option.name: option for option in options_of(_shared)})
     for option in options_of(system.build, 'model_parameters.'):
@@ -136,6 +138,12 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
     for name, (default, meaning) in vectors.items():
         found[name] = Option(name, list(default), About(meaning))
     return found
+
+
+def _either(names: Iterable[str]) -> str:
+    """Return names in words, with an "or" before the last."""
+    *others, last = names
+    return f'{", ".join(others)} or {last}'
 
 
 def sensor_names(value: Value) -> list[str]:
@@ -166,12 +174,12 @@ def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
 def _system(values: Mapping[str, Any]) -> tuple[System, Model]:
     """Return the system that is spoken of, wired by name if its parameters change its states."""
     model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
-    system = models.system(str(model.check(values.get('model', model.default))))
+    system = system_of(str(model.check(values.get('model', model.default))))
     built = model_of(system, section(values, 'model_parameters'))
     sizes = len(system.state.fields), len(system.input.fields)
     if sizes == (built.state.size, built.input.size):
         return system, built
-    return models.by_name(system.build, built), built
+    return by_name(system.build, built), built
 
 
 def section(values: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from rclpy.serialization import deserialize_message, serialize_message
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
-from kalman_ros import models
 from kalman_ros.codecs import wire
 from kalman_ros.codecs.messages import (
     UndecodableError,
@@ -30,8 +29,9 @@ from kalman_ros.codecs.signal_codec import SignalCodec, named
 from kalman_ros.codecs.tick import read_tick, write_tick
 from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.core import Signal
+from kalman_ros.scenario import wiring
 
-STATE = models.system('mass_spring_damper_2d').state
+STATE = wiring.system('mass_spring_damper_2d').state
 PLAIN = {
     'odometry': STATE,
     'wrench': Signal('a', 'geometry_msgs/WrenchStamped', ('wrench.force.x', 'wrench.torque.z')),

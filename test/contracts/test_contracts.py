@@ -13,13 +13,14 @@ from kalman_ros import models, scenario, sensors
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import Gaussian, Model, Sensor, numerical_jacobian
 from kalman_ros.estimators import FILTERS, build_filter
+from kalman_ros.scenario import wiring
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.simulation.monte_carlo import consistency, truths
 
 CONFIG = Path(__file__).parents[2] / 'config'
 CONFIGS = sorted(CONFIG.glob('*.yaml'))
 MODELS = models.names()
-CASES = [(m, s) for m in MODELS for s in models.system(m).sensors]
+CASES = [(m, s) for m in MODELS for s in wiring.system(m).sensors]
 PAIRS = [(m, f) for m in MODELS for f in FILTERS]
 GENERAL = ('ekf', 'ukf', 'gaussian_sum')  # filters of any model and sensor
 
@@ -37,7 +38,7 @@ def points(model, count=5):
 
 
 def sensor_of(name, sensor):
-    system = models.system(name)
+    system = wiring.system(name)
     setup = system.sensors[sensor]
     built = sensors.build(setup.kind, system.build().state, setup.noise, setup.options)
     built.name = sensor
@@ -125,7 +126,7 @@ class TestModel:
 
     def test_the_built_in_wiring_is_whole(self, name):
         built = scenario.build({'model': name})
-        system = models.system(name)
+        system = wiring.system(name)
         assert len(system.input.fields) == built.model.input.size
         assert len(system.state.fields) == built.model.state.size
         assert built.enabled
@@ -133,7 +134,7 @@ class TestModel:
             len(option.description) > 5 for option in scenario.options({'model': name}).values()
         )
 
-    def test_the_parameter_file_is_the_built_in_wiring(self, name):
+    def test_the_parameter_file_has_the_defaults_of_the_model(self, name):
         path = CONFIG / f'{name}.yaml'
         values = from_file(path, 'plant')
         known = scenario.options({'model': name})
@@ -191,7 +192,7 @@ def test_a_linear_filter_refuses_what_is_not_linear(name, kind):
 @pytest.mark.parametrize(('name', 'kind'), SERVED)
 class TestFilter:
     def run(self, name, kind, steps=200):
-        system = models.system(name)
+        system = wiring.system(name)
         model = system.build()
         built = scenario.build({'model': name})
         filter = build_filter(kind, built.plan)
@@ -221,7 +222,7 @@ class TestFilter:
             assert np.linalg.eigvalsh(belief.covariance)[0] > -1e-13
 
     def test_beliefs_are_not_changed(self, name, kind):
-        system = models.system(name)
+        system = wiring.system(name)
         model = system.build()
         filter = build_filter(kind, scenario.build({'model': name}).plan)
         n = model.state.size
@@ -236,7 +237,7 @@ class TestFilter:
 @cache
 def started(name):
     """Return the scenario of a model that is nearly linear across its first belief."""
-    system, plan = models.system(name), plan_of(name)
+    system, plan = wiring.system(name), plan_of(name)
     chosen = {'model': name, 'rate': max(timed.rate for timed in plan.sensors.values())}
     if not plan.linear:
         chosen['initial_estimate'] = list(system.initial_state)

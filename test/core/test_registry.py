@@ -3,9 +3,10 @@ import sys
 
 import pytest
 
-from kalman_ros import models, scenario, sensors
+from kalman_ros import scenario, sensors
 from kalman_ros.core import Space
 from kalman_ros.core.registry import find
+from kalman_ros.scenario import wiring
 
 
 @pytest.mark.parametrize(
@@ -30,7 +31,9 @@ def test_a_module_that_does_not_load_is_one_line(tmp_path, monkeypatch, source, 
 MINE = """
 import sys
 from kalman_ros.core import LinearSystem, Model
-from kalman_ros.models.mass_spring_damper import SYSTEM
+from kalman_ros.scenario.wiring import system
+
+SYSTEM = system('mass_spring_damper')
 from kalman_ros.sensors.states import States
 
 called = []
@@ -67,7 +70,7 @@ def mine(tmp_path, monkeypatch):
 @pytest.mark.parametrize('name', ['bare', 'other', 'Impostor', 'called', 'Eye', 'sys'])
 def test_what_is_no_model_is_not_called(mine, name):
     with pytest.raises(ValueError, match=f"model: 'mine_own:{name}' is not a System, a Model cl"):
-        models.system(f'mine_own:{name}')
+        wiring.system(f'mine_own:{name}')
     assert not mine.called
 
 
@@ -79,8 +82,8 @@ def test_what_is_no_sensor_is_not_called(mine, name):
 
 
 def test_a_class_a_system_and_an_annotated_function_are_allowed(mine):
-    assert models.system('mine_own:SYSTEM') is mine.SYSTEM
-    assert models.system('mine_own:model').build is mine.model
+    assert wiring.system('mine_own:SYSTEM') is mine.SYSTEM
+    assert wiring.system('mine_own:model').build is mine.model
     built = sensors.build('mine_own:Eye', Space(('x',), ('m',)), [1.0], {'measures': ['x']})
     assert isinstance(built, mine.Eye)
 

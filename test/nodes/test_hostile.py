@@ -30,13 +30,13 @@ from rosidl_parser.definition import (
 )
 
 from kalman_ros.codecs.messages import message_type
-from kalman_ros.harness import executables
 from kalman_ros.harness.domain import Domain
 from kalman_ros.nodes.controller import ControllerNode
 from kalman_ros.nodes.estimator import EstimatorNode
 from kalman_ros.nodes.microphone_array import MicrophoneArrayNode
 from kalman_ros.nodes.monitor import MonitorNode
 from kalman_ros.nodes.plant import PlantNode
+from kalman_ros.scenario import shipped
 
 NODES = {
     'plant': PlantNode,
@@ -199,7 +199,7 @@ def start(monkeypatch):
         settings = [f'-p {key}:={value}'.split() for key, value in parameters.items()]
         args = ['--ros-args', *(word for pair in settings for word in pair)]
         if name in SCENARIOS:
-            args += ['--params-file', str(executables.config(SCENARIOS[name]))]
+            args += ['--params-file', str(shipped.file(SCENARIOS[name]))]
         monkeypatch.setattr(sys, 'argv', [name, *args])
         rclpy.init(args=args, domain_id=domain.id)
         nodes.append(NODES[name]())

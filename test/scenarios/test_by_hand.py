@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from terminals import Terminals
 
 from kalman_ros.codecs.messages import nanoseconds
-from kalman_ros.harness import executables
+from kalman_ros.scenario import shipped
 
 pytestmark = pytest.mark.real_time
 ORDERS = [
@@ -22,7 +22,7 @@ ORDERS = [
     ('estimator', 'plant', 'controller'),
     ('controller', 'estimator', 'plant'),
 ]
-FILE = ('--ros-args', '--params-file', str(executables.config('cart_pole')))
+FILE = ('--ros-args', '--params-file', str(shipped.file('cart_pole')))
 #: A longer pole and a calmer controller than in the file: it bears 0.1 s of delay, and so a
 #: machine that others use.
 SLOW = ('-p', 'model_parameters.length:=3.0', '-p', 'state_cost:=[10.0, 0.0, 10.0, 0.0]')

@@ -220,7 +220,9 @@ from dataclasses import replace
 from functools import wraps
 
 from kalman_ros.core import LinearSystem
-from kalman_ros.models.mass_spring_damper_2d import SYSTEM
+from kalman_ros.scenario.wiring import system
+
+SYSTEM = system('mass_spring_damper_2d')
 
 
 class Breaking(LinearSystem):

@@ -15,6 +15,7 @@ pytest.importorskip('rclpy')
 from kalman_ros.harness import executables
 from kalman_ros.harness.domain import Domain
 from kalman_ros.nodes.interruption import WATCHER
+from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file, sections
 
 LOOP = ('plant', 'estimator', 'controller', 'monitor')
@@ -211,12 +212,24 @@ def test_the_demo_says_what_is_wrong(environment, tmp_path, arguments, says):
 
 @pytest.mark.parametrize('name', NODES)
 def test_every_node_has_help(environment, name):
-    arguments = ['--params-file', str(executables.config('sound_tracker'))]
+    arguments = ['--params-file', str(shipped.file('sound_tracker'))]
     code, output = finish(start(environment, name, '--help', '--ros-args', *arguments))
     assert code == 0
-    assert output[output.index('usage: ') :].startswith(f'usage: {name} [--ros-args')
-    assert "  model: 'bearing_tracker'\n      name of the model" in output
+    assert output[output.index('usage: ') :].startswith(f'usage: {name} --ros-args [')
+    assert "  model: 'bearing_tracker'  (name of the model" in output
     assert 'Traceback' not in output
+    help = output[output.index('usage: ') :].splitlines()
+    assert max(map(len, help)) <= 80
+
+
+def test_the_help_of_the_estimator_is_about_the_estimator(environment):
+    code, output = finish(start(environment, 'estimator', '--help'))
+    help = output[output.index('usage: ') :].splitlines()
+    assert code == 0 and len(help) < 80
+    for foreign in ('dropout', 'state_cost', 'law', 'actuator', 'input_limit'):
+        assert foreign not in output
+    for own in ('SENSOR.noise*: position [0.05, 0.05]; velocity', 'window*: 1.0', "filter: 'kf'"):
+        assert own in output
 
 
 @pytest.mark.parametrize(

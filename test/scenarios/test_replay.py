@@ -11,11 +11,11 @@ from nav_msgs.msg import Odometry
 from rclpy.task import Future
 from sensor_msgs.msg import Imu
 
-from kalman_ros import models
 from kalman_ros.codecs.messages import message_type, nanoseconds
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.harness import Run
 from kalman_ros.nodes.topics import QUEUE
+from kalman_ros.scenario import wiring
 
 
 class Player:
@@ -48,7 +48,7 @@ class Player:
 
 def alone(model, **parameters):
     """Return a run of the estimator alone, in which no reading may get lost on its way."""
-    reliable = {f'{name}.reliable': True for name in models.system(model).sensors}
+    reliable = {f'{name}.reliable': True for name in wiring.system(model).sensors}
     return Run(model, {**reliable, **parameters}, lockstep=False, nodes=('estimator',))
 
 

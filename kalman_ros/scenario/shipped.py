@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameter files that come with the package: the one source of how its models are wired."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from kalman_ros.core import refuse_unknown
+
+PACKAGE = 'kalman_ros'
+
+
+@lru_cache(maxsize=1)
+def folder() -> Path:
+    """Return the folder of the files: beside the sources, or in an installation's ``share``.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    package = Path(__file__).resolve().parents[1]
+    installed = [above / 'share' / PACKAGE / 'config' for above in package.parents]
+    for place in (package.parent / 'config', *installed):
+        if any(place.glob('*.yaml')):
+            return place
+    raise ValueError(f'{PACKAGE} is installed without its parameter files, share/{PACKAGE}/config')
+
+
+def names() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    return sorted(path.stem for path in folder().glob('*.yaml'))
+
+
+def file(scenario: str | Path) -> Path:
+    """Return the parameter file of a scenario: a name of ours, or the path of a YAML file.
+
+    Raises
+    ------
+    ValueError
+        If there is none, with the name that may be meant.
+    """
+    if str(scenario).endswith(('.yaml', '.yml')):
+        path = Path(scenario)
+        if not path.is_file():
+            raise ValueError(f"scenario: no file '{scenario}'")
+        return path.resolve()
+    refuse_unknown([str(scenario)], names(), 'scenario')
+    return folder() / f'{scenario}.yaml'

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a model is wired unless it is told otherwise: its sensors, topics, fields, costs, beliefs.
+
+Of a model that comes with the package, ``config/NAME.yaml`` says it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+from kalman_ros import models
+from kalman_ros.core import LinearSystem, Model, SensorSetup, Signal, System
+from kalman_ros.core.system import NO_INPUT
+
+from . import shipped
+from .parameter_files import from_file
+
+
+def system(name: str) -> System:
+    """Return the system of ``name``: a model that comes with the package, or one's own.
+
+    ``package.module:Name`` may name a `System`, a subclass of `Model`, or a function that is
+    annotated to return one; the last two are wired by the names of their states and inputs.
+    Nothing else is called.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or it is none of the three.
+    """
+    found = models.find_model(name)
+    if isinstance(found, System):
+        return found
+    if ':' not in name:
+        return _shipped(name, found)
+    try:
+        model = found()
+    except TypeError as error:
+        raise ValueError(f"model: '{name}' cannot be built without arguments: {error}") from None
+    if not isinstance(model, Model):
+        raise ValueError(f"model: '{name}' gives a {type(model).__name__}, not a Model")
+    models.check_spaces(model)
+    return by_name(found, model)
+
+
+@cache
+def _shipped(name: str, build: Callable[..., Model]) -> System:
+    """Return what the parameter file of a model says to all nodes."""
+    values = from_file(shipped.file(name))
+
+    def section(of: str) -> dict[str, Any]:
+        return {
+            key.partition('.')[2]: value
+            for key, value in values.items()
+            if key.startswith(f'{of}.')
+        }
+
+    def vector(key: str) -> tuple[float, ...]:
+        return tuple(map(float, values.get(key, ())))
+
+    return System(
+        build=build,
+        sensors={sensor: _sensor(section(sensor)) for sensor in values['sensors']},
+        state=_signal(section('state')),
+        input=_signal(section('input')) if 'input.topic' in values else NO_INPUT,
+        state_cost=vector('state_cost'),
+        input_cost=vector('input_cost'),
+        initial_state=vector('initial_state'),
+        initial_std=vector('initial_std'),
+        initial_estimate=vector('initial_estimate'),
+        filter=values.get('filter', 'kf'),
+    )
+
+
+#: What of a sensor's values is its signal.
+_WIRE = {'topic', 'type', 'fields', 'covariance'}
+
+
+def _sensor(values: dict[str, Any]) -> SensorSetup:
+    wire = {key: values.pop(key) for key in _WIRE & values.keys()}
+    return SensorSetup(
+        kind=values.pop('kind'),
+        signal=_signal(wire),
+        noise=tuple(map(float, values.pop('noise'))),
+        rate=float(values.pop('rate')),
+        enabled=values.pop('enabled', True),
+        options=values,
+    )
+
+
+def _signal(values: Mapping[str, Any]) -> Signal:
+    return Signal(**{**values, 'fields': tuple(values['fields'])})
+
+
+def by_name(build: Callable[..., Model], model: Model) -> System:
+    """Return the wiring of a model by the names of its states and inputs, without sensors.
+
+    States go by ``sensor_msgs/JointState``, inputs by ``std_msgs/Float64MultiArray``; costs and
+    initial deviations are ones.
+    """
+    n, m = model.state.size, model.input.size
+    positions = tuple(f'position[{name}]' for name in model.state.names)
+    elements = tuple(f'data[{index}]' for index in range(m))
+    return System(
+        build=build,
+        sensors={},
+        state=Signal('estimate', 'sensor_msgs/JointState', positions),
+        input=Signal('command', 'std_msgs/Float64MultiArray', elements),
+        state_cost=(1.0,) * n,
+        input_cost=(1.0,) * m,
+        initial_state=(0.0,) * n,
+        initial_std=(1.0,) * n,
+        filter='kf' if isinstance(model, LinearSystem) else 'ekf',
+    )
