@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the estimator says of itself: what became of the readings, and whether they fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+from typing import Any
+
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.scenario import Scenario
+
+from .diagnostics import Level, Report
+from .fuser import Fuser
+from .meters import Latency
+
+
+class Health:
+    """Reports on a `Fuser`; the first in its list of what is wrong is what is said.
+
+    Parameters
+    ----------
+    fuser
+        What is reported on.
+    latency
+        From the arrival of messages to the estimate.
+    warn
+        What says at once that a clock runs ahead.
+    """
+
+    def __init__(self, fuser: Fuser, latency: Latency, warn: Callable[[str], Any]) -> None:
+        self._fuser, self._latency, self._warn = fuser, latency, warn
+        #: The sensors whose clocks ran ahead when that was last looked at.
+        self._ahead: Set[str] = set()
+
+    def report(self, scenario: Scenario, published: int, *, lockstep: bool) -> Report:
+        """Return what became of the readings, and whether they scatter as expected."""
+        fuser, online, channels = self._fuser, self._fuser.online, self._fuser.channels
+        fuser.look_at_restarts()
+        values: dict[str, Any] = {}
+        for name, counts in online.counts.items():
+            values.update(channels[name].report(counts))
+        ahead = self._clocks_ahead()
+        if str(self._latency):
+            key = 'from arrival to publication, 50 / 90 / 99 % [ms]'
+            values[key] = str(self._latency)
+        topic = scenario.input.topic
+        values[f'{topic}: used'] = fuser.inputs[Outcome.FUSED]
+        values[f'{topic}: heard'] = fuser.inputs.total()
+        values['estimates published'] = published
+        values.update(fuser.observability.report(online.belief.mean))
+        values['restarts'] = online.restarts
+        values['repairs of the covariance'] = online.repairs
+        sources = scenario.sensors
+        silent = [name for name, found in channels.items() if found.silent(sources[name])]
+        doubtful = [name for name, found in channels.items() if not found.nis.inside()]
+        wrong = ahead
+        if not wrong and online.time is None:
+            wrong = self._unstarted()
+        if not wrong and silent and not lockstep:
+            wrong = f'no readings of {" and ".join(silent)} received'
+        if not wrong and online.contradicting:
+            wrong = f'{" and ".join(online.contradicting)} contradicts the sensors that agree'
+        if not wrong and doubtful:
+            wrong = f'innovations of {" and ".join(doubtful)} do not scatter as expected'
+        return (Level.WARN, wrong, values) if wrong else (Level.OK, 'consistent', values)
+
+    def _clocks_ahead(self) -> str:
+        """Return which sensors' stamps are ahead of the clock, and warn of new ones."""
+        ahead = {name: c.ahead for name, c in self._fuser.channels.items() if c.ahead}
+        which = ' and '.join(f'{name} by {lead:.2g} s' for name, lead in ahead.items())
+        words = f'stamps are ahead of the clock: {which}' if ahead else ''
+        if ahead.keys() - self._ahead:
+            self._warn(words)
+        self._ahead = ahead.keys()
+        return words
+
+    def _unstarted(self) -> str:
+        """Return why there is no estimate yet."""
+        channels = self._fuser.channels
+        dropped = [
+            f'{count} of {name} {outcome.value}'
+            + (f' ({channels[name].trouble})' if outcome is Outcome.WRONG_SIZE else '')
+            for name, counts in self._fuser.online.counts.items()
+            for outcome, count in counts.items()
+            if count
+        ]
+        if not dropped:
+            return 'no readings received'
+        return f'no reading could be used: {", ".join(dropped)}'

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What makes an estimator take in messages: that they come, or that a step of the plant is whole.
+
+Both listen to the sensors and to the input, fuse what has come, and publish what is believed then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from time import monotonic
+from typing import Any
+
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
+from sensor_msgs.msg import TimeReference
+
+from kalman_ros.codecs.layout import Sample
+from kalman_ros.codecs.tick import read_tick
+from kalman_ros.scenario import Scenario
+
+from .channel import Channel, SensorChannel
+from .fuser import Come, Fuser
+from .meeting import Meeting
+from .meters import Latency
+from .topics import QUEUE, sensor_queue
+from .turns import Turns
+
+#: No clock is published so out of order; less is as good as no jump.
+_BACK = Duration(seconds=-0.1)
+#: The most innovations that are published at once in real time.
+_TOLD = 8
+
+
+class RealTimeIntake:
+    """Fuses messages as they come, of every topic, and publishes once what is believed then.
+
+    As long as nothing waits, that is reading by reading. When more comes than there is time for,
+    estimates become fewer, not old.
+
+    Parameters
+    ----------
+    node
+        The estimator's node.
+    fuser
+        What makes a belief of messages.
+    latency
+        Of what has come, until it is published.
+    """
+
+    def __init__(self, node: Any, fuser: Fuser, latency: Latency) -> None:
+        self._node: Any = node
+        self._fuser, self._latency = fuser, latency
+        self._told = -1
+        self._meeting = Meeting(self._hears_input)
+        for channel in fuser.channels.values():
+            reliable = self._scenario.sensors[channel.name].reliable
+            _listen(
+                node, channel, partial(self._on_message, channel), sensor_queue(reliable=reliable)
+            )
+        if self._scenario.input.fields:
+            _listen(node, fuser.input, partial(self._on_message, fuser.input), QUEUE)
+        back = JumpThreshold(min_forward=None, min_backward=_BACK, on_clock_change=False)
+        watch = node.get_clock().create_jump_callback(back, post_callback=self._on_clock_back)
+        node.at_the_end(watch.unregister)
+        if node.options.publish_rate:
+            node.create_timer(1.0 / node.options.publish_rate, self._publish_now)
+
+    @property
+    def _scenario(self) -> Scenario:
+        scenario: Scenario = self._node.scenario
+        return scenario
+
+    def _now(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
+
+    def _hears_input(self) -> bool:
+        """Tell whether what sets the state in motion is heard: else it would move unnoticed."""
+        resting = self._node.options.rest_until_input and not self._fuser.inputs.total()
+        subscription = self._fuser.input.subscription
+        return not resting or subscription is None or subscription.get_publisher_count() > 0
+
+    def _on_message(self, first: Channel, data: bytes) -> None:
+        came, fuser = monotonic(), self._fuser
+        come = list(self._readings_come(first, data))
+        # no input waits long behind a single reading
+        if first is fuser.input or len(come) > 1:
+            come += self._inputs_come(first, data)
+        now, began = self._now() or None, monotonic()
+        corrections = fuser.fuse(come, now)
+        if not corrections or not self._meeting.over:
+            return
+        online = fuser.online
+        if online.time is not None and not self._node.options.publish_rate:
+            self._node.publish(online.time, online.belief)
+            done = monotonic()
+            self._latency.add(done - came)
+            for channel, time, _ in corrections:
+                channel.age.add(((now or time) - time) * 1e-9 + done - began)
+        fuser.tell(corrections, _TOLD)
+
+    def _readings_come(self, first: Channel, data: bytes) -> Iterator[Come]:
+        """Yield the readings that have come, after ``data`` of what woke the node."""
+        now = self._now()
+        for name, channel in self._fuser.channels.items():
+            source = self._scenario.sensors[name]
+            messages, missed = channel.take([data] if channel is first else [])
+            if source.timed.enabled:
+                self._fuser.overrun(channel, missed)
+                read = partial(channel.read, source=source)
+                for message in messages:
+                    reading = self._node.intake(channel.topic, read, message)
+                    if reading is None:
+                        continue
+                    time = reading.time or now
+                    if now:  # simulated time may not have begun
+                        channel.measure_lead(time, now)
+                    yield Come(time, channel, reading)
+
+    def _inputs_come(self, first: Channel, data: bytes) -> Iterator[Come]:
+        """Yield the inputs that have come, after ``data`` of what woke the node."""
+        channel = self._fuser.input
+        if channel.subscription is None:
+            return
+        messages, missed = channel.take([data] if channel is first else [])
+        self._fuser.overrun(channel, missed)
+        for message in messages:
+            input = self._node.intake(channel.topic, self._fuser.read_input, message)
+            if input is not None:
+                yield Come(input.time or self._now(), channel, input)
+
+    def _publish_now(self) -> None:
+        online = self._fuser.online
+        if online.time is None:
+            return
+        time = max(self._now(), online.time)
+        if time != self._told:  # simulated time may rest between two ticks of a timer
+            self._told = time
+            self._node.publish(time, online.predicted(time))
+
+    def _on_clock_back(self, jump: Any) -> None:
+        """Start anew when simulated time goes back, as that of a bag that is played again."""
+        back = -jump.delta.nanoseconds * 1e-9
+        self._node.get_logger().warning(f'the clock went back by {back:.3g} s: restarting')
+        self._fuser.restart()
+
+
+class LockstepIntake:
+    """Fuses a step of the plant when all that its tick names has come, and answers each step.
+
+    Parameters
+    ----------
+    node
+        The estimator's node.
+    fuser
+        What makes a belief of messages.
+    """
+
+    def __init__(self, node: Any, fuser: Fuser) -> None:
+        self._node: Any = node
+        self._fuser = fuser
+        scenario: Scenario = node.scenario
+        topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
+        driven = bool(scenario.input.fields)
+        self._turns = Turns(topics, answered=driven)
+        for channel in fuser.channels.values():
+            _listen(node, channel, partial(self._on_reading, channel), QUEUE)
+        if driven:
+            _listen(node, fuser.input, self._on_input, QUEUE)
+        node.create_subscription(TimeReference, 'tick', self._on_tick, QUEUE, raw=True)
+
+    def _on_reading(self, channel: SensorChannel, data: bytes) -> None:
+        source = self._node.scenario.sensors[channel.name]
+        if source.timed.enabled:
+            reading = channel.read(data, source)
+            self._turns.reading(channel.name, reading.time, reading)
+            self._take_turns()
+
+    def _on_input(self, data: bytes) -> None:
+        input = self._fuser.read_input(data)
+        if input is not None:
+            self._turns.input(input.time, input.values)
+            self._take_turns()
+
+    def _on_tick(self, data: bytes) -> None:
+        time, topics = read_tick(data)
+        asked_again = self._turns.waits_for(time)
+        if self._turns.tick(time, topics):
+            self._node.get_logger().info('time went back: restarting')
+            self._fuser.restart()
+        self._take_turns()
+        unanswered = self._turns.unanswered
+        if asked_again and unanswered is not None:
+            # the input that answered it was lost on its way to here: have it said again
+            self._node.publish(unanswered, self._fuser.online.predicted(unanswered))
+
+    def _take_turns(self) -> None:
+        fuser = self._fuser
+        for turn in self._turns.complete():
+            come = [
+                Come(y.time or turn.time, fuser.channels[name], y) for name, y in turn.readings
+            ]
+            if turn.input is not None:
+                time, u = turn.input
+                come.append(Come(time, fuser.input, Sample(time, u, None)))
+            corrections = fuser.fuse(come)
+            self._node.publish(turn.time, fuser.online.predicted(turn.time))
+            fuser.tell(corrections)
+
+
+def _listen(node: Any, channel: Any, callback: Any, queue: Any) -> None:
+    """Subscribe to a channel's topic, and expect somebody to publish there if it is read."""
+    scenario: Scenario = node.scenario
+    source = None if channel.name is None else scenario.sensors[channel.name]
+    signal = scenario.input if source is None else source.signal
+    channel.subscription = node.create_subscription(
+        channel.message_type, signal.topic, callback, queue, raw=True
+    )
+    if source is None or source.timed.enabled:
+        node.diagnostics.connections.expect(channel.subscription)
