@@ -54,10 +54,8 @@ class RealTimeIntake:
         self._told = -1
         self._meeting = Meeting(self._hears_input)
         for channel in fuser.channels.values():
-            reliable = self._scenario.sensors[channel.name].reliable
-            _listen(
-                node, channel, partial(self._on_message, channel), sensor_queue(reliable=reliable)
-            )
+            queue = sensor_queue(reliable=self._scenario.sensors[channel.name].reliable)
+            _listen(node, channel, partial(self._on_message, channel), queue)
         if self._scenario.input.fields:
             _listen(node, fuser.input, partial(self._on_message, fuser.input), QUEUE)
         back = JumpThreshold(min_forward=None, min_backward=_BACK, on_clock_change=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from os.path import commonprefix
 from textwrap import fill
 from typing import Any
 
@@ -38,9 +37,10 @@ def usage(node: Any) -> str:
         for key, told in entries.items():
             descriptors = node.describe_parameters(list(told))
             mark = '' if descriptors[0].read_only else '*'
-            # of the state and of the input: what both descriptions begin with
-            meaning = commonprefix([each.description for each in descriptors])
-            lines.append(_entry(f'{key}{mark}: {_merged(told)}', meaning.removesuffix(' of the ')))
+            meaning = descriptors[0].description
+            if len({each.description for each in descriptors}) > 1:  # of the state and the input
+                meaning = meaning.partition(' of the ')[0]
+            lines.append(_entry(f'{key}{mark}: {_merged(told)}', meaning))
     return '\n'.join(lines)
 
 
