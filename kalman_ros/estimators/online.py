@@ -13,11 +13,8 @@ what follows is done again once.
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from math import inf, isfinite
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,65 +25,11 @@ from kalman_ros.linear.kernels import is_definite
 from . import agreement
 from .correction import Correction
 from .filter import Filter
+from .gate import Gate
 from .outcome import Outcome
 from .policy import Policy
 from .start import taken_at_its_word
-
-
-class _State(NamedTuple):
-    """The belief at a time, the input in effect from then on, and what each sensor says of it.
-
-    The input is None as long as the system is at rest. ``repairs`` counts how often, on the way
-    here, a covariance lost its definiteness to rounding and was given it back.
-    """
-
-    time: int | None
-    belief: Gaussian
-    u: Array | None
-    records: agreement.Records
-    repairs: int = 0
-
-
-class Arrival(NamedTuple):
-    """A reading (k,) of a sensor, or an input (m,) with the ``source`` None, and its stamp.
-
-    ``covariance`` (k, k) is the reading's own, if it came with one.
-    """
-
-    source: str | None
-    time: int
-    values: Array
-    covariance: Array | None = None
-
-
-class _Item:
-    """A reading, or an input (``sensor`` None), and where it left the estimator.
-
-    It keeps the filter that there was when it came, as it does the sensor. A reading has no
-    outcome before it is taken in.
-    """
-
-    __slots__ = (
-        'after', 'correction', 'filter', 'key', 'outcome', 'restarted', 'sensor', 'value'
-    )  # fmt: skip
-
-    def __init__(
-        self, key: tuple[int, int], value: Array, sensor: Sensor | None, filter: Filter
-    ) -> None:
-        self.key = key
-        self.value = value
-        self.sensor = sensor
-        self.filter = filter
-        self.outcome: Outcome | None = None if sensor else Outcome.FUSED
-        self.restarted = False
-        self.correction: Correction | None = None
-        self.after: _State
-
-    @property
-    def fate(self) -> tuple[Outcome, Correction | None]:
-        """What became of it, once it is taken in."""
-        assert self.outcome is not None
-        return self.outcome, self.correction
+from .timeline import Arrival, Item, State, Timeline
 
 
 class OnlineEstimator:
@@ -129,7 +72,7 @@ class OnlineEstimator:
         self._policy = policy
         self._window = round(policy.window * 1e9)
         self._max_gap = round(policy.max_gap * 1e9)
-        self._gates = {self._order[name]: gate for name, gate in (policy.gates or {}).items()}
+        self._gate = Gate({name: sensors[name] for name in self._order}, policy)
         self._with_covariance: dict[str, tuple[bytes, Sensor]] = {}
 
     def reset(self, belief: Gaussian) -> None:
@@ -137,10 +80,7 @@ class OnlineEstimator:
         self._initial = belief
         first = None if self._policy.rest_until_input else self._zero
         records = (agreement.Record(),) * len(self._order)
-        self._base = _State(None, belief, first, records)
-        self._items: list[_Item] = []
-        #: So many of the items, from the oldest on, are taken in.
-        self._settled = 0
+        self._timeline = Timeline(State(None, belief, first, records))
         self._old_in_a_row = 0
 
     def restart(self) -> None:
@@ -150,8 +90,8 @@ class OnlineEstimator:
         self.reset(self._initial)
 
     @property
-    def _head(self) -> _State:
-        return self._items[-1].after if self._items else self._base
+    def _head(self) -> State:
+        return self._timeline.head
 
     @property
     def time(self) -> int | None:
@@ -215,13 +155,13 @@ class OnlineEstimator:
         """
         found = [self._place(arrival, now) for arrival in arrivals]
         self._settle()
-        return [each.fate if isinstance(each, _Item) else (each, None) for each in found]
+        return [each.fate if isinstance(each, Item) else (each, None) for each in found]
 
-    def _place(self, arrival: Arrival, now: int | None) -> _Item | Outcome:
+    def _place(self, arrival: Arrival, now: int | None) -> Item | Outcome:
         """Put what came in its place and return it; or count it, and return why it is refused."""
         found = self._checked(arrival, now)
-        if isinstance(found, _Item):
-            refused = self._insert(found)
+        if isinstance(found, Item):
+            refused = self._timeline.insert(found, self._window)
             if arrival.source is not None:
                 refused = self._restarted_for(found, refused)
             if refused is None:
@@ -231,7 +171,7 @@ class OnlineEstimator:
             self.counts[arrival.source][found] += 1
         return found
 
-    def _checked(self, arrival: Arrival, now: int | None) -> _Item | Outcome:
+    def _checked(self, arrival: Arrival, now: int | None) -> Item | Outcome:
         """Return an item of what came, or what is wrong with it."""
         name, time, values, covariance = arrival
         sensor = None if name is None else self._sensors[name]
@@ -246,9 +186,9 @@ class OnlineEstimator:
         if now is not None and time - now > self._policy.future_tolerance * 1e9:
             return Outcome.FUTURE
         order = len(self._order) if name is None else self._order[name]
-        return _Item((time, order), values, sensor, self._filter)
+        return Item((time, order), values, sensor, self._filter)
 
-    def _restarted_for(self, item: _Item, refused: Outcome | None) -> Outcome | None:
+    def _restarted_for(self, item: Item, refused: Outcome | None) -> Outcome | None:
         """Restart with a reading if too many in a row were too old; return why it is refused."""
         if refused is not Outcome.TOO_OLD:
             self._old_in_a_row = 0
@@ -257,7 +197,7 @@ class OnlineEstimator:
         if self._old_in_a_row != self._policy.restart_after:
             return refused
         self.restart()
-        return self._insert(item)
+        return self._timeline.insert(item, self._window)
 
     def _noisy(self, name: str, covariance: Array) -> Sensor | None:
         """Return the sensor with this noise, None if it is no covariance; the last is kept."""
@@ -272,57 +212,17 @@ class OnlineEstimator:
         self._with_covariance[name] = (key, sensor)
         return sensor
 
-    def _insert(self, item: _Item) -> Outcome | None:
-        """Put an item in its place; return why if there is none for it."""
-        items = self._items
-        if not items or item.key > items[-1].key:
-            items.append(item)
-            return None
-        time, base = item.key[0], self._base.time
-        # before the base there may be nothing though the window has become wider
-        if time < items[-1].key[0] - self._window or (base is not None and time < base):
-            return Outcome.TOO_OLD
-        index = bisect_left(items, item.key, key=lambda other: other.key)
-        if items[index].key == item.key:
-            if item.sensor is not None or np.array_equal(items[index].value, item.value):
-                return Outcome.DUPLICATE
-            del items[index]
-        items.insert(index, item)
-        self._settled = min(self._settled, index)
-        return None
-
     def _settle(self) -> None:
-        """Take in what was put in its place, and again what follows; keep account of readings."""
-        items, start = self._items, self._settled
-        state = items[start - 1].after if start else self._base
-        for item in items[start:]:
-            before = item.outcome
-            try:
-                state = self._process(item, state)
-            except Exception:  # of a model that raises: the others stay
-                del items[self._settled]
-                raise
-            self._settled += 1
+        """Take in what was put in its place; keep account of readings."""
+        for item, before in self._timeline.settle(self._process):
             if item.outcome is not before:
                 counts = self.counts[self._names[item.key[1]]]
                 counts[item.fate[0]] += 1
                 if before is not None:
                     counts[before] -= 1
-        self._forget()
+        self._timeline.forget(self._window)
 
-    def _forget(self) -> None:
-        """Drop what is older than the window; the last of it becomes the base."""
-        items = self._items
-        oldest = items[-1].key[0] - self._window if items else 0
-        gone = 0
-        while gone < len(items) - 1 and items[gone].key[0] < oldest:
-            gone += 1
-        if gone > 16 or (gone and self._window == 0):
-            self._base = items[gone - 1].after
-            del items[:gone]
-            self._settled -= gone
-
-    def _predict(self, state: _State, time: int, filter: Filter) -> tuple[Gaussian, int]:
+    def _predict(self, state: State, time: int, filter: Filter) -> tuple[Gaussian, int]:
         """Return the belief at ``time``, and how often it was repaired on the way there.
 
         It is the initial one if the old is worth nothing by then.
@@ -336,7 +236,7 @@ class OnlineEstimator:
         except np.linalg.LinAlgError:
             return self._initial, 0
 
-    def _process(self, item: _Item, state: _State) -> _State:
+    def _process(self, item: Item, state: State) -> State:
         """Bring ``state`` to the item's time and take the item in."""
         time, order = item.key
         belief, repairs = self._predict(state, time, item.filter)
@@ -345,68 +245,23 @@ class OnlineEstimator:
             item.restarted = True
             self.restarts += 1
         if item.sensor is None:
-            item.after = _State(time, belief, item.value, state.records, repairs)
+            item.after = State(time, belief, item.value, state.records, repairs)
             return item.after
         records = state.records
         try:
             first = state.time is None and self._policy.from_reading
             start = taken_at_its_word(belief, item.value, item.sensor) if first else belief
-            item.outcome, item.correction, records = self._correct(start, item, records)
+            item.outcome, item.correction, records = self._gate(
+                item.filter, start, item.value, item.sensor, item.key, records
+            )
             if item.outcome.accepted:
                 belief, repaired = _committed(item.correction.posterior)
                 repairs += repaired
         except np.linalg.LinAlgError:
             item.outcome, item.correction = Outcome.INDEFINITE, None
             records = agreement.replaced(records, order, records[order].after(time, None))
-        item.after = _State(time, belief, state.u, records, repairs)
+        item.after = State(time, belief, state.u, records, repairs)
         return item.after
-
-    def _correct(
-        self, belief: Gaussian, item: _Item, records: agreement.Records
-    ) -> tuple[Outcome, Correction, agreement.Records]:
-        """Correct by a reading, or reject it; after too many rejections, make it pass."""
-        assert item.sensor is not None
-        time, order = item.key
-        correction = item.filter.correct(belief, item.value, item.sensor)
-        gate = self._gates.get(order)
-        if gate is None or correction.nis <= gate:
-            records = agreement.replaced(records, order, records[order].after(time, True))
-            return Outcome.FUSED, correction, records
-        if not isfinite(correction.nis):
-            raise np.linalg.LinAlgError('the innovation is not finite')
-        records = agreement.replaced(records, order, records[order].after(time, False))
-        needed = self._policy.recover_after
-        if not needed or sum(record.rejections for record in records) < needed:
-            return Outcome.REJECTED, correction, records
-        seen = agreement.seen_states(self._sensors, belief)
-        found = agreement.judge(records, seen, order, needed, self._max_gap or inf)
-        refused = records[order].rejections >= needed and bool(np.any(found.vouched & seen[order]))
-        rejected = Outcome.OUTVOTED if refused else Outcome.REJECTED
-        if found.outvoted or not found.enough:
-            return rejected, correction, records
-        recovered = self._widened(belief, item, found.vouched, gate)
-        if recovered is None:
-            return rejected, correction, records
-        return Outcome.RECOVERED, recovered, agreement.forgiven(records, seen, ~found.vouched)
-
-    @staticmethod
-    def _widened(
-        belief: Gaussian, item: _Item, vouched: agreement.Mask, gate: float
-    ) -> Correction | None:
-        """Return the correction by a reading that passes once other states are less certain."""
-        assert item.sensor is not None
-        factor = np.where(vouched, 1.0, 2.0)
-        for _ in range(_MOST_WIDENINGS):
-            covariance = np.outer(factor, factor) * belief.covariance
-            belief = belief._replace(covariance=covariance)
-            correction = item.filter.correct(belief, item.value, item.sensor)
-            if correction.nis <= gate:
-                return correction
-        return None
-
-
-#: Fourfold each time, this widens standard deviations by up to a million.
-_MOST_WIDENINGS = 20
 
 
 def _is_covariance(R: Array, size: int) -> bool:

@@ -12,8 +12,9 @@ from kalman_ros.analysis.local_observability import ObservabilityMeter
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Array, Gaussian
 from kalman_ros.estimators.correction import Correction
-from kalman_ros.estimators.online import Arrival, OnlineEstimator
+from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario import Scenario
 
 from .channel import Channel, InputChannel, SensorChannel

@@ -143,7 +143,7 @@ def test_no_more_is_kept_than_the_window_asks_for():
         online = estimator(window=window)
         for k in range(200):
             feed(online, ('position', SECOND + k * 20_000_000, 0.0))
-        assert len(online._items) <= most
+        assert len(online._timeline._items) <= most
 
 
 @pytest.mark.parametrize('recover_after', [1, 2, 5])

@@ -6,9 +6,10 @@ import pytest
 
 from kalman_ros.core import Gaussian, LinearSystem, Space
 from kalman_ros.estimators.kf import KalmanFilter
-from kalman_ros.estimators.online import Arrival, OnlineEstimator
+from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
+from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.sensors.linear import Linear
 
 MS = 1_000_000

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The gate: whether a reading corrects the belief or is rejected, and a way out of mistakes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf, isfinite
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Sensor
+
+from . import agreement
+from .correction import Correction
+from .filter import Filter
+from .outcome import Outcome
+from .policy import Policy
+
+#: Fourfold each time, this widens standard deviations by up to a million.
+_MOST_WIDENINGS = 20
+
+
+class Gate:
+    """Corrects a belief by a reading, or rejects it; after too many rejections, makes it pass.
+
+    Parameters
+    ----------
+    sensors
+        By name, in the order that ``records`` have.
+    policy
+        The largest NIS of a reading by sensor, and after how many rejections to recover.
+    """
+
+    def __init__(self, sensors: Mapping[str, Sensor], policy: Policy) -> None:
+        order = {name: index for index, name in enumerate(sensors)}
+        self._sensors = dict(sensors)
+        self._gates = {order[name]: gate for name, gate in (policy.gates or {}).items()}
+        self._needed = policy.recover_after
+        self._memory = round(policy.max_gap * 1e9) or inf
+
+    def __call__(
+        self,
+        filter: Filter,
+        belief: Gaussian,
+        y: Array,
+        sensor: Sensor,
+        at: tuple[int, int],
+        records: agreement.Records,
+    ) -> tuple[Outcome, Correction, agreement.Records]:
+        """Return what becomes of a reading ``y`` (k,), and what the sensors say of the belief now.
+
+        Parameters
+        ----------
+        filter, belief
+            What corrects, and what is believed before.
+        y, sensor
+            The reading, and how it sees the state.
+        at
+            Its time in nanoseconds, and the place of its sensor among all.
+        records
+            What each sensor said before.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If there is no correction.
+        """
+        time, order = at
+        correction = filter.correct(belief, y, sensor)
+        gate = self._gates.get(order)
+        if gate is None or correction.nis <= gate:
+            records = agreement.replaced(records, order, records[order].after(time, True))
+            return Outcome.FUSED, correction, records
+        if not isfinite(correction.nis):
+            raise np.linalg.LinAlgError('the innovation is not finite')
+        records = agreement.replaced(records, order, records[order].after(time, False))
+        needed = self._needed
+        if not needed or sum(record.rejections for record in records) < needed:
+            return Outcome.REJECTED, correction, records
+        seen = agreement.seen_states(self._sensors, belief)
+        found = agreement.judge(records, seen, order, needed, self._memory)
+        refused = records[order].rejections >= needed and bool(np.any(found.vouched & seen[order]))
+        rejected = Outcome.OUTVOTED if refused else Outcome.REJECTED
+        if found.outvoted or not found.enough:
+            return rejected, correction, records
+        recovered = _widened(filter, belief, y, sensor, found.vouched, gate)
+        if recovered is None:
+            return rejected, correction, records
+        return Outcome.RECOVERED, recovered, agreement.forgiven(records, seen, ~found.vouched)
+
+
+def _widened(
+    filter: Filter,
+    belief: Gaussian,
+    y: Array,
+    sensor: Sensor,
+    vouched: agreement.Mask,
+    gate: float,
+) -> Correction | None:
+    """Return the correction by a reading that passes once other states are less certain."""
+    factor = np.where(vouched, 1.0, 2.0)
+    for _ in range(_MOST_WIDENINGS):
+        covariance = np.outer(factor, factor) * belief.covariance
+        belief = belief._replace(covariance=covariance)
+        correction = filter.correct(belief, y, sensor)
+        if correction.nis <= gate:
+            return correction
+    return None

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What came within a window, in the order of the stamps, with where each left the estimator."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Sensor
+
+from . import agreement
+from .correction import Correction
+from .filter import Filter
+from .outcome import Outcome
+
+
+class State(NamedTuple):
+    """The belief at a time, the input in effect from then on, and what each sensor says of it.
+
+    The input is None as long as the system is at rest. ``repairs`` counts how often, on the way
+    here, a covariance lost its definiteness to rounding and was given it back.
+    """
+
+    time: int | None
+    belief: Gaussian
+    u: Array | None
+    records: agreement.Records
+    repairs: int = 0
+
+
+class Arrival(NamedTuple):
+    """A reading (k,) of a sensor, or an input (m,) with the ``source`` None, and its stamp.
+
+    ``covariance`` (k, k) is the reading's own, if it came with one.
+    """
+
+    source: str | None
+    time: int
+    values: Array
+    covariance: Array | None = None
+
+
+class Item:
+    """A reading, or an input (``sensor`` None), and where it left the estimator.
+
+    It keeps the filter that there was when it came, as it does the sensor. A reading has no
+    outcome before it is taken in.
+    """
+
+    __slots__ = (
+        'after', 'correction', 'filter', 'key', 'outcome', 'restarted', 'sensor', 'value'
+    )  # fmt: skip
+
+    def __init__(
+        self, key: tuple[int, int], value: Array, sensor: Sensor | None, filter: Filter
+    ) -> None:
+        self.key = key
+        self.value = value
+        self.sensor = sensor
+        self.filter = filter
+        self.outcome: Outcome | None = None if sensor else Outcome.FUSED
+        self.restarted = False
+        self.correction: Correction | None = None
+        self.after: State
+
+    @property
+    def fate(self) -> tuple[Outcome, Correction | None]:
+        """What became of it, once it is taken in."""
+        assert self.outcome is not None
+        return self.outcome, self.correction
+
+
+class Timeline:
+    """Items in the order of their stamps, whenever they came.
+
+    Parameters
+    ----------
+    base
+        Where the estimator was before the first.
+    """
+
+    def __init__(self, base: State) -> None:
+        self._base = base
+        self._items: list[Item] = []
+        #: So many of the items, from the oldest on, are taken in.
+        self._settled = 0
+
+    @property
+    def head(self) -> State:
+        """Where the newest item left the estimator."""
+        return self._items[-1].after if self._items else self._base
+
+    def insert(self, item: Item, window: int) -> Outcome | None:
+        """Put an item in its place; return why if there is none for it.
+
+        ``window``, in nanoseconds, is how much older it may be than the newest one.
+        """
+        items = self._items
+        if not items or item.key > items[-1].key:
+            items.append(item)
+            return None
+        time, base = item.key[0], self._base.time
+        # before the base there may be nothing though the window has become wider
+        if time < items[-1].key[0] - window or (base is not None and time < base):
+            return Outcome.TOO_OLD
+        index = bisect_left(items, item.key, key=lambda other: other.key)
+        if items[index].key == item.key:
+            if item.sensor is not None or np.array_equal(items[index].value, item.value):
+                return Outcome.DUPLICATE
+            del items[index]
+        items.insert(index, item)
+        self._settled = min(self._settled, index)
+        return None
+
+    def settle(
+        self, take_in: Callable[[Item, State], State]
+    ) -> Iterator[tuple[Item, Outcome | None]]:
+        """Take in what was put in its place, and again what follows.
+
+        Yields each of these items with the outcome that it had before.
+        """
+        items, start = self._items, self._settled
+        state = items[start - 1].after if start else self._base
+        for item in items[start:]:
+            before = item.outcome
+            try:
+                state = take_in(item, state)
+            except Exception:  # of a model that raises: the others stay
+                del items[self._settled]
+                raise
+            self._settled += 1
+            yield item, before
+
+    def forget(self, window: int) -> None:
+        """Drop what is older than the window; the last of it becomes the base."""
+        items = self._items
+        oldest = items[-1].key[0] - window if items else 0
+        gone = 0
+        while gone < len(items) - 1 and items[gone].key[0] < oldest:
+            gone += 1
+        if gone > 16 or (gone and window == 0):
+            self._base = items[gone - 1].after
+            del items[:gone]
+            self._settled -= gone
