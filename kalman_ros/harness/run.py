@@ -4,20 +4,13 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
-from rclpy.task import Future
+from diagnostic_msgs.msg import DiagnosticStatus
 from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import message_type
@@ -28,30 +21,22 @@ from kalman_ros.simulation.trajectory import Trajectory
 from .cast import Cast
 from .confirmation import WINDOW, Confirmation
 from .gather import signals, trajectory
-from .interrupts import deferred
-from .process import NodeProcess
+from .node_group import NodeError, NodeGroup
 from .progress import Progress
 from .readiness import missing
 from .recorder import Recorder
-from .station import Station
 
 #: Seconds for which one look at the nodes counts at most.
 _LOOK = 0.1
 #: Seconds for the last answer where a node was killed, and may have taken it along.
 _PATIENCE = 2.0
-#: Seconds after each of which a request is sent again.
-_REPEATS = (1.0, 2.0, 4.0, 8.0, 15.0)
 #: Seconds without any message after which what is missing will not come.
 _SILENCE = 20.0
 #: Seconds without a step after which an error of the plant is final; before, it asks again.
 _STALL = 5.0
 
 
-class NodeError(RuntimeError):
-    """A node died, would not start, or did not answer; the message names it and says why."""
-
-
-class Run:
+class Run(NodeGroup):
     """The nodes of a scenario as processes, and their topics as arrays.
 
     Use as a context manager: the nodes start on entry and are gone after exit.
@@ -96,21 +81,16 @@ class Run:
         shared = {'seed': seed, 'lockstep': lockstep, 'run_until': -1.0, **(overrides or {})}
         if lockstep:
             shared.setdefault('lockstep_window', WINDOW)
-        self._cast = Cast(scenario, shared, only or {}, nodes, also or {}, remaps or {})
+        super().__init__(Cast(scenario, shared, only or {}, nodes, also or {}, remaps or {}))
         self.scenario = self._cast.scenario
         self.lockstep = lockstep
         self._record = {**signals(self.scenario), **(record or {})}
         self._progress = Progress(self.scenario)
         self._until = -1.0
-        self.processes: dict[str, NodeProcess] = {}
-        self.diagnostics: dict[str, DiagnosticStatus] = {}
         self.drained = 0.0
-        #: Whether a node was killed or has died: what it published last nobody knows.
-        self._interrupted = False
 
     def __enter__(self) -> Run:
-        self._station = Station('harness', sockets=not self.lockstep)
-        self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
+        self.open(sockets=not self.lockstep)
         try:
             self._listen()
             for name in self._cast.names:
@@ -134,65 +114,13 @@ class Run:
         """The nodes that take part."""
         return self._cast.names
 
-    @property
-    def domain(self) -> int:
-        """The ROS domain that the nodes run in."""
-        return self._station.domain
-
-    @property
-    def environment(self) -> Mapping[str, str]:
-        """The environment of the nodes, for other programs that are to take part."""
-        return self._station.environment
-
     def _listen(self) -> None:
         self.recorder = Recorder(self.node, self._record)
         self.recorder.on_message = self._progress.hear
         self._confirmation: Confirmation | None = None
         if self.lockstep:
             self._confirmation = Confirmation(self.node, self.scenario, self.recorder)
-        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
-        self._clients: dict[str, Any] = {}
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            self.diagnostics[status.name] = status
-
-    def start(self, name: str) -> None:
-        """Start a node; one that was killed may be started again."""
-        log = Path(self._folder.name) / f'{name}.log'
-        with deferred():
-            self.processes[name] = NodeProcess(
-                name, self._cast.command(name), self._station.environment, log
-            )
-
-    def kill(self, name: str, number: int = 9) -> None:
-        """Send a signal to a node, SIGKILL unless told otherwise, and wait for its end."""
-        process = self.processes[name]
-        self._interrupted = True
-        process.signal(number)
-        if not process.wait(10.0):
-            raise NodeError(f'the {name} did not end within 10 s of signal {number}')
-        del self.processes[name]
-
-    def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
-        """Take in what comes for so long, and see whether every node is still there.
-
-        It ends sooner when the future ``until`` is done.
-        """
-        self._station.spin(seconds, until)
-        for name, process in self.processes.items():
-            if process.exit_code is not None:
-                raise NodeError(f'the {name} died: {process.last_words()}')
-
-    def wait(
-        self, condition: Callable[[], bool], seconds: float, trouble: Callable[[], str]
-    ) -> None:
-        """Take in what comes until ``condition`` holds; NodeError after so many seconds."""
-        end = time.monotonic() + seconds
-        while not condition():
-            if time.monotonic() > end:
-                raise NodeError(f'{trouble()} within {seconds:g} s')
-            self.spin(0.02)
+        self.listen()
 
     def _until_ready(self) -> None:
         """Wait until every publisher has found all who listen: what comes earlier is lost."""
@@ -311,59 +239,6 @@ class Run:
         told = len(raw[f'{topic}/covariance'])
         return not self._progress.answered or told < len(raw[topic])
 
-    @property
-    def node(self) -> Any:
-        """The `rclpy` node of this process in the run's domain, to publish and subscribe with."""
-        return self._station.node
-
-    def set_parameter(self, name: str, value: Any, node: str = 'plant') -> None:
-        """Change a parameter of a node; ValueError with the reason if it is refused."""
-        self.set_parameters({name: value}, node)
-
-    def set_parameters(self, values: Mapping[str, Any], node: str = 'plant') -> None:
-        """Change parameters of a node, all or none; ValueError with the reason if refused."""
-        kind = SetParametersAtomically
-        wanted = [Parameter(name, value=value) for name, value in values.items()]
-        request = kind.Request(parameters=[each.to_parameter_msg() for each in wanted])
-        result = self.call(kind, f'{node}/set_parameters_atomically', request).result
-        if not result.successful:
-            raise ValueError(result.reason)
-
-    def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Call a service of type ``kind`` and return its response; NodeError if none comes."""
-        if service not in self._clients:
-            self._clients[service] = self.node.create_client(kind, service)
-        client = self._clients[service]
-        self.wait(client.service_is_ready, 20.0, lambda: f'there is no service {service}')
-        answer = Future()
-
-        def on_answer(future: Future) -> None:
-            if not answer.done():
-                answer.set_result(future.result())
-
-        for seconds in _REPEATS:
-            # a node that was killed and started again may not have been found yet, and one that
-            # is slow may still answer the first request
-            client.call_async(request).add_done_callback(on_answer)
-            self.spin(seconds, until=answer)
-            if answer.done():
-                return answer.result()
-        raise NodeError(f'no answer from {service} within {sum(_REPEATS):g} s')
-
-    def trigger(self, service: str) -> None:
-        """Call a service without arguments, such as ``plant/reset``."""
-        self.call(Trigger, service, Trigger.Request())
-
-    def change_state(self, node: str, transition: str) -> bool:
-        """Ask a managed node to 'configure', 'activate', ...; return whether it did."""
-        request = ChangeState.Request(transition=Transition(label=transition))
-        return bool(self.call(ChangeState, f'{node}/change_state', request).success)
-
-    def state(self, node: str) -> str:
-        """Return the state of a managed node."""
-        answer = self.call(GetState, f'{node}/get_state', GetState.Request())
-        return str(answer.current_state.label)
-
     def refresh(self, *nodes: str) -> None:
         """Have nodes say in `diagnostics` how they are now.
 
@@ -387,29 +262,9 @@ class Run:
             for ear in ears:
                 self.node.destroy_subscription(ear)
 
-    def reported(self, node: str, key: str) -> str:
-        """Return a value that a node last said of itself on ``/diagnostics``, '' if it did not."""
-        status = self.diagnostics.get(node)
-        values = [] if status is None else status.values
-        return next((str(value.value) for value in values if value.key == key), '')
-
     def trajectory(self) -> Trajectory:
         """Return the run so far as arrays, step by step."""
         return trajectory(self.scenario, self.recorder, self._progress.first)
-
-    def close(self) -> None:
-        """Stop every node and give everything back; a signal meanwhile waits until it is done."""
-        with deferred():
-            self._close()
-
-    def _close(self) -> None:
-        for process in self.processes.values():
-            process.signal(2)
-        for process in self.processes.values():
-            process.wait(3.0)
-            process.stop()
-        self._station.close()
-        self._folder.cleanup()
 
 
 def _incomplete(missing: Mapping[str, tuple[int, int]]) -> str:

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes as processes in a domain of their own: start, stop, ask, and hear how they are."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from .cast import Cast
+from .interrupts import deferred
+from .process import NodeProcess
+from .station import Station
+
+#: Seconds after each of which a request is sent again.
+_REPEATS = (1.0, 2.0, 4.0, 8.0, 15.0)
+
+
+class NodeError(RuntimeError):
+    """A node died, would not start, or did not answer; the message names it and says why."""
+
+
+class NodeGroup:
+    """The nodes of a cast, once `open` has been called.
+
+    Parameters
+    ----------
+    cast
+        Which nodes there are, and what each is told.
+    """
+
+    def __init__(self, cast: Cast) -> None:
+        self._cast = cast
+        self.processes: dict[str, NodeProcess] = {}
+        self.diagnostics: dict[str, DiagnosticStatus] = {}
+        #: Whether a node was killed or has died: what it published last nobody knows.
+        self._interrupted = False
+
+    def open(self, *, sockets: bool) -> None:
+        """Have a domain, a node of one's own in it, and its services; no other node yet."""
+        self._station = Station('harness', sockets=sockets)
+        self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
+        self._clients: dict[str, Any] = {}
+
+    def listen(self) -> None:
+        """Hear what the nodes say of themselves."""
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
+
+    @property
+    def domain(self) -> int:
+        """The ROS domain that the nodes run in."""
+        return self._station.domain
+
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """The environment of the nodes, for other programs that are to take part."""
+        return self._station.environment
+
+    @property
+    def node(self) -> Any:
+        """The `rclpy` node of this process in the run's domain, to publish and subscribe with."""
+        return self._station.node
+
+    def start(self, name: str) -> None:
+        """Start a node; one that was killed may be started again."""
+        log = Path(self._folder.name) / f'{name}.log'
+        with deferred():
+            self.processes[name] = NodeProcess(
+                name, self._cast.command(name), self._station.environment, log
+            )
+
+    def kill(self, name: str, number: int = 9) -> None:
+        """Send a signal to a node, SIGKILL unless told otherwise, and wait for its end."""
+        process = self.processes[name]
+        self._interrupted = True
+        process.signal(number)
+        if not process.wait(10.0):
+            raise NodeError(f'the {name} did not end within 10 s of signal {number}')
+        del self.processes[name]
+
+    def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
+        """Take in what comes for so long, and see whether every node is still there.
+
+        It ends sooner when the future ``until`` is done.
+        """
+        self._station.spin(seconds, until)
+        for name, process in self.processes.items():
+            if process.exit_code is not None:
+                raise NodeError(f'the {name} died: {process.last_words()}')
+
+    def wait(
+        self, condition: Callable[[], bool], seconds: float, trouble: Callable[[], str]
+    ) -> None:
+        """Take in what comes until ``condition`` holds; NodeError after so many seconds."""
+        end = time.monotonic() + seconds
+        while not condition():
+            if time.monotonic() > end:
+                raise NodeError(f'{trouble()} within {seconds:g} s')
+            self.spin(0.02)
+
+    def set_parameter(self, name: str, value: Any, node: str = 'plant') -> None:
+        """Change a parameter of a node; ValueError with the reason if it is refused."""
+        self.set_parameters({name: value}, node)
+
+    def set_parameters(self, values: Mapping[str, Any], node: str = 'plant') -> None:
+        """Change parameters of a node, all or none; ValueError with the reason if refused."""
+        kind = SetParametersAtomically
+        wanted = [Parameter(name, value=value) for name, value in values.items()]
+        request = kind.Request(parameters=[each.to_parameter_msg() for each in wanted])
+        result = self.call(kind, f'{node}/set_parameters_atomically', request).result
+        if not result.successful:
+            raise ValueError(result.reason)
+
+    def call(self, kind: Any, service: str, request: Any) -> Any:
+        """Call a service of type ``kind`` and return its response; NodeError if none comes."""
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(kind, service)
+        client = self._clients[service]
+        self.wait(client.service_is_ready, 20.0, lambda: f'there is no service {service}')
+        answer = Future()
+
+        def on_answer(future: Future) -> None:
+            if not answer.done():
+                answer.set_result(future.result())
+
+        for seconds in _REPEATS:
+            # a node that was killed and started again may not have been found yet, and one that
+            # is slow may still answer the first request
+            client.call_async(request).add_done_callback(on_answer)
+            self.spin(seconds, until=answer)
+            if answer.done():
+                return answer.result()
+        raise NodeError(f'no answer from {service} within {sum(_REPEATS):g} s')
+
+    def trigger(self, service: str) -> None:
+        """Call a service without arguments, such as ``plant/reset``."""
+        self.call(Trigger, service, Trigger.Request())
+
+    def change_state(self, node: str, transition: str) -> bool:
+        """Ask a managed node to 'configure', 'activate', ...; return whether it did."""
+        request = ChangeState.Request(transition=Transition(label=transition))
+        return bool(self.call(ChangeState, f'{node}/change_state', request).success)
+
+    def state(self, node: str) -> str:
+        """Return the state of a managed node."""
+        answer = self.call(GetState, f'{node}/get_state', GetState.Request())
+        return str(answer.current_state.label)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.diagnostics[status.name] = status
+
+    def reported(self, node: str, key: str) -> str:
+        """Return a value that a node last said of itself on ``/diagnostics``, '' if it did not."""
+        status = self.diagnostics.get(node)
+        values = [] if status is None else status.values
+        return next((str(value.value) for value in values if value.key == key), '')
+
+    def close(self) -> None:
+        """Stop every node and give everything back; a signal meanwhile waits until it is done."""
+        with deferred():
+            self._close()
+
+    def _close(self) -> None:
+        for process in self.processes.values():
+            process.signal(2)
+        for process in self.processes.values():
+            process.wait(3.0)
+            process.stop()
+        self._station.close()
+        self._folder.cleanup()
