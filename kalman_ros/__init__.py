@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from .arrays.filtering import filter as filter
     from .arrays.filtering import smooth as smooth
     from .arrays.gains import discretize as discretize
-    from .arrays.gains import dlqe as dlqe
     from .arrays.gains import dlqr as dlqr
-    from .arrays.gains import lqe as lqe
     from .arrays.gains import lqr as lqr
     from .arrays.gains import margins as margins
     from .arrays.gains import place as place
+    from .arrays.observers import dlqe as dlqe
+    from .arrays.observers import lqe as lqe
     from .arrays.problems import continuous_model as continuous_model
     from .arrays.problems import discrete_model as discrete_model
     from .arrays.problems import sensor as sensor
@@ -47,7 +47,8 @@ _WHERE = {
     'arrays.consistency': ('consistency',),
     'arrays.designing': ('design',),
     'arrays.filtering': ('filter', 'smooth'),
-    'arrays.gains': ('discretize', 'dlqe', 'dlqr', 'lqe', 'lqr', 'margins', 'place'),
+    'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),
+    'arrays.observers': ('dlqe', 'lqe'),
     'arrays.problems': ('continuous_model', 'discrete_model', 'sensor'),
     'arrays.scenarios': ('load', 'make_scenario'),
     'arrays.simulating': ('simulate',),

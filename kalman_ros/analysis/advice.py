@@ -9,7 +9,7 @@ from math import degrees
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.stability import Mode
 
-from .design import DesignReport, Regulator
+from .design_report import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
 
 #: A disk margin below this is small: less than 4.4 dB of gain and 28 degrees of phase.

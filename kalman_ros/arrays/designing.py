@@ -11,7 +11,8 @@ from typing import Any
 
 from kalman_ros import scenario as scenarios
 from kalman_ros.analysis import advice
-from kalman_ros.analysis.design import DesignReport, report
+from kalman_ros.analysis.design import report
+from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.scenario import Scenario
 
 from .accept import number
@@ -35,12 +36,12 @@ class Design:
     def __repr__(self) -> str:
         from rich.console import Console  # for people only
 
-        from kalman_ros.report import design_tables
+        from kalman_ros.report import design_tables, sheet
 
         out = StringIO()
         console = Console(file=out, width=WIDTH, highlight=False, force_terminal=False)
         console.print(design_tables.structure(self.report), markup=False)
-        design_tables.show(console, design_tables.tables(self.report))
+        sheet.show(console, design_tables.tables(self.report))
         console.print()
         for sentence in (*design_tables.closing(self.report), *advice.notes(self.report)):
             console.print(sentence, markup=False)

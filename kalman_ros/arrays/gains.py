@@ -9,13 +9,12 @@ python-control's ``ss``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.control import lqe as estimation
 from kalman_ros.control import lqr as regulation
 from kalman_ros.control.margins import Margins, loop_at_a_time
 from kalman_ros.control.state_space import state_space
@@ -24,7 +23,6 @@ from kalman_ros.core import (
     DiscreteModel,
     Discretization,
     Model,
-    Sensor,
     linearize,
 )
 from kalman_ros.linear import placement
@@ -40,7 +38,7 @@ from .accept import (
     square,
     weight,
 )
-from .results import LoopMargins, Observer, Sampled, StateFeedback
+from .results import LoopMargins, Sampled, StateFeedback
 
 
 def lqr(
@@ -148,118 +146,6 @@ def place(
     step = found.system.sampled(dt)
     design = placement.sampled_place(found.system.A, found.system.B, poles, dt)
     return StateFeedback(replace(found, A=step.F, B=step.G, dt=dt), design.gain, design.poles)
-
-
-def lqe(
-    A: Any,
-    G: Any = None,
-    C: Any = None,
-    W: Any = None,
-    V: Any = None,
-    N: Any = None,
-    *,
-    dt: float | None = None,
-) -> Observer:
-    """Return the steady-state Kalman filter of dx/dt = A x + G w, y = C x + v.
-
-    ``lqe(A, C, W, V)``, or ``lqe(A, G, C, W, V)`` as with python-control, or ``lqe(model, sensor,
-    dt=...)`` with one sensor or several that read together.
-
-    Parameters
-    ----------
-    A, G, C
-        Matrices (n, n), (n, p) and (k, n); without G the noise acts on each state by itself.
-    W, V
-        Spectral densities of w and v; with ``dt``, V is the covariance of one reading.
-    N
-        The cross density of w and v (p, k); without ``dt`` only.
-    dt
-        Seconds between readings.
-
-    Raises
-    ------
-    ValueError
-        If a size is wrong, or W, V and N are no covariance.
-    DesignError
-        If the readings cannot keep the error of some mode bounded.
-    """
-    if isinstance(A, Model):
-        return _of_model(A, G, dt)
-    if V is None and N is None:
-        G, C, W, V = None, G, C, W
-    A, G, C, W, V, N = _noises(A, G, C, W, V, N)
-    states = tuple(f'x{i}' for i in range(len(A)))
-    density = G @ W @ G.T
-    if dt is None:
-        cross = None if N is None else G @ N
-        return _observer(estimation.lqe(A, C, density, V, cross), states, None)
-    if N is not None:
-        raise ValueError('N: expected nothing where readings come in samples of dt')
-    F, _, Q = Discretization(A, np.zeros((len(A), 0)), density)(duration('dt', dt))
-    return _observer(estimation.dlqe(F, C, Q, V), states, dt)
-
-
-def dlqe(
-    F: Any,
-    G: Any = None,
-    C: Any = None,
-    Q: Any = None,
-    R: Any = None,
-    N: Any = None,
-    *,
-    dt: float | None = None,
-) -> Observer:
-    """Return the steady-state Kalman filter of x' = F x + G w, y = C x + v, in samples.
-
-    ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` as with python-control. Q and R are the
-    covariances of w and v; all else is as for `lqe`.
-    """
-    if isinstance(F, Model):
-        return _of_model(F, G, dt)
-    if R is None and N is None:
-        G, C, Q, R = None, G, C, Q
-    F, G, C, Q, R, N = _noises(F, G, C, Q, R, N)
-    design = estimation.dlqe(F, C, G @ Q @ G.T, R, None if N is None else G @ N)
-    return _observer(design, tuple(f'x{i}' for i in range(len(F))), duration('dt', dt or 1.0))
-
-
-def _noises(A: Any, G: Any, C: Any, W: Any, V: Any, N: Any) -> tuple[Any, ...]:
-    """Return the checked matrices; without G it is the identity."""
-    A = square('A', A)
-    n = len(A)
-    G = np.eye(n) if G is None else columns('G', G, n)
-    C = rows('C', C, n)
-    W, V = weight('W', W, G.shape[1]), weight('V', V, len(C), definite=True)
-    return A, G, C, W, V, None if N is None else columns('N', N, len(W))
-
-
-def _of_model(model: Model, sensors: Any, dt: float | None) -> Observer:
-    """Return the filter of a model, and one or several sensors, about its equilibrium."""
-    several = list(sensors.values()) if isinstance(sensors, Mapping) else sensors
-    several = [several] if isinstance(several, Sensor) else list(several or ())
-    if not several or not all(isinstance(sensor, Sensor) for sensor in several):
-        raise ValueError('sensors: expected one or several, as in lqe(model, sensor, dt=...)')
-    if isinstance(model, DiscreteModel):
-        dt = model.period if dt is None else dt
-    if dt is None:
-        raise ValueError('dt: expected the seconds between readings of the sensors, got nothing')
-    x, u = model.equilibrium
-    step = model.transition(x, u, duration('dt', dt))
-    C = np.vstack([sensor.jacobian(x) for sensor in several])
-    R = np.zeros((len(C), len(C)))
-    at = 0
-    for sensor in several:
-        k = sensor.output.size
-        R[at : at + k, at : at + k] = sensor.covariance
-        at += k
-    return _observer(estimation.dlqe(step.F, C, step.Q, R), model.state.names, dt)
-
-
-def _observer(design: estimation.LqeDesign, states: tuple[str, ...], dt: float | None) -> Observer:
-    return Observer(
-        design.gain, design.predictor_gain, design.covariance, design.prior, design.poles,
-        states, dt,
-    )  # fmt: skip
 
 
 def margins(

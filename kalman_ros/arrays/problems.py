@@ -3,15 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from inspect import signature
-from math import prod
+from collections.abc import Sequence
 from typing import Union
 
 import numpy as np
 
 from kalman_ros.core import (
-    Array,
     ArrayLike,
     DiscreteLinearSystem,
     DiscreteModel,
@@ -19,13 +16,18 @@ from kalman_ros.core import (
     Model,
     Sensor,
     Space,
-    numerical_jacobian,
 )
 
 from .accept import columns, duration, numbers, rows, space, square, weight
+from .functions import (
+    DiscreteFunctionModel,
+    Function,
+    FunctionModel,
+    FunctionSensor,
+    MatrixSensor,
+    count_arguments,
+)
 
-#: A function of a state (n,) and an input (m,), or of a state alone.
-Function = Callable[..., ArrayLike]
 Names = Union[int, str, Sequence[str], None]
 
 
@@ -172,133 +174,7 @@ def _spaces(
     n = _size(states) or (len(array) if array.ndim else 0)
     if not n:
         raise ValueError(f'states: expected names or a number, for {what} does not tell how many')
-    if inputs is None and _arguments(f) > 1:
+    if inputs is None and count_arguments(f) > 1:
         inputs = 0
     state = _named('states', states, n, 'x', angles)
     return state, space('inputs', inputs if inputs is not None else 0, 'u')
-
-
-def _arguments(f: Function) -> int:
-    """Return how many arguments without a default a function takes."""
-    try:
-        parameters = signature(f).parameters.values()
-    except (TypeError, ValueError):  # a builtin
-        return 2
-    return sum(p.default is p.empty and p.kind in (0, 1) for p in parameters)
-
-
-def _of_both(f: Function) -> Function:
-    """Return a function of state and input, whichever it takes."""
-    if _arguments(f) > 1:
-        return f
-    return lambda x, u: f(x)
-
-
-class _Each:
-    """A function of vectors, made one of arrays of vectors: at once if it can, else one by one."""
-
-    def __init__(self, f: Function, what: str, sizes: Sequence[int], size: int) -> None:
-        self._f, self._size = f, size
-        rng = np.random.default_rng(0)
-        points = [rng.uniform(0.5, 1.5, (3, n)) for n in sizes]
-        single = [self._one(what, *(p[i] for p in points)) for i in range(3)]
-        try:
-            together = np.asarray(f(*points), dtype=float)
-            self._at_once = together.shape == (3, size) and np.allclose(together, single)
-        except Exception:  # it is a user's own, and may fail as it likes on what it is not for
-            self._at_once = False
-
-    def _one(self, what: str, *point: Array) -> Array:
-        try:
-            found = np.atleast_1d(np.asarray(self._f(*point), dtype=float))
-        except Exception as error:
-            raise ValueError(f'{what} fails: {type(error).__name__}: {error}') from error
-        if found.shape != (self._size,):
-            raise ValueError(f'{what}: expected {self._size} numbers, got shape {found.shape}')
-        return found
-
-    def __call__(self, *arguments: Array) -> Array:
-        if self._at_once:
-            return np.asarray(self._f(*arguments), dtype=float)
-        if arguments[0].ndim == 1:
-            return np.asarray(self._f(*arguments), dtype=float).reshape(self._size)
-        lead = arguments[0].shape[:-1]
-        sizes = [a.shape[-1] for a in arguments]
-        whole = (np.broadcast_to(a, (*lead, k)) for a, k in zip(arguments, sizes))
-        flat = [a.reshape(prod(lead), k) for a, k in zip(whole, sizes)]
-        each = [np.asarray(self._f(*point), dtype=float) for point in zip(*flat)]
-        return np.array(each).reshape(*lead, self._size)
-
-
-class FunctionModel(Model):
-    """dx/dt = f(x, u) + w."""
-
-    def __init__(self, f: Function, W: Array, state: Space, input: Space, max_step: float) -> None:
-        self.state, self.input, self.max_step, self._W = state, input, max_step, W
-        self._f = _Each(_of_both(f), 'A: its derivative', (state.size, input.size), state.size)
-
-    def derivative(self, x: Array, u: Array) -> Array:
-        """Return f(x, u)."""
-        return self._f(x, u)
-
-    def noise_density(self, x: Array) -> Array:
-        """Return W."""
-        return self._W
-
-
-class DiscreteFunctionModel(DiscreteModel):
-    """x' = f(x, u) + w."""
-
-    def __init__(self, f: Function, Q: Array, state: Space, input: Space, period: float) -> None:
-        self.state, self.input, self.period, self._Q = state, input, period, Q
-        self._f = _Each(_of_both(f), 'F: its next state', (state.size, input.size), state.size)
-
-    def next(self, x: Array, u: Array) -> Array:
-        """Return f(x, u)."""
-        return self._f(x, u)
-
-    def noise(self, x: Array) -> Array:
-        """Return Q."""
-        return self._Q
-
-
-class MatrixSensor(Sensor):
-    """y = H x + v."""
-
-    linear = True
-
-    def __init__(self, H: Array, output: Space, R: Array, name: str) -> None:
-        self.output, self.covariance, self.name = output, R, name
-        self._H = np.asfortranarray(H)
-
-    def measure(self, x: Array) -> Array:
-        """Return H x."""
-        return np.asarray(x.dot(self._H.T))
-
-    def jacobian(self, x: Array) -> Array:
-        """Return H."""
-        return self._H
-
-
-class FunctionSensor(Sensor):
-    """y = h(x) + v."""
-
-    def __init__(
-        self, h: Function, output: Space, R: Array, name: str, jacobian: Function | None
-    ) -> None:
-        self.output, self.covariance, self.name = output, R, name
-        self._own, self._jacobian = h, jacobian
-        self._h: _Each | None = None
-
-    def measure(self, x: Array) -> Array:
-        """Return h(x)."""
-        if self._h is None:  # only a state tells how many numbers one has
-            what = f'{self.name}: its function'
-            self._h = _Each(self._own, what, (x.shape[-1],), self.output.size)
-        return self._h(x)
-
-    def jacobian(self, x: Array) -> Array:
-        """Return dh/dx."""
-        if self._jacobian is None:
-            return numerical_jacobian(self.measure, x, self.output.subtract)
-        return rows(f'{self.name}: its jacobian', self._jacobian(x), x.size)

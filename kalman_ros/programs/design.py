@@ -115,20 +115,25 @@ def main(argv: Sequence[str] | None = None) -> None:
     latency = 1.0 / built.rate if options.delay is None else options.delay
     notes, warnings = advice.notes(report), advice.warnings(report, latency)
 
-    from kalman_ros.report import design_pictures, design_tables  # matplotlib is slow to load
+    from kalman_ros.report import (  # matplotlib is slow to load
+        design_json,
+        design_pictures,
+        design_tables,
+        sheet,
+    )
 
     law = f', law {built.law}' if built.law else ''
     console.print(f'[bold]{path.stem} at {built.rate:g} Hz{law}[/]')
     console.print(design_tables.structure(report))
-    design_tables.show(console, design_tables.tables(report))
+    sheet.show(console, design_tables.tables(report))
     if options.matrices:
-        design_tables.show(console, design_tables.matrices(report))
+        sheet.show(console, design_tables.matrices(report))
     console.print()
     for sentence in (*design_tables.closing(report), *notes, *unchecked):
         console.print(sentence, markup=False)
     for sentence in warnings:
         console.print(f'[yellow]Warning:[/] {sentence}')
-    summary = {'scenario': path.stem, **design_tables.design_json(report, notes, warnings)}
+    summary = {'scenario': path.stem, **design_json.design_json(report, notes, warnings)}
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     drawn = design_pictures.draw_all(report, folder)
     console.print(f'In {folder}: {", ".join(["summary.json", *(p.name for p in drawn)])}')

@@ -5,65 +5,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from math import degrees
-from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from scipy.linalg import block_diag
 
 from kalman_ros.analysis import advice
-from kalman_ros.analysis.design import DesignReport, settling_time
+from kalman_ros.analysis.design import settling_time
+from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.input_loops import Loop
 from kalman_ros.analysis.observability import stacked
-from kalman_ros.analysis.path import Path
-from kalman_ros.control.margins import DiskMargin, Margin, Margins
+from kalman_ros.control.margins import DiskMargin
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array, Space, linearize
 
-from .tables import plain, plain_table
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """Rows by name, and columns of cells by title.
-
-    Parameters
-    ----------
-    names
-        Of the rows.
-    columns
-        Title and cells.
-    """
-
-    names: Sequence[str]
-    columns: Sequence[tuple[str, Sequence[str]]]
-
-    def tables(self, console: Console) -> Iterator[Table]:
-        """Yield the sheet in as many tables, one below the other, as its width takes."""
-        at = 0
-        while at < len(self.columns):
-            end = at + 1
-            while end < len(self.columns) and self._fits(console, at, end + 1):
-                end += 1
-            yield self._table(at, end)
-            at = end
-
-    def _fits(self, console: Console, start: int, end: int) -> bool:
-        # as wide as it would like to be, which a console that is narrow would not tell
-        wide = console.options.update(max_width=10_000)
-        found = console.measure(self._table(start, end), options=wide)
-        return found.maximum <= console.width
-
-    def _table(self, start: int, end: int) -> Table:
-        table = plain_table('', [title for title, _ in self.columns[start:end]])
-        # a name that is too long for any table is broken, where a number never is
-        table.columns[0].no_wrap, table.columns[0].overflow = False, 'fold'
-        for index, name in enumerate(self.names):
-            table.add_row(name, *(cells[index] for _, cells in self.columns[start:end]))
-        return table
+from .sheet import Sheet
 
 
 def tables(report: DesignReport) -> Iterator[tuple[str, Sheet]]:
@@ -77,14 +33,6 @@ def tables(report: DesignReport) -> Iterator[tuple[str, Sheet]]:
     yield 'Standard deviations', _deviations(report)
     if report.regulator:
         yield 'Margins', _margins(report)
-
-
-def show(console: Console, sheets: Iterable[tuple[str, Sheet]]) -> None:
-    """Print sheets below their titles, those that are not empty."""
-    for title, sheet in sheets:
-        if sheet.columns:
-            console.print(f'\n[bold]{title}[/]')
-            console.print(*sheet.tables(console), sep='\n\n')
 
 
 def structure(report: DesignReport) -> str:
@@ -307,108 +255,3 @@ def _turn(lead: float, lag: float) -> str:
         for sign, end in zip('+-', (lead, lag))
     )
     return ', '.join(ends)
-
-
-def design_json(
-    report: DesignReport, notes: Sequence[str], warnings: Sequence[str]
-) -> dict[str, Any]:
-    """Return all numbers of a design for ``summary.json``."""
-    scenario = report.scenario
-    regulator, estimator, closed = report.regulator, report.estimator, report.closed_loop
-    reach, seen = report.controllability, report.observability
-    return {
-        'rate': scenario.rate,
-        'delay': report.delay,
-        'states': scenario.model.state.names,
-        'inputs': scenario.model.input.names,
-        'linearised_at': {
-            'state': report.point.state.tolist(), 'input': report.point.input.tolist(),
-        },
-        'modes': [_mode_json(mode) for mode in report.modes],
-        'controllability': reach and {
-            'controlled': reach.reached, 'not_controlled': reach.unreached,
-            'stabilizable': reach.stabilizable,
-        },
-        'observability': {
-            'observed': seen.seen, 'not_observed': seen.unseen, 'detectable': seen.detectable,
-        },
-        'regulator': regulator and {
-            'law': scenario.law,
-            'gain': regulator.feedback.gain.tolist(),
-            'integral_gain': regulator.feedback.integral_gain.tolist(),
-            'modes': [_mode_json(mode) for mode in regulator.modes],
-        },
-        'estimator': estimator and {
-            'gains': {name: L.tolist() for name, L in estimator.gains.items()},
-            'modes': [_mode_json(mode) for mode in estimator.modes],
-            'error_std': estimator.std.tolist(),
-        },
-        'path': report.path and _path_json(report.path),
-        'sensor_std': report.sensor_std,
-        'closed_loop': closed and {
-            'settling_time': plain(closed.settling_time), 'cost': closed.cost,
-            'state_std': closed.state_std.tolist(), 'input_std': closed.input_std.tolist(),
-        },
-        'margins': {
-            at.input: {
-                'guarantee': at.guarantee and {
-                    'gain': [at.guarantee.lower_gain, plain(at.guarantee.upper_gain)],
-                    'phase': at.guarantee.phase,
-                },
-                'state_known': _loop_json(at.known),
-                'state_estimated': at.estimated and _loop_json(at.estimated),
-            }
-            for at in (regulator.loops if regulator else ())
-        },
-        'margins_of_all_inputs': regulator and regulator.together and {
-            'state_known': _disk_json(regulator.together.known),
-            'state_estimated': _disk_json(regulator.together.estimated),
-        },
-        'notes': notes,
-        'warnings': warnings,
-    }  # fmt: skip
-
-
-def _mode_json(mode: Mode) -> dict[str, Any]:
-    return {
-        'pole': plain(mode.pole), 'fate': mode.fate,
-        'time_constant': plain(mode.time_constant), 'damping_ratio': plain(mode.damping_ratio),
-    }  # fmt: skip
-
-
-def _loop_json(loop: Loop) -> dict[str, Any]:
-    return {
-        'margins': loop.margins and _margins_json(loop.margins),
-        'delay_margin_without_delay': plain(loop.prompt.delay.value),
-    }
-
-
-def _margins_json(found: Margins) -> dict[str, Any]:
-    names = ('lower_gain', 'upper_gain', 'lead', 'lag', 'delay', 'distance')
-    return {
-        **{name: _margin_json(getattr(found, name)) for name in names},
-        'disk': _disk_json(found.disk),
-    }
-
-
-def _disk_json(disk: DiskMargin | None) -> dict[str, Any] | None:
-    return {'alpha': disk.alpha, 'frequency': plain(disk.frequency)} if disk else None
-
-
-def _path_json(path: Path) -> dict[str, Any]:
-    return {
-        'duration': float(path.time[-1]),
-        'windows': [
-            {
-                'start': float(window.start), 'end': float(window.end),
-                'determined': window.observed, 'std': [plain(s) for s in window.std.tolist()],
-            }
-            for window in path.windows
-        ],
-        'error_std_at_the_end': path.std[-1].tolist(),
-        'growing': path.growing,
-    }  # fmt: skip
-
-
-def _margin_json(margin: Margin) -> dict[str, Any]:
-    return {'value': plain(margin.value), 'frequency': plain(margin.frequency)}

@@ -10,7 +10,8 @@ from rich.console import Console
 from kalman_ros import scenario
 from kalman_ros.analysis.advice import notes, warnings
 from kalman_ros.analysis.design import report
-from kalman_ros.report.design_tables import Sheet, closing, matrices, structure, tables
+from kalman_ros.report.design_tables import closing, matrices, structure, tables
+from kalman_ros.report.sheet import Sheet
 from kalman_ros.scenario.parameter_files import from_file
 
 CONFIG = Path(__file__).parents[2] / 'config'

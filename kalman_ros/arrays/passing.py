@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One pass of the online estimator over the rows of arrays."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import (
+    Array,
+    Gaussian,
+    Model,
+    Sensor,
+    TimedSensor,
+    Value,
+)
+from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.consistency import chi_square_gate
+from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.estimators.policy import Policy
+from kalman_ros.estimators.smoother import Filtered
+from kalman_ros.simulation.trajectory import Innovations, Series
+
+from .estimates import Estimates, Record
+from .readings import Rows, parts_of
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be estimated, by what."""
+
+    model: Model
+    sensors: Mapping[str, Sensor]
+    initial: Gaussian
+    filter: str
+
+
+@dataclass
+class _Log:
+    """Of one sensor: what became of each row that was read."""
+
+    time: list[float] = field(default_factory=list)
+    corrections: list[tuple[Array, Array, float]] = field(default_factory=list)
+
+    def add(self, time: float, present: Array, correction: Correction) -> None:
+        """Take in a correction; numbers that were missing stay NaN."""
+        values, std = np.full((2, present.size), np.nan)
+        values[present] = correction.innovation
+        std[present] = np.sqrt(correction.innovation_covariance.diagonal())
+        self.time.append(time)
+        self.corrections.append((values, std, correction.nis))
+
+    def innovations(self, k: int) -> Innovations:
+        """Return all of them as arrays."""
+        columns = list(zip(*self.corrections)) or [(), (), ()]
+        values, std = (np.array(column, dtype=float).reshape(-1, k) for column in columns[:2])
+        return Innovations(np.array(self.time), values, std, np.array(columns[2], dtype=float))
+
+
+class Pass:
+    """One pass of the online estimator over rows in the order of time."""
+
+    def __init__(
+        self,
+        task: Task,
+        rows: Mapping[str, Rows],
+        acts: Rows,
+        gates: Any,
+        options: Mapping[str, Value],
+    ) -> None:
+        self._task, self._rows = task, rows
+        #: By stamp: the readings (sensor, the one that reads, row, values), and the inputs.
+        self._readings = defaultdict[int, list[tuple[str, Sensor, int, Array]]](list)
+        self._acts: dict[int, Array] = dict(zip(acts.stamps, acts.values))
+        self._seconds: dict[int, float] = dict(zip(acts.stamps, acts.time.tolist()))
+        known: dict[str, Sensor] = {}
+        owners: dict[str, str] = {}
+        for name, each in rows.items():
+            known[name], owners[name] = task.sensors[name], name
+            for index, sensor, y in parts_of(name, task.sensors[name], each):
+                known[sensor.name], owners[sensor.name] = sensor, name
+                self._readings[each.stamps[index]].append((name, sensor, index, y))
+            self._seconds.update(zip(each.stamps, each.time.tolist()))
+        self._shown = {stamp for each in rows.values() for stamp in each.stamps}
+        self._filter = build_filter(task.filter, _plan(task, rows), options)
+        before = np.zeros(task.model.input.size)
+        limits = _limits(gates, known, owners)
+        policy = Policy(window=0.0, max_gap=0.0, restart_after=0, gates=limits)
+        self._online = OnlineEstimator(self._filter, known, task.initial, before, policy)
+        self._input = before
+        self._logs = {name: _Log() for name in rows}
+        self.counts: dict[str, Counter[str]] = {name: Counter() for name in rows}
+
+    def estimates(self) -> Estimates:
+        """Return what all rows make of the first belief."""
+        stamps = sorted(self._seconds)
+        self._online.add_input(stamps[0], self._input)  # the first belief holds here
+        nis, degrees, likelihood = [], [], 0.0
+        steps: list[Filtered] = []
+        for stamp in stamps:
+            step, corrections = self._step(stamp)
+            steps.append(step)
+            nis.append(sum(c.nis for c in corrections) if corrections else np.nan)
+            degrees.append(sum(c.innovation.size for c in corrections))
+            likelihood += sum(map(log_likelihood, corrections))
+        shown = [index for index, stamp in enumerate(stamps) if stamp in self._shown]
+        return Estimates(
+            state=self._task.model.state,
+            time=np.array([self._seconds[stamps[index]] for index in shown]),
+            mean=np.array([steps[index].belief.mean for index in shown]),
+            covariance=np.array([steps[index].belief.covariance for index in shown]),
+            nis=np.array(nis)[shown],
+            degrees=np.array(degrees)[shown],
+            innovations={
+                name: log.innovations(self._task.sensors[name].output.size)
+                for name, log in self._logs.items()
+            },
+            readings={name: Series(each.time, each.values) for name, each in self._rows.items()},
+            outputs={name: self._task.sensors[name].output for name in self._rows},
+            counts={name: dict(counter) for name, counter in self.counts.items()},
+            log_likelihood=likelihood,
+            filter=self._task.filter,
+            record=Record(self._filter, steps, shown),
+        )
+
+    def _step(self, stamp: int) -> tuple[Filtered, list[Correction]]:
+        """Take in all of one time; return the belief after it and what was fused."""
+        online, fused, restarts = self._online, list[Correction](), self._online.restarts
+        broken = False
+        for name, sensor, index, y in self._readings.get(stamp, ()):
+            outcome, correction = online.add_reading(sensor.name, stamp, y)
+            self.counts[name][outcome.value] += 1
+            if correction is not None:
+                present = np.isfinite(self._rows[name].values[index])
+                self._logs[name].add(self._seconds[stamp], present, correction)
+            if outcome.accepted and correction is not None:
+                fused.append(correction)
+            broken |= outcome is Outcome.RECOVERED
+        if stamp in self._acts:
+            self._input = self._acts[stamp]
+            online.add_input(stamp, self._input)
+        belief = online.predicted(stamp)
+        broken |= online.restarts > restarts
+        return Filtered(stamp, belief, self._input, broken), fused
+
+
+def log_likelihood(correction: Correction) -> float:
+    """Return log N(innovation; 0, S)."""
+    S = correction.innovation_covariance
+    _, log_determinant = np.linalg.slogdet(2.0 * np.pi * S)
+    return -0.5 * (correction.nis + float(log_determinant))
+
+
+def _plan(task: Task, rows: Mapping[str, Rows]) -> Plan:
+    """Return what a filter is built for; rates matter to those whose gains are constant."""
+    rates = dict.fromkeys(task.sensors, 1.0)
+    for name, each in rows.items():
+        gaps = np.diff(np.unique(each.stamps)) * 1e-9
+        if gaps.size:
+            rates[name] = 1.0 / float(np.median(gaps))
+    timed = {name: TimedSensor(sensor, rates[name]) for name, sensor in task.sensors.items()}
+    return Plan(task.model, timed, max(rates.values()))
+
+
+def _limits(
+    gates: Any, known: Mapping[str, Sensor], owners: Mapping[str, str]
+) -> dict[str, float]:
+    """Return the largest NIS of each sensor, and part of one, that passes its gate."""
+    if gates is None:
+        return {}
+    names = dict.fromkeys(owners.values())
+    by_name = gates if isinstance(gates, Mapping) else dict.fromkeys(names, gates)
+    found = {}
+    for name, probability in by_name.items():
+        if name not in names:
+            raise ValueError(f"gates: '{name}' is not one of the sensors ({', '.join(names)})")
+        if not 0.0 < probability <= 1.0:
+            raise ValueError(f'gates: expected a probability such as 0.999, got {probability:g}')
+        for own, sensor in known.items():
+            if probability < 1.0 and owners[own] == name:
+                found[own] = chi_square_gate(float(probability), sensor.output.size)
+    return found
