@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -13,17 +14,17 @@ from rclpy.duration import Duration
 from std_srvs.srv import SetBool
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.codecs.wire import WireReader, WireWriter
+from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
 from kalman_ros.core import Array, Value, is_finite, one_each
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.regulator import feedback, tracking
+from kalman_ros.scenario.regulator import feedback, limits, tracking
 
 from . import runtime
 from .diagnostics import Level, Report
+from .estimate_feed import EstimateFeed
 from .idle import idle_input
 from .meeting import Meeting
 from .meters import Latency, Rate
@@ -32,12 +33,9 @@ from .output import OutputStage
 from .reference import ReferenceReader
 from .topics import HISTORY, QUEUE
 from .trust import Trust
-from .watcher import waiting
 
 #: The longest step, in seconds, over which an integral is taken or an estimate predicted.
 _LONGEST = 0.5
-#: Of more estimates that wait at a time, older ones are not even looked at.
-_MOST = 50
 #: No clock is published so out of order; less is as good as no jump.
 _BACK = Duration(seconds=-0.1)
 
@@ -57,23 +55,22 @@ class ControllerNode(runtime.ScenarioNode):
         model, blend = scenario.model, options.transition_time
         self._regulator = Regulator(model.state, feedback(scenario), model.equilibrium, blend)
         self._trust = Trust(model.state, *_trusted(scenario, options))
-        limiter = self._limiter = Limiter(*_limits(scenario, options))
+        limiter = self._limiter = Limiter(*_limited(scenario, options))
         self._enabled = options.enabled
         #: Whether the input was let go, and answers are to go on from where it is.
         self._released = False
         self._period = 1.0 / scenario.rate
-        self._refused = self._older = 0
+        self._refused = 0
         self._rate, self._latency, self._age = Rate(), Latency(), Latency()
-        self._read_state = WireReader(SignalCodec(scenario.state))
+        self._feed = EstimateFeed(self, scenario, self._trust)
         write = WireWriter(SignalCodec(scenario.input, options.frame))
         publisher = self.create_publisher(write.message_type, scenario.input.topic, HISTORY)
         self._output = OutputStage(
             publisher, write, limiter, self._period, simulated=options.lockstep
         )
         self.at_the_end(self._output.deliver)
-        #: The last estimate that could be read.
-        self._estimate = b''
-        self._reference = ReferenceReader(self, scenario, self._on_reference, self._frame)
+        frame = partial(self._feed.frame, options.frame)
+        self._reference = ReferenceReader(self, scenario, self._on_reference, frame)
 
     def activate(self) -> None:
         """Answer estimates from now on."""
@@ -81,14 +78,14 @@ class ControllerNode(runtime.ScenarioNode):
         self._came = monotonic()
         self._time: int | None = None
         self._said_at = 0
-        self._answered = self._passed = 0
+        self._answered = self._feed.passed = 0
         self._trust.forget()
         self._meeting = Meeting(self._is_heard)
         #: The estimate that is to be answered once they have met.
         self._early = b''
-        topic, kind = self.scenario.state.topic, self._read_state.message_type
-        self._estimates = self.create_subscription(kind, topic, self._on_estimate, QUEUE, raw=True)
-        self.diagnostics.connections.expect(self._estimates)
+        topic, kind = self.scenario.state.topic, self._feed.message_type
+        listening = self.create_subscription(kind, topic, self._on_estimate, QUEUE, raw=True)
+        self._feed.subscription = self.diagnostics.connections.expect(listening)
         self._reference.listen()
         if not self.options.lockstep:
             self.create_timer(self._period, self._supervise, clock=self.steady)
@@ -116,38 +113,16 @@ class ControllerNode(runtime.ScenarioNode):
             return
         self._early = b''
         came = monotonic()
-        estimate = self._newest([data, *waiting(self._estimates)], came)
+        ordered = not self.options.lockstep and not self._clock_went_back
+        estimate = self._feed.newest(data, came if ordered else None)
         if estimate is None:
             return
+        self._clock_went_back = False
         self._came = self._rate.count()
         time = estimate.time if estimate.time is not None else self._now()
         self._answer(time, estimate)
         self._answered += 1
         self._latency.add(monotonic() - came)
-
-    def _newest(self, messages: list[bytes], came: float) -> Sample | None:
-        """Return the estimate that came last, but for those that are older than one before."""
-        at = None if self.options.lockstep or self._clock_went_back else came
-        topic = self._estimates.topic_name
-        for passed, message in zip(range(len(messages) - 1, -1, -1), messages[: -_MOST - 1 : -1]):
-            estimate = self.intake(topic, self._state_in, message)
-            if estimate is None:
-                continue
-            self._estimate = message
-            if self._trust.is_old(estimate.time, at):
-                self._older += 1
-                continue
-            self._clock_went_back = False
-            self._passed += passed
-            return estimate
-        return None
-
-    def _state_in(self, data: bytes) -> Sample:
-        """Return the estimate in a message, one of no finite state if it lacks a field."""
-        try:
-            return self._read_state(data)
-        except (LookupError, ValueError):
-            return Sample(None, np.full(self.scenario.model.state.size, np.nan), None)
 
     def _answer(self, time: int, estimate: Sample) -> None:
         """Publish the input for an estimate, or one on the way to idle if it is not trusted."""
@@ -236,18 +211,14 @@ class ControllerNode(runtime.ScenarioNode):
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    def _frame(self) -> str:
-        """Return the frame of the estimate, or the configured one before the first."""
-        return leading_frame(self._estimate) if self._estimate else self.options.frame
-
     def _on_reference(self, state: Array, input: Array) -> None:
         self._regulator.target = state, input
 
     def _on_enable(self, request: Any, response: Any) -> Any:
-        self._enable(on=request.data)
+        on = request.data
+        self._enable(on=on)
         response.success = True
-        idle = f'the force is {self._idle_name}'
-        response.message = 'forces are computed' if self._enabled else idle
+        response.message = 'forces are computed' if on else f'the force is {self._idle_name}'
         return response
 
     def _enable(self, *, on: bool) -> None:
@@ -268,13 +239,13 @@ class ControllerNode(runtime.ScenarioNode):
         self, scenario: Scenario, options: ControllerOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
         """Design the gains again, for other weights, poles, limits or another model."""
-        found, (limits, idle) = feedback(scenario), _limits(scenario, options)
-        check_idle(limits, idle)
+        found, (bounds, idle) = feedback(scenario), _limited(scenario, options)
+        check_idle(bounds, idle)
         equilibria, trusted = tracking(scenario), _trusted(scenario, options)
 
         def apply() -> None:
             self._regulator.adopt(found, options.transition_time)
-            self._limiter.adopt(limits, idle)
+            self._limiter.adopt(bounds, idle)
             self._trust.adopt(*trusted)
             self._reference.equilibria = equilibria
 
@@ -286,8 +257,8 @@ class ControllerNode(runtime.ScenarioNode):
         values = {
             'estimates answered': self._answered,
             'estimates refused': self._refused,
-            'estimates passed over for newer ones': self._passed,
-            'estimates ignored: older than the last': self._older,
+            'estimates passed over for newer ones': self._feed.passed,
+            'estimates ignored: older than the last': self._feed.older,
             'forces published': self._output.count,
             'forces limited': self._output.limited,
             'rate [Hz]': self._rate.value,
@@ -298,8 +269,7 @@ class ControllerNode(runtime.ScenarioNode):
             'gain': np.array2string(gains.gain, precision=4),
             'poles': np.array2string(gains.poles, precision=4),
         }
-        verb = 'is' if self._output.at_idle else 'goes to'
-        zero = f'the force {verb} {self._idle_name}'
+        zero = f'the force {"is" if self._output.at_idle else "goes to"} {self._idle_name}'
         if self._fault:
             return Level.ERROR, f'{self._fault}: {zero}', values
         if not self._enabled:
@@ -309,12 +279,10 @@ class ControllerNode(runtime.ScenarioNode):
         return Level.OK, 'running', values
 
 
-def _limits(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Array]:
+def _limited(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Array]:
     """Return the limits and the idle input (m,), as `Limiter` takes them."""
-    m = scenario.model.input.size
-    magnitude = one_each('input_limit', options.input_limit, m)
-    rate = one_each('input_rate_limit', options.input_rate_limit, m)
-    return Limits(magnitude, rate), idle_input(scenario.model, options.idle_input)
+    found = limits(scenario, options.input_limit, options.input_rate_limit)
+    return found, idle_input(scenario.model, options.idle_input)
 
 
 def _trusted(scenario: Scenario, options: ControllerOptions) -> tuple[float, float, Array, Array]:

@@ -6,17 +6,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import numpy as np
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
-from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import leading_stamp, message_type, write_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import mention, write_tick
-from kalman_ros.codecs.wire import WireReader, WireWriter
-from kalman_ros.core import Array, Option, Signal, TimedSensor, Value, one_each
+from kalman_ros.codecs.wire import WireWriter
+from kalman_ros.core import Option, Signal, TimedSensor, Value, one_each
 from kalman_ros.scenario import Scenario, sensor_names
 from kalman_ros.simulation.faults import options_of_sensors, settings_of_sensors
 from kalman_ros.simulation.faults.body import BodyFaults
@@ -29,6 +27,7 @@ from .idle import idle_input
 from .managed import ACTIVE
 from .meeting import Meeting
 from .pacing import Lockstep, RealTime
+from .plant_input import PlantInput
 from .plant_options import PlantOptions
 from .topics import HISTORY, QUEUE, on_topic
 
@@ -46,10 +45,10 @@ class PlantNode(runtime.ScenarioNode):
         self.run_until = options.run_until
         self.period = 1.0 / self.scenario.rate
         self._links = Links(options.seed)
-        self._idle = idle_input(self.scenario.model, options.idle_input)
+        idle = idle_input(self.scenario.model, options.idle_input)
+        self._input = PlantInput(self.scenario.input, idle, lambda: self.steady.now().nanoseconds)
         self._may_rest = options.rest_until_input and not options.lockstep
         self._restart()
-        self._forces = self._bad_inputs = 0
         self._sensors = {
             name: self._publisher(source.signal) for name, source in self.scenario.sensors.items()
         }
@@ -62,9 +61,7 @@ class PlantNode(runtime.ScenarioNode):
 
     def activate(self) -> None:
         """Go on from where it is, with no force until one comes."""
-        self._force: Array = self._idle
-        self._disturbance: Array = np.zeros_like(self._idle)
-        self._force_came: int | None = None
+        self._input.start_anew()
         self._answers = self._listen()
         #: In lockstep, for which step each of those that are waited for has answered.
         self._answered = dict.fromkeys(self._answers, -1)
@@ -96,9 +93,8 @@ class PlantNode(runtime.ScenarioNode):
         subscribe = self.create_subscription
         found = {}
         if input.fields:
-            self._read_input = WireReader(SignalCodec(input))
-            kind = self._read_input.message_type
-            subscribe(kind, 'disturbance', self._on_disturbance, QUEUE, raw=True)
+            kind = self._input.message_type
+            subscribe(kind, 'disturbance', self._input.disturb, QUEUE, raw=True)
             found['input'] = subscribe(kind, input.topic, self._on_force, QUEUE, raw=True)
             self.diagnostics.connections.expect(found['input'])
         if not input.fields or self.options.wait_for_estimate:
@@ -121,7 +117,7 @@ class PlantNode(runtime.ScenarioNode):
         scenario, seed = self.scenario, self.options.seed
         model, start = scenario.model, scenario.initial_state
         self._plant = SimulatedPlant(
-            model, _timed(scenario), scenario.rate, start, seed, self._idle
+            model, _timed(scenario), scenario.rate, start, seed, self._input.idle
         )
         self._links.reset()
         #: Whether it is held at its initial state: nobody has driven it yet, in real time.
@@ -143,7 +139,7 @@ class PlantNode(runtime.ScenarioNode):
         idle = idle_input(model, options.idle_input)
 
         def adapt() -> None:
-            self._idle = idle
+            self._input.idle = idle
             self._plant.configure(model, timed)
             self._plant.actuator.adopt(gain, options.actuator_delay)
             self._plant.faults = faults
@@ -210,7 +206,7 @@ class PlantNode(runtime.ScenarioNode):
             return
         self._drop_old_force()
         was_finite = self._plant.finite
-        self._plant.step(self._force, self._disturbance)
+        self._plant.step(self._input.force, self._input.disturbance)
         if was_finite and not self._plant.finite:
             self.get_logger().error(self._diverged())
             self.diagnostics.publish()
@@ -222,31 +218,24 @@ class PlantNode(runtime.ScenarioNode):
         return 'the plant diverged, its state is not finite: it publishes nothing until ~/reset'
 
     def _drop_old_force(self) -> None:
-        timeout = self.options.force_timeout
-        if self.options.lockstep or self._force_came is None or timeout == 0.0:
+        if self.options.lockstep:
             return
-        age = (self.steady.now().nanoseconds - self._force_came) * 1e-9
-        if age > timeout:
-            self._force, self._force_came = self._idle, None
+        age = self._input.drop_old(self.options.force_timeout)
+        if age is not None:
             topic = self.scenario.input.topic
-            words = f'no {topic} for {age:.2f} s: it is {self._idle_name} now'
-            self.get_logger().warning(words)
+            zero = self._input.idle_name
+            self.get_logger().warning(f'no {topic} for {age:.2f} s: it is {zero} now')
             self.diagnostics.publish()
 
-    @property
-    def _idle_name(self) -> str:
-        return "the equilibrium's" if self._idle.any() else 'zero'
-
     def _on_force(self, data: bytes) -> None:
-        self._forces += 1
-        force = self._input_in(data)
+        force = self._input.take(data)
         if force is None:
             return
         if self.options.lockstep and force.time not in (None, self.stamp):
             return  # it answers another step, for it was asked for twice
-        if self._force_came is None:
+        if not self._input.is_set:
             self.get_logger().info(f'first {self.scenario.input.topic} received')
-        self._force, self._force_came = force.values, self.steady.now().nanoseconds
+        self._input.hold(force)
         self._rests = False
         self._on_answer('input', self.stamp if force.time is None else force.time)
 
@@ -260,22 +249,6 @@ class PlantNode(runtime.ScenarioNode):
         self._answered[kind] = time
         if all(answer == self.stamp for answer in self._answered.values()):
             self._pacer.answered()
-
-    def _on_disturbance(self, data: bytes) -> None:
-        disturbance = self._input_in(data)
-        if disturbance is not None:
-            self._disturbance = disturbance.values
-
-    def _input_in(self, data: bytes) -> Sample | None:
-        """Return the finite input in a message, or None and count it."""
-        try:
-            sample = self._read_input(data)
-            if np.isfinite(sample.values).all():
-                return sample
-        except (LookupError, ValueError):
-            pass
-        self._bad_inputs += 1
-        return None
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._steps_before = self.steps
@@ -303,8 +276,8 @@ class PlantNode(runtime.ScenarioNode):
             'steps': self.steps,
             'simulated seconds': self.elapsed,
             'missed steps': self._pacer.missed,
-            'forces heard': self._forces,
-            'inputs refused': self._bad_inputs,
+            'forces heard': self._input.heard,
+            'inputs refused': self._input.refused,
         }
         values.update({f'{name}: readings': count for name, count in self._links.arrived.items()})
         faults = ', '.join((*self._links.faults, *self._plant.faults.on))
@@ -313,8 +286,8 @@ class PlantNode(runtime.ScenarioNode):
             return Level.WARN if self._pacer.held else Level.ERROR, trouble, values
         if self._rests:
             return Level.WARN, f'at rest until the first {self.scenario.input.topic}', values
-        if self.scenario.input.fields and self._force_came is None:
-            words = f'no {self.scenario.input.topic} received: it is {self._idle_name}'
+        if self.scenario.input.fields and not self._input.is_set:
+            words = f'no {self.scenario.input.topic} received: it is {self._input.idle_name}'
             return Level.WARN, words, values
         return Level.OK, f'running with {faults}' if faults else 'running', values
 
