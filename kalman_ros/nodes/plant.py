@@ -14,7 +14,7 @@ from kalman_ros.codecs.messages import leading_stamp, message_type, write_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import mention, write_tick
 from kalman_ros.codecs.wire import WireWriter
-from kalman_ros.core import Option, Signal, TimedSensor, Value, one_each
+from kalman_ros.core import Option, Signal, Value, one_each
 from kalman_ros.scenario import Scenario, sensor_names
 from kalman_ros.simulation.faults import options_of_sensors, settings_of_sensors
 from kalman_ros.simulation.faults.body import BodyFaults
@@ -117,7 +117,7 @@ class PlantNode(runtime.ScenarioNode):
         scenario, seed = self.scenario, self.options.seed
         model, start = scenario.model, scenario.initial_state
         self._plant = SimulatedPlant(
-            model, _timed(scenario), scenario.rate, start, seed, self._input.idle
+            model, scenario.timed, scenario.rate, start, seed, self._input.idle
         )
         self._links.reset()
         #: Whether it is held at its initial state: nobody has driven it yet, in real time.
@@ -132,7 +132,7 @@ class PlantNode(runtime.ScenarioNode):
         self, scenario: Scenario, options: PlantOptions, faulty: Mapping[str, Value]
     ) -> Callable[[], None]:
         """Return what adapts the plant to a scenario; ValueError if that cannot be."""
-        timed, model = _timed(scenario), scenario.model
+        timed, model = scenario.timed, scenario.model
         wrong = settings_of_sensors(timed, faulty)
         gain = one_each('actuator_gain', options.actuator_gain, model.input.size)
         faults = BodyFaults(options, model.input.size)
@@ -290,10 +290,6 @@ class PlantNode(runtime.ScenarioNode):
             words = f'no {self.scenario.input.topic} received: it is {self._input.idle_name}'
             return Level.WARN, words, values
         return Level.OK, f'running with {faults}' if faults else 'running', values
-
-
-def _timed(scenario: Scenario) -> dict[str, TimedSensor]:
-    return {name: source.timed for name, source in scenario.sensors.items()}
 
 
 def main() -> None:

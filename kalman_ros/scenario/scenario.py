@@ -60,6 +60,11 @@ class Scenario:
         return Plan(self.model, timed, self.rate)
 
     @property
+    def timed(self) -> dict[str, TimedSensor]:
+        """The sensors with their rates, also those that are off."""
+        return {name: source.timed for name, source in self.sensors.items()}
+
+    @property
     def enabled(self) -> dict[str, SensorSource]:
         """The sensors that are on."""
         return {name: source for name, source in self.sensors.items() if source.timed.enabled}
