@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from kalman_ros import scenario as scenarios
-from kalman_ros.analysis import advice
+from kalman_ros.analysis import design_warnings
 from kalman_ros.analysis.design import report
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.scenario import Scenario
@@ -31,7 +31,9 @@ class Design:
     @property
     def warnings(self) -> list[str]:
         """What may go wrong, one sentence each."""
-        return list(advice.warnings(self.report, self.delay or 1.0 / self.report.scenario.rate))
+        return list(
+            design_warnings.warnings(self.report, self.delay or 1.0 / self.report.scenario.rate)
+        )
 
     def __repr__(self) -> str:
         from rich.console import Console  # for people only
@@ -43,7 +45,7 @@ class Design:
         console.print(design_tables.structure(self.report), markup=False)
         sheet.show(console, design_tables.tables(self.report))
         console.print()
-        for sentence in (*design_tables.closing(self.report), *advice.notes(self.report)):
+        for sentence in (*design_tables.closing(self.report), *design_warnings.notes(self.report)):
             console.print(sentence, markup=False)
         for sentence in self.warnings:
             console.print(f'Warning: {sentence}', markup=False)

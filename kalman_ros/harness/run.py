@@ -18,13 +18,13 @@ from kalman_ros.core import Signal
 from kalman_ros.nodes.published import SERVICE
 from kalman_ros.simulation.trajectory import Trajectory
 
-from .cast import Cast
 from .confirmation import WINDOW, Confirmation
-from .gather import signals, trajectory
-from .node_group import NodeError, NodeGroup
+from .launched_nodes import LaunchedNodes, NodeError
+from .node_set import NodeSet
 from .progress import Progress
 from .readiness import missing
 from .recorder import Recorder
+from .to_trajectory import signals, to_trajectory
 
 #: Seconds for which one look at the nodes counts at most.
 _LOOK = 0.1
@@ -36,7 +36,7 @@ _SILENCE = 20.0
 _STALL = 5.0
 
 
-class Run(NodeGroup):
+class Run(LaunchedNodes):
     """The nodes of a scenario as processes, and their topics as arrays.
 
     Use as a context manager: the nodes start on entry and are gone after exit.
@@ -81,8 +81,8 @@ class Run(NodeGroup):
         shared = {'seed': seed, 'lockstep': lockstep, 'run_until': -1.0, **(overrides or {})}
         if lockstep:
             shared.setdefault('lockstep_window', WINDOW)
-        super().__init__(Cast(scenario, shared, only or {}, nodes, also or {}, remaps or {}))
-        self.scenario = self._cast.scenario
+        super().__init__(NodeSet(scenario, shared, only or {}, nodes, also or {}, remaps or {}))
+        self.scenario = self._node_set.scenario
         self.lockstep = lockstep
         self._record = {**signals(self.scenario), **(record or {})}
         self._progress = Progress(self.scenario)
@@ -93,7 +93,7 @@ class Run(NodeGroup):
         self.open(sockets=not self.lockstep)
         try:
             self._listen()
-            for name in self._cast.names:
+            for name in self._node_set.names:
                 self.start(name)
             self._until_ready()
         except BaseException:
@@ -112,7 +112,7 @@ class Run(NodeGroup):
     @property
     def names(self) -> Sequence[str]:
         """The nodes that take part."""
-        return self._cast.names
+        return self._node_set.names
 
     def _listen(self) -> None:
         self.recorder = Recorder(self.node, self._record)
@@ -130,7 +130,7 @@ class Run(NodeGroup):
         topics = self.recorder.topics
         if self._confirmation is not None:
             topics = [*topics, self._confirmation.topic]
-        return missing(self._cast.names, self.diagnostics, topics)
+        return missing(self._node_set.names, self.diagnostics, topics)
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
         """Let the plant go on for so many simulated seconds and gather all that comes of it.
@@ -264,7 +264,7 @@ class Run(NodeGroup):
 
     def trajectory(self) -> Trajectory:
         """Return the run so far as arrays, step by step."""
-        return trajectory(self.scenario, self.recorder, self._progress.first)
+        return to_trajectory(self.scenario, self.recorder, self._progress.first)
 
 
 def _incomplete(missing: Mapping[str, tuple[int, int]]) -> str:

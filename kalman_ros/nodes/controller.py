@@ -25,6 +25,7 @@ from kalman_ros.scenario.regulator import feedback, limits, tracking
 from . import runtime
 from .diagnostics import Level, Report
 from .estimate_feed import EstimateFeed
+from .estimate_guard import EstimateGuard
 from .idle import idle_input
 from .meeting import Meeting
 from .meters import Latency, Rate
@@ -32,7 +33,6 @@ from .options import ControllerOptions
 from .output import OutputStage
 from .reference import ReferenceReader
 from .topics import HISTORY, QUEUE
-from .trust import Trust
 
 #: The longest step, in seconds, over which an integral is taken or an estimate predicted.
 _LONGEST = 0.5
@@ -54,7 +54,7 @@ class ControllerNode(runtime.ScenarioNode):
         scenario, options = self.scenario, self.options
         model, blend = scenario.model, options.transition_time
         self._regulator = Regulator(model.state, feedback(scenario), model.equilibrium, blend)
-        self._trust = Trust(model.state, *_trusted(scenario, options))
+        self._trust = EstimateGuard(model.state, *_trusted(scenario, options))
         limiter = self._limiter = Limiter(*_limited(scenario, options))
         self._enabled = options.enabled
         #: Whether the input was let go, and answers are to go on from where it is.
@@ -286,7 +286,7 @@ def _limited(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Ar
 
 
 def _trusted(scenario: Scenario, options: ControllerOptions) -> tuple[float, float, Array, Array]:
-    """Return which estimates may be acted upon, as `Trust` takes it."""
+    """Return which estimates may be acted upon, as `EstimateGuard` takes it."""
     most = one_each('max_std', options.max_std, scenario.model.state.size)
     if options.resume not in ('auto', 'enable'):
         raise ValueError(f"resume: expected auto or enable, got '{options.resume}'")

@@ -13,7 +13,7 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.scenario import Scenario
 
-from .trust import Trust
+from .estimate_guard import EstimateGuard
 from .watcher import waiting
 
 #: So many of those that wait are looked at, in a few milliseconds.
@@ -33,7 +33,7 @@ class EstimateFeed:
         What knows whether an estimate is older than the last.
     """
 
-    def __init__(self, node: Any, scenario: Scenario, trust: Trust) -> None:
+    def __init__(self, node: Any, scenario: Scenario, trust: EstimateGuard) -> None:
         self._node: Any = node
         self._read = WireReader(SignalCodec(scenario.state))
         self._size = scenario.model.state.size

@@ -23,8 +23,8 @@ from .channel import Channel, SensorChannel
 from .fuser import Come, Fuser
 from .meeting import Meeting
 from .meters import Latency
+from .step_assembler import StepAssembler
 from .topics import QUEUE, sensor_queue
-from .turns import Turns
 
 #: No clock is published so out of order; less is as good as no jump.
 _BACK = Duration(seconds=-0.1)
@@ -160,7 +160,7 @@ class LockstepIntake:
         scenario: Scenario = node.scenario
         topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
         driven = bool(scenario.input.fields)
-        self._turns = Turns(topics, answered=driven)
+        self._turns = StepAssembler(topics, answered=driven)
         for channel in fuser.channels.values():
             _listen(node, channel, partial(self._on_reading, channel), QUEUE)
         if driven:

@@ -21,13 +21,13 @@ from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.simulation.sound import SimulatedSound, Sound
 
 from . import runtime
+from .bearing_detector import BearingDetector
 from .diagnostics import Report
-from .hearing import Hearing
 from .options import MicrophoneArrayOptions
 from .playback import Playback
+from .step_assembler import StepAssembler
 from .throttle import Throttle
 from .topics import QUEUE, on_topic
-from .turns import Turns
 
 _TRUTH = 'ground_truth'
 #: In lockstep the ticks of the plant, by a remap, before a bearing is added to them.
@@ -60,7 +60,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
             recorded = self._recorded = recording.read(Path(options.recording), self._array.size)
         rate = options.sample_rate if recorded is None else recorded.sample_rate
         signal = self._source.signal
-        self._hearing = Hearing(signal, self._array, rate, options)
+        self._hearing = BearingDetector(signal, self._array, rate, options)
         self._publisher = self.create_publisher(self._hearing.message_type, signal.topic, QUEUE)
         if options.lockstep:
             self._tick_publisher = self.create_publisher(TimeReference, 'tick', QUEUE)
@@ -100,7 +100,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         self._start()
         truth = on_topic(self.scenario.state, _TRUTH)
         self._read_truth = WireReader(SignalCodec(truth))
-        self._turns = Turns({_TRUTH: _TRUTH}, answered=False)
+        self._turns = StepAssembler({_TRUTH: _TRUTH}, answered=False)
         kind = self._read_truth.message_type
         self.create_subscription(kind, _TRUTH, self._on_truth, QUEUE, raw=True)
         if self.options.lockstep:

@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from kalman_ros import models, scenario
-from kalman_ros.analysis import advice, design
+from kalman_ros.analysis import design, design_warnings
 from kalman_ros.core import refuse_unknown
 from kalman_ros.nodes import names
 from kalman_ros.scenario import Scenario, shipped
@@ -113,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         print(f'design: {error}', file=sys.stderr)
         sys.exit(2)
     latency = 1.0 / built.rate if options.delay is None else options.delay
-    notes, warnings = advice.notes(report), advice.warnings(report, latency)
+    notes, warnings = design_warnings.notes(report), design_warnings.warnings(report, latency)
 
     from kalman_ros.report import (  # matplotlib is slow to load
         design_json,

@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.patches import Circle
 from matplotlib.ticker import FormatStrFormatter, LogLocator, MultipleLocator, NullFormatter
 
-from kalman_ros.analysis.advice import loop_names
 from kalman_ros.analysis.design_report import DesignReport
+from kalman_ros.analysis.design_warnings import loop_names
 from kalman_ros.analysis.input_loops import InputLoops, Loop
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array

@@ -10,7 +10,7 @@ from math import degrees
 import numpy as np
 from scipy.linalg import block_diag
 
-from kalman_ros.analysis import advice
+from kalman_ros.analysis import design_warnings
 from kalman_ros.analysis.design import settling_time
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.input_loops import Loop
@@ -198,7 +198,7 @@ def _label(space: Space, name: str) -> str:
 
 def _margins(report: DesignReport) -> Sheet:
     rows: dict[str, tuple[str, ...]] = {}
-    known, estimated = advice.loop_names(report.scenario.law)
+    known, estimated = design_warnings.loop_names(report.scenario.law)
     for at in report.regulator.loops if report.regulator else ():
         kept = at.guarantee
         if kept and not report.delay:

@@ -10,10 +10,10 @@ import pytest
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
 from kalman_ros import scenario
-from kalman_ros.analysis.advice import notes, warnings
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.analysis.checks import theory
 from kalman_ros.analysis.design import report, settling_time
+from kalman_ros.analysis.design_warnings import notes, warnings
 from kalman_ros.analysis.path import follow
 from kalman_ros.core import DesignError, Gaussian
 from kalman_ros.scenario.parameter_files import from_file

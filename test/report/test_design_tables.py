@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 
 from kalman_ros import scenario
-from kalman_ros.analysis.advice import notes, warnings
 from kalman_ros.analysis.design import report
+from kalman_ros.analysis.design_warnings import notes, warnings
 from kalman_ros.report.design_tables import closing, matrices, structure, tables
 from kalman_ros.report.sheet import Sheet
 from kalman_ros.scenario.parameter_files import from_file

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 from kalman_ros.harness import executables
+from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.harness.process import NodeProcess
-from kalman_ros.harness.station import Station
 from kalman_ros.nodes.transport import PROFILES
 
 
@@ -18,11 +18,11 @@ class Terminals:
 
     def __init__(self, *arguments):
         self.arguments, self.processes = arguments, {}
-        self._station = Station('witness', sockets=True)
-        self.node = self._station.node
+        self._context = IsolatedContext('witness', sockets=True)
+        self.node = self._context.node
         self._folder = tempfile.TemporaryDirectory()
         keep = {name: value for name, value in os.environ.items() if name not in PROFILES}
-        own = {'ROS_DOMAIN_ID': str(self._station.domain)}
+        own = {'ROS_DOMAIN_ID': str(self._context.domain)}
         #: What ``./dev`` sets, and no more.
         self.environment = {**keep, **own, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
 
@@ -35,7 +35,7 @@ class Terminals:
         for process in self.processes.values():
             process.wait(5.0)
             process.stop()
-        self._station.close()
+        self._context.close()
         self._folder.cleanup()
 
     def start(self, name, *arguments):
@@ -56,7 +56,7 @@ class Terminals:
 
     def spin(self, seconds):
         """Take in what comes; none of the nodes may have ended."""
-        self._station.spin(seconds)
+        self._context.spin(seconds)
         for name, process in self.processes.items():
             assert process.exit_code is None, f'{name}: {process.last_words()}'
 

@@ -359,7 +359,7 @@ def test_a_model_that_raises_ends_the_controller_with_its_force_at_zero(monkeypa
         assert feed.answer(1.0, age=0.05) < -0.5
         feed.send(9.0, age=0.05)
         assert process.wait(10.0)
-        run._station.spin(0.5)
+        run._context.spin(0.5)
         assert feed.forces[-1].wrench.force.x == 0.0
         assert process.exit_code == 1
         assert 'RuntimeError: out of range' in process.output()

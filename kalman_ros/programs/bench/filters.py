@@ -21,7 +21,7 @@ from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.sensors.states import States
 
-from .contest import Contest, Contestant
+from .benchmark import Benchmark, Contestant
 
 #: Steps a measurement.
 _STEPS = 300
@@ -31,12 +31,12 @@ _CASES = (('kf', 4, 2, 0.5), ('ekf', 4, 2, 0.5), ('ukf', 4, 2, 0.2), ('ukf', 15,
 
 
 @contextmanager
-def contests() -> Iterator[list[Contest]]:
-    """Give one contest a filter and size."""
-    yield [_contest(*case) for case in _CASES]
+def benchmarks() -> Iterator[list[Benchmark]]:
+    """Give one benchmark a filter and size."""
+    yield [_benchmark(*case) for case in _CASES]
 
 
-def _contest(kind: str, n: int, k: int, goal: float) -> Contest:
+def _benchmark(kind: str, n: int, k: int, goal: float) -> Benchmark:
     rng = np.random.default_rng(0)
     space = Space(tuple(f'x{index}' for index in range(n)), ('',) * n)
     A = 0.3 * rng.normal(size=(n, n)) - np.eye(n)
@@ -44,7 +44,7 @@ def _contest(kind: str, n: int, k: int, goal: float) -> Contest:
     sensor = States(space, [0.5] * k, space.names[:k])
     name = f'{kind} step, {n} states, {k} readings / filterpy'
     y = np.ones(k)
-    return Contest(name, goal, _ours(kind, system, sensor, y), _peer(kind, system, sensor, y))
+    return Benchmark(name, goal, _ours(kind, system, sensor, y), _peer(kind, system, sensor, y))
 
 
 def _timed(step: Callable[[], None]) -> Contestant:

@@ -9,13 +9,13 @@ from contextlib import contextmanager
 
 from kalman_ros.harness import Run
 
-from .contest import Contest
+from .benchmark import Benchmark
 from .ring import Ring
 
 
 @contextmanager
-def contests() -> Iterator[list[Contest]]:
-    """Give the contest, with the nodes of both running side by side, one idle at a time."""
+def benchmarks() -> Iterator[list[Benchmark]]:
+    """Give the benchmark, with the nodes of both running side by side, one idle at a time."""
     with Run() as run, Ring() as ring:
         run.advance(1.0)
         ring.rounds(100)
@@ -28,4 +28,4 @@ def contests() -> Iterator[list[Contest]]:
 
         # 60 s at 100 Hz under 8 s, where the ring alone would take 3.5 s
         goal = 8.0 / 3.5
-        yield [Contest('lockstep step / bare rclpy ring', goal, ours, lambda: ring.rounds(500))]
+        yield [Benchmark('lockstep step / bare rclpy ring', goal, ours, lambda: ring.rounds(500))]

@@ -20,15 +20,15 @@ from rich.table import Table
 from kalman_ros.core import refuse_unknown
 from kalman_ros.harness import NodeError
 
-from .contest import Contest
+from .benchmark import Benchmark
 
-#: The groups of contests, by their modules.
+#: The groups of benchmarks, by their modules.
 GROUPS = {'filters': 'filters', 'estimator': 'relay', 'lockstep': 'lockstep'}
 
 
 @dataclass(frozen=True)
 class Result:
-    """The median times of a contest in seconds, and the ratio that is good enough."""
+    """The median times of a benchmark in seconds, and the ratio that is good enough."""
 
     name: str
     ours: float
@@ -37,12 +37,12 @@ class Result:
     goal: float
 
 
-def compete(contest: Contest, rounds: int) -> Result:
+def compete(benchmark: Benchmark, rounds: int) -> Result:
     """Let two contestants take turns, so that the machine's moods strike both alike."""
-    pairs = [(contest.ours(), contest.peer()) for _ in range(rounds)]
+    pairs = [(benchmark.ours(), benchmark.peer()) for _ in range(rounds)]
     mine, theirs = (statistics.median(times) for times in zip(*pairs))
     ratio = statistics.median(a / b for a, b in pairs)
-    return Result(contest.name, mine, theirs, ratio, contest.goal)
+    return Result(benchmark.name, mine, theirs, ratio, benchmark.goal)
 
 
 def results_table(results: Sequence[Result]) -> Table:
@@ -64,7 +64,7 @@ def results_table(results: Sequence[Result]) -> Table:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run every contest; exit 1 if a goal is missed."""
+    """Run every benchmark; exit 1 if a goal is missed."""
     parser = argparse.ArgumentParser(prog='bench', description=__doc__)
     parser.add_argument('groups', nargs='*', default=tuple(GROUPS), help=f'of {", ".join(GROUPS)}')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the results there, too')
@@ -75,10 +75,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         refuse_unknown(options.groups, GROUPS, 'group')
         for group in options.groups:
-            with import_module(f'{__package__}.{GROUPS[group]}').contests() as contests:
-                for contest in contests:
-                    console.print(f'{contest.name} ...', style='dim')
-                    results.append(compete(contest, options.rounds))
+            with import_module(f'{__package__}.{GROUPS[group]}').benchmarks() as benchmarks:
+                for benchmark in benchmarks:
+                    console.print(f'{benchmark.name} ...', style='dim')
+                    results.append(compete(benchmark, options.rounds))
     except (ValueError, NodeError, RuntimeError) as error:
         print(f'bench: {error}', file=sys.stderr)
         sys.exit(2)

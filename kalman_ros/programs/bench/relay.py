@@ -19,12 +19,12 @@ from rclpy.task import Future
 
 from kalman_ros.codecs.messages import leading_stamp, write_stamp
 from kalman_ros.harness.executables import executable
+from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.harness.process import NodeProcess
-from kalman_ros.harness.station import Station
 from kalman_ros.nodes.topics import QUEUE
 
 from . import bare
-from .contest import Contest
+from .benchmark import Benchmark
 
 #: Readings a measurement: without a break, and with one as on a robot, in seconds.
 _READINGS, _SPACED = 1000, 300
@@ -34,18 +34,18 @@ _HEAD_START = 0.4
 
 
 @contextmanager
-def contests() -> Iterator[list[Contest]]:
-    """Give the contests; what they start is gone at the end."""
+def benchmarks() -> Iterator[list[Benchmark]]:
+    """Give the benchmarks; what they start is gone at the end."""
     estimator = [str(executable('estimator'))]
     relay = [sys.executable, bare.__file__]
     with Respondent(estimator) as ours, Respondent(relay) as peer:
         yield [
-            Contest('reading to estimate / bare relay', 1.25, ours.answer, peer.answer),
-            Contest(
+            Benchmark('reading to estimate / bare relay', 1.25, ours.answer, peer.answer),
+            Benchmark(
                 f'the same, {1e3 * _BREAK:g} ms between readings', 1.4,
                 partial(ours.answer, _SPACED, _BREAK), partial(peer.answer, _SPACED, _BREAK),
             ),
-            Contest(
+            Benchmark(
                 f'estimator ready / a bare node and {_HEAD_START} s', 1.0,
                 ours.restart, lambda: peer.restart() + _HEAD_START,
             ),
@@ -65,14 +65,14 @@ class Respondent:
         self._command = command
 
     def __enter__(self) -> Respondent:
-        self._station = Station(f'contest_{id(self)}')
+        self._context = IsolatedContext(f'bench_{id(self)}')
         self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_contest_')
         self._message = TwistWithCovarianceStamped()
         self._message.twist.covariance[:] = np.eye(6).ravel()
-        self._publisher = self._station.node.create_publisher(
+        self._publisher = self._context.node.create_publisher(
             TwistWithCovarianceStamped, 'velocity', QUEUE
         )
-        self._subscription = self._station.node.create_subscription(
+        self._subscription = self._context.node.create_subscription(
             Odometry, 'estimate', self._came, QUEUE, raw=True
         )
         self._done, self._stamp = Future(), 0
@@ -83,12 +83,12 @@ class Respondent:
 
     def __exit__(self, *_: Any) -> None:
         self._process.stop()
-        self._station.close()
+        self._context.close()
         self._folder.cleanup()
 
     def _start(self) -> None:
         log = Path(self._folder.name) / 'log'
-        self._process = NodeProcess('respondent', self._command, self._station.environment, log)
+        self._process = NodeProcess('respondent', self._command, self._context.environment, log)
         self._until(lambda: self._publisher.get_subscription_count() > 0)
         self._until(lambda: self._subscription.get_publisher_count() > 0)
 
@@ -97,7 +97,7 @@ class Respondent:
         while not condition():
             if time.monotonic() > end:
                 raise RuntimeError(f'{self._command[0]}: {self._process.last_words()}')
-            self._station.spin(0.002)
+            self._context.spin(0.002)
 
     def restart(self) -> float:
         """Return the seconds from the start of the process until it is connected."""
@@ -126,7 +126,7 @@ class Respondent:
         self._done, self._stamp = Future(), time.time_ns()
         write_stamp(self._message.header.stamp, self._stamp)
         self._publisher.publish(self._message)
-        return self._station.spin(patience, self._done)
+        return self._context.spin(patience, self._done)
 
     def _came(self, data: bytes) -> None:
         # an answer to an earlier question may be on its way still

@@ -21,8 +21,8 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.harness.process import NodeProcess
-from kalman_ros.harness.station import Station
 from kalman_ros.nodes.interruption import Interruption
 from kalman_ros.nodes.topics import QUEUE
 from kalman_ros.nodes.transport import prefer_sockets
@@ -50,21 +50,21 @@ def relay(number: int) -> Any:
     return node
 
 
-def start_relay(number: int, station: Station, folder: str) -> NodeProcess:
+def start_relay(number: int, context: IsolatedContext, folder: str) -> NodeProcess:
     """Start the relay of hop ``number`` as a process; its output goes to the ``folder``."""
     command = [sys.executable, '-m', __spec__.name, str(number)]
     log = Path(folder) / f'relay{number}.log'
-    return NodeProcess(f'relay{number}', command, station.environment, log)
+    return NodeProcess(f'relay{number}', command, context.environment, log)
 
 
 class Ring:
     """The ring, with this process as its third member; use as a context manager."""
 
     def __enter__(self) -> Ring:
-        self._station = Station('ring')
+        self._context = IsolatedContext('ring')
         self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_ring_')
-        self._relays = [start_relay(number, self._station, self._folder.name) for number in (0, 1)]
-        node = self._station.node
+        self._relays = [start_relay(number, self._context, self._folder.name) for number in (0, 1)]
+        node = self._context.node
         (first, source), (last, target) = HOPS[0], HOPS[-1]
         self._message = first()
         self._publisher = node.create_publisher(first, source, QUEUE)
@@ -81,7 +81,7 @@ class Ring:
     ) -> None:
         for process in self._relays:
             process.stop()
-        self._station.close()
+        self._context.close()
         self._folder.cleanup()
 
     def _came(self, _: Any) -> None:
@@ -111,7 +111,7 @@ class Ring:
     def _round(self, count: int, patience: float) -> bool:
         self._left, self._done = count, Future()
         self._publisher.publish(self._message)
-        return self._station.spin(patience, self._done)
+        return self._context.spin(patience, self._done)
 
 
 def _run(number: int) -> None:

@@ -26,8 +26,8 @@ from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.harness import Run
 
 from . import Findings, close
-from .brink import Trial, brink, trial
 from .loops import lqg_loop
+from .stability_boundary import Trial, stability_boundary, trial
 from .systems import linear
 
 A, B, C = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
@@ -52,7 +52,7 @@ def study(size: float = 1.0) -> Findings:
             trial(run, 'actuator_gain', 1.0 + share * (upper - 1.0), seconds)
             for share in (0.5, 1.5)
         )
-        found, _ = brink(run, 'actuator_gain', 1.0, 1.04, seconds)
+        found, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.04, seconds)
     fates = float(inside.rate < 0.0 < outside.rate)
     checks += [
         # of the margin itself, beyond 1: the search stops within 0.3 %

@@ -18,8 +18,8 @@ from kalman_ros.control.margins import margins
 from kalman_ros.harness import Run
 
 from . import Findings, close
-from .brink import Trial, brink, root
 from .loops import growth, lqg_loop, lqr_loop
+from .stability_boundary import Trial, root, stability_boundary
 from .systems import linear
 
 #: The noise is this much weaker than that for which the estimator is right; its gain is the same.
@@ -49,7 +49,9 @@ def study(size: float = 1.0) -> Findings:
             for search, (parameter, start, factor) in SEARCHES.items():
                 run.set_parameter('actuator_gain', [1.0])  # as the search before left it
                 predicted = predict(system, name)[search]
-                found, trials[name, search] = brink(run, parameter, start, factor, seconds)
+                found, trials[name, search] = stability_boundary(
+                    run, parameter, start, factor, seconds
+                )
                 unit = 's' if search == 'delay' else ''
                 # the search stops within 0.1 %; the rest is for modes that are not yet gone
                 checks.append(close(f'{name}: {search}', unit, predicted, found, 0.01 * predicted))

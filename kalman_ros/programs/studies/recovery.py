@@ -26,9 +26,9 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import price
 
 from . import Findings, close
-from .brink import brink
 from .doyle import NODES, ONES, QUIET, STRENGTH, A, B, C, system
 from .loops import average, lqg_loop, lqr_loop
+from .stability_boundary import stability_boundary
 
 RATE = 25.0
 #: The q of the runs.
@@ -43,7 +43,7 @@ def study(size: float = 1.0) -> Findings:
     for q in TOLD:
         upper = margins(_loop(q)).upper_gain.value
         with Run(system(STRENGTH, QUIET, RATE), only=_told(q, QUIET), nodes=NODES) as run:
-            found, _ = brink(run, 'actuator_gain', 1.0, 1.3, 16.0)
+            found, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.3, 16.0)
         # of the margin itself, beyond 1; the search stops within 0.3 %
         name = f'q = {q:g}: gain margin'
         checks.append(close(name, '', upper, found, 0.05 * (upper - 1.0)))

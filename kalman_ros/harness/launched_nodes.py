@@ -17,10 +17,10 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from .cast import Cast
 from .interrupts import deferred
+from .isolated_context import IsolatedContext
+from .node_set import NodeSet
 from .process import NodeProcess
-from .station import Station
 
 #: Seconds after each of which a request is sent again.
 _REPEATS = (1.0, 2.0, 4.0, 8.0, 15.0)
@@ -30,7 +30,7 @@ class NodeError(RuntimeError):
     """A node died, would not start, or did not answer; the message names it and says why."""
 
 
-class NodeGroup:
+class LaunchedNodes:
     """The nodes of a cast, once `open` has been called.
 
     Parameters
@@ -39,8 +39,8 @@ class NodeGroup:
         Which nodes there are, and what each is told.
     """
 
-    def __init__(self, cast: Cast) -> None:
-        self._cast = cast
+    def __init__(self, node_set: NodeSet) -> None:
+        self._node_set = node_set
         self.processes: dict[str, NodeProcess] = {}
         self.diagnostics: dict[str, DiagnosticStatus] = {}
         #: Whether a node was killed or has died: what it published last nobody knows.
@@ -48,7 +48,7 @@ class NodeGroup:
 
     def open(self, *, sockets: bool) -> None:
         """Have a domain, a node of one's own in it, and its services; no other node yet."""
-        self._station = Station('harness', sockets=sockets)
+        self._context = IsolatedContext('harness', sockets=sockets)
         self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
         self._clients: dict[str, Any] = {}
 
@@ -59,24 +59,24 @@ class NodeGroup:
     @property
     def domain(self) -> int:
         """The ROS domain that the nodes run in."""
-        return self._station.domain
+        return self._context.domain
 
     @property
     def environment(self) -> Mapping[str, str]:
         """The environment of the nodes, for other programs that are to take part."""
-        return self._station.environment
+        return self._context.environment
 
     @property
     def node(self) -> Any:
         """The `rclpy` node of this process in the run's domain, to publish and subscribe with."""
-        return self._station.node
+        return self._context.node
 
     def start(self, name: str) -> None:
         """Start a node; one that was killed may be started again."""
         log = Path(self._folder.name) / f'{name}.log'
         with deferred():
             self.processes[name] = NodeProcess(
-                name, self._cast.command(name), self._station.environment, log
+                name, self._node_set.command(name), self._context.environment, log
             )
 
     def kill(self, name: str, number: int = 9) -> None:
@@ -93,7 +93,7 @@ class NodeGroup:
 
         It ends sooner when the future ``until`` is done.
         """
-        self._station.spin(seconds, until)
+        self._context.spin(seconds, until)
         for name, process in self.processes.items():
             if process.exit_code is not None:
                 raise NodeError(f'the {name} died: {process.last_words()}')
@@ -177,5 +177,5 @@ class NodeGroup:
         for process in self.processes.values():
             process.wait(3.0)
             process.stop()
-        self._station.close()
+        self._context.close()
         self._folder.cleanup()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `bench` measures; each group of contests is a module with a context that gives them."""
+"""What `bench` measures; each group of benchmarks is a module with a context that gives them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Contestant = Callable[[], float]
 
 
 @dataclass(frozen=True)
-class Contest:
+class Benchmark:
     """Two who do the same work, and the largest ratio of ours to theirs that is good."""
 
     name: str

@@ -21,7 +21,7 @@ _PERIOD = 0.01
 _PATIENCE = 0.1
 
 
-class Station:
+class IsolatedContext:
     """A node with its executor, in a domain that nobody else on this machine has.
 
     Parameters

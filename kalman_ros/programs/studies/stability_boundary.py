@@ -54,7 +54,7 @@ def trial(run: Run, parameter: str, value: float, seconds: float) -> Trial:
     )
 
 
-def brink(
+def stability_boundary(
     run: Run, parameter: str, start: float, factor: float, seconds: float
 ) -> tuple[float, list[Trial]]:
     """Return the value at which a loop, stable at ``start``, just grows, and all trials.

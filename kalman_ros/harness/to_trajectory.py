@@ -29,7 +29,7 @@ def signals(scenario: Scenario) -> dict[str, Signal]:
     return found
 
 
-def trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Trajectory:
+def to_trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Trajectory:
     """Return what a recorder gathered, joined by stamps; time is counted from ``first``."""
     estimate, n = scenario.state.topic, scenario.model.state.size
     truth, state = recorder['ground_truth'], recorder[estimate]

@@ -10,7 +10,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.codecs.messages import UndecodableError
 from kalman_ros.codecs.tick import read_tick, write_tick
-from kalman_ros.nodes.turns import Turns
+from kalman_ros.nodes.step_assembler import StepAssembler
 
 
 def steps(count=6):
@@ -34,7 +34,7 @@ def send(turns, kind, time, value):
 
 
 def fresh():
-    return Turns({'position': 'position', 'velocity': 'velocity'})
+    return StepAssembler({'position': 'position', 'velocity': 'velocity'})
 
 
 def run(messages):
@@ -97,7 +97,7 @@ def test_time_that_goes_back_starts_anew():
 
 
 def test_of_a_model_without_inputs_no_answer_is_waited_for():
-    turns = Turns({'position': 'position', 'velocity': 'velocity'}, answered=False)
+    turns = StepAssembler({'position': 'position', 'velocity': 'velocity'}, answered=False)
     messages = [message for message in steps() if message[0] != 'input']
     taken = [turn for message in messages for turn in send(turns, *message)]
     assert [turn.time for turn in taken] == [1, 2, 3, 4, 5, 6]

@@ -13,7 +13,7 @@ from kalman_ros.scenario.parameter_files import BETWEEN, NODES, from_file, secti
 from . import executables
 
 
-class Cast:
+class NodeSet:
     """The nodes of a run by name; the arguments are those of `Run`."""
 
     def __init__(

@@ -17,7 +17,7 @@ _PATIENCE = 0.25
 _ROUNDING = 1e-6
 
 
-class Trust:
+class EstimateGuard:
     """Says of each estimate why it is not to be acted upon, if so.
 
     Parameters

@@ -8,14 +8,14 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Space
-from kalman_ros.nodes.trust import Trust, is_covariance
+from kalman_ros.nodes.estimate_guard import EstimateGuard, is_covariance
 
 SECOND = 1_000_000_000
 SPACE = Space(('x', 'v'), ('m', 'm/s'))
 
 
 def trust(timeout=0.5, ahead=1.0, most=(1.0, 2.0), prior=(np.inf, np.inf)):
-    return Trust(SPACE, timeout, ahead, np.array(most), np.array(prior))
+    return EstimateGuard(SPACE, timeout, ahead, np.array(most), np.array(prior))
 
 
 def estimate(time=10 * SECOND, x=(0.0, 0.0), P=((0.5, -0.3), (-0.3, 0.5))):

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 from kalman_ros.codecs.tick import mentioned
 
 
-class Turn(NamedTuple):
+class Step(NamedTuple):
     """Everything of one step: the input before it, and its readings in the order of the tick."""
 
     time: int
     input: tuple[int, Any] | None
     readings: list[tuple[str, Any]]
-    #: What `Turns.tick` was given to keep.
+    #: What `StepAssembler.tick` was given to keep.
     kept: Any = None
 
 
@@ -32,7 +32,7 @@ _MOST_TICKS, _MOST_NAMED, _MOST_WAITING = 1000, 10_000, 10_000
 _Key = tuple[str, int]
 
 
-class Turns:
+class StepAssembler:
     """Puts together ticks, readings and inputs, which arrive in any order.
 
     What comes without a stamp belongs to the first turn that waits for it.
@@ -119,7 +119,7 @@ class Turns:
     def _input_at(self, time: int) -> Any:
         return self._inputs.get(time, self._inputs.get(_UNSTAMPED))
 
-    def complete(self) -> Iterator[Turn]:
+    def complete(self) -> Iterator[Step]:
         """Yield the turns that are complete by now, in order."""
         while self._ticks:
             time, last = min(self._ticks), self._last
@@ -142,7 +142,7 @@ class Turns:
                 self._taken = set(keys)
             self._forget(time)
             self._inputs = {stamp: u for stamp, u in self._inputs.items() if stamp >= time}
-            yield Turn(time, input, readings, kept)
+            yield Step(time, input, readings, kept)
 
     def _give_up_before(self, time: int) -> None:
         """Drop earlier ticks that lack a reading: a plant that asks again has sent them all."""

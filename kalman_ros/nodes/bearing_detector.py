@@ -21,7 +21,7 @@ from .options import MicrophoneArrayOptions
 _HEARD, _SILENT, _UNCLEAR = 'bearings', 'frames without a source', 'frames without a direction'
 
 
-class Hearing:
+class BearingDetector:
     """Writes the bearing of the source in a frame, and keeps an account of frames without one.
 
     Parameters
