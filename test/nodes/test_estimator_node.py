@@ -57,7 +57,7 @@ def test_readings_that_waited_in_the_wrong_order_are_each_computed_once(pair, mo
 
 
 def test_of_readings_that_are_too_many_the_newest_are_used(pair, monkeypatch):
-    found = pair(EstimatorNode)
+    found = pair(EstimatorNode, rest_until_input='false')  # there is no controller to wait for
     velocity = found.publisher(TwistWithCovarianceStamped, 'velocity')
     estimates = record(found, monkeypatch)
     first = found.node.get_clock().now().nanoseconds - 200 * STEP
@@ -67,6 +67,16 @@ def test_of_readings_that_are_too_many_the_newest_are_used(pair, monkeypatch):
     assert counts[Outcome.OVERRUN] > 0
     assert found.node._online.time == estimates[-1] == first + 199 * STEP
     assert estimates == sorted(estimates)
+
+
+def test_a_node_that_is_told_nothing_has_the_section_of_its_own_in_the_default_file(pair):
+    node = pair(EstimatorNode).node
+    assert node.options.rest_until_input  # as config/mass_spring_damper_2d.yaml has it
+    assert not node.options.lockstep
+
+
+def test_a_node_that_is_told_a_model_has_no_section_of_another_file(pair):
+    assert not pair(EstimatorNode, model='mass_spring_damper').node.options.rest_until_input
 
 
 def test_a_change_leaves_what_was_changed_before(pair):

@@ -18,7 +18,7 @@ def test_hostile_input_breaks_no_promise(seed):
 
 def test_an_estimator_that_does_not_look_is_found_out(monkeypatch):
     def careless(belief):
-        return Gaussian(belief.mean, belief.covariance)
+        return Gaussian(belief.mean, belief.covariance), 0
 
     monkeypatch.setattr(online, '_committed', careless)
     with np.errstate(all='ignore'), pytest.raises(BrokenPromiseError, match='seed'):

@@ -21,10 +21,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from kalman_ros.harness import NodeError, Run
-from kalman_ros.harness.executables import config
+from kalman_ros.scenario import shipped
 
 #: The scenarios of ``config/``, by name.
-SCENARIOS = sorted(path.stem for path in config('level').parent.glob('*.yaml'))
+SCENARIOS = sorted(path.stem for path in shipped.folder().glob('*.yaml'))
 
 
 def digest(messages: Mapping[str, Sequence[bytes]]) -> str:
