@@ -38,12 +38,19 @@ class EstimateGuard:
         self, space: Space, timeout: float, ahead: float, most: Array, prior: Array
     ) -> None:
         self._space = space
-        self.adopt(timeout, ahead, most, prior)
         self.forget()
+        self.adopt(timeout, ahead, most, prior)
 
     def adopt(self, timeout: float, ahead: float, most: Array, prior: Array) -> None:
         """Use other limits from now on."""
         self._timeout, self._ahead, self._most, self._prior = timeout, ahead, most, prior
+        self._bounded = not np.isinf(most).all()
+        self._set_known()
+
+    def _set_known(self) -> None:
+        """Set the variances (n,) up to which no estimate looks like one of a restart."""
+        first = self._prior if self._first is None else self._first
+        self._known: Array = 0.5 * np.minimum(self._prior, first)
 
     def forget(self) -> None:
         """Compare the next estimate with none before it."""
@@ -117,6 +124,9 @@ class EstimateGuard:
         before, self._variances = self._variances, variances
         if self._first is None:
             self._first = variances
+            self._set_known()
+            return ''
+        if (variances <= self._known).all():
             return ''
         # at first: before any reading, and as it was when this one came to know it
         first = np.array([self._prior, self._first])
@@ -125,7 +135,7 @@ class EstimateGuard:
         return f'the estimator was reset: {names[0]} is as uncertain as at first' if names else ''
 
     def _doubt(self, P: Array) -> str:
-        if np.isinf(self._most).all():
+        if not self._bounded:
             return ''
         variances = P.diagonal()
         over = np.flatnonzero(variances > self._most**2)

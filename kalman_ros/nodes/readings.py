@@ -37,4 +37,5 @@ class ReadingReader:
         except (LookupError, ValueError) as error:
             self.trouble = str(error)
             return Sample(None, np.empty(0), None)
-        return sample._replace(covariance=source.used(sample.covariance))
+        time, values, covariance = sample
+        return Sample(time, values, source.used(covariance))

@@ -88,9 +88,8 @@ class WatcherNode(Node):  # type: ignore[misc]
         take = callback if raw else partial(_decoded, callback, kind)
         # rclpy itself would decode where nobody can catch what that raises
         found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
-        name = found.topic_name
         found.losses = Losses(found)
-        found.pass_on = lambda data: self.intake(name, take, data)
+        found.pass_on = partial(self.intake, found.topic_name, take)
 
         def on_message(data: bytes) -> None:
             found.losses.unnumbered()

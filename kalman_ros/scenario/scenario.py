@@ -32,8 +32,9 @@ class SensorSource:
         """
         if carried is None or self.covariance_from == 'configuration':
             return None
-        larger = carried.trace() > self.sensor.covariance.trace()
-        return carried if self.covariance_from == 'message' or larger else None
+        if self.covariance_from == 'message':
+            return carried
+        return carried if carried.trace() > self.sensor.covariance.trace() else None
 
 
 @dataclass(frozen=True)
