@@ -47,18 +47,18 @@ class Gate:
         at: tuple[int, int],
         records: agreement.Records,
     ) -> tuple[Outcome, Correction, agreement.Records]:
-        """Return what becomes of a reading ``y`` (k,), and what the sensors say of the belief now.
+        """Return the outcome of a reading ``y`` (k,), its correction, and the updated records.
 
         Parameters
         ----------
         filter, belief
-            What corrects, and what is believed before.
+            The filter, and the belief before the reading.
         y, sensor
-            The reading, and how it sees the state.
+            The reading and its sensor.
         at
-            Its time in nanoseconds, and the place of its sensor among all.
+            Its time in nanoseconds, and the index of its sensor.
         records
-            What each sensor said before.
+            Earlier outcomes by sensor.
 
         Raises
         ------

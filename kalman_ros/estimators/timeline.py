@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What came within a window, in the order of the stamps, with where each left the estimator."""
+"""The items received within a window, ordered by stamp, each with the estimator state after it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .outcome import Outcome
 
 
 class State(NamedTuple):
-    """The belief at a time, the input in effect from then on, and what each sensor says of it.
+    """The belief at a time, the input in effect from then on, and the outcomes by sensor.
 
     The input is None as long as the system is at rest. ``repairs`` counts how often, on the way
     here, a covariance lost its definiteness to rounding and was given it back.
@@ -34,7 +34,7 @@ class State(NamedTuple):
 class Arrival(NamedTuple):
     """A reading (k,) of a sensor, or an input (m,) with the ``source`` None, and its stamp.
 
-    ``covariance`` (k, k) is the reading's own, if it came with one.
+    ``covariance`` (k, k) is the reading's own, if its message has one.
     """
 
     source: str | None
@@ -44,10 +44,10 @@ class Arrival(NamedTuple):
 
 
 class Item:
-    """A reading, or an input (``sensor`` None), and where it left the estimator.
+    """A reading, or an input (``sensor`` None), and the estimator state after it.
 
-    It keeps the filter that there was when it came, as it does the sensor. A reading has no
-    outcome before it is taken in.
+    It keeps the filter and the sensor that were in use when it was received. A reading has no
+    outcome before it is processed.
     """
 
     __slots__ = (
@@ -68,33 +68,33 @@ class Item:
 
     @property
     def fate(self) -> tuple[Outcome, Correction | None]:
-        """What became of it, once it is taken in."""
+        """Its outcome and correction, once it is processed."""
         assert self.outcome is not None
         return self.outcome, self.correction
 
 
 class Timeline:
-    """Items in the order of their stamps, whenever they came.
+    """Items ordered by stamp, in whatever order they are received.
 
     Parameters
     ----------
     base
-        Where the estimator was before the first.
+        The estimator state before the first item.
     """
 
     def __init__(self, base: State) -> None:
         self._base = base
         self._items: list[Item] = []
-        #: So many of the items, from the oldest on, are taken in.
+        #: The number of items, from the oldest on, that are processed.
         self._settled = 0
 
     @property
     def head(self) -> State:
-        """Where the newest item left the estimator."""
+        """The estimator state after the newest item."""
         return self._items[-1].after if self._items else self._base
 
     def insert(self, item: Item, window: int) -> Outcome | None:
-        """Put an item in its place; return why if there is none for it.
+        """Insert an item by its stamp; return why not if that is impossible.
 
         ``window``, in nanoseconds, is how much older it may be than the newest one.
         """
@@ -116,9 +116,9 @@ class Timeline:
         return None
 
     def settle(
-        self, take_in: Callable[[Item, State], State]
+        self, process: Callable[[Item, State], State]
     ) -> Iterator[tuple[Item, Outcome | None]]:
-        """Take in what was put in its place, and again what follows.
+        """Process the inserted items, and those after them again.
 
         Yields each of these items with the outcome that it had before.
         """
@@ -127,7 +127,7 @@ class Timeline:
         for item in items[start:]:
             before = item.outcome
             try:
-                state = take_in(item, state)
+                state = process(item, state)
             except Exception:  # of a model that raises: the others stay
                 del items[self._settled]
                 raise
@@ -135,7 +135,7 @@ class Timeline:
             yield item, before
 
     def forget(self, window: int) -> None:
-        """Drop what is older than the window; the last of it becomes the base."""
+        """Drop items older than the window; the state after the last of them becomes the base."""
         items = self._items
         oldest = items[-1].key[0] - window if items else 0
         gone = 0

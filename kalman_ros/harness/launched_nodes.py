@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes as processes in a domain of their own: start, stop, ask, and hear how they are."""
+"""Nodes as processes in a private domain: start, stop, services, parameters, diagnostics."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class NodeError(RuntimeError):
 
 
 class LaunchedNodes:
-    """The nodes of a cast, once `open` has been called.
+    """The processes of a `NodeSet`, after `open`.
 
     Parameters
     ----------
     cast
-        Which nodes there are, and what each is told.
+        The nodes and their parameters.
     """
 
     def __init__(self, node_set: NodeSet) -> None:
@@ -47,13 +47,13 @@ class LaunchedNodes:
         self._interrupted = False
 
     def open(self, *, sockets: bool) -> None:
-        """Have a domain, a node of one's own in it, and its services; no other node yet."""
+        """Open a private domain with a node of this process; start no other node."""
         self._context = IsolatedContext('harness', sockets=sockets)
         self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
         self._clients: dict[str, Any] = {}
 
     def listen(self) -> None:
-        """Hear what the nodes say of themselves."""
+        """Subscribe to the diagnostics of the nodes."""
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
 
     @property

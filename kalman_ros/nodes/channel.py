@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the estimator listens to: messages in, innovations out, and an account of a sensor."""
+"""The topics of the estimator: messages in, innovations out, and statistics of each sensor."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ class SensorChannel(Channel):
         self._lead = inf
         self.ahead = 0.0
 
-    def start_anew(self) -> None:
-        """Judge the innovations from now on by themselves."""
+    def reset_statistics(self) -> None:
+        """Judge only the innovations from now on."""
         self.nis = ChiSquareWindow(self.nis.degrees)
 
     def read(self, data: bytes, source: SensorSource) -> Sample:

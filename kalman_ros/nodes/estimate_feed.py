@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimates that a controller may answer: of all that have come, the newest."""
+"""The estimates that a controller may answer: of those that are waiting, the newest."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ from kalman_ros.scenario import Scenario
 from .estimate_guard import EstimateGuard
 from .watcher import waiting
 
-#: So many of those that wait are looked at, in a few milliseconds.
+#: Of more waiting estimates the older ones are not decoded.
 _MOST = 50
 
 
 class EstimateFeed:
-    """Reads estimates, and keeps account of those that nobody answers.
+    """Decodes estimates, and counts those that are not answered.
 
     Parameters
     ----------
     node
-        The node, whose `intake` drops what cannot be read.
+        The node, whose `intake` drops messages that cannot be decoded.
     scenario
-        Where the estimate is found.
-    trust
-        What knows whether an estimate is older than the last.
+        Names the topic and type of the estimate.
+    guard
+        Tells whether an estimate is older than the last.
     """
 
-    def __init__(self, node: Any, scenario: Scenario, trust: EstimateGuard) -> None:
+    def __init__(self, node: Any, scenario: Scenario, guard: EstimateGuard) -> None:
         self._node: Any = node
         self._read = WireReader(SignalCodec(scenario.state))
         self._size = scenario.model.state.size
-        self._trust = trust
+        self._guard = guard
         self.message_type = self._read.message_type
         #: While the node is active.
         self.subscription: Any = None
-        #: How many were passed over for newer ones, and how many were older than the last.
+        #: Counts of estimates passed over for newer ones, and of those older than the last.
         self.passed = self.older = 0
-        #: The last that could be read.
+        #: The last message that could be decoded.
         self._last = b''
 
     def newest(self, data: bytes, at: float | None) -> Sample | None:
-        """Return the estimate that came last, but for those that are older than one before.
+        """Return the newest estimate that is not older than an earlier one.
 
         Parameters
         ----------
         data
-            The message that woke the node; others may wait behind it.
+            The message that woke the node; more may be waiting.
         at
-            When it came, on a clock that never rests; None if time may go back.
+            When it was received, by a steady clock; None if time may go back.
         """
         messages = [data, *waiting(self.subscription)]
         topic = self.subscription.topic_name
@@ -63,7 +63,7 @@ class EstimateFeed:
             if estimate is None:
                 continue
             self._last = message
-            if self._trust.is_old(estimate.time, at):
+            if self._guard.is_old(estimate.time, at):
                 self.older += 1
                 continue
             self.passed += passed

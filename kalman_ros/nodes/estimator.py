@@ -45,7 +45,7 @@ class EstimatorNode(runtime.ScenarioNode):
             expected = f'0 or at least {_SLOWEST:g} Hz'
             raise ValueError(f'publish_rate: expected {expected}, got {options.publish_rate:g}')
         found = fusion(scenario, options, self.extra)
-        # this also loads what the first step needs: a plant that moves would not wait for it
+        # this also imports what the first step needs, which takes longer than a step
         check_start(found.filter, scenario)
         idle = idle_input(scenario.model, options.idle_input)
         seen = observability(scenario)
@@ -60,11 +60,11 @@ class EstimatorNode(runtime.ScenarioNode):
         self.get_logger().info(str(seen))  # now that nothing is refused any more
 
     def activate(self) -> None:
-        """Start from the initial belief, and listen.
+        """Start from the initial belief and subscribe.
 
-        What was believed before is of no use: nobody told it which inputs there were meanwhile.
+        An earlier belief is of no use: the inputs in the meantime are not known.
         """
-        self._fuser.start_anew(self.scenario.initial_belief)
+        self._fuser.reset(self.scenario.initial_belief)
         if self.options.lockstep:
             LockstepIntake(self, self._fuser)
         else:
@@ -74,7 +74,7 @@ class EstimatorNode(runtime.ScenarioNode):
         self.create_service(Trigger, '~/reset', self._on_reset)
 
     def publish(self, time: int, belief: Gaussian) -> None:
-        """Publish what is believed of ``time``, in nanoseconds."""
+        """Publish the belief at ``time``, in nanoseconds."""
         self._publish(time, belief)
 
     def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
@@ -88,11 +88,11 @@ class EstimatorNode(runtime.ScenarioNode):
         except ValueError as error:
             self._fuser.warn(f'initialpose: {error}')
             return
-        self._fuser.start_anew(belief)
+        self._fuser.reset(belief)
         self.get_logger().info('reset to initialpose')
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        self._fuser.start_anew(self.scenario.initial_belief)
+        self._fuser.reset(self.scenario.initial_belief)
         response.success, response.message = True, 'back at the initial belief'
         return response
 
@@ -110,7 +110,7 @@ class EstimatorNode(runtime.ScenarioNode):
         return apply
 
     def report(self) -> Report:
-        """Return what became of the readings, and whether they scatter as expected."""
+        """Return the outcomes of the readings, and whether innovations scatter as expected."""
         lockstep = self.options.lockstep
         return self._health.report(self.scenario, self._publish.count, lockstep=lockstep)
 

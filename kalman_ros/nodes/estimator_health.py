@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the estimator says of itself: what became of the readings, and whether they fit."""
+"""The diagnostics of the estimator: outcomes of the readings, and their consistency."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from .meters import Latency
 
 
 class Health:
-    """Reports on a `Fuser`; the first in its list of what is wrong is what is said.
+    """Reports on a `Fuser`; of several problems, the one nearest to the cause.
 
     Parameters
     ----------
     fuser
-        What is reported on.
+        Whose messages are reported on.
     latency
-        From the arrival of messages to the estimate.
+        From reception to publication.
     warn
-        What says at once that a clock runs ahead.
+        Logs that the clock of a sensor runs ahead.
     """
 
     def __init__(self, fuser: Fuser, latency: Latency, warn: Callable[[str], Any]) -> None:
         self._fuser, self._latency, self._warn = fuser, latency, warn
-        #: The sensors whose clocks ran ahead when that was last looked at.
+        #: The sensors whose clocks were ahead at the last report.
         self._ahead: Set[str] = set()
 
     def report(self, scenario: Scenario, published: int, *, lockstep: bool) -> Report:
-        """Return what became of the readings, and whether they scatter as expected."""
+        """Return the outcomes of the readings, and whether innovations scatter as expected."""
         fuser, online, channels = self._fuser, self._fuser.online, self._fuser.channels
-        fuser.look_at_restarts()
+        fuser.check_restarts()
         values: dict[str, Any] = {}
         for name, counts in online.counts.items():
             values.update(channels[name].report(counts))

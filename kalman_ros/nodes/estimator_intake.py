@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes an estimator take in messages: that they come, or that a step of the plant is whole.
+"""When the estimator fuses messages: as they arrive, or once a step of the plant is complete.
 
-Both listen to the sensors and to the input, fuse what has come, and publish what is believed then.
+Both intakes subscribe to the sensors and the input, fuse, and publish the new belief.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from kalman_ros.codecs.tick import read_tick
 from kalman_ros.scenario import Scenario
 
 from .channel import Channel, SensorChannel
-from .fuser import Come, Fuser
+from .fuser import Fuser, Received
 from .meeting import Meeting
 from .meters import Latency
 from .step_assembler import StepAssembler
@@ -29,29 +29,29 @@ from .topics import QUEUE, sensor_queue
 #: No clock is published so out of order; less is as good as no jump.
 _BACK = Duration(seconds=-0.1)
 #: The most innovations that are published at once in real time.
-_TOLD = 8
+_MOST_INNOVATIONS = 8
 
 
 class RealTimeIntake:
-    """Fuses messages as they come, of every topic, and publishes once what is believed then.
+    """Fuses all messages that are waiting, on every topic, and publishes one estimate.
 
-    As long as nothing waits, that is reading by reading. When more comes than there is time for,
-    estimates become fewer, not old.
+    Without backlog that is one estimate per reading. Under overload there are fewer estimates, and
+    they are still up to date.
 
     Parameters
     ----------
     node
         The estimator's node.
     fuser
-        What makes a belief of messages.
+        Fuses the messages.
     latency
-        Of what has come, until it is published.
+        From reception to publication.
     """
 
     def __init__(self, node: Any, fuser: Fuser, latency: Latency) -> None:
         self._node: Any = node
         self._fuser, self._latency = fuser, latency
-        self._told = -1
+        self._last_time = -1
         self._meeting = Meeting(self._hears_input)
         for channel in fuser.channels.values():
             queue = sensor_queue(reliable=self._scenario.sensors[channel.name].reliable)
@@ -73,32 +73,32 @@ class RealTimeIntake:
         return int(self._node.get_clock().now().nanoseconds)
 
     def _hears_input(self) -> bool:
-        """Tell whether what sets the state in motion is heard: else it would move unnoticed."""
+        """Tell whether the input has a publisher, if the state rests until the first input."""
         resting = self._node.options.rest_until_input and not self._fuser.inputs.total()
         subscription = self._fuser.input.subscription
         return not resting or subscription is None or subscription.get_publisher_count() > 0
 
     def _on_message(self, first: Channel, data: bytes) -> None:
-        came, fuser = monotonic(), self._fuser
-        come = list(self._readings_come(first, data))
+        start, fuser = monotonic(), self._fuser
+        received = list(self._waiting_readings(first, data))
         # no input waits long behind a single reading
-        if first is fuser.input or len(come) > 1:
-            come += self._inputs_come(first, data)
-        now, began = self._now() or None, monotonic()
-        corrections = fuser.fuse(come, now)
+        if first is fuser.input or len(received) > 1:
+            received += self._waiting_inputs(first, data)
+        now, decoded = self._now() or None, monotonic()
+        corrections = fuser.fuse(received, now)
         if not corrections or not self._meeting.over:
             return
         online = fuser.online
         if online.time is not None and not self._node.options.publish_rate:
             self._node.publish(online.time, online.belief)
             done = monotonic()
-            self._latency.add(done - came)
+            self._latency.add(done - start)
             for channel, time, _ in corrections:
-                channel.age.add(((now or time) - time) * 1e-9 + done - began)
-        fuser.tell(corrections, _TOLD)
+                channel.age.add(((now or time) - time) * 1e-9 + done - decoded)
+        fuser.publish_innovations(corrections, _MOST_INNOVATIONS)
 
-    def _readings_come(self, first: Channel, data: bytes) -> Iterator[Come]:
-        """Yield the readings that have come, after ``data`` of what woke the node."""
+    def _waiting_readings(self, first: Channel, data: bytes) -> Iterator[Received]:
+        """Yield the readings that are waiting; ``data``, received on ``first``, is one of them."""
         now = self._now()
         for name, channel in self._fuser.channels.items():
             source = self._scenario.sensors[name]
@@ -113,10 +113,10 @@ class RealTimeIntake:
                     time = reading.time or now
                     if now:  # simulated time may not have begun
                         channel.measure_lead(time, now)
-                    yield Come(time, channel, reading)
+                    yield Received(time, channel, reading)
 
-    def _inputs_come(self, first: Channel, data: bytes) -> Iterator[Come]:
-        """Yield the inputs that have come, after ``data`` of what woke the node."""
+    def _waiting_inputs(self, first: Channel, data: bytes) -> Iterator[Received]:
+        """Yield the inputs that are waiting; ``data``, received on ``first``, may be one."""
         channel = self._fuser.input
         if channel.subscription is None:
             return
@@ -125,33 +125,33 @@ class RealTimeIntake:
         for message in messages:
             input = self._node.intake(channel.topic, self._fuser.read_input, message)
             if input is not None:
-                yield Come(input.time or self._now(), channel, input)
+                yield Received(input.time or self._now(), channel, input)
 
     def _publish_now(self) -> None:
         online = self._fuser.online
         if online.time is None:
             return
         time = max(self._now(), online.time)
-        if time != self._told:  # simulated time may rest between two ticks of a timer
-            self._told = time
+        if time != self._last_time:  # simulated time may rest between two ticks of a timer
+            self._last_time = time
             self._node.publish(time, online.predicted(time))
 
     def _on_clock_back(self, jump: Any) -> None:
-        """Start anew when simulated time goes back, as that of a bag that is played again."""
+        """Restart when simulated time goes back, as it does when a bag is replayed."""
         back = -jump.delta.nanoseconds * 1e-9
         self._node.get_logger().warning(f'the clock went back by {back:.3g} s: restarting')
         self._fuser.restart()
 
 
 class LockstepIntake:
-    """Fuses a step of the plant when all that its tick names has come, and answers each step.
+    """Fuses a step of the plant once every message that its tick names is received.
 
     Parameters
     ----------
     node
         The estimator's node.
     fuser
-        What makes a belief of messages.
+        Fuses the messages.
     """
 
     def __init__(self, node: Any, fuser: Fuser) -> None:
@@ -160,7 +160,7 @@ class LockstepIntake:
         scenario: Scenario = node.scenario
         topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
         driven = bool(scenario.input.fields)
-        self._turns = StepAssembler(topics, answered=driven)
+        self._steps = StepAssembler(topics, answered=driven)
         for channel in fuser.channels.values():
             _listen(node, channel, partial(self._on_reading, channel), QUEUE)
         if driven:
@@ -171,43 +171,43 @@ class LockstepIntake:
         source = self._node.scenario.sensors[channel.name]
         if source.timed.enabled:
             reading = channel.read(data, source)
-            self._turns.reading(channel.name, reading.time, reading)
-            self._take_turns()
+            self._steps.reading(channel.name, reading.time, reading)
+            self._fuse_steps()
 
     def _on_input(self, data: bytes) -> None:
         input = self._fuser.read_input(data)
         if input is not None:
-            self._turns.input(input.time, input.values)
-            self._take_turns()
+            self._steps.input(input.time, input.values)
+            self._fuse_steps()
 
     def _on_tick(self, data: bytes) -> None:
         time, topics = read_tick(data)
-        asked_again = self._turns.waits_for(time)
-        if self._turns.tick(time, topics):
+        asked_again = self._steps.waits_for(time)
+        if self._steps.tick(time, topics):
             self._node.get_logger().info('time went back: restarting')
             self._fuser.restart()
-        self._take_turns()
-        unanswered = self._turns.unanswered
+        self._fuse_steps()
+        unanswered = self._steps.unanswered
         if asked_again and unanswered is not None:
-            # the input that answered it was lost on its way to here: have it said again
+            # the input that answers it was lost on the way: ask the controller again
             self._node.publish(unanswered, self._fuser.online.predicted(unanswered))
 
-    def _take_turns(self) -> None:
+    def _fuse_steps(self) -> None:
         fuser = self._fuser
-        for turn in self._turns.complete():
-            come = [
-                Come(y.time or turn.time, fuser.channels[name], y) for name, y in turn.readings
+        for step in self._steps.complete():
+            received = [
+                Received(y.time or step.time, fuser.channels[name], y) for name, y in step.readings
             ]
-            if turn.input is not None:
-                time, u = turn.input
-                come.append(Come(time, fuser.input, Sample(time, u, None)))
-            corrections = fuser.fuse(come)
-            self._node.publish(turn.time, fuser.online.predicted(turn.time))
-            fuser.tell(corrections)
+            if step.input is not None:
+                time, u = step.input
+                received.append(Received(time, fuser.input, Sample(time, u, None)))
+            corrections = fuser.fuse(received)
+            self._node.publish(step.time, fuser.online.predicted(step.time))
+            fuser.publish_innovations(corrections)
 
 
 def _listen(node: Any, channel: Any, callback: Any, queue: Any) -> None:
-    """Subscribe to a channel's topic, and expect somebody to publish there if it is read."""
+    """Subscribe to a channel's topic; if it is used, a missing publisher is reported."""
     scenario: Scenario = node.scenario
     source = None if channel.name is None else scenario.sensors[channel.name]
     signal = scenario.input if source is None else source.signal

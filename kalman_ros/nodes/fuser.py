@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the estimator makes of readings and inputs, with an account of each."""
+"""Fuses received readings and inputs, and counts the outcome of each."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from .channel import Channel, InputChannel, SensorChannel
 from .throttle import Throttle
 
 
-class Come(NamedTuple):
-    """What has come: its time in nanoseconds, whence, and what it says."""
+class Received(NamedTuple):
+    """A decoded message: its time in nanoseconds, its channel, and its content."""
 
     time: int
     channel: Channel
@@ -30,7 +30,7 @@ class Come(NamedTuple):
 
 
 class Corrected(NamedTuple):
-    """What the reading of a sensor, taken at a time, did to the belief."""
+    """The correction by one reading, and the time at which it was taken."""
 
     channel: SensorChannel
     time: int
@@ -38,16 +38,16 @@ class Corrected(NamedTuple):
 
 
 class Fuser:
-    """Gives an `OnlineEstimator` what has come, and keeps account of what becomes of it.
+    """Passes received messages to an `OnlineEstimator` and counts the outcomes.
 
     Parameters
     ----------
     node
-        The node, which publishes innovations and says what is wrong.
+        The node, which publishes the innovations and logs the warnings.
     scenario
-        Its sensors and its input.
+        Names the sensors and the input.
     online
-        What fuses.
+        The estimator.
     """
 
     def __init__(self, node: Any, scenario: Scenario, online: OnlineEstimator) -> None:
@@ -59,24 +59,24 @@ class Fuser:
         }
         for channel in self.channels.values():
             channel.nis.inside()  # it loads much the first time, 0.2 s of it
-        #: What became of the inputs.
+        #: Outcomes of the inputs.
         self.inputs: Counter[Outcome] = Counter()
         self.observability = ObservabilityMeter(scenario)
         self._input_topic = scenario.input.topic
-        #: Says what is wrong, each once in a while.
+        #: Logs a warning, at a limited rate.
         self.warn = Throttle(node.get_logger().warning)
         self._judged = online.restarts
 
-    def fuse(self, come: Iterable[Come], now: int | None = None) -> list[Corrected]:
-        """Fuse what came by ``now``, and return the corrections by readings."""
-        # in the order of the stamps: what comes with something later is not too old beside it
-        come = sorted(come, key=itemgetter(0))
+    def fuse(self, received: Iterable[Received], now: int | None = None) -> list[Corrected]:
+        """Fuse messages received by ``now`` and return the corrections by readings."""
+        # in the order of the stamps: no message is too old because of another of the same batch
+        batch = sorted(received, key=itemgetter(0))
         arrivals = [
             Arrival(channel.name, time, sample.values, sample.covariance)
-            for time, channel, sample in come
+            for time, channel, sample in batch
         ]
         corrections = []
-        for (time, channel, sample), fate in zip(come, self.online.add(arrivals, now)):
+        for (time, channel, sample), fate in zip(batch, self.online.add(arrivals, now)):
             outcome, correction = fate
             if isinstance(channel, SensorChannel):
                 self._account_for_reading(channel, time, outcome)
@@ -102,7 +102,7 @@ class Fuser:
             self.warn(f'{self._input_topic} {outcome.value}')
 
     def overrun(self, channel: Channel, missed: int) -> None:
-        """Take note that so many messages came for which there was no time."""
+        """Count ``missed`` messages that were dropped because newer ones were waiting."""
         if missed:
             if channel.name is None:
                 account, what = self.inputs, self._input_topic
@@ -119,29 +119,29 @@ class Fuser:
             self.warn(f'{self._input_topic}: {error}')
             return None
 
-    def tell(self, corrections: list[Corrected], most: int | None = None) -> None:
-        """Publish the innovations, and of many at most so many, the newest."""
+    def publish_innovations(self, corrections: list[Corrected], most: int | None = None) -> None:
+        """Publish the innovations, of more than ``most`` the newest ones."""
         for channel, _, correction in corrections:
             channel.judge(correction)
         for channel, time, correction in corrections[0 if most is None else -most :]:
             channel.publish(time, correction)
 
-    def start_anew(self, belief: Gaussian) -> None:
-        """Forget what came, with what it said of the filter; counts go on."""
+    def reset(self, belief: Gaussian) -> None:
+        """Drop all messages and their statistics, and start from a belief; counts are kept."""
         self.online.reset(belief)
-        self._judge_anew()
+        self._reset_statistics()
 
     def restart(self) -> None:
-        """Forget what came, for time went back, and count that."""
+        """Reset because time went back, and count it."""
         self.online.restart()
-        self._judge_anew()
+        self._reset_statistics()
 
-    def look_at_restarts(self) -> None:
-        """Judge innovations anew if the estimator restarted by itself, after a gap for one."""
+    def check_restarts(self) -> None:
+        """Reset the statistics if the estimator restarted by itself, as it does after a gap."""
         if self.online.restarts != self._judged:
-            self._judge_anew()
+            self._reset_statistics()
 
-    def _judge_anew(self) -> None:
+    def _reset_statistics(self) -> None:
         self._judged = self.online.restarts
         for channel in self.channels.values():
-            channel.start_anew()
+            channel.reset_statistics()

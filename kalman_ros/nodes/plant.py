@@ -61,7 +61,7 @@ class PlantNode(runtime.ScenarioNode):
 
     def activate(self) -> None:
         """Go on from where it is, with no force until one comes."""
-        self._input.start_anew()
+        self._input.reset()
         self._answers = self._listen()
         #: In lockstep, for which step each of those that are waited for has answered.
         self._answered = dict.fromkeys(self._answers, -1)
@@ -276,7 +276,7 @@ class PlantNode(runtime.ScenarioNode):
             'steps': self.steps,
             'simulated seconds': self.elapsed,
             'missed steps': self._pacer.missed,
-            'forces heard': self._input.heard,
+            'forces heard': self._input.received,
             'inputs refused': self._input.refused,
         }
         values.update({f'{name}: readings': count for name, count in self._links.arrived.items()})

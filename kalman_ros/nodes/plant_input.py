@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What drives a plant: the last input, held until the next, and a disturbance."""
+"""The input of the plant, held until the next one, and the disturbance."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from kalman_ros.core import Array, Signal
 
 
 class PlantInput:
-    """The input of a plant as messages set it; one that is old gives way to the idle input.
+    """The input as set by messages; the idle input before the first, and after a timeout.
 
     Parameters
     ----------
     signal
-        Where the input is found.
+        Topic, type and fields of the input.
     idle
-        The input (m,) while nobody sets one.
+        The input (m,) while no controller acts.
     now
-        Returns nanoseconds on a clock that never rests.
+        Returns the nanoseconds of a steady clock.
     """
 
     def __init__(self, signal: Signal, idle: Array, now: Callable[[], int]) -> None:
@@ -31,49 +31,49 @@ class PlantInput:
         self.message_type = self._read.message_type
         self._now = now
         self.idle = idle
-        #: How many came, and how many messages had no finite input in them.
-        self.heard = self.refused = 0
-        self.start_anew()
+        #: Counts of inputs received, and of messages without a finite input.
+        self.received = self.refused = 0
+        self.reset()
 
-    def start_anew(self) -> None:
-        """Have no input until one comes."""
+    def reset(self) -> None:
+        """Go back to the idle input and no disturbance."""
         self.force: Array = self.idle
         self.disturbance: Array = np.zeros_like(self.idle)
-        self._came: int | None = None
+        self._received_at: int | None = None
 
     @property
     def is_set(self) -> bool:
-        """Whether an input has come, and is not too old."""
-        return self._came is not None
+        """Whether an input is in effect."""
+        return self._received_at is not None
 
     @property
     def idle_name(self) -> str:
-        """What the idle input is, in words."""
+        """The idle input in words."""
         return "the equilibrium's" if self.idle.any() else 'zero'
 
     def take(self, data: bytes) -> Sample | None:
-        """Count a message and return the finite input in it; None if there is none."""
-        self.heard += 1
+        """Count a message and return its input; None if that is not finite."""
+        self.received += 1
         return self._finite(data)
 
     def hold(self, force: Sample) -> None:
-        """Have this input from now on."""
-        self.force, self._came = force.values, self._now()
+        """Hold this input from now on."""
+        self.force, self._received_at = force.values, self._now()
 
     def disturb(self, data: bytes) -> None:
-        """Have the disturbance in a message from now on."""
+        """Hold the disturbance in a message from now on."""
         disturbance = self._finite(data)
         if disturbance is not None:
             self.disturbance = disturbance.values
 
     def drop_old(self, timeout: float) -> float | None:
-        """Go to the idle input if the last one is older than so many seconds; return its age."""
-        if self._came is None or timeout == 0.0:
+        """Go to the idle input if the last one is older than ``timeout`` s, and return its age."""
+        if self._received_at is None or timeout == 0.0:
             return None
-        age = (self._now() - self._came) * 1e-9
+        age = (self._now() - self._received_at) * 1e-9
         if age <= timeout:
             return None
-        self.force, self._came = self.idle, None
+        self.force, self._received_at = self.idle, None
         return age
 
     def _finite(self, data: bytes) -> Sample | None:

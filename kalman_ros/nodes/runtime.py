@@ -60,7 +60,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     #: What it runs when it is told nothing.
     default_model = models.DEFAULT
-    #: Whether it controls, or judges control, and so reads the law and the cost.
+    #: Whether it reads the control law and the cost.
     with_law = False
     _alone, _scheduling = False, 'normal'
 
@@ -93,12 +93,12 @@ class ScenarioNode(WatcherNode, ManagedNode):
         self.at_the_end(live.close)
 
     def _given(self) -> dict[str, Any]:
-        """Return what it is told; where no model is named, the file of the default one says so."""
-        told = parameters.given(self)
-        if 'model' in told:
-            return told
+        """Return the start-up parameters; if they name no model, with the default file's."""
+        given = parameters.given(self)
+        if 'model' in given:
+            return given
         section = own_section(shipped.file(self.default_model), self._kind)
-        return {'model': self.default_model, **section, **told}
+        return {'model': self.default_model, **section, **given}
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Go from inactive to active."""

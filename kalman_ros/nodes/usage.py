@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ``--help`` says of a node: what it does, and every parameter that it has, in groups."""
+"""The text of ``--help`` of a node: its purpose, and every parameter, in groups."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ def usage(node: Any) -> str:
         '',
         fill(about, _WIDTH),
         '',
-        'Parameters, and the values that they would have; * may change while it runs.',
+        'Parameters and their values; * may change at run time.',
     ]
     values = dict(sorted(given(node).items()))
     for title, entries in _groups(values).items():
         lines += ['', f'{title}:']
-        for key, told in entries.items():
-            descriptors = node.describe_parameters(list(told))
+        for key, same in entries.items():
+            descriptors = node.describe_parameters(list(same))
             mark = '' if descriptors[0].read_only else '*'
             meaning = descriptors[0].description
             if len({each.description for each in descriptors}) > 1:  # of the state and the input
                 meaning = meaning.partition(' of the ')[0]
-            lines.append(_entry(f'{key}{mark}: {_merged(told)}', meaning))
+            lines.append(_entry(f'{key}{mark}: {_merged(same)}', meaning))
     return '\n'.join(lines)
 
 
@@ -71,11 +71,11 @@ def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
     return {title: names for title, names in found.items() if names}
 
 
-def _merged(told: Mapping[str, str]) -> str:
+def _merged(values: Mapping[str, str]) -> str:
     """Return the value of parameters that stand for each other: one if they are the same."""
-    if len({*told.values()}) == 1:
-        return next(iter(told.values()))
-    return '; '.join(f'{name.partition(".")[0]} {text}' for name, text in told.items())
+    if len({*values.values()}) == 1:
+        return next(iter(values.values()))
+    return '; '.join(f'{name.partition(".")[0]} {text}' for name, text in values.items())
 
 
 def _entry(what: str, meaning: str) -> str:

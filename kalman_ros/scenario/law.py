@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the input is to answer the state: the part of a scenario that only control is about.
+"""The control law and the cost of a scenario.
 
-Who does not control, nor judges control, leaves it out, and does not load how gains are designed.
+A node that neither controls nor assesses control leaves this part out, so that it does not import
+the design of gains.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def options(system: System, values: Mapping[str, Any]) -> dict[str, Option]:
 
 
 def build(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:
-    """Return what ``values`` say of the law to a `Scenario` of ``n`` states and ``m`` inputs.
+    """Return the law and the cost, for a `Scenario` of ``n`` states and ``m`` inputs.
 
     Raises
     ------

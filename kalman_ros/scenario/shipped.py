@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameter files that come with the package: the one source of how its models are wired."""
+"""The parameter files of this package: the one source of the wiring of its models."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def folder() -> Path:
 
 
 def names() -> list[str]:
-    """Return the names of the scenarios that come with the package."""
+    """Return the names of the scenarios of this package."""
     return sorted(path.stem for path in folder().glob('*.yaml'))
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a model is wired unless it is told otherwise: its sensors, topics, fields, costs, beliefs.
+"""The default wiring of a model: sensors, topics, fields, cost and first belief.
 
-Of a model that comes with the package, ``config/NAME.yaml`` says it.
+For a model of this package that is ``config/NAME.yaml``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .parameter_files import from_file
 
 
 def system(name: str) -> System:
-    """Return the system of ``name``: a model that comes with the package, or one's own.
+    """Return the system of ``name``: a model of this package, or of the user.
 
     ``package.module:Name`` may name a `System`, a subclass of `Model`, or a function that is
     annotated to return one; the last two are wired by the names of their states and inputs.
@@ -47,7 +47,7 @@ def system(name: str) -> System:
 
 @cache
 def _shipped(name: str, build: Callable[..., Model]) -> System:
-    """Return what the parameter file of a model says to all nodes."""
+    """Return the wiring in the section for all nodes of a model's parameter file."""
     values = from_file(shipped.file(name))
 
     def section(of: str) -> dict[str, Any]:

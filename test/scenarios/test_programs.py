@@ -51,7 +51,9 @@ def finish(process, seconds=30):
 
 MISTAKES = [
     ('controller', ['-p', 'state_cost:=[1.0, 2.0]'], 'state_cost: expected 4 numbers'),
-    ('estimator', ['-p', 'state_cost:=[1.0, 2.0]'], 'state_cost: expected 4 numbers'),
+    ('monitor', ['-p', 'state_cost:=[1.0, 2.0]'], 'state_cost: expected 4 numbers'),
+    ('plant', ['-p', 'position.dropout:=1.5'], 'position.dropout: expected 0 to 1, got 1.5'),
+    ('estimator', ['-p', 'position.dropot:=0.5'], "did you mean 'position.dropout'?"),
     ('plant', ['-p', 'position.noise:=[-0.1, 0.1]'], 'position.noise: expected positive'),
     ('estimator', ['-p', 'model:=mass_sprin_damper'], "did you mean 'mass_spring_damper'?"),
     ('plant', ['-p', 'sede:=1'], "unknown parameter 'sede'; did you mean 'seed'?"),
