@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads vectors straight out of serialised messages, and writes them straight into them.
+"""Reads vectors from serialised messages in place, and writes them in place.
 
 Most of what a small message costs a Python node is its conversion between Python objects and
-bytes, and nearly all of that is avoidable: see `layout`.
+bytes, and nearly all of that is avoidable: see `layout`, and docs/explanation/messages.md.
 """
 
 from __future__ import annotations
@@ -22,6 +22,18 @@ from .signal_codec import SignalCodec
 #: Layouts kept for each topic: publishers may differ in theirs.
 _MOST_LAYOUTS = 4
 
+_learns = True
+
+
+def learn_layouts(*, on: bool) -> None:
+    """Have readers and writers that are built from now on learn layouts, or not.
+
+    Both ways give the same numbers; without layouts each message goes through Python
+    objects, which takes longer.
+    """
+    global _learns
+    _learns = on
+
 
 class WireReader:
     """Decodes the serialised messages of a signal: what `SignalCodec` does, sooner.
@@ -33,7 +45,7 @@ class WireReader:
     def __init__(self, codec: SignalCodec) -> None:
         self._codec = codec
         self.message_type = codec.message_type
-        self._may_learn = True
+        self._may_learn = _learns
         self._layouts: list[Layout] = []
 
     def __call__(self, data: bytes) -> Sample:
@@ -71,7 +83,7 @@ class WireWriter:
     def __init__(self, codec: SignalCodec) -> None:
         self._codec = codec
         self.message_type = codec.message_type
-        self._layout = _written_layout(codec)
+        self._layout = _written_layout(codec) if _learns else None
 
     def __call__(self, time: int, values: Array, covariance: Array | None = None) -> Any:
         """Return the message, as bytes or as an object, stamped ``time`` in nanoseconds."""

@@ -15,24 +15,25 @@ NAMES = {
     'plant': (
         'actuator_dead_zone actuator_delay actuator_gain actuator_loss autostart child_frame '
         'disturbance_amplitude disturbance_constant disturbance_frequency disturbance_noise '
-        'fault_window force_timeout frame idle_input lockstep lockstep_timeout lockstep_window '
-        'max_message_size realtime_priority rest_until_input run_until seed wait_for_estimate'
+        'fault_window force_timeout frame idle_input learn_layouts lockstep lockstep_timeout '
+        'lockstep_window max_message_size realtime_priority rest_until_input run_until seed '
+        'wait_for_estimate'
     ),
     'estimator': (
         'autostart child_frame frame future_tolerance gate_recover_after idle_input '
-        'implementation initialize lockstep max_gap max_message_size publish_rate '
-        'realtime_priority rest_until_input restart_after window'
+        'implementation initialize learn_layouts lockstep max_gap max_message_size '
+        'publish_rate realtime_priority rest_until_input restart_after window'
     ),
     'controller': (
         'autostart enabled estimate_timeout frame future_tolerance idle_input input_limit '
-        'input_rate_limit lockstep max_message_size max_std predict_latency realtime_priority '
-        'resume transition_time'
+        'input_rate_limit learn_layouts lockstep max_message_size max_std predict_latency '
+        'realtime_priority resume transition_time'
     ),
-    'monitor': 'autostart confidence max_message_size monitor_window',
+    'monitor': 'autostart confidence learn_layouts max_message_size monitor_window',
     'microphone_array': (
-        'autostart band frame frame_duration hears_for largest_std least_odds lockstep '
-        'max_message_size microphone_noise microphones recording sample_rate seed sound_level '
-        'speed_of_sound'
+        'autostart band frame frame_duration hears_for largest_std learn_layouts least_odds '
+        'lockstep max_message_size microphone_noise microphones recording sample_rate seed '
+        'sound_level speed_of_sound'
     ),
     'filters': 'alpha beta hypotheses kappa observer_poles',
     'laws': (

@@ -26,6 +26,9 @@ Longest = Annotated[
         live=True,
     ),
 ]
+Learn = Annotated[
+    bool, About('read and write the numbers of messages in place, in their bytes: faster')
+]
 Priority = Annotated[
     int,
     About(
@@ -55,6 +58,7 @@ class EstimatorOptions:
 
     autostart: Autostart = True
     max_message_size: Longest = LONGEST
+    learn_layouts: Learn = True
     realtime_priority: Priority = 20
     implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
     lockstep: Lockstep = False
@@ -112,6 +116,7 @@ class ControllerOptions:
 
     autostart: Autostart = True
     max_message_size: Longest = LONGEST
+    learn_layouts: Learn = True
     realtime_priority: Priority = 30
     lockstep: Lockstep = False
     enabled: Annotated[
@@ -164,6 +169,7 @@ class MonitorOptions:
 
     autostart: Autostart = True
     max_message_size: Longest = LONGEST
+    learn_layouts: Learn = True
     monitor_window: Annotated[
         int, About('estimates over which NEES and NIS are averaged', minimum=10)
     ] = 500
@@ -179,6 +185,7 @@ class MicrophoneArrayOptions:
 
     autostart: Autostart = True
     max_message_size: Longest = LONGEST
+    learn_layouts: Learn = True
     seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
     lockstep: Lockstep = False
     frame: Frame = 'map'

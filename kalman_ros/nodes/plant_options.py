@@ -11,7 +11,7 @@ from kalman_ros.core import About
 from kalman_ros.simulation.faults.body import BodyOptions
 
 from .intake import LONGEST
-from .options import Autostart, Frame, IdleInput, Lockstep, Longest, Priority, Rest
+from .options import Autostart, Frame, IdleInput, Learn, Lockstep, Longest, Priority, Rest
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,7 @@ class PlantOptions(BodyOptions):
 
     autostart: Autostart = True
     max_message_size: Longest = LONGEST
+    learn_layouts: Learn = True
     realtime_priority: Priority = 30
     seed: Annotated[int, About('seed of all noise', minimum=0)] = 0
     lockstep: Lockstep = False

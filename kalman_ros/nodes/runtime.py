@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from kalman_ros import models, scenario
+from kalman_ros.codecs.wire import learn_layouts
 from kalman_ros.core import Option, Value, options_of, refuse_unknown
 from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.parameter_files import own_section
@@ -88,6 +89,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
         self.scenario, self.options, self.extra = self._build(values)
         topics.check(self.scenario, self.get_name(), self.get_namespace())
         self.intake.longest = self.options.max_message_size
+        learn_layouts(on=self.options.learn_layouts)
         self._code.trust(values)
         live = parameters.LiveParameters(self, known, values, self._prepare)
         self.at_the_end(live.close)

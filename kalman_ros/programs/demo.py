@@ -92,7 +92,7 @@ def gather(
             run.advance(options.duration, lambda done: bar.update(task, completed=done))
             wall = time.monotonic() - start
             run.complete()
-            bar.update(task, completed=options.duration, description='stopping')
+            bar.update(task, completed=options.duration, description='recorded')
             trajectory = run.trajectory()
             missed = int(run.reported('plant', 'missed steps'))
     return run, trajectory, wall, missed

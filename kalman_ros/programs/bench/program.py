@@ -79,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                 for benchmark in benchmarks:
                     console.print(f'{benchmark.name} ...', style='dim')
                     results.append(compete(benchmark, options.rounds))
-    except (ValueError, NodeError, RuntimeError) as error:
+    except (ValueError, NodeError, RuntimeError, ModuleNotFoundError) as error:
         print(f'bench: {error}', file=sys.stderr)
         sys.exit(2)
     console.print(results_table(results))

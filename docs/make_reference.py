@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write the pages parameters.md and api.md of docs/reference from the declarations in the code."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Iterator
+from math import isfinite
+from pathlib import Path
+
+import kalman_ros as kr
+from kalman_ros import models, scenario, sensors
+from kalman_ros.control.laws import LAWS, law_options
+from kalman_ros.core import Option, options_of
+from kalman_ros.estimators import FILTERS, filter_options
+from kalman_ros.nodes import options
+from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.simulation.faults import fault_options
+
+FOLDER = Path(__file__).with_name('reference')
+NOTE = 'Written by `python docs/make_reference.py` from the declarations in the code.'
+
+
+def table(found: Iterable[Option]) -> list[str]:
+    """Return the rows of a table of options."""
+    rows = ['| name | default | range | meaning |', '|---|---|---|---|']
+    for option in found:
+        mark = '\\*' if option.about.live else ''
+        meaning = option.description.replace('|', '\\|')
+        rows.append(
+            f'| `{option.name}`{mark} | `{value(option.default)}` | {limits(option)} | {meaning} |'
+        )
+    return rows
+
+
+def value(default: object) -> str:
+    """Return a default as YAML has it."""
+    if isinstance(default, bool):
+        return str(default).lower()
+    if isinstance(default, list):
+        return f'[{", ".join(map(value, default))}]'
+    if isinstance(default, float):
+        return f'{default:g}'
+    return f"'{default}'" if default == '' else str(default)
+
+
+def limits(option: Option) -> str:
+    """Return the range of a number, where it has one."""
+    low, high = option.about.minimum, option.about.maximum
+    if isfinite(low) and isfinite(high):
+        return f'{low:g} to {high:g}'
+    if isfinite(low):
+        return f'at least {low:g}'
+    return f'at most {high:g}' if isfinite(high) else ''
+
+
+def parameters() -> Iterator[str]:
+    """Yield the lines of the page of parameters."""
+    shared = scenario.options({})
+    without_law = scenario.options({}, with_law=False)
+    own = [o for n, o in without_law.items() if '.' not in n or n.startswith(('state.', 'input.'))]
+    kinds = {name: sensors.options(name) for name in sensors.names()}
+    of_sensor = [
+        Option(f'SENSOR.{n.partition(".")[2]}', o.default, o.about)
+        for n, o in without_law.items()
+        if n.startswith('position.')
+    ]
+    particular = {option.name for found in kinds.values() for option in found}
+    common = [o for o in of_sensor if o.name.partition('.')[2] not in particular]
+    yield from ['# Parameters', '', NOTE, '']
+    yield (
+        'Nodes share one parameter file; each reads what concerns it, and refuses a name that no '
+        'node has. A parameter with \\* may change at run time: all that are set together, or '
+        'none. Defaults are those of the default scenario. `--help` of a node lists its own.'
+    )
+    yield from ['', '## All nodes: the scenario', '', *table(own)]
+    yield from ['', '## All nodes: each sensor', '', *table(common)]
+    for name, found in kinds.items():
+        if found:
+            named = [Option(f'SENSOR.{o.name}', o.default, o.about) for o in found]
+            yield from ['', f'Of the kind `{name}`:', '', *table(named)]
+    yield from ['', '## All nodes: parameters of the models']
+    for name in models.names():
+        found = scenario.options({'model': name})
+        listed = [o for n, o in found.items() if n.startswith('model_parameters.')]
+        yield from ['', f'### {name}', '', *table(listed)]
+    yield from ['', '## plant', '', *table(options_of(PlantOptions))]
+    faulty = [Option(f'SENSOR.{o.name}', o.default, o.about) for o in fault_options()]
+    yield from ['', 'Faults of each sensor, off by default:', '', *table(faulty)]
+    yield from ['', '## estimator', '', *table(options_of(options.EstimatorOptions))]
+    for kind in FILTERS:
+        found = filter_options(kind)
+        if found:
+            yield from ['', f'With the filter `{kind}`:', '', *table(found)]
+    yield from ['', '## controller', '', *table(options_of(options.ControllerOptions))]
+    cost = [shared[name] for name in ('law', 'state_cost', 'input_cost')]
+    yield from ['', 'The law and its cost, for the monitor too:', '', *table(cost)]
+    for law in LAWS:
+        found = law_options(law)
+        if found:
+            yield from ['', f'With the law `{law}`:', '', *table(found)]
+    yield from ['', '## monitor', '', *table(options_of(options.MonitorOptions))]
+    yield from ['', '## microphone_array', '', *table(options_of(options.MicrophoneArrayOptions))]
+
+
+def api() -> Iterator[str]:
+    """Yield the lines of the page of the public names."""
+    yield from ['# Python API', '', NOTE, '']
+    yield (
+        '`import kalman_ros as kr` offers these names; each is imported at its first use, and '
+        'none but `Run` needs ROS. `help(kr.NAME)` has shapes, units, errors and sources.'
+    )
+    for name in kr.__all__:
+        found = getattr(kr, name)
+        signature = '' if inspect.isclass(found) else str(inspect.signature(found))
+        short = ', '.join(inspect.signature(found).parameters) if signature else ''
+        title = f'`kr.{name}({short})`' if signature else f'`kr.{name}`'
+        summary = (inspect.getdoc(found) or '').partition('\n\n')[0].replace('\n', ' ')
+        yield from ['', f'- {title}: {summary}']
+
+
+PAGES = {'parameters.md': parameters, 'api.md': api}
+
+
+def main() -> None:
+    """Write the pages."""
+    for name, lines in PAGES.items():
+        (FOLDER / name).write_text('\n'.join(lines()) + '\n')
+
+
+if __name__ == '__main__':
+    main()
