@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much the average NEES of one run scatters, where a filter is as good as it says.
+"""How much the average NEES of one run of a consistent filter scatters.
 
 Errors are correlated from step to step: a filter that forgets slowly has few independent errors
 in a run. How the best one forgets follows from its covariances P, the posterior Cramer-Rao bound;

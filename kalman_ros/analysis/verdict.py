@@ -75,8 +75,8 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
         claim = 'The loop is stable and its statistics hold.'
         return Judgement(found, theory.settling_time, basis, claim)
     what = 'Of this loop there is no theory' if scenario.law else 'Nothing is steered here'
-    basis = f'{what}; judged is whether the filter is as good as it says.'
-    claim = 'The filter is as good as it says.'
+    basis = f'{what}; the filter is judged by its consistency.'
+    claim = 'The filter is consistent.'
     least = least_duration(scenario)
     if (len(run.time) - 0.5) / scenario.rate < least:
         raise ValueError(f'run: expected {least:.4g} s or more to judge it')
@@ -114,7 +114,7 @@ def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
 def nees_check(scenario: Scenario, run: Trajectory, miss: float = MISS) -> Check:
     """Return the check of the average NEES after the start; one of no covariance fails.
 
-    A filter that is as good as it says passes with the probability 1 - ``miss``.
+    A consistent filter passes with the probability 1 - ``miss``.
     """
     n = scenario.model.state.size
     try:

@@ -60,8 +60,7 @@ def sensors_of(given: Any, model: Model) -> dict[str, Sensor]:
         names = [sensor.name for sensor in given]
         if '' in names or len(set(names)) < len(names):
             raise ValueError(
-                f'sensors: expected each with a name of its own, got {names}; '
-                "give {'gps': sensor, ...}"
+                f"sensors: expected distinct names, got {names}; give {{'gps': sensor, ...}}"
             )
         found = dict(zip(names, given))
     else:

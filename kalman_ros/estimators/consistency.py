@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether an estimator is as good as it says: NEES, NIS and their chi-square bounds.
+"""The consistency of an estimator: NEES, NIS and their chi-square bounds.
 
 Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001),
 section 5.4.

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from kalman_ros.nodes.diagnostics import HEARD_BY, HEARS
+from kalman_ros.nodes.diagnostics import PUBLISHERS, SUBSCRIBERS
 
 
 def missing(
@@ -32,12 +32,14 @@ def missing(
         (value.key, int(value.value))
         for name in names
         for value in said[name].values
-        if value.key.startswith((HEARD_BY, HEARS))
+        if value.key.startswith((SUBSCRIBERS, PUBLISHERS))
     ]
     listeners = Counter(recorded)
-    listeners.update(key[len(HEARS) :] for key, _ in connections if key.startswith(HEARS))
+    listeners.update(
+        key[len(PUBLISHERS) :] for key, _ in connections if key.startswith(PUBLISHERS)
+    )
     for key, count in connections:
-        topic = key[len(HEARD_BY) :]
-        if key.startswith(HEARD_BY) and count < listeners[topic]:
-            return f'{count} of {listeners[topic]} hear {topic}'
+        topic = key[len(SUBSCRIBERS) :]
+        if key.startswith(SUBSCRIBERS) and count < listeners[topic]:
+            return f'{count} of {listeners[topic]} subscribers of {topic} are connected'
     return ''

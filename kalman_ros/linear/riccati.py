@@ -66,7 +66,7 @@ CONTROL = Terms(
 ESTIMATION = Terms(
     'noise of the readings',
     'process noise',
-    'no reading tells of the modes at',
+    'no reading observes the modes at',
     'the error does not decay: some mode that stays has no process noise, so that the filter '
     'ends up ignoring its readings',
 )

@@ -77,5 +77,5 @@ class BearingDetector:
         values: dict[str, Any] = {kind: self._frames[kind] for kind in (_HEARD, _SILENT, _UNCLEAR)}
         values['standard deviation of the last [rad]'] = float(self._std)
         if self._last == _HEARD:
-            return Level.OK, 'hears a source', values
+            return Level.OK, 'source detected', values
         return Level.WARN, f'{self._last or "nothing"}: nothing to publish', values

@@ -21,8 +21,8 @@ class Level(Enum):
     ERROR = DiagnosticStatus.ERROR
 
 
-HEARD_BY = 'heard by: '
-HEARS = 'hears: '
+SUBSCRIBERS = 'subscribers: '
+PUBLISHERS = 'publishers: '
 
 #: A level, a sentence, and what is behind it.
 Report = tuple[Level, str, Mapping[str, Any]]
@@ -37,8 +37,8 @@ _NOT_OURS = ('/rosout', '/parameter_events', '/diagnostics')
 class Diagnostics:
     """Publishes what ``report`` returns every second, whenever asked, and on new connections.
 
-    To the report it adds how many subscribers each of the node's topics has, ``heard by:
-    TOPIC``, how many publishers each topic that it subscribes to, ``hears: TOPIC``, and which
+    To the report it adds how many subscribers each of the node's topics has, ``subscribers:
+    TOPIC``, how many publishers each topic that it subscribes to, ``publishers: TOPIC``, and which
     messages did not reach the node, ``undecodable: TOPIC``, ``too long: TOPIC`` and ``lost by the
     middleware: TOPIC``. A topic that nobody publishes, or with another type or quality of
     service, is a warning.
@@ -65,9 +65,9 @@ class Diagnostics:
     def _count_connections(self) -> dict[str, int]:
         found = {}
         for publisher in self._node.publishers:
-            found[f'{HEARD_BY}{publisher.topic_name}'] = publisher.get_subscription_count()
+            found[f'{SUBSCRIBERS}{publisher.topic_name}'] = publisher.get_subscription_count()
         for subscription in (*self._node.subscriptions, *self._node.watched):
-            found[f'{HEARS}{subscription.topic_name}'] = subscription.get_publisher_count()
+            found[f'{PUBLISHERS}{subscription.topic_name}'] = subscription.get_publisher_count()
         return {key: count for key, count in found.items() if not key.endswith(_NOT_OURS)}
 
     def soon(self) -> None:

@@ -45,7 +45,7 @@ class Health:
             values[key] = str(self._latency)
         topic = scenario.input.topic
         values[f'{topic}: used'] = fuser.inputs[Outcome.FUSED]
-        values[f'{topic}: heard'] = fuser.inputs.total()
+        values[f'{topic}: received'] = fuser.inputs.total()
         values['estimates published'] = published
         values.update(fuser.observability.report(online.belief.mean))
         values['restarts'] = online.restarts

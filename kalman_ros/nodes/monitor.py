@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The monitor: whether the estimate is as good as it says, and what the control costs."""
+"""The monitor: the consistency of the estimate, and the cost of the control."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ class ControllerOptions:
         ),
     ] = (inf,)
     resume: Annotated[
-        str, About("after a fault go on by itself, 'auto', or when asked by ~/enable, 'enable'")
+        str, About("after a fault resume at once, 'auto', or on ~/enable, 'enable'")
     ] = 'auto'
     transition_time: Annotated[
         float,

@@ -217,7 +217,7 @@ class Lockstep:
 
     def _resume(self) -> None:
         if self._said:
-            self._plant.get_logger().info('lockstep goes on')
+            self._plant.get_logger().info('lockstep continues')
         self.close()
         self._listener = None
         self._silent_since, self._said, self._estimated = None, 0, False

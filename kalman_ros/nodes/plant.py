@@ -253,7 +253,7 @@ class PlantNode(runtime.ScenarioNode):
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._steps_before = self.steps
         self._restart()
-        response.success, response.message = True, 'back at the initial state; time goes on'
+        response.success, response.message = True, 'back at the initial state; time continues'
         return response
 
     def prepare(
@@ -276,7 +276,7 @@ class PlantNode(runtime.ScenarioNode):
             'steps': self.steps,
             'simulated seconds': self.elapsed,
             'missed steps': self._pacer.missed,
-            'forces heard': self._input.received,
+            'forces received': self._input.received,
             'inputs refused': self._input.refused,
         }
         values.update({f'{name}: readings': count for name, count in self._links.arrived.items()})

@@ -64,4 +64,4 @@ def check(scenario: Scenario, node: str, namespace: str) -> None:
             raise ValueError(f"{name}.topic: {expected}, got '{signal.topic}'") from None
     if not hasattr(message_type(scenario.state.type), 'header'):
         expected = f"expected a message with a header, got '{scenario.state.type}'"
-        raise ValueError(f'state.type: {expected}, which says no time')
+        raise ValueError(f'state.type: {expected}, which has no stamp')

@@ -72,7 +72,7 @@ def test_the_scale_of_the_noise_does_not_matter():
 @pytest.mark.parametrize('design', [lqe, dlqe])
 def test_what_no_reading_tells_of_is_named(design):
     A, C = np.diag([2.0, 0.5]), np.array([[0.0, 1.0]])
-    with pytest.raises(DesignError, match='no reading tells of the modes at 2'):
+    with pytest.raises(DesignError, match='no reading observes the modes at 2'):
         design(A, C, np.eye(2), np.eye(1))
 
 

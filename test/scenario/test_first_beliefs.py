@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the first belief of every parameter file, its filter is as good as it says."""
+"""From the first belief of every parameter file, its filter is consistent."""
 
 from pathlib import Path
 

@@ -167,7 +167,7 @@ class Feed:
         self._estimates = run.node.create_publisher(Odometry, 'estimate', 10)
         run.node.create_subscription(WrenchStamped, 'force', self.forces.append, 100)
         run.wait(self._estimates.get_subscription_count, 10.0, lambda: 'nobody hears')
-        heard = lambda: int(run.reported('controller', 'heard by: /force') or 0)  # noqa: E731
+        heard = lambda: int(run.reported('controller', 'subscribers: /force') or 0)  # noqa: E731
         run.wait(lambda: heard() >= 2, 10.0, lambda: 'the controller is not heard')
 
     def send(self, x, age=0.0, variance=1e-4):

@@ -28,7 +28,7 @@ class Feed:
         for publisher in (self.position, self.pose):
             run.wait(publisher.get_subscription_count, 10.0, lambda: 'the estimator does not hear')
         # the recorder and this: what is said before is lost
-        heard = lambda: int(run.reported('estimator', 'heard by: /estimate') or 0)  # noqa: E731
+        heard = lambda: int(run.reported('estimator', 'subscribers: /estimate') or 0)  # noqa: E731
         run.wait(lambda: heard() >= 2, 10.0, lambda: 'the estimator is not heard')
 
     def now(self):

@@ -39,7 +39,7 @@ def undecodable(run):
 def heard(run):
     """Return the topics that a node said that it listens to, by node."""
     return {
-        node: {v.key.split(': ')[1] for v in status.values if v.key.startswith('hears: ')}
+        node: {v.key.split(': ')[1] for v in status.values if v.key.startswith('publishers: ')}
         for node, status in run.diagnostics.items()
     }
 

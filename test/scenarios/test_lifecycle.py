@@ -169,7 +169,7 @@ def test_nothing_that_came_meanwhile_is_replayed():
         publisher = run.node.create_publisher(TwistWithCovarianceStamped, 'velocity', 100)
         hears = publisher.get_subscription_count
         now = lambda: run.node.get_clock().now().nanoseconds  # noqa: E731
-        heard = lambda: int(run.reported('estimator', 'heard by: /estimate') or 0)  # noqa: E731
+        heard = lambda: int(run.reported('estimator', 'subscribers: /estimate') or 0)  # noqa: E731
 
         def answered(value):
             # a node and the recorder, both ways
@@ -210,7 +210,7 @@ def test_the_controller_says_zero_before_it_is_quiet(limit):
         publisher = run.node.create_publisher(Odometry, 'estimate', 10)
         run.node.create_subscription(WrenchStamped, 'force', on_force, 1000)
         hears = publisher.get_subscription_count
-        heard = lambda: int(run.reported('controller', 'heard by: /force') or 0)  # noqa: E731
+        heard = lambda: int(run.reported('controller', 'subscribers: /force') or 0)  # noqa: E731
 
         def push():
             """Ask for a force, until it is large."""

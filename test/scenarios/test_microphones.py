@@ -29,7 +29,7 @@ def test_a_sound_is_tracked_and_found():
         loop, heard = run.trajectory(), run.recorder['bearing']
         nis = run.recorder[NIS].values[:, -1]
         run.wait(lambda: run.reported('microphone_array', 'bearings') == '181', 5.0, lambda: '')
-        assert run.diagnostics['microphone_array'].message == 'hears a source'
+        assert run.diagnostics['microphone_array'].message == 'source detected'
     assert len(loop.time) == 36 * 20 + 1
     # a bearing every 200 ms, each with a variance of its own, smaller as the robot comes near
     assert len(heard.stamp) == len(nis) == 36 * 5 + 1

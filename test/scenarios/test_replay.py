@@ -28,7 +28,7 @@ class Player:
         # the recorder looks now and then, which is too seldom to wait for
         kind = message_type(run.scenario.state.type)
         run.node.create_subscription(kind, 'estimate', self.came, QUEUE, raw=True)
-        heard = lambda: run.reported('estimator', 'heard by: /estimate')  # noqa: E731
+        heard = lambda: run.reported('estimator', 'subscribers: /estimate')  # noqa: E731
         run.wait(lambda: heard() == '2', 10.0, heard)
 
     def came(self, _):

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from kalman_ros.codecs.messages import leading_stamp, message_type
 from kalman_ros.core import Array
 from kalman_ros.harness import Run
-from kalman_ros.nodes.diagnostics import HEARS
+from kalman_ros.nodes.diagnostics import PUBLISHERS
 from kalman_ros.nodes.topics import HISTORY
 
 from .findings import Delivery, Soak
@@ -166,12 +166,14 @@ class Endurance:
                 counts['estimator', 'estimates published'],
                 sum(counts['controller', key] for key in taken),
             ),
-            self._delivery(force, 'plant', published, counts['plant', 'forces heard']),
-            self._delivery(force, 'estimator', published, counts['estimator', f'{force}: heard']),
+            self._delivery(force, 'plant', published, counts['plant', 'forces received']),
+            self._delivery(
+                force, 'estimator', published, counts['estimator', f'{force}: received']
+            ),
         ]
 
     def _delivery(self, topic: str, receiver: str, published: int, received: int) -> Delivery:
-        heard = f'{HEARS}{self._run.node.resolve_topic_name(topic)}'
+        heard = f'{PUBLISHERS}{self._run.node.resolve_topic_name(topic)}'
         publishers = int(self._run.reported(receiver, heard) or 1)
         return Delivery(topic, receiver, published, received, publishers)
 

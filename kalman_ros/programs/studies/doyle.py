@@ -150,7 +150,7 @@ def _draw(sides: tuple[Trial, Trial], brinks: tuple[float, float], path: Path) -
         axis.set_yscale('log')
         axis.set_xlabel('q = sigma (log)')
         axis.set_ylabel('gain margin, part of the gain (log)')
-        axis.set_title('The stronger, the less LQG bears')
+        axis.set_title('The stronger, the smaller the margin of LQG')
         axis.legend(loc='lower left')
         for side, colour in zip(sides, (ESTIMATE, INPUT)):
             sizes.plot(side.time, side.size, color=colour, label=f'gain x {side.value:.3f}')

@@ -90,7 +90,7 @@ def _checks(ratio: float, gain: float, variance: float, error: Array) -> list[Ch
     recursion = estimation_error(STEP, READING, ratio * STEP.Q, design.gain)
     return [
         close(f'gain, {at}', '', L, gain, CONVERGED * L),
-        close(f'variance told, {at}', '', P, variance, CONVERGED * P),
+        close(f'reported variance, {at}', '', P, variance, CONVERGED * P),
         recursion.rms(f'RMS error, {at}', '', 0, error),
     ]
 

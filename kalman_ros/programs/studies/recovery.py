@@ -126,5 +126,5 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
             axis.plot(TOLD, values, 'o', color=ORANGE, ms=6, label='measured')
             axis.set_xscale('log')
             axis.set_yscale('log')
-            axis.set_xlabel('q, input noise that the estimator is told of (log)')
+            axis.set_xlabel('q, input noise that the estimator assumes (log)')
         gain.legend(loc='center left')
