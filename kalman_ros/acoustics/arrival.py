@@ -42,7 +42,7 @@ _FADE = 0.1
 _SPARE = 8
 #: Directions of the integral for one that a beam is known from.
 _FINER = 8
-#: A peak of fewer steps than this is looked at more closely, so many steps to either side.
+#: A peak of fewer steps than this is refined, over N steps to either side.
 _LEAST_STEPS = 2.0
 _NEAR = 16
 _CLOSER = 4
@@ -153,7 +153,7 @@ class DirectionFinder:
 
 
 def _around(count: int) -> Array:
-    """Return so many directions, all around."""
+    """Return N directions, evenly around."""
     return np.asarray(2.0 * pi * np.arange(count) / count, dtype=float)
 
 

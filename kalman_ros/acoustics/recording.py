@@ -27,14 +27,14 @@ class Recording:
     channels: Array
 
     def frame(self, start: float, samples: int) -> Array | None:
-        """Return so many samples (M, samples) from ``start`` seconds on; None past the end."""
+        """Return ``samples`` samples (M, samples) from ``start`` seconds on; None past the end."""
         first = round(start * self.sample_rate)
         frame = self.channels[:, first : first + samples]
         return frame if frame.shape[1] == samples else None
 
 
 def read(path: Path, channels: int) -> Recording:
-    """Return the recording in a WAV file with so many channels.
+    """Return the recording in a WAV file with ``channels`` channels.
 
     Raises
     ------

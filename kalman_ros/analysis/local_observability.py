@@ -15,7 +15,7 @@ from kalman_ros.scenario import Scenario
 
 from .observability import observability
 
-#: The path reaches back over so many readings of the slowest sensor, and no further than to
+#: The path reaches back over N readings of the slowest sensor, and no further than to
 #: where the state of now would change by so much more than the first belief was wrong by.
 _PIECES, _MOST_GROWTH = 20, 1e3
 #: Information below this, relative to that of the first belief, is rounding.

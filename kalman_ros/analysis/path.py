@@ -21,17 +21,17 @@ from kalman_ros.simulation.plant import SimulatedPlant
 
 from .local_observability import readings_alone
 
-#: The length of a path in seconds and at most so many steps, unless asked for.
+#: The length of a path in seconds, and its most steps, unless asked for.
 _SECONDS, _STEPS = 60.0, 2_000
-#: The slowest sensor gets so many readings, if that takes no more steps than this.
+#: The slowest sensor gets N readings, if that takes no more steps than this.
 _READINGS, _STEPS_FOR_READINGS = 20, 6_000
 #: No path has more steps.
 _MOST_STEPS = 100_000
-#: The model is linearised anew at so many points of a path, or a few more.
+#: The model is linearised at N points of a path, or a few more.
 _POINTS = 400
 #: A window counts no further than to where a change of its start has grown by so much.
 _MOST_GROWTH = 1e3
-#: A path is divided into so many windows.
+#: A path is divided into N windows.
 _WINDOWS = 4
 #: An error that is this much larger at the end than halfway is one that grows.
 _GROWTH = 1.05
@@ -95,7 +95,7 @@ class Path:
     def growing(self) -> tuple[str, ...]:
         """The states whose error still grows over the second half.
 
-        What every window determines anew does not grow, it goes up and down with the path.
+        What every window determines again does not grow, it goes up and down with the path.
         """
         half, always = self.std[len(self.std) // 2], self.observed(throughout=True)
         ends = zip(self.names, half, self.std[-1])

@@ -79,7 +79,7 @@ def _shape(array: Array) -> str:
 def space(
     what: str, names: int | str | Sequence[str], prefix: str, angles: Sequence[str] = ()
 ) -> Space:
-    """Return a space of named coordinates, or of so many, called x0, x1, ... by a ``prefix``.
+    """Return a space of named coordinates, or of N, called x0, x1, ... by a ``prefix``.
 
     A name may have its unit behind it: ``'x [m]'``.
     """

@@ -125,7 +125,7 @@ def place(
 ) -> StateFeedback:  # fmt: skip
     """Return the gain with the eigenvalues of A - B K at ``poles``: ``place(A, B, poles)``.
 
-    With ``dt`` the input is held for so many seconds, and a pole s, in 1/s, becomes exp(s dt). For
+    With ``dt`` the input is held for ``dt`` seconds, and a pole s, in 1/s, becomes exp(s dt). For
     an observer give A' and C', and take the transpose.
 
     Raises

@@ -70,7 +70,7 @@ def decode(data: bytes, kind: Any) -> Any:
         raise UndecodableError(f'{len(data)} bytes are no {kind.__name__}') from error
 
 
-#: For so many seconds after a failure no more is said of others.
+#: For N seconds after a failure no other is logged.
 _PAUSE = 1.0
 _failed = -_PAUSE
 

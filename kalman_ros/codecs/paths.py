@@ -94,7 +94,7 @@ def _steps(text: str) -> list[tuple[str, str]]:
 
 
 def _index(inner: str, most: int | None, text: str) -> int:
-    """Return the place in an array that holds at the ``most`` so many."""
+    """Return the index of an element in an array of at most ``most`` elements."""
     most = _LONGEST if most is None else most
     if int(inner) >= most:
         raise ValueError(f"fields: expected an index below {most}, got '{text}'")

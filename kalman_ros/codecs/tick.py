@@ -5,7 +5,7 @@ A topic alone means a reading that is stamped as the tick; a late one is named w
 in nanoseconds, ``position@1050000000``. A topic that is named twice has two readings.
 
 Which topics there are mostly repeats from step to step, so only the stamp of the tick is written
-and read anew.
+and read again.
 """
 
 from __future__ import annotations

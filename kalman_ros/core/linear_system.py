@@ -11,7 +11,7 @@ from kalman_ros.linear.discretize import Discretization
 from .model import Model, Transition
 from .space import Space
 
-#: Steps of so many different lengths are remembered; sampled loops use one or a few.
+#: Steps of N different lengths are remembered; sampled loops use one or a few.
 _REMEMBERED = 64
 
 

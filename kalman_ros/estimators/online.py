@@ -42,7 +42,7 @@ class OnlineEstimator:
     sensors
         By name, in the order in which readings with one stamp are fused.
     initial
-        The belief at the first stamp that comes, and whenever the estimator starts anew.
+        The belief at the first stamp that comes, and whenever the estimator restarts.
     input
         The input (m,) in effect until the first one arrives.
     policy
@@ -110,7 +110,7 @@ class OnlineEstimator:
 
     @property
     def contradicting(self) -> list[str]:
-        """The sensors whose readings are rejected for so long that only others keep them out."""
+        """The sensors that are rejected only because the others agree with the estimate."""
         needed = self._policy.recover_after
         records = zip(self._names, self._head.records)
         return [name for name, record in records if 0 < needed <= record.rejections]

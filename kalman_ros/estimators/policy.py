@@ -23,10 +23,10 @@ class Policy:
         passes: a filter that is wrong and sure of it finds back (`agreement`). 0 never does.
     restart_after
         So many readings in a row that are older than the window mean that the clock went back:
-        the estimator starts anew. 0 never does.
+        the estimator restarts. 0 never does.
     max_gap
         Seconds without anything after which the old belief is worth nothing: the estimator
-        starts anew. 0 never does.
+        restarts. 0 never does.
     future_tolerance
         Seconds by which a stamp may be ahead of the time at which it comes.
     from_reading

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where this process listens: a node of its own, in a ROS domain of its own."""
+"""A private node of this process, in a private ROS domain."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class IsolatedContext:
         return self._domain.id
 
     def spin(self, seconds: float, until: Future | None = None) -> bool:
-        """Take in what comes for so long, or until a future is done; return whether it is.
+        """Process messages for ``seconds``, or until a future is done; return whether it is.
 
         A signal meanwhile ends it, and is acted upon then.
         """

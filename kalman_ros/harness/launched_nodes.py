@@ -89,7 +89,7 @@ class LaunchedNodes:
         del self.processes[name]
 
     def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
-        """Take in what comes for so long, and see whether every node is still there.
+        """Process messages for ``seconds``, and check that every node is still running.
 
         It ends sooner when the future ``until`` is done.
         """
@@ -101,7 +101,7 @@ class LaunchedNodes:
     def wait(
         self, condition: Callable[[], bool], seconds: float, trouble: Callable[[], str]
     ) -> None:
-        """Take in what comes until ``condition`` holds; NodeError after so many seconds."""
+        """Process messages until ``condition`` holds; NodeError after ``seconds``."""
         end = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > end:

@@ -44,7 +44,7 @@ class Progress:
         return self.elapsed >= self._goal
 
     def aim(self, seconds: float) -> None:
-        """Set the goal: the step at so many seconds from the start."""
+        """Set the goal: the step ``seconds`` after the start."""
         self._goal = seconds - 0.5 / self._rate
         self.reached = Future()
 

@@ -87,7 +87,7 @@ class Recorder:
         }
 
     def forget(self) -> None:
-        """Begin anew, so that a long run does not fill the memory."""
+        """Drop all records, so that a long run does not fill the memory."""
         for messages in self.raw.values():
             messages.clear()
 

@@ -133,7 +133,7 @@ class Run(LaunchedNodes):
         return missing(self._node_set.names, self.diagnostics, topics)
 
     def advance(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
-        """Let the plant go on for so many simulated seconds and gather all that comes of it.
+        """Let the plant continue for ``seconds`` of simulated time, and record all messages.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ from .readings import ReadingReader
 from .topics import innovation_signal
 from .watcher import waiting
 
-#: A sensor is silent after so many seconds without a reading, or so many of its intervals.
+#: A sensor is silent after N seconds without a reading, or M of its intervals.
 _SILENCE, _INTERVALS = 1.0, 5.0
 #: Seconds by which stamps may be ahead of the clock by themselves: a simulated one ticks coarsely.
 _AHEAD = 0.1

@@ -10,7 +10,7 @@ from kalman_ros.core import Array, Space, is_finite
 from kalman_ros.linear.kernels import is_definite
 
 #: An older stamp may be that of an estimate that came late, or of a time that began again. It is
-#: the latter when, for so many seconds, nothing but older ones came.
+#: the latter when, for N seconds, nothing but older ones were received.
 _PATIENCE = 0.25
 #: By how much rounding may make the smallest eigenvalue of correlations negative; what passed
 #: through float32 is as far off.

@@ -11,7 +11,7 @@ import numpy as np
 
 #: So many events are looked back on.
 _LENGTH = 500
-#: Without an event for so many seconds, or three usual intervals, the rate is zero.
+#: Without an event for N seconds, or three usual intervals, the rate is zero.
 _SILENCE = 2.0
 
 

@@ -117,7 +117,7 @@ class MonitorNode(runtime.ScenarioNode):
     def prepare(
         self, scenario: Scenario, options: MonitorOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
-        """Start to compare anew, with the changed model, noise or costs."""
+        """Restart the comparison with the changed model, noise or cost."""
         return partial(self._compare_anew, *self._fresh(scenario, options))
 
     def report(self) -> Report:

@@ -205,8 +205,8 @@ class MicrophoneArrayOptions:
     least_odds: Annotated[
         float,
         About(
-            'a bearing is published if a source is so many times likelier than noise; '
-            'noise alone passes in at most one frame of so many',
+            'a bearing is published if a source is N times likelier than noise; '
+            'noise alone passes in at most one frame of N',
             minimum=1.0,
             live=True,
         ),

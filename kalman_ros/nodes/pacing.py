@@ -7,7 +7,7 @@ from typing import Any
 
 #: Simulated time starts here: ROS takes a stamp of zero for "not set".
 FIRST_STAMP = 1_000_000_000
-#: A plant whose next step is further away than so many drops them rather than hurry or wait.
+#: A plant that is more than N steps early or late resumes from the clock.
 MOST_BEHIND = 100
 
 

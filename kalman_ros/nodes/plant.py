@@ -113,7 +113,7 @@ class PlantNode(runtime.ScenarioNode):
         return Lockstep(self, watched, timeout, window, stamped=stamped)
 
     def _restart(self) -> None:
-        """Have a plant at its initial state, whose noise and faults begin anew."""
+        """Reset the plant to its initial state, with its noise and faults from the start."""
         scenario, seed = self.scenario, self.options.seed
         model, start = scenario.model, scenario.initial_state
         self._plant = SimulatedPlant(

@@ -22,7 +22,7 @@ class Step(NamedTuple):
 
 #: Before every time.
 _UNSTAMPED = -1
-#: In nanoseconds: readings that no tick has named for so long never will be.
+#: In nanoseconds: a reading that no tick has named for this long is dropped.
 _FORGOTTEN = 60_000_000_000
 #: How many ticks may wait for readings, how many readings they may name, and how many readings and
 #: inputs may wait for their tick. A plant has one step under way: more are not those of a plant.
@@ -39,7 +39,7 @@ class StepAssembler:
 
     A turn is complete when every reading that its tick names has come, the late ones too, and
     the input that answers the tick before it. A tick that is repeated makes a turn without
-    readings; one that is earlier than the last starts anew, for then the plant was restarted.
+    readings; one that is earlier than the last is a reset, for then the plant was restarted.
 
     Each topic keeps its order, so when a reading has come that a later tick names, one of the same
     topic that an earlier tick names will never come: that tick, which no plant sent, is dropped,

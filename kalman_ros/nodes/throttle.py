@@ -11,7 +11,7 @@ _MOST = 20
 
 
 class Throttle:
-    """Says each thing at most once within so many seconds.
+    """Logs each message at most once within N seconds.
 
     The throttle of rclpy's loggers counts by line of code: there the first of two complaints
     silences the second.

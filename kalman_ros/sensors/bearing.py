@@ -13,8 +13,8 @@ from kalman_ros.core import About, Array, Gaussian, Sensor, Space, variances, ve
 
 #: Nearer than this, in m, a direction means nothing.
 _NEAREST = 1e-6
-#: Hypotheses of the range reach so many standard deviations to both sides of the belief's own,
-#: and the farthest is at most so many times as far as the nearest.
+#: Hypotheses of the range reach N standard deviations to both sides of that of the belief, and
+#: the farthest is at most M times as far as the nearest.
 _REACH, _RATIO = 2.5, 20.0
 
 

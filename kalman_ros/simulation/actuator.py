@@ -46,5 +46,5 @@ class Actuator:
         self.gain, self.delay = gain, delay
 
     def _before(self, steps: int) -> Array:
-        """Return what was told so many steps ago, or the oldest that is known."""
+        """Return the command of N steps ago, or the oldest that is known."""
         return self._told[max(-steps - 1, -len(self._told))]

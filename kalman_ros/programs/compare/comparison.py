@@ -18,7 +18,7 @@ from kalman_ros.simulation.noise import stream
 
 from .cases import Case
 
-#: The time of a step is that of the fastest of so many rounds, of so many steps each.
+#: The time of a step is that of the fastest of N rounds of M steps each.
 _ROUNDS, _STEPS = 7, 50
 
 
@@ -76,7 +76,7 @@ class Result:
 def study(
     case: Case, width: float, filter: str, runs: int, progress: Callable[[], None] = lambda: None
 ) -> Result:
-    """Return what became of so many runs, with the seeds 0, 1, ...
+    """Return the results of ``runs`` runs, with the seeds 0, 1, ...
 
     A seed has the same truth, first belief and noise for every filter. ``progress`` is called
     after each run.

@@ -141,7 +141,7 @@ class FaultMatrix:
         return found
 
     def _recorded(self, readings: int) -> bool:
-        """Tell whether so many readings have come, and of every step all that answers it."""
+        """Tell whether ``readings`` readings, and the answers to every step, are received."""
         raw, scenario = self._run.recorder.raw, self._run.scenario
         state = scenario.state.topic
         answers = (state, f'{state}/covariance', scenario.input.topic)

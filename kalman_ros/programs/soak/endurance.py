@@ -32,7 +32,7 @@ FAULTS = {
     'gate': 0.999,
 }
 _FATES = ('fused', 'rejected', 'dropped')
-#: What was under way has arrived after so many seconds without a change.
+#: After N seconds without a change no message is under way.
 _QUIET = 1.5
 
 
@@ -67,7 +67,7 @@ class Endurance:
         self._not_finite: set[str] = set()
 
     def soak(self, seconds: float, progress: Callable[[float], None]) -> Soak:
-        """Let it run for so long; ``progress`` is called each second with those that are over."""
+        """Run for ``seconds``; ``progress`` is called each second with the elapsed ones."""
         with self._run as run:
             scenario = run.scenario
             kind = message_type(scenario.input.type)

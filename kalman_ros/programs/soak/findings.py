@@ -13,13 +13,13 @@ from scipy.special import stdtrit
 
 from kalman_ros.core import Array
 
-#: Where nothing is kept for good, a slope is outside its interval in one case of so many.
+#: Without a leak a slope is outside its interval in one case of N.
 _ODDS = 1000.0
 #: In bytes a second: 17 MB a day.
 _GROWTH = 200.0
 #: In bytes: heaps and queues may come to their size after the warm-up, once.
 _SETTLING = 0.25e6
-#: Memory is averaged over so many stretches, which are long enough to know little of each other.
+#: Memory is averaged over N stretches, long enough to be nearly independent.
 _STRETCHES = 20
 #: What has come and gone by then was still being set up, in seconds, but for short runs.
 _WARM_UP = 60.0

@@ -45,7 +45,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def soak(options: argparse.Namespace, console: Console) -> Soak:
-    """Run the nodes for so long and return what was found."""
+    """Run the nodes for the duration asked for, and return the findings."""
     ready(options.out)
     columns = TextColumn('{task.description}'), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console) as bar:

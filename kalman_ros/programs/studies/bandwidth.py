@@ -74,7 +74,7 @@ def _theory(noise: float, weight: float) -> LqgTheory:
 
 
 def _point(run: Run, noise: float, weight: float, seconds: float) -> Point:
-    """Go on until what was before has settled, then so many seconds, and return those."""
+    """Continue until the loop has settled, then for ``seconds``, and return those."""
     settled = run.elapsed + _theory(noise, weight).settling_time
     run.advance(settled - run.elapsed + seconds)
     found, part = run.trajectory(), run.trajectory().time > settled

@@ -15,7 +15,7 @@ from kalman_ros.harness import Run
 
 #: The brink is found to this, relative to it.
 PRECISION = 3e-3
-#: A ladder ends here: what bears so many rungs has no brink to speak of.
+#: A ladder ends after N rungs: a loop that is stable there has no boundary to speak of.
 _MOST_RUNGS = 20
 
 

@@ -80,7 +80,7 @@ class BodyFaults:
     Raises
     ------
     ValueError
-        If the options are not for so many inputs.
+        If the options are not for this number of inputs.
     """
 
     def __init__(self, options: BodyOptions, size: int) -> None:

@@ -17,7 +17,7 @@ from kalman_ros.simulation.noise import stream
 from . import FAULTS, settings_of, window_of
 from .fault import Fault, Reading
 
-#: A reading that is due by so many nanoseconds after a step arrives at it: times are rounded.
+#: A reading that is due by N nanoseconds after a step arrives at it: times are rounded.
 _ROUNDING = 1000
 
 
@@ -105,7 +105,7 @@ class Links:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: without faults, and with nothing under way. Counts go on."""
+        """Reset: no faults, and nothing under way. Counts are kept."""
         self._links: dict[str, Link] = {}
         self._at: int | None = None
         self._arrivals: list[Arrival] = []
