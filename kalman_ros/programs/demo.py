@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from kalman_ros import models
+from kalman_ros.analysis.suspects import suspects
 from kalman_ros.analysis.verdict import judge, least_duration
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.interrupts import deferred
@@ -137,6 +138,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     files = ', '.join(['summary.json', 'data.npz', *(path.name for path in drawn)])
     console.print(f'In {folder}: {files}')
     console.print(tables.verdict(checks, judgement.claim))
+    for sentence in suspects(checks):
+        console.print(sentence)
     sys.exit(1 if failed else 0)
 
 

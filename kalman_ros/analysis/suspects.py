@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a person might look at when checks of a run fail."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from .checks import Check
+
+#: By how the name of a check begins: what is compared, and what to suspect where it is too large
+#: and where it is too small.
+_SUSPECTS = (
+    (
+        'NIS of ',
+        'Innovations of {what} are larger than expected: suspect a {what}.noise that is too '
+        'small, a bias or outliers of {what}, or the model.',
+        'Innovations of {what} are smaller than expected: suspect a {what}.noise that is too '
+        'large.',
+    ),
+    (
+        'NEES',
+        'Errors are larger than the covariance says: suspect process noise or sensor noise that '
+        'is configured too small, a bias, or the model.',
+        'Errors are smaller than the covariance says: suspect noise that is configured too large.',
+    ),
+    (
+        'RMS error of ',
+        'The estimate of {what} is worse than predicted: suspect a bias or the noise of a sensor, '
+        'or the model.',
+        'The estimate of {what} is better than predicted: suspect noise that is configured too '
+        'large.',
+    ),
+    (
+        'largest error of ',
+        'The estimate of {what} is biased or its covariance too small: suspect a bias of a '
+        'sensor, the model, or its process noise.',
+        '',
+    ),
+    (
+        'regulator dynamics',
+        'The loop responds differently from its design: suspect a parameter of the model, the '
+        'actuator, or a delay.',
+        'The loop responds more regularly than noise allows: suspect the process noise.',
+    ),
+    (
+        'estimator dynamics',
+        'Errors decay differently from the design of the filter: suspect the noise parameters.',
+        'Errors decay more regularly than noise allows: suspect the process noise.',
+    ),
+    (
+        'RMS of ',
+        '{what} moves more than predicted: suspect a disturbance, the process noise, or the '
+        'model.',
+        '{what} moves less than predicted: suspect the process noise.',
+    ),
+)
+
+
+def suspects(checks: Iterable[Check]) -> list[str]:
+    """Return what to look at for the checks that fail, one sentence a cause."""
+    found = []
+    for start, large, small in _SUSPECTS:
+        for check in checks:
+            if not check.passed and check.counts and check.name.startswith(start):
+                what = check.name[len(start) :].partition(' / ')[0]
+                found.append(
+                    (large if check.measured.real > check.high else small).format(what=what)
+                )
+    return [sentence for sentence in dict.fromkeys(found) if sentence]
