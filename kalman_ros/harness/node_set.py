@@ -25,6 +25,7 @@ class NodeSet:
         also: Mapping[str, str],
         remaps: Mapping[str, Mapping[str, str]],
     ) -> None:
+        executables.prefix()  # where nothing is sourced, that is what to say first
         self._file = shipped.file(scenario) if isinstance(scenario, str) else None
         given = {} if isinstance(scenario, str) else dict(scenario)
         between = (BETWEEN,) if BETWEEN in sections(self._file) else ()

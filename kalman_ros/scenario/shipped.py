@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
-
-from kalman_ros.core import refuse_unknown
 
 PACKAGE = 'kalman_ros'
 
@@ -39,12 +38,17 @@ def file(scenario: str | Path) -> Path:
     Raises
     ------
     ValueError
-        If there is none, with the name that may be meant.
+        If there is none, with the names that there are.
     """
     if str(scenario).endswith(('.yaml', '.yml')):
         path = Path(scenario)
         if not path.is_file():
             raise ValueError(f"scenario: no file '{scenario}'")
         return path.resolve()
-    refuse_unknown([str(scenario)], names(), 'scenario')
+    known = names()
+    if scenario not in known:
+        near = get_close_matches(str(scenario), known, n=1)
+        hint = f"did you mean '{near[0]}'? " if near else ''
+        listed = ', '.join(known)
+        raise ValueError(f"scenario: unknown scenario '{scenario}'; {hint}known are {listed}")
     return folder() / f'{scenario}.yaml'
