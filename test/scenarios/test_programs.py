@@ -195,7 +195,7 @@ def test_the_demo_fails_when_the_statistics_do_not_hold(environment, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'says'),
     [
-        (['mass_spring'], "demo: scenario: unknown scenario 'mass_spring'; did you mean 'mass_spring_damper'?"),
+        (['mass_spring'], "unknown scenario 'mass_spring'; did you mean 'mass_spring_damper'?"),
         (['-p', 'input_cost:=[0.0, 1.0]'], 'demo: input_cost: expected a positive definite'),
         (['-p', 'input_cost'], "demo: -p: expected NAME:=VALUE, got 'input_cost'"),
         (['-p', 'inptu_cost:=[1.0, 1.0]'], "unknown parameter 'inptu_cost'"),
