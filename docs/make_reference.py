@@ -15,6 +15,7 @@ from kalman_ros.core import Option, options_of
 from kalman_ros.estimators import FILTERS, filter_options
 from kalman_ros.nodes import options
 from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.scenario.parameter_files import yaml_value
 from kalman_ros.simulation.faults import fault_options
 
 FOLDER = Path(__file__).with_name('reference')
@@ -27,21 +28,9 @@ def table(found: Iterable[Option]) -> list[str]:
     for option in found:
         mark = '\\*' if option.about.live else ''
         meaning = option.description.replace('|', '\\|')
-        rows.append(
-            f'| `{option.name}`{mark} | `{value(option.default)}` | {limits(option)} | {meaning} |'
-        )
+        default = yaml_value(option.default)
+        rows.append(f'| `{option.name}`{mark} | `{default}` | {limits(option)} | {meaning} |')
     return rows
-
-
-def value(default: object) -> str:
-    """Return a default as YAML has it."""
-    if isinstance(default, bool):
-        return str(default).lower()
-    if isinstance(default, list):
-        return f'[{", ".join(map(value, default))}]'
-    if isinstance(default, float):
-        return f'{default:g}'
-    return f"'{default}'" if default == '' else str(default)
 
 
 def limits(option: Option) -> str:
@@ -71,7 +60,8 @@ def parameters() -> Iterator[str]:
     yield (
         'Nodes share one parameter file; each reads what concerns it, and refuses a name that no '
         'node has. A parameter with \\* may change at run time: all that are set together, or '
-        'none. Defaults are those of the default scenario. `--help` of a node lists its own.'
+        'none. Defaults are those of the default scenario; a node without a `model` also reads '
+        'its own section of `config/mass_spring_damper_2d.yaml`. `--help` lists what it would use.'
     )
     yield from ['', '## All nodes: the scenario', '', *table(own)]
     yield from ['', '## All nodes: each sensor', '', *table(common)]

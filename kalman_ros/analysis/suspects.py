@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
+from math import isfinite
 
 from .checks import Check
 
@@ -56,14 +57,16 @@ _SUSPECTS = (
 )
 
 
-def suspects(checks: Iterable[Check]) -> list[str]:
+def suspects(checks: Sequence[Check]) -> list[str]:
     """Return what to look at for the checks that fail, one sentence a cause."""
     found = []
     for start, large, small in _SUSPECTS:
         for check in checks:
-            if not check.passed and check.counts and check.name.startswith(start):
-                what = check.name[len(start) :].partition(' / ')[0]
-                found.append(
-                    (large if check.measured.real > check.high else small).format(what=what)
-                )
+            if check.passed or not check.counts or not check.name.startswith(start):
+                continue
+            what, value = check.name[len(start) :].partition(' / ')[0], check.measured.real
+            if isfinite(value):
+                found.append((large if value > check.high else small).format(what=what))
+            elif start == 'NIS of ':
+                found.append(f'No reading of {what} was fused: suspect its topic or its gate.')
     return [sentence for sentence in dict.fromkeys(found) if sentence]

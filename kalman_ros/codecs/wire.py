@@ -26,7 +26,7 @@ _learns = True
 
 
 def learn_layouts(*, on: bool) -> None:
-    """Have readers and writers that are built from now on learn layouts, or not.
+    """Have the readers and writers that this process builds from now on learn layouts, or not.
 
     Both ways give the same numbers; without layouts each message goes through Python
     objects, which takes longer.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a model file registers: the model, and the wiring that it has unless told otherwise."""
+"""A model with its default wiring: sensors, topics, cost and first belief."""
 
 from __future__ import annotations
 

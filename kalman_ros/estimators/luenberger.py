@@ -49,7 +49,7 @@ def build(
     C = np.vstack([timed.sensor.jacobian(x) for timed in plan.sensors.values()])
     try:
         L = place_observer(system.A, C, poles).gain
-    except DesignError as error:
+    except ValueError as error:  # a DesignError, too
         raise DesignError(f'observer_{error}') from None
     gains, at = {}, 0
     for name, timed in plan.sensors.items():

@@ -240,7 +240,8 @@ class OnlineEstimator:
         """Bring ``state`` to the item's time and take the item in."""
         time, order = item.key
         belief, repairs = self._predict(state, time, item.filter)
-        repairs += state.repairs
+        if belief is not self._initial:
+            repairs += state.repairs
         if belief is self._initial and state.time not in (None, time) and not item.restarted:
             item.restarted = True
             self.restarts += 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the installed executables and parameter files of the package are."""
+"""Where the installed executables of the package are."""
 
 from __future__ import annotations
 

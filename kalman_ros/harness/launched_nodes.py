@@ -35,7 +35,7 @@ class LaunchedNodes:
 
     Parameters
     ----------
-    cast
+    node_set
         The nodes and their parameters.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Named products of small matrices: the only room that speaks to BLAS and LAPACK.
+"""Named products of small matrices, by BLAS and LAPACK.
 
 Filters are written with these names and read as the textbook does. Each is one or two calls into
 `lapack`, since for matrices of a few rows it is the calls that take time, and a product with a
@@ -93,7 +93,7 @@ def plus_each(offsets: Array, mean: Array, sign: float = 1.0) -> Array:
 
 
 def moments(weighted: Array, d: Array, Q: Array | None = None) -> Array:
-    """Return the sum of W d e' + Q (k, n), over columns of ``weighted`` W d (k, p), e (n, p)."""
+    """Return the sum of W e d' + Q (k, n), over the columns of W e (k, p) and ``d`` (n, p)."""
     if Q is None:
         cross: Array = dgemm(1.0, weighted, d, 0.0, None, 0, 1)
         return cross

@@ -84,7 +84,7 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
     found = eigenvalues(A - B @ K)
     if max(np.abs(found - pole).min() for pole in wanted) > _ACCURACY * np.abs(wanted).max():
         raise DesignError(
-            f'poles: the input moves some mode too little to place it: asked for '
+            f'poles: some mode is moved too little to be placed: asked for '
             f'{describe(wanted)}, the best gain gives {describe(found)}'
         )
     return PlacementDesign(K, found)

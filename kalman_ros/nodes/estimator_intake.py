@@ -98,7 +98,7 @@ class RealTimeIntake:
         fuser.publish_innovations(corrections, _MOST_INNOVATIONS)
 
     def _waiting_readings(self, first: Channel, data: bytes) -> Iterator[Received]:
-        """Yield the readings that are waiting; ``data``, received on ``first``, is one of them."""
+        """Yield the readings that are waiting; ``data``, received on ``first``, may be one."""
         now = self._now()
         for name, channel in self._fuser.channels.items():
             source = self._scenario.sensors[name]

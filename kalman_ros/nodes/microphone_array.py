@@ -100,7 +100,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         self._start()
         truth = on_topic(self.scenario.state, _TRUTH)
         self._read_truth = WireReader(SignalCodec(truth))
-        self._turns = StepAssembler({_TRUTH: _TRUTH}, answered=False)
+        self._steps = StepAssembler({_TRUTH: _TRUTH}, answered=False)
         kind = self._read_truth.message_type
         self.create_subscription(kind, _TRUTH, self._on_truth, QUEUE, raw=True)
         if self.options.lockstep:
@@ -125,8 +125,8 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         if not self.options.lockstep:
             self._listen(time, x)
             return
-        self._turns.reading(_TRUTH, time, x)
-        self._take_turns()
+        self._steps.reading(_TRUTH, time, x)
+        self._process_steps()
 
     def _listen(self, time: int, x: Array) -> None:
         """Hear what there is to hear in the state ``x``, if a reading is due."""
@@ -140,21 +140,21 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
 
     def _on_tick(self, data: bytes) -> None:
         time, topics = read_tick(data)
-        if self._turns.tick(time, [_TRUTH], kept=topics):
+        if self._steps.tick(time, [_TRUTH], kept=topics):
             self._start()
-        self._take_turns()
+        self._process_steps()
 
-    def _take_turns(self) -> None:
+    def _process_steps(self) -> None:
         """Pass on the ticks whose truth has come, with the bearing if there is one."""
-        for turn in self._turns.complete():
-            for _, x in turn.readings:
-                self._listen(turn.time, x)
-            if not turn.readings:  # asked again
+        for step in self._steps.complete():
+            for _, x in step.readings:
+                self._listen(step.time, x)
+            if not step.readings:  # asked again
                 self._publish()
-            topics = turn.kept
+            topics = step.kept
             if self._answer is not None:
                 topics = (*topics, self._source.signal.topic)
-            self._tick_publisher.publish(write_tick(turn.time, topics))
+            self._tick_publisher.publish(write_tick(step.time, topics))
 
     def prepare(
         self, scenario: Scenario, options: MicrophoneArrayOptions, extra: Mapping[str, Value]

@@ -8,7 +8,7 @@ one needs; a test holds them against the options.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 #: By what they are options of.
 NAMES = {
@@ -40,6 +40,8 @@ NAMES = {
         'input_cost integral_cost law regulator_frequencies regulator_poles state_cost tracked'
     ),
 }
+#: Of these, those that are no option of a model without an input.
+COST = 'input_cost law state_cost'
 #: Of each sensor, in the plant: `SENSOR.NAME`.
 FAULTS = (
     'bias burst_length burst_loss delay drift dropout duplication fault_window freeze jitter nan '
@@ -47,7 +49,17 @@ FAULTS = (
 )
 
 
-def known(sensors: Iterable[str]) -> set[str]:
-    """Return the names that some node has, where these are the ``sensors``."""
+def known(sensors: Iterable[str], *, driven: bool) -> set[str]:
+    """Return the names that some node has, with these ``sensors`` and, if ``driven``, an input."""
     own = {name for names in NAMES.values() for name in names.split()}
+    if not driven:
+        own -= set(COST.split())
     return own | {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
+
+
+def check_kinds(options: Container[str], sensors: Iterable[str]) -> None:
+    """Raise ValueError if an option of a sensor's kind has the name of a fault."""
+    for sensor in sensors:
+        for name in FAULTS.split():
+            if f'{sensor}.{name}' in options:
+                raise ValueError(f"{sensor}.kind: its option '{name}' is the name of a fault")

@@ -81,10 +81,13 @@ class ScenarioNode(WatcherNode, ManagedNode):
         self._own = {option.name: option for option in options_of(self._build_options)}
         shared = scenario.options(given, with_law=self.with_law)
         chosen = {**{name: option.default for name, option in shared.items()}, **given}
+        chosen['sensors'] = shared['sensors'].check(chosen['sensors'])  # one word is a list, too
         self._extra = {option.name: option for option in self.extra_options(chosen)}
         known = {**shared, **self._own, **self._extra}
         sensors = scenario.sensor_names(chosen['sensors'])
-        refuse_unknown(given, {*known, *names.known(sensors)}, 'parameter')
+        names.check_kinds(shared, sensors)
+        driven = 'input.topic' in shared
+        refuse_unknown(given, {*known, *names.known(sensors, driven=driven)}, 'parameter')
         values = scenario.complete(given, known)
         self.scenario, self.options, self.extra = self._build(values)
         topics.check(self.scenario, self.get_name(), self.get_namespace())

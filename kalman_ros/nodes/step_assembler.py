@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lockstep as the estimator sees it: wait until all of a step has come, then take it in order."""
+"""Lockstep for the estimator: collect the messages of a step, and process them in order."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ _Key = tuple[str, int]
 class StepAssembler:
     """Puts together ticks, readings and inputs, which arrive in any order.
 
-    What comes without a stamp belongs to the first turn that waits for it.
+    What comes without a stamp belongs to the first step that waits for it.
 
-    A turn is complete when every reading that its tick names has come, the late ones too, and
-    the input that answers the tick before it. A tick that is repeated makes a turn without
+    A step is complete when every reading that its tick names has come, the late ones too, and
+    the input that answers the tick before it. A tick that is repeated makes a step without
     readings; one that is earlier than the last is a reset, for then the plant was restarted.
 
     Each topic keeps its order, so when a reading has come that a later tick names, one of the same
@@ -63,7 +63,7 @@ class StepAssembler:
         self._waiting = 0
         self._inputs: dict[int, Any] = {}
         self._last: int | None = None
-        # by the last turn: what comes of it again, because the plant asked again, is not new
+        # by the last step: what comes of it again, because the plant asked again, is not new
         self._taken: Set[_Key] = frozenset()
 
     def reading(self, name: str, time: int | None, reading: Any) -> None:
@@ -85,7 +85,7 @@ class StepAssembler:
     def tick(self, time: int, topics: Iterable[str], kept: Any = None) -> bool:
         """Take in a tick with the topics of its readings; return whether time went back.
 
-        What is ``kept`` comes back with its turn.
+        What is ``kept`` comes back with its step.
         """
         named = [mentioned(topic, time) for topic in topics]
         if time in self._ticks:
@@ -104,12 +104,12 @@ class StepAssembler:
         return True
 
     def waits_for(self, time: int) -> bool:
-        """Tell whether a tick at ``time`` has come and its turn is not complete."""
+        """Tell whether a tick at ``time`` has come and its step is not complete."""
         return time in self._ticks
 
     @property
     def unanswered(self) -> int | None:
-        """The time of the last turn, if only the input that answers it keeps the next waiting."""
+        """The time of the last step, if only the input that answers it keeps the next waiting."""
         if not self._ticks or not self._answered or self._last is None:
             return None
         time, last = min(self._ticks), self._last
@@ -120,7 +120,7 @@ class StepAssembler:
         return self._inputs.get(time, self._inputs.get(_UNSTAMPED))
 
     def complete(self) -> Iterator[Step]:
-        """Yield the turns that are complete by now, in order."""
+        """Yield the steps that are complete by now, in order."""
         while self._ticks:
             time, last = min(self._ticks), self._last
             keys = self._ticks[time] if time != last else []
@@ -183,7 +183,7 @@ class StepAssembler:
         return found
 
     def _forget(self, time: int) -> None:
-        """Drop the readings of the turn at ``time``, and others that nobody asked for."""
+        """Drop the readings of the step at ``time``, and others that nobody asked for."""
         oldest = max(time - _FORGOTTEN, _UNSTAMPED)
         self._readings = {
             key: readings

@@ -37,9 +37,10 @@ def usage(node: Any) -> str:
         for key, same in entries.items():
             descriptors = node.describe_parameters(list(same))
             mark = '' if descriptors[0].read_only else '*'
-            meaning = descriptors[0].description
-            if len({each.description for each in descriptors}) > 1:  # of the state and the input
-                meaning = meaning.partition(' of the ')[0]
+            meanings = dict.fromkeys(each.description for each in descriptors)
+            if key.startswith('SIGNAL.'):  # of the state, and of the input
+                meanings = dict.fromkeys(each.rpartition(' of the ')[0] for each in meanings)
+            meaning = '; '.join(meanings)
             lines.append(_entry(f'{key}{mark}: {_merged(same)}', meaning))
     return '\n'.join(lines)
 
@@ -49,7 +50,8 @@ def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
 
     Parameters that every sensor has, or the state and the input, stand for each other.
     """
-    sensors = [str(sensor) for sensor in values['sensors'] if sensor]
+    listed_sensors = values.get('sensors')  # of a node that is not configured there may be none
+    sensors = [str(s) for s in listed_sensors if s] if isinstance(listed_sensors, list) else []
     model, listed, topics, own = ({}, {}, {}, {})  # type: ignore[var-annotated]
     for name, value in values.items():
         section, _, key = name.partition('.')

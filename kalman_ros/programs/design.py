@@ -69,8 +69,10 @@ def believed(path: Path, changes: dict[str, Any]) -> Scenario:
     """
     values = {**from_file(path, 'estimator', 'controller'), **changes}
     known = scenario.options(values)
-    sensors = scenario.sensor_names(values.get('sensors', known['sensors'].default))
-    refuse_unknown(values, {*known, *names.known(sensors)}, 'parameter')
+    listed = known['sensors']
+    sensors = scenario.sensor_names(listed.check(values.get('sensors', listed.default)))
+    driven = 'input.topic' in known
+    refuse_unknown(values, {*known, *names.known(sensors, driven=driven)}, 'parameter')
     return scenario.build(values)
 
 

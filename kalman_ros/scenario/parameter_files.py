@@ -235,7 +235,7 @@ def yaml_value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
-        return repr(float(value))
+        return repr(float(value)).replace('inf', '.inf').replace('nan', '.nan')
     if isinstance(value, str):
         quoted = value.replace("'", "''")
         return f"'{quoted}'"  # else an empty one is nothing, and y is true

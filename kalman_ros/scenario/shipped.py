@@ -46,7 +46,7 @@ def file(scenario: str | Path) -> Path:
             raise ValueError(f"scenario: no file '{scenario}'")
         return path.resolve()
     known = names()
-    if scenario not in known:
+    if str(scenario) not in known:
         near = get_close_matches(str(scenario), known, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ''
         listed = ', '.join(known)

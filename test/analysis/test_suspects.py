@@ -29,6 +29,11 @@ def test_a_check_that_fails_has_a_suspect(name, measured, says):
     assert says in found
 
 
+def test_a_sensor_without_a_reading_is_no_sensor_with_little_noise():
+    (found,) = suspects([check('NIS of velocity / 2', float('nan'))])
+    assert found == 'No reading of velocity was fused: suspect its topic or its gate.'
+
+
 def test_a_check_that_holds_has_none():
     assert suspects([check('NIS of velocity / 2', 1.0), check('NEES / 4', 1.05)]) == []
 

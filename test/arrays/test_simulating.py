@@ -2,6 +2,7 @@
 """Whole loops in one process: scenarios by name or of objects, references, limits, pictures."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ def test_a_run_is_that_of_the_closed_loop():
     np.testing.assert_allclose(run.truth, same.truth, atol=1e-12)
     np.testing.assert_allclose(run.input, same.input, atol=1e-11)
     assert kr.consistency(run)
+    assert kr.load(Path('cart_pole')).model.state.names == scenario.model.state.names
     assert str(run).startswith('CartPole for 2 s at 100 Hz, filter ekf, law lqr')
     assert all(len(line) < 80 for line in str(run).splitlines())
 
@@ -115,6 +117,7 @@ def test_a_scenario_in_discrete_time():
     run = kr.simulate(scenario, seconds=200)
     assert np.abs(run.truth[100:, 0]).max() < 5.0
     assert kr.consistency(run)
+    assert kr.load(Path('cart_pole')).model.state.names == scenario.model.state.names
     with pytest.raises(ValueError, match='model: .* is in discrete time, without a derivative'):
         kr.design(scenario)
 

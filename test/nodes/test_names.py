@@ -39,6 +39,16 @@ def test_the_names_of_filters_laws_and_faults_are_those_of_their_options():
     assert names.FAULTS.split() == sorted(option.name for option in faults.fault_options())
 
 
+def test_a_kind_of_sensor_has_no_option_with_the_name_of_a_fault():
+    with pytest.raises(ValueError, match="gps.kind: its option 'bias' is the name of a fault"):
+        names.check_kinds({'gps.noise', 'gps.bias'}, ['gps'])
+
+
+def test_what_no_model_without_an_input_has_is_no_name_of_it():
+    assert 'state_cost' in names.known([], driven=True)
+    assert not {'state_cost', 'input_cost', 'law'} & names.known([], driven=False)
+
+
 @pytest.mark.parametrize(
     ('node', 'foreign'),
     [

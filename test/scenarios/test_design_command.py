@@ -117,7 +117,7 @@ BLIND = ['-p', 'model:=linear', '-p', 'model_parameters.A:=[0.5, 0.0, 0.0, -1.0]
 @pytest.mark.parametrize(
     ('arguments', 'says'),
     [
-        (['mass_spring'], "scenario: unknown scenario 'mass_spring'; did you mean 'mass_spring_da"),
+        (['mass_spring'], "scenario: unknown scenario 'mass_spring'; did you mean 'mass_spring"),
         (['nowhere.yaml'], "scenario: no file 'nowhere.yaml'"),
         (['--params-file', 'nowhere.yaml'], "No such file or directory: 'nowhere.yaml'"),
         (['--params-file', '.'], "Is a directory: '.'"),

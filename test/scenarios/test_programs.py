@@ -54,6 +54,8 @@ MISTAKES = [
     ('monitor', ['-p', 'state_cost:=[1.0, 2.0]'], 'state_cost: expected 4 numbers'),
     ('plant', ['-p', 'position.dropout:=1.5'], 'position.dropout: expected 0 to 1, got 1.5'),
     ('estimator', ['-p', 'position.dropot:=0.5'], "did you mean 'position.dropout'?"),
+    ('plant', ['-p', 'sensors:=position', '-p', 'position.dropout:=2.0'], 'position.dropout: exp'),
+    ('estimator', ['-p', 'model:=turn_rate', '-p', 'state_cost:=[1.0]'], 'unknown parameter'),
     ('plant', ['-p', 'position.noise:=[-0.1, 0.1]'], 'position.noise: expected positive'),
     ('estimator', ['-p', 'model:=mass_sprin_damper'], "did you mean 'mass_spring_damper'?"),
     ('plant', ['-p', 'sede:=1'], "unknown parameter 'sede'; did you mean 'seed'?"),
@@ -223,6 +225,12 @@ def test_every_node_has_help(environment, name):
     assert 'Traceback' not in output
     help = output[output.index('usage: ') :].splitlines()
     assert max(map(len, help)) <= 80
+
+
+def test_a_node_that_does_not_start_by_itself_has_help(environment):
+    arguments = ['--help', '--ros-args', '-p', 'autostart:=false', '-p', 'window:=2.0']
+    code, output = finish(start(environment, 'estimator', *arguments))
+    assert (code == 0 and 'window*: 2.0' in output) or 'window: 2.0' in output
 
 
 def test_the_help_of_the_estimator_is_about_the_estimator(environment):
