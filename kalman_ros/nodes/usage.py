@@ -82,7 +82,7 @@ def _merged(values: Mapping[str, str]) -> str:
 
 def _entry(what: str, meaning: str) -> str:
     """Return a parameter and what it means, in as few lines as that takes."""
-    text = f'{what}  ({meaning})'
+    text = f'{what}  ({meaning})' if meaning else what
     return fill(text, _WIDTH, initial_indent='  ', subsequent_indent=' ' * 6)
 
 
