@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, DiscreteModel, Model, Sensor
-from kalman_ros.scenario.checks import check_sensor
+from kalman_ros.scenario.model_checks import check_sensor
 
 from .problems import sensor as make_sensor
 

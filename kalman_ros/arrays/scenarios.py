@@ -24,7 +24,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.scenario import Scenario, SensorSource, shipped
-from kalman_ros.scenario.checks import check_model
+from kalman_ros.scenario.model_checks import check_model
 from kalman_ros.scenario.parameter_files import from_file
 
 from .accept import belief_of, number, weight

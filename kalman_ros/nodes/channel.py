@@ -16,9 +16,9 @@ from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import SensorSource
 
-from .estimates import InnovationPublisher
+from .estimate_publisher import InnovationPublisher
 from .meters import Latency, Rate
-from .readings import ReadingReader
+from .reading_reader import ReadingReader
 from .topics import innovation_signal
 from .watcher import waiting
 

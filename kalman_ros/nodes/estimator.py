@@ -16,7 +16,7 @@ from kalman_ros.scenario import Scenario
 
 from . import runtime
 from .diagnostics import Report
-from .estimates import EstimatePublisher
+from .estimate_publisher import EstimatePublisher
 from .estimator_health import Health
 from .estimator_intake import LockstepIntake, RealTimeIntake
 from .fuser import Fuser

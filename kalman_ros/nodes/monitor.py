@@ -13,8 +13,8 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Gaussian, Signal, Value
-from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import ChiSquareWindow
+from kalman_ros.estimators.error_statistics import Comparison
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import price
 

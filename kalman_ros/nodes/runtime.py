@@ -26,9 +26,9 @@ from kalman_ros.scenario.parameter_files import own_section
 
 from . import names, parameters, topics
 from .diagnostics import Diagnostics, Level, Report
+from .file_arguments import hint, readable
 from .interruption import Interruption
 from .managed import ACTIVE, ManagedNode, reason
-from .parameter_files import hint, readable
 from .priority import take_priority
 from .transport import prefer_sockets
 from .usage import usage, wants_help

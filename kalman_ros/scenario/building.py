@@ -27,8 +27,8 @@ from kalman_ros.core import (
 )
 from kalman_ros.estimators import FILTERS
 
-from .checks import check_attributes, check_model, check_sensor
 from .declarations import model_of, options, section, sensor_names
+from .model_checks import check_attributes, check_model, check_sensor
 from .scenario import Scenario, SensorSource
 from .wiring import system as system_of
 

@@ -21,7 +21,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.estimators import FILTERS
 
-from .checks import check_equilibrium
+from .model_checks import check_equilibrium
 from .wiring import by_name
 from .wiring import system as system_of
 

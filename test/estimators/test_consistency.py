@@ -4,13 +4,13 @@ import pytest
 from scipy.stats import chi2
 
 from kalman_ros.core import Gaussian, Space
-from kalman_ros.estimators.comparison import Comparison
 from kalman_ros.estimators.consistency import (
     ChiSquareWindow,
     chi_square_bounds,
     chi_square_gate,
     nees,
 )
+from kalman_ros.estimators.error_statistics import Comparison
 
 
 @pytest.mark.parametrize('degrees', [1, 3, 40])

@@ -11,7 +11,7 @@ pytest.importorskip('rclpy')
 from kalman_ros import scenario
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
-from kalman_ros.nodes.readings import ReadingReader
+from kalman_ros.nodes.reading_reader import ReadingReader
 
 CONFIGURED = 0.05**2
 

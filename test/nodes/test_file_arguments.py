@@ -15,7 +15,7 @@ from kalman_ros.core import DesignError
 from kalman_ros.harness.domain import Domain
 from kalman_ros.nodes.controller import ControllerNode
 from kalman_ros.nodes.estimator import EstimatorNode
-from kalman_ros.nodes.parameter_files import hint, readable
+from kalman_ros.nodes.file_arguments import hint, readable
 from kalman_ros.nodes.parameters import given
 from kalman_ros.nodes.plant import PlantNode
 
