@@ -31,6 +31,10 @@ from .policy import Policy
 from .start import taken_at_its_word
 from .timeline import Arrival, Item, State, Timeline
 
+#: In nanoseconds: old readings mean that the clock went back only if none has been up to date for
+#: this long.
+_OUTDATED = 250_000_000
+
 
 class OnlineEstimator:
     """Runs a `Filter` on stamped readings and inputs, in whatever order they arrive.
@@ -82,6 +86,8 @@ class OnlineEstimator:
         records = (agreement.Record(),) * len(self._order)
         self._timeline = Timeline(State(None, belief, first, records))
         self._old_in_a_row = 0
+        #: When the last reading that was not too old was received, in nanoseconds.
+        self._current_at: int | None = None
 
     def restart(self) -> None:
         """Forget what came, for the clock went back, and count that."""
@@ -163,7 +169,7 @@ class OnlineEstimator:
         if isinstance(found, Item):
             refused = self._timeline.insert(found, self._window)
             if arrival.source is not None:
-                refused = self._restarted_for(found, refused)
+                refused = self._restarted_for(found, refused, now)
             if refused is None:
                 return found
             found = refused
@@ -188,13 +194,22 @@ class OnlineEstimator:
         order = len(self._order) if name is None else self._order[name]
         return Item((time, order), values, sensor, self._filter)
 
-    def _restarted_for(self, item: Item, refused: Outcome | None) -> Outcome | None:
-        """Restart with a reading if too many in a row were too old; return why it is refused."""
+    def _restarted_for(
+        self, item: Item, refused: Outcome | None, now: int | None
+    ) -> Outcome | None:
+        """Restart with a reading if too many in a row were too old; return why it is refused.
+
+        While other readings are up to date, it is the sensor that lags, not the clock that went
+        back.
+        """
         if refused is not Outcome.TOO_OLD:
-            self._old_in_a_row = 0
+            self._old_in_a_row, self._current_at = 0, now
             return refused
         self._old_in_a_row += 1
-        if self._old_in_a_row != self._policy.restart_after:
+        needed, current = self._policy.restart_after, self._current_at
+        if not 0 < needed <= self._old_in_a_row:
+            return refused
+        if now is not None and current is not None and 0 <= now - current < _OUTDATED:
             return refused
         self.restart()
         return self._timeline.insert(item, self._window)

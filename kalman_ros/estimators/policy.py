@@ -22,8 +22,8 @@ class Policy:
         without one that agrees, after which the covariance is widened until the next reading
         passes: a filter that is wrong and sure of it finds back (`agreement`). 0 never does.
     restart_after
-        So many readings in a row that are older than the window mean that the clock went back:
-        the estimator restarts. 0 never does.
+        N readings in a row that are older than the window mean that the clock went back, if none
+        has been up to date for 0.25 s: the estimator restarts. 0 never does.
     max_gap
         Seconds without anything after which the old belief is worth nothing: the estimator
         restarts. 0 never does.

@@ -90,7 +90,8 @@ class EstimatorOptions:
     restart_after: Annotated[
         int,
         About(
-            'readings older than the window in a row that mean the clock went back; 0 for never',
+            'readings in a row older than the window, and for 0.25 s no other, that mean '
+            'the clock went back; 0 for never',
             minimum=0,
             live=True,
         ),

@@ -291,6 +291,32 @@ def test_a_clock_that_goes_back_starts_anew_but_one_stray_stamp_does_not():
     assert online.time == SECOND + 7 * 20_000_000
 
 
+def test_a_sensor_that_lags_is_no_clock_that_goes_back():
+    """A flood of old readings between up-to-date ones leaves the estimate alone."""
+    online = estimator(window=0.5, restart_after=5)
+    for k in range(100):
+        now = 100 * SECOND + k * 10_000_000
+        assert online.add_reading('position', now, np.zeros(1), None, now)[0] is Outcome.FUSED
+        for j in range(50):
+            old = now - 2 * SECOND + j
+            outcome, _ = online.add_reading('velocity', old, np.ones(1), None, now + j)
+            assert outcome is Outcome.TOO_OLD
+    assert online.restarts == 0
+    assert online.counts['velocity'] == {Outcome.TOO_OLD: 5000}
+
+
+def test_old_readings_alone_are_a_clock_that_went_back():
+    online = estimator(window=0.5, restart_after=5)
+    now = 100 * SECOND
+    online.add_reading('position', now, np.zeros(1), None, now)
+    for k in range(100):
+        now += 10_000_000
+        online.add_reading('position', SECOND + k * 10_000_000, np.zeros(1), None, now)
+    assert online.restarts == 1
+    assert online.counts['position'][Outcome.TOO_OLD] == 24
+    assert online.time == SECOND + 99 * 10_000_000
+
+
 def test_after_a_long_gap_the_old_belief_is_worth_nothing():
     online = estimator(max_gap=60.0)
     for k in range(100):

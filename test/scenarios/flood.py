@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A program that publishes velocities at a rate, for so long; it says how many, and when."""
+"""A program that publishes velocities at a rate, with stamps that lag; it prints how many."""
 
 import sys
 import time
@@ -18,7 +18,7 @@ BURST = 0.005
 STD = 50.0
 
 
-def main(rate, seconds):
+def main(rate, seconds, lag):
     rng = np.random.default_rng(0)
     rclpy.init()
     node = rclpy.create_node('flood')
@@ -32,7 +32,8 @@ def main(rate, seconds):
         time.sleep(BURST)
         due = (time.time() - start) * rate
         while sent < min(due, rate * seconds):
-            stamp = round((start + sent / rate) * 1e9)
+            # as a sensor's: the time at which it is read, however slowly this program gets on
+            stamp = time.time_ns() - round(lag * 1e9)
             publisher.publish(write(stamp, STD * rng.standard_normal(2), R))
             sent += 1
     publisher.wait_for_all_acked()
@@ -42,4 +43,4 @@ def main(rate, seconds):
 
 
 if __name__ == '__main__':
-    main(float(sys.argv[1]), float(sys.argv[2]))
+    main(*map(float, sys.argv[1:]))

@@ -96,9 +96,9 @@ def test_twenty_sensors_at_100_hz():
 class Flood:
     """A run with a program that floods the estimator with velocities, and what came of them."""
 
-    def __init__(self, run, seconds):
+    def __init__(self, run, seconds, rate=RATE, lag=0.0):
         self.run = run
-        command = [sys.executable, str(FLOOD), str(RATE), str(seconds)]
+        command = [sys.executable, str(FLOOD), str(rate), str(seconds), str(lag)]
         run.set_parameter('run_until', 1e6)
         self._process = subprocess.Popen(
             command, env=run.environment, stdout=subprocess.PIPE, text=True
@@ -132,6 +132,18 @@ def test_a_flood_takes_no_control():
     assert flood.came == flood.sent == sum(flood.became.values())
     assert flood.became['fused'] > 0.5 * flood.sent
     assert silent(stamps, flood.start, flood.end) < 0.05 * (flood.end - flood.start) + lost
+    assert np.abs(found.truth - found.estimate)[100:].max() < 1.0
+
+
+def test_a_flood_that_lags_restarts_nothing():
+    """Ten old readings in a row come within each burst, between those that are up to date."""
+    with Run(overrides={'velocity.reliable': True}, lockstep=False, seed=4) as run:
+        flood = Flood(run, 3.0, rate=2000.0, lag=2.0)
+        flood.wait()
+        found = run.trajectory()
+        assert run.reported('estimator', 'restarts') == '0'
+    assert flood.came == flood.sent == sum(flood.became.values())
+    assert flood.became['dropped: older than the window'] > 0.5 * flood.sent
     assert np.abs(found.truth - found.estimate)[100:].max() < 1.0
 
 
