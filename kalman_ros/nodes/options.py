@@ -90,8 +90,7 @@ class EstimatorOptions:
     restart_after: Annotated[
         int,
         About(
-            'readings in a row older than the window, and for 0.25 s no other, that mean '
-            'the clock went back; 0 for never',
+            'readings in a row older than the window that mean the clock went back; 0: never',
             minimum=0,
             live=True,
         ),

@@ -117,7 +117,6 @@ def test_a_scenario_in_discrete_time():
     run = kr.simulate(scenario, seconds=200)
     assert np.abs(run.truth[100:, 0]).max() < 5.0
     assert kr.consistency(run)
-    assert kr.load(Path('cart_pole')).model.state.names == scenario.model.state.names
     with pytest.raises(ValueError, match='model: .* is in discrete time, without a derivative'):
         kr.design(scenario)
 
@@ -166,7 +165,7 @@ def test_without_a_path_the_figure_is_left_to_pyplot(monkeypatch):
 @pytest.mark.parametrize(
     ('call', 'says'),
     [
-        (lambda: kr.simulate('cartpole'), "unknown scenario 'cartpole'; did you mean 'cart_pole'"),
+        (lambda: kr.simulate('cartpole'), "scenario: unknown scenario 'cartpole'; did you mean 'cart_pole'"),
         (lambda: kr.simulate('none.yaml'), "scenario: no file 'none.yaml'"),
         (lambda: kr.simulate({}, {'input_limt': 1.0}),
          "unknown parameter 'input_limt'; did you mean 'input_limit'"),
