@@ -15,7 +15,7 @@ from .intake import LONGEST
 Lockstep = Annotated[bool, About('step in turns with the other nodes, not in real time')]
 Autostart = Annotated[
     bool,
-    About('configure and activate at once, instead of when asked by ~/change_state'),
+    About('configure and activate at once, not on ~/change_state'),
 ]
 Longest = Annotated[
     int,
@@ -26,9 +26,7 @@ Longest = Annotated[
         live=True,
     ),
 ]
-Learn = Annotated[
-    bool, About('read and write the numbers of messages in place, in their bytes: faster')
-]
+Learn = Annotated[bool, About('decode the numbers of messages in place: faster')]
 Priority = Annotated[
     int,
     About(
