@@ -307,6 +307,7 @@ def test_the_loop_resumes_in_lockstep(node):
         assert run.change_state(node, 'activate')
         stands = lambda: f'lockstep stands at {run.elapsed}'  # noqa: E731
         run.wait(lambda: run.elapsed > 0.995, 20.0, stands)
+        run.complete()
         found = run.trajectory()
     assert len(found.time) == 101
     assert np.abs(found.truth[-1]).max() < 1.5
