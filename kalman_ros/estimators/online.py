@@ -96,34 +96,30 @@ class OnlineEstimator:
         self.reset(self._initial)
 
     @property
-    def _head(self) -> State:
-        return self._timeline.head
-
-    @property
     def time(self) -> int | None:
         """The stamp of the newest item, in nanoseconds; None before the first."""
-        return self._head.time
+        return self._timeline.head.time
 
     @property
     def belief(self) -> Gaussian:
         """The belief at `time`."""
-        return self._head.belief
+        return self._timeline.head.belief
 
     @property
     def repairs(self) -> int:
         """How often on the way to `belief` a covariance had to be made definite again."""
-        return self._head.repairs
+        return self._timeline.head.repairs
 
     @property
     def contradicting(self) -> list[str]:
         """The sensors that are rejected only because the others agree with the estimate."""
         needed = self._policy.recover_after
-        records = zip(self._names, self._head.records)
+        records = zip(self._names, self._timeline.head.records)
         return [name for name, record in records if 0 < needed <= record.rejections]
 
     def predicted(self, time: int) -> Gaussian:
         """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
-        head = self._head
+        head = self._timeline.head
         if head.time is None:
             return head.belief
         return self._predict(head, time, self._filter)[0]
