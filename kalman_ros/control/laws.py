@@ -17,7 +17,6 @@ from kalman_ros.core import (
     build_with,
     options_of,
     refuse_unknown,
-    spread_poles,
 )
 
 from .feedback import Feedback
@@ -52,7 +51,7 @@ def _placement(
 
     Fewer poles than states are completed by `spread_poles`.
     """
-    from kalman_ros.linear.placement import sampled_place
+    from kalman_ros.linear.placement import sampled_place, spread_poles
 
     n = system.state.size
     real = spread_poles('regulator_poles', regulator_poles, n)

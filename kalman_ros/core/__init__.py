@@ -16,7 +16,6 @@ from kalman_ros.linear.arrays import (
 )
 from kalman_ros.linear.discretize import Discretization, van_loan, zero_order_hold
 from kalman_ros.linear.errors import DesignError
-from kalman_ros.linear.poles import spread_poles
 
 from .discrete_model import DiscreteLinearSystem, DiscreteModel
 from .gaussian import Gaussian, unchecked
@@ -72,7 +71,6 @@ __all__ = [
     'refuse_unknown',
     'semidefinite',
     'solve',
-    'spread_poles',
     'symmetric',
     'unchecked',
     'van_loan',

@@ -141,10 +141,16 @@ def refuse_unknown(given: Iterable[str], known: Iterable[str], kind: str) -> Non
             raise ValueError(f"unknown {kind} '{name}'{_hint(name, known)}")
 
 
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return a question for the nearest of the ``known`` names; '' if none is near."""
+    near = get_close_matches(name, list(known), n=1)
+    return f"did you mean '{near[0]}'?" if near else ''
+
+
 def _hint(name: str, known: Sequence[str]) -> str:
-    near = get_close_matches(name, known, n=1)
-    if near:
-        return f"; did you mean '{near[0]}'?"
+    question = nearest(name, known)
+    if question:
+        return f'; {question}'
     return f'; known are {", ".join(known)}' if 0 < len(known) <= _FEW else ''
 
 

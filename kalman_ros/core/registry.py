@@ -7,9 +7,10 @@ import importlib
 import inspect
 import pkgutil
 import traceback
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
+
+from .options import nearest
 
 
 def names(package: str) -> list[str]:
@@ -34,12 +35,9 @@ def find(kind: str, name: str, package: str, attribute: str) -> Any:
     if not colon:
         known = names(package)
         if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"did you mean '{near[0]}'? " if near else ''
-            raise ValueError(
-                f"{kind}: unknown {kind} '{name}'; {hint}known are {', '.join(known)}, "
-                "or 'package.module:Name' of your own"
-            )
+            listed = f"known are {', '.join(known)}, or 'package.module:Name' of your own"
+            hint = ' '.join(filter(None, (nearest(name, known), listed)))
+            raise ValueError(f"{kind}: unknown {kind} '{name}'; {hint}")
         module, own = f'{package}.{name}', attribute
     try:
         return getattr(importlib.import_module(module), own)

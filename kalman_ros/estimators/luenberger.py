@@ -12,8 +12,7 @@ from typing import Annotated
 import numpy as np
 
 from kalman_ros.core import About, DesignError
-from kalman_ros.linear.placement import place_observer
-from kalman_ros.linear.poles import spread_poles
+from kalman_ros.linear.placement import place_observer, spread_poles
 
 from .filter import Plan, linear_system
 from .fixed_gain import FixedGainObserver

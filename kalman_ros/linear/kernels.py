@@ -102,7 +102,7 @@ def moments(weighted: Array, d: Array, Q: Array | None = None) -> Array:
 
 
 def remainder(dx: Array, K: Array, dy: Array) -> Array:
-    """Return dx - K dy (n, p): what a reading leaves of each deviation."""
+    """Return dx - K dy (n, p), the deviations that a reading leaves; ``dx`` is written into."""
     left: Array = dgemm(-1.0, K.T, dy, 1.0, dx, 1, 0, 1)
     return left
 

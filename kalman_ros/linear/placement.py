@@ -23,6 +23,9 @@ from .structure import ComplexArray, describe, eigenvalues, uncontrollable_modes
 #: Placed poles further from those asked for than this, relative to the largest, are a failure.
 _ACCURACY = 1e-4
 
+#: Each missing pole lies this much further out, relative to the fastest one given.
+_SPREAD = 0.1
+
 
 @dataclass(frozen=True)
 class PlacementDesign:
@@ -103,6 +106,24 @@ def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> Pl
     """
     wanted = np.exp(_checked(len(A), poles) * dt)
     return place(*zero_order_hold(A, B, dt), wanted.tolist())
+
+
+def spread_poles(name: str, poles: Sequence[float], count: int) -> list[float]:
+    """Return ``count`` real parts in 1/s, the given ones first.
+
+    The k-th missing one is (1 + k / 10) times the fastest given one, so that no pole repeats
+    another, which a single input could not place.
+
+    Raises
+    ------
+    ValueError
+        If there are none, or more than ``count``.
+    """
+    given = [float(pole) for pole in poles]
+    if not 1 <= len(given) <= count:
+        raise ValueError(f'{name}: expected 1 to {count} numbers, got {len(given)}')
+    fastest = min(given)
+    return given + [fastest * (1.0 + _SPREAD * k) for k in range(1, count - len(given) + 1)]
 
 
 def place_observer(A: Array, C: Array, poles: Sequence[complex]) -> PlacementDesign:

@@ -216,7 +216,7 @@ class MicrophoneArrayOptions:
         ),
     ] = 0.2
     recording: Annotated[
-        str, About("WAV file, one channel a microphone; '' to simulate what there is to hear")
+        str, About("WAV file, one channel a microphone; '' to simulate the sound")
     ] = ''
     sample_rate: Annotated[
         float,

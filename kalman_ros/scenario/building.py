@@ -27,8 +27,9 @@ from kalman_ros.core import (
 )
 from kalman_ros.estimators import FILTERS
 
-from .declarations import model_of, options, section, sensor_names
+from .declarations import model_of, options, sensor_names
 from .model_checks import check_attributes, check_model, check_sensor
+from .parameter_files import section
 from .scenario import Scenario, SensorSource
 from .wiring import system as system_of
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from typing import Annotated, Any
 
 from kalman_ros import models, sensors
@@ -19,9 +18,11 @@ from kalman_ros.core import (
     build_with,
     options_of,
 )
+from kalman_ros.core.options import nearest
 from kalman_ros.estimators import FILTERS
 
 from .model_checks import check_equilibrium
+from .parameter_files import section
 from .wiring import by_name
 from .wiring import system as system_of
 
@@ -160,10 +161,9 @@ def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
     if setup is None:
         missing = [key for key in ('type', 'fields', 'noise') if f'{name}.{key}' not in values]
         if missing:
-            near = get_close_matches(name, system.sensors, n=1)
-            hint = f"did you mean '{near[0]}'? " if near else ''
-            needs = ', '.join(f'{name}.{key}' for key in missing)
-            raise ValueError(f"sensors: unknown sensor '{name}'; {hint}a new one needs {needs}")
+            needs = f'a new one needs {", ".join(f"{name}.{key}" for key in missing)}'
+            hint = ' '.join(filter(None, (nearest(name, system.sensors), needs)))
+            raise ValueError(f"sensors: unknown sensor '{name}'; {hint}")
         setup = SensorSetup('states', Signal(name, '', ('',)), (1.0,), 10.0)
     kind = str(values.get(f'{name}.kind', setup.kind))
     if kind == setup.kind:
@@ -180,12 +180,6 @@ def _system(values: Mapping[str, Any]) -> tuple[System, Model]:
     if sizes == (built.state.size, built.input.size):
         return system, built
     return by_name(system.build, built), built
-
-
-def section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return those of the ``values`` whose names start with ``name`` and a dot, without these."""
-    start = f'{name}.'
-    return {key[len(start) :]: value for key, value in values.items() if key.startswith(start)}
 
 
 def model_of(system: System, parameters: Mapping[str, Any]) -> Model:

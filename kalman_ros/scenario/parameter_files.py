@@ -212,6 +212,12 @@ def _flat(section: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
     return found
 
 
+def section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return those of the ``values`` whose names start with ``name`` and a dot, without these."""
+    start = f'{name}.'
+    return {key[len(start) :]: value for key, value in values.items() if key.startswith(start)}
+
+
 def overrides(given: Sequence[str]) -> dict[str, Any]:
     """Return ``NAME:=VALUE`` arguments as parameters; ValueError if one is none."""
     found = {}

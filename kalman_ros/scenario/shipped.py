@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
+
+from kalman_ros.core.options import nearest
 
 PACKAGE = 'kalman_ros'
 
@@ -47,8 +48,7 @@ def file(scenario: str | Path) -> Path:
         return path.resolve()
     known = names()
     if str(scenario) not in known:
-        near = get_close_matches(str(scenario), known, n=1)
-        hint = f"did you mean '{near[0]}'? " if near else ''
-        listed = ', '.join(known)
-        raise ValueError(f"scenario: unknown scenario '{scenario}'; {hint}known are {listed}")
+        listed = f'known are {", ".join(known)}'
+        hint = ' '.join(filter(None, (nearest(str(scenario), known), listed)))
+        raise ValueError(f"scenario: unknown scenario '{scenario}'; {hint}")
     return folder() / f'{scenario}.yaml'

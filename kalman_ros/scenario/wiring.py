@@ -15,7 +15,7 @@ from kalman_ros.core import LinearSystem, Model, SensorSetup, Signal, System
 from kalman_ros.core.system import NO_INPUT
 
 from . import shipped
-from .parameter_files import from_file
+from .parameter_files import from_file, section
 
 
 def system(name: str) -> System:
@@ -50,21 +50,14 @@ def _shipped(name: str, build: Callable[..., Model]) -> System:
     """Return the wiring in the section for all nodes of a model's parameter file."""
     values = from_file(shipped.file(name))
 
-    def section(of: str) -> dict[str, Any]:
-        return {
-            key.partition('.')[2]: value
-            for key, value in values.items()
-            if key.startswith(f'{of}.')
-        }
-
     def vector(key: str) -> tuple[float, ...]:
         return tuple(map(float, values.get(key, ())))
 
     return System(
         build=build,
-        sensors={sensor: _sensor(section(sensor)) for sensor in values['sensors']},
-        state=_signal(section('state')),
-        input=_signal(section('input')) if 'input.topic' in values else NO_INPUT,
+        sensors={sensor: _sensor(section(values, sensor)) for sensor in values['sensors']},
+        state=_signal(section(values, 'state')),
+        input=_signal(section(values, 'input')) if 'input.topic' in values else NO_INPUT,
         state_cost=vector('state_cost'),
         input_cost=vector('input_cost'),
         initial_state=vector('initial_state'),

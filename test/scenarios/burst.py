@@ -4,6 +4,7 @@
 import sys
 import time
 
+import connected
 import numpy as np
 import rclpy
 from rclpy.qos import QoSProfile
@@ -20,9 +21,10 @@ def main(rate, count):
     rclpy.init()
     node = rclpy.create_node('burst')
     write = WireWriter(SignalCodec(scenario.build({}).sensors['velocity'].signal))
-    publisher = node.create_publisher(write.message_type, 'velocity', QoSProfile(depth=1))
-    while publisher.get_subscription_count() < 2:  # the estimator and the harness
-        time.sleep(0.01)
+    # of the estimator and the harness
+    publisher = connected.publisher(
+        node, write.message_type, 'velocity', QoSProfile(depth=1), subscribers=2
+    )
 
     def publish():
         publisher.publish(write(time.time_ns(), np.zeros(2), 2500.0 * np.eye(2)))
@@ -36,7 +38,7 @@ def main(rate, count):
         for _ in range(5):
             publish()
     print(count + 5 * PAIRS)
-    time.sleep(0.5)
+    publisher.wait_for_all_acked()
     node.destroy_node()
     rclpy.shutdown()
 

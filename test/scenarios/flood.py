@@ -4,6 +4,7 @@
 import sys
 import time
 
+import connected
 import numpy as np
 import rclpy
 from rclpy.qos import QoSProfile
@@ -23,9 +24,10 @@ def main(rate, seconds, lag):
     rclpy.init()
     node = rclpy.create_node('flood')
     write = WireWriter(SignalCodec(scenario.build({}).sensors['velocity'].signal))
-    publisher = node.create_publisher(write.message_type, 'velocity', QoSProfile(depth=5000))
-    while publisher.get_subscription_count() < 3:  # the estimator, the monitor and the harness
-        time.sleep(0.01)
+    # of the estimator, the monitor and the harness
+    publisher = connected.publisher(
+        node, write.message_type, 'velocity', QoSProfile(depth=5000), subscribers=3
+    )
     R = STD**2 * np.eye(2)
     start, sent = time.time(), 0
     while sent < rate * seconds:

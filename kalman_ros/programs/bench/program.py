@@ -86,4 +86,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     console.print(f'{platform.machine()}, Python {platform.python_version()}, medians')
     if options.json is not None:
         options.json.write_text(json.dumps([asdict(result) for result in results], indent=2))
-    sys.exit(any(result.ratio > result.goal for result in results))
+    good = sum(result.ratio <= result.goal for result in results)
+    passed = good == len(results)
+    word = '[green]PASS' if passed else '[bold red]FAIL'
+    console.print(f'{word}, {good} of {len(results)} goals[/]')
+    sys.exit(0 if passed else 1)

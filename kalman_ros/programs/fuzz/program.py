@@ -33,5 +33,6 @@ def main(argv: Sequence[str] | None = None) -> None:
                 progress.update(task, completed=filters.total())
                 seed += 1
     except BrokenPromiseError as violation:
-        sys.exit(f'fuzz: {violation}')
-    print(f'{filters.total()} steps, nothing broken: {dict(filters)}')
+        sys.exit(f'FAIL after {filters.total()} steps: {violation}')
+    total = filters.total()
+    print(f'PASS, {total} of {total} steps: no promise is broken; {dict(filters)}')
