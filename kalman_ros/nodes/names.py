@@ -40,8 +40,6 @@ NAMES = {
         'input_cost integral_cost law regulator_frequencies regulator_poles state_cost tracked'
     ),
 }
-#: Of these, those that are no option of a model without an input.
-COST = 'input_cost law state_cost'
 #: Of each sensor, in the plant: `SENSOR.NAME`.
 FAULTS = (
     'bias burst_length burst_loss delay drift dropout duplication fault_window freeze jitter nan '
@@ -51,9 +49,9 @@ FAULTS = (
 
 def known(sensors: Iterable[str], *, driven: bool) -> set[str]:
     """Return the names that some node has, with these ``sensors`` and, if ``driven``, an input."""
-    own = {name for names in NAMES.values() for name in names.split()}
-    if not driven:
-        own -= set(COST.split())
+    own = {
+        name for kind, names in NAMES.items() for name in names.split() if driven or kind != 'laws'
+    }
     return own | {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
 
 

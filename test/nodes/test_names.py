@@ -46,7 +46,7 @@ def test_a_kind_of_sensor_has_no_option_with_the_name_of_a_fault():
 
 def test_what_no_model_without_an_input_has_is_no_name_of_it():
     assert 'state_cost' in names.known([], driven=True)
-    assert not {'state_cost', 'input_cost', 'law'} & names.known([], driven=False)
+    assert not {'state_cost', 'input_cost', 'law', 'tracked'} & names.known([], driven=False)
 
 
 @pytest.mark.parametrize(
