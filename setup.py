@@ -7,7 +7,10 @@ from setuptools import find_packages, setup
 
 PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
-COMMANDS = ('bench', 'compare', 'demo', 'design', 'faults', 'fuzz', 'soak', 'study')
+COMMANDS = (
+    'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults', 'fuzz', 'record', 'replay',
+    'soak', 'study',
+)  # fmt: skip
 
 setup(
     name=PACKAGE,
@@ -22,8 +25,9 @@ setup(
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'scipy', 'pyyaml', 'rich', 'matplotlib'],
     extras_require={
-        'test': ['pytest', 'pytest-timeout', 'hypothesis', 'filterpy', 'rosbags'],
+        'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'filterpy', 'rosbags'],
         'docs': ['sphinx', 'myst-parser'],
+        'bags': ['rosbags'],
     },
     zip_safe=False,
     maintainer='The kalman_ros authors',

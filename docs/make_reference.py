@@ -58,10 +58,10 @@ def parameters() -> Iterator[str]:
     common = [o for o in of_sensor if o.name.partition('.')[2] not in particular]
     yield from ['# Parameters', '', NOTE, '']
     yield (
-        'Nodes share one parameter file; each reads what concerns it, and refuses a name that no '
+        'Nodes share one parameter file; each reads its own, and refuses a name that no '
         'node has. A parameter with \\* may change at run time: all that are set together, or '
         'none. Defaults are those of the default scenario; a node without a `model` also reads '
-        'its own section of `config/mass_spring_damper_2d.yaml`. `--help` lists what it would use.'
+        'its own section of `config/mass_spring_damper_2d.yaml`. `--help` lists its values.'
     )
     yield from ['', '## All nodes: the scenario', '', *table(own)]
     yield from ['', '## All nodes: each sensor', '', *table(common)]
@@ -97,7 +97,7 @@ def api() -> Iterator[str]:
     """Yield the lines of the page of the public names."""
     yield from ['# Python API', '', NOTE, '']
     yield (
-        '`import kalman_ros as kr` offers these names; each is imported at its first use, and '
+        '`import kalman_ros as kr` offers these names; each is imported on first use, and '
         'none but `Run` needs ROS. `help(kr.NAME)` has shapes, units, errors and sources.'
     )
     for name in kr.__all__:

@@ -2,13 +2,14 @@
 """State estimation and optimal control for ROS 2: any model, any topic.
 
 ``import kalman_ros as kr`` offers the names below to notebooks and scripts; no ROS is needed for
-any but `Run`. Each is loaded when it is first used, so the import itself takes no time.
+any but `Run` and `replay`. Names load lazily, so the import itself takes no time.
 
 - gains: `lqr`, `dlqr`, `lqe`, `dlqe`, `place`, `margins`, `discretize`
 - models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
   `DiscreteModel`, `Sensor`; `Space` names coordinates
 - estimation: `filter`, `smooth`, `consistency`, `Gaussian`
 - whole loops: `make_scenario`, `load`, `design`, `simulate`, and `Run`, on the real nodes
+- recordings: `replay`
 """
 
 from importlib import import_module as _import
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING
 __version__ = '0.1.0'
 
 if TYPE_CHECKING:
-    from .arrays.consistency import consistency as consistency
+    from .arrays.checking import consistency as consistency
     from .arrays.designing import design as design
     from .arrays.filtering import filter as filter
     from .arrays.filtering import smooth as smooth
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from .arrays.scenarios import load as load
     from .arrays.scenarios import make_scenario as make_scenario
     from .arrays.simulating import simulate as simulate
+    from .bags.replay import replay as replay
     from .core import DesignError as DesignError
     from .core import DiscreteModel as DiscreteModel
     from .core import Gaussian as Gaussian
@@ -42,9 +44,9 @@ if TYPE_CHECKING:
     from .core import Space as Space
     from .harness import Run as Run
 
-#: Where each name is; a test holds this list against the one above.
+#: The module of each name; a test compares this list with the one above.
 _WHERE = {
-    'arrays.consistency': ('consistency',),
+    'arrays.checking': ('consistency',),
     'arrays.designing': ('design',),
     'arrays.filtering': ('filter', 'smooth'),
     'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),
@@ -52,8 +54,20 @@ _WHERE = {
     'arrays.problems': ('continuous_model', 'discrete_model', 'sensor'),
     'arrays.scenarios': ('load', 'make_scenario'),
     'arrays.simulating': ('simulate',),
+    'bags.replay': ('replay',),
     'core': ('DesignError', 'DiscreteModel', 'Gaussian', 'Model', 'Sensor', 'Space'),
     'harness': ('Run',),
+}
+#: What other packages call the same.
+_ELSEWHERE = {
+    'KalmanFilter': 'filter',
+    'ExtendedKalmanFilter': 'filter',
+    'UnscentedKalmanFilter': 'filter',
+    'rts_smoother': 'smooth',
+    'acker': 'place',
+    'c2d': 'discretize',
+    'cont2discrete': 'discretize',
+    'ss': 'continuous_model',
 }
 _MODULES = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = sorted(_MODULES)
@@ -62,18 +76,26 @@ __all__ = sorted(_MODULES)
 def __getattr__(name: str) -> object:
     """Load a name at its first use (PEP 562)."""
     if name not in _MODULES:
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'{_hint(name)}")
     try:
         found = getattr(_import(f'.{_MODULES[name]}', __name__), name)
     except ModuleNotFoundError as error:
-        if name != 'Run':
+        if name not in ('Run', 'replay'):
             raise
         raise ImportError(
-            f'kalman_ros.Run needs ROS 2, and there is no {error.name}: source the setup.bash of '
-            'ROS 2 and of your workspace, then start Python again'
+            f'kalman_ros.{name} needs ROS 2, and there is no {error.name}: source the setup.bash '
+            'of ROS 2 and of your workspace, then start Python again'
         ) from error
     globals()[name] = found
     return found
+
+
+def _hint(name: str) -> str:
+    from difflib import get_close_matches
+
+    near = [_ELSEWHERE[name]] if name in _ELSEWHERE else get_close_matches(name, __all__, n=1)
+    known = '' if name.startswith('_') else f'; known are {", ".join(__all__)}'
+    return f"; did you mean '{near[0]}'?" if near else known
 
 
 def __dir__() -> list[str]:

@@ -1,22 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where every executable starts: signals are answered before anything slow is loaded.
+"""The entry point of every executable: installs signal handlers before slow imports.
 
-Python's own answer to SIGINT is a traceback of whatever was being imported. Until the program
-takes over there is nothing to clean up, so it just ends.
+By default SIGINT prints a traceback of the module being imported. Until the program takes over
+there is nothing to clean up, so the process just ends.
 """
 
-from __future__ import annotations
-
-# `signal` itself builds enumerations while it is loaded, for a millisecond in which Ctrl-C would
-# be a traceback
+# First of all, and not `signal`, which takes a millisecond to load: from here on, Ctrl-C prints no
+# traceback of an import
 import _signal as signal  # type: ignore[import-not-found]
+
+if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import errno
 import os
 import sys
 from functools import partial
 from importlib import import_module
 
-#: The disk is full, or not to be written to: no mistake of the program.
+#: The disk is full or read-only: not an error of the program.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
 #: Ctrl-C, a launcher's request, a closed terminal (unless ``nohup`` has it ignored), Ctrl-\\.
 _SIGNALS = tuple(
@@ -27,7 +29,7 @@ _SIGNALS = tuple(
 
 
 def _node(name: str) -> None:
-    """Run a node, which says by itself how it answers signals; exit 0 if one comes before."""
+    """Run a node, which handles signals itself; exit 0 if one arrives before."""
     for number in _SIGNALS:
         signal.signal(number, lambda *_: os._exit(0))
     import_module(f'kalman_ros.nodes.{name}').main()
@@ -62,11 +64,15 @@ controller = partial(_node, 'controller')
 monitor = partial(_node, 'monitor')
 microphone_array = partial(_node, 'microphone_array')
 
+allan = partial(_program, 'allan', 'allan.program')
 bench = partial(_program, 'bench', 'bench.program')
 compare = partial(_program, 'compare', 'compare.program')
 demo = partial(_program, 'demo')
 design = partial(_program, 'design')
+doctor = partial(_program, 'doctor', 'doctor.program')
 faults = partial(_program, 'faults', 'faults.program')
 fuzz = partial(_program, 'fuzz', 'fuzz.program')
+record = partial(_program, 'record')
+replay = partial(_program, 'replay', 'replay.program')
 soak = partial(_program, 'soak', 'soak.program')
-study = partial(_program, 'study')
+study = partial(_program, 'study', 'studies.program')

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: their domain, how widely they search, which are quick, and reruns."""
+"""Settings of all tests: discovery range, hypothesis profiles, `--fast` and reruns."""
 
-import json
 import os
 import sys
 from pathlib import Path
@@ -9,10 +8,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# nothing that a test starts may be heard outside this machine
+# messages of tests must stay on this machine
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
-# continuous integration tries the same examples each time; a person tries other ones each time
+# the same examples each time in continuous integration, new ones each time by hand
 settings.register_profile('fixed', derandomize=True, deadline=None, max_examples=100)
 settings.register_profile('fresh', derandomize=False, deadline=None, max_examples=200)
 settings.register_profile('quick', derandomize=False, deadline=None, max_examples=50)
@@ -22,18 +21,14 @@ SCENARIOS = Path(__file__).with_name('scenarios')
 
 
 def pytest_addoption(parser):
-    """Add the options for a quick look, and for two processes side by side."""
+    """Add the option for the inner loop."""
     parser.addoption('--fast', action='store_true', help='leave out what is slow or in real time')
-    parser.addoption('--part', choices=PARTS, help='of those that side_by_side.py runs')
-    parser.addoption('--counts', type=Path, help='a file to write to how many tests did what')
 
 
 def pytest_configure(config):
-    """Hold the quick tests to their promise, and let them search for less long."""
-    if config.getoption('fast'):
-        sys.addaudithook(no_process)
-        if not config.getoption('hypothesis_profile', None):
-            settings.load_profile('quick')
+    """Let the quick tests search for less long."""
+    if config.getoption('fast') and not config.getoption('hypothesis_profile', None):
+        settings.load_profile('quick')
 
 
 def no_process(event, _):
@@ -53,43 +48,20 @@ def pytest_collection_modifyitems(config, items):
         ):
             item.add_marker(pytest.mark.flaky(reruns=1))
     if config.getoption('fast'):
-        keep(config, items, lambda item: not any(map(item.get_closest_marker, SLOW)))
-    if part := config.getoption('part'):
-        files = in_parts(items)
-        keep(config, items, lambda item: item.path in files[part])
-
-
-def in_parts(items):
-    """Return the files of each part: those with nodes, and every other one of the rest."""
-    nodes = {
-        item.path
-        for item in items
-        if SCENARIOS in item.path.parents or item.get_closest_marker('real_time')
-    }
-    others = sorted({item.path for item in items} - nodes)
-    return dict(zip(PARTS, (others[::2], others[1::2], nodes)))
-
-
-def keep(config, items, wanted):
-    """Leave out all items but those wanted."""
-    left_out = [item for item in items if not wanted(item)]
-    config.hook.pytest_deselected(items=left_out)
-    items[:] = [item for item in items if wanted(item)]
+        slow = [item for item in items if any(map(item.get_closest_marker, SLOW))]
+        config.hook.pytest_deselected(items=slow)
+        items[:] = [item for item in items if item not in slow]
+        sys.addaudithook(no_process)
 
 
 #: The marks of what `--fast` leaves out.
 SLOW = ('slow', 'real_time')
-#: Of `side_by_side.py`.
-PARTS = ('even', 'odd', 'nodes')
 #: What starts a process, by its audit event.
 STARTS = ('subprocess.Popen', 'os.fork', 'os.forkpty', 'os.posix_spawn', 'os.system', 'os.exec')
 
 
-def pytest_terminal_summary(terminalreporter, config):
+def pytest_terminal_summary(terminalreporter):
     """Name each test that was tried again, with the failure that the second try hid."""
-    if file := config.getoption('counts'):
-        stats = terminalreporter.stats
-        file.write_text(json.dumps({name: len(found) for name, found in stats.items() if name}))
     reruns = terminalreporter.stats.get('rerun', [])
     if reruns:
         terminalreporter.section(f'{len(reruns)} tried again')

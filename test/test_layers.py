@@ -4,6 +4,7 @@
 import ast
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -22,11 +23,13 @@ BELOW['simulation'] = {*BELOW['scenario'], 'scenario', 'acoustics'}
 BELOW['analysis'] = {*BELOW['simulation'], 'simulation'}
 BELOW['report'] = {*BELOW['analysis'], 'analysis'}
 BELOW['arrays'] = {*BELOW['report'], 'report'}
-BELOW['nodes'] = {*BELOW['analysis'], 'analysis', 'codecs'}
-BELOW['harness'] = {*BELOW['nodes'], 'nodes'}
+BELOW['pipeline'] = {*BELOW['analysis'], 'analysis', 'codecs'}
+BELOW['bags'] = {*BELOW['pipeline'], 'pipeline'}
+BELOW['nodes'] = {*BELOW['pipeline'], 'pipeline'}
+BELOW['harness'] = {*BELOW['nodes'], 'nodes', 'bags'}
 BELOW['programs'] = {*BELOW['harness'], 'harness', 'report'}
 ROS = ('rclpy', '_msgs', 'std_srvs', 'builtin_interfaces', 'ament_index_python')
-WITH_ROS = {'codecs', 'nodes', 'harness', 'programs'}
+WITH_ROS = {'codecs', 'bags', 'nodes', 'harness', 'programs'}
 FILES = sorted(ROOT.rglob('*.py'))
 
 
@@ -64,13 +67,29 @@ def test_every_layer_is_known():
     assert folders == set(BELOW)
 
 
+#: Their files are called what a person types: a model, a kind of sensor, a study.
+TYPED = ('models', 'sensors', 'programs/studies')
+#: Every program in a folder has its parts side by side, by these names.
+PARTS = {'program', 'cases', 'findings', 'pictures', 'tables'}
+
+
+def test_no_two_modules_share_a_name():
+    places = defaultdict(list)
+    for path in FILES:
+        folder = path.parent.relative_to(ROOT).as_posix()
+        part = folder.startswith('programs/') and path.stem in PARTS
+        if path.stem != '__init__' and folder not in TYPED and not part:
+            places[path.stem].append(folder)
+    assert {name: folders for name, folders in places.items() if len(folders) > 1} == {}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     'node', ['plant', 'estimator', 'controller', 'monitor', 'microphone_array']
 )
 def test_a_node_loads_nothing_slow(node):
     pytest.importorskip('rclpy')
-    slow = ['matplotlib', 'scipy.signal', 'scipy.stats', 'filterpy', 'control', 'rich']
+    slow = ['matplotlib', 'scipy.signal', 'scipy.stats', 'filterpy', 'control', 'rich', 'rosbags']
     code = (
         f'import sys, kalman_ros.nodes.{node}; '
         f'print([name for name in {slow} if name in sys.modules])'

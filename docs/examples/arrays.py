@@ -4,7 +4,7 @@
     python3 docs/examples/arrays.py
 
 A drone climbs. A barometer reads its height ten times a second, GNSS once, less often and with
-gaps, and the motors tell which acceleration was asked for.
+gaps, and the commanded acceleration is known.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ model = kr.continuous_model(
     states=['height [m]', 'speed [m/s]'],
     inputs=['acceleration [m/s^2]'],
 )
-# What is read, with variances, not standard deviations.
+# The sensors, with variances, not standard deviations.
 sensors = {
     'barometer': kr.sensor([1, 0], 0.3**2, outputs=['height [m]']),
     'gnss': kr.sensor(np.eye(2), [1.0, 0.01], outputs=['height [m]', 'speed [m/s]']),
@@ -34,11 +34,11 @@ truth = np.zeros((300, 2))
 for k in range(299):
     truth[k + 1] = F @ truth[k] + G[:, 0] * asked[k] + rng.multivariate_normal([0, 0], Q)
 barometer = truth[:, 0] + 0.3 * rng.normal(size=300)
-barometer[100:140] = np.nan  # it was covered for four seconds
+barometer[100:140] = np.nan  # covered for four seconds
 gnss_times = times[::10] + 1e-9
 gnss = truth[::10] + rng.normal(size=(30, 2)) * [1.0, 0.1]
-gnss[5, 1] = np.nan  # once it told no speed
-gnss[20] = [80.0, 0.0]  # and once it was far off
+gnss[5, 1] = np.nan  # one reading without a speed
+gnss[20] = [80.0, 0.0]  # and one outlier
 
 estimates = kr.filter(
     model,
@@ -48,7 +48,7 @@ estimates = kr.filter(
     inputs=asked,
     input_times=times,
     initial=([0, 0], [1, 1]),  # mean and variances at the first time
-    gates={'gnss': 0.9999},  # what a good reading passes with this probability
+    gates={'gnss': 0.9999},  # a good reading passes with this probability
 )
 smooth = kr.smooth(estimates)
 print(estimates)

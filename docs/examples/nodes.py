@@ -14,7 +14,7 @@ import kalman_ros as kr
 
 LOOP = {'law': 'lqi', 'tracked': ['x'], 'input_limit': [20.0]}
 
-# The plant, the estimator, the controller and the monitor, each a process of its own.
+# The plant, the estimator, the controller and the monitor, each a separate process.
 with kr.Run('cart_pole', LOOP, seed=1) as nodes:
     nodes.advance(1.0)  # simulated seconds
     first = nodes.trajectory()

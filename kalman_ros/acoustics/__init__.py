@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the sound at several microphones to the direction that it comes from."""
+"""The direction of a source of sound, from several microphones."""

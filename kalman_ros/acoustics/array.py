@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Microphones in a plane, and when a sound reaches each of them."""
+"""Microphones in a plane, and the delays of a sound at each of them."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ SPEED_OF_SOUND = 343.0
 
 @dataclass(frozen=True)
 class MicrophoneArray:
-    """Microphones that hear alike in all directions, at known places.
+    """Omnidirectional microphones at known positions.
 
     Parameters
     ----------
     positions
         x and y of each from the array's centre (M, 2), in m; a flat list is accepted. Three or
-        more, not all in a line: microphones in a line cannot tell left from right.
+        more, not all in a line, which would leave left and right ambiguous.
     speed_of_sound
         In m/s.
 
     Raises
     ------
     ValueError
-        If positions are not such, or the speed is not positive.
+        If the positions are invalid, or the speed is not positive.
     """
 
     positions: Array
@@ -55,10 +55,10 @@ class MicrophoneArray:
         return float(np.hypot(*self.positions.T).max())
 
     def steering(self, frequencies: Array, bearings: Array) -> ComplexArray:
-        """Return the phases (K, G, M) at which a plane wave reaches the microphones.
+        """Return the phases (K, G, M) of a plane wave at the microphones.
 
-        That is exp(i 2 pi f u . p / c) for a wave that comes from the direction u: a microphone
-        that lies towards the source hears it sooner.
+        That is exp(i 2 pi f u . p / c) for a wave from the direction u: a microphone
+        closer to the source receives it earlier.
 
         Parameters
         ----------
@@ -69,11 +69,6 @@ class MicrophoneArray:
         """
         lead = _unit(bearings) @ self.positions.T / self.speed_of_sound
         return np.asarray(np.exp(2j * np.pi * np.multiply.outer(frequencies, lead)))
-
-
-def circle(count: int, radius: float) -> Array:
-    """Return the positions (count, 2) of microphones at equal angles on a circle, in m."""
-    return radius * _unit(2.0 * np.pi * np.arange(count) / count)
 
 
 def _unit(bearings: Array) -> Array:

@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The direction of one source of sound, with the variance that the sound itself tells.
+"""The direction of one source of sound, with its variance.
 
 With X (M,) the spectrum at M microphones at one frequency and a (M,) the phases of a plane wave,
 a band of K frequencies has the coherence
 
     gamma = sum |a* X|^2 / (M sum |X|^2)
 
-with a bearing: all that it says of it, if the powers of source and noise are unknown. With noise
-of one power and a source psi times as strong in a beam, where the prior 1 / power of the noise is
-integrated out, sound from this bearing is likelier than noise alone by the factor
+with a bearing, a sufficient statistic if the powers of source and noise are unknown. With noise
+of equal power and a source psi times as strong in a beam, with the noise's prior 1 / power
+integrated out, sound from this bearing is more likely than noise alone by the factor
 
     (1 + psi)^-K (1 - gamma psi / (1 + psi))^-KM
 
 (J. Bohme, Estimation of Spectral Parameters of Correlated Signals in Wavefields, Signal
 Processing 11, 1986, has the likelihood at its maximum). Averaged over a prior of psi and
-multiplied over the bands it is the density of the bearing. So a band weighs as much as it hears
-of the source, and a lobe that cannot be told from the peak widens the variance as it should.
+multiplied over the bands it is the density of the bearing. So a band counts by its content of the
+source, and a lobe as high as the peak widens the variance as it should.
 
-It holds for one source, far away against the size of the array, and for noise that is
-independent between microphones and alike in all of them. Echoes are not in it.
+It holds for one distant source, and for noise that is independent between microphones and equal
+in all of them. Echoes are not modelled.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ from kalman_ros.core import Array
 
 from .array import MicrophoneArray
 
-#: Frequencies a band: enough to know their mean square well, few enough to be alike.
+#: Frequencies per band: enough to average their squares, few enough to be similar.
 _PER_BAND = 32
-#: Of source to noise in a beam, all as likely: -10 to 59 dB, in steps that the data blur.
+#: Ratios of source to noise in a beam, equally likely: -10 to 59 dB, in fine steps.
 _RATIOS = 10.0 ** (np.arange(-10.0, 60.0, 3.0) / 10.0)[:, np.newaxis, np.newaxis]
-#: The share of a frame over which it fades in and out: a wave is not at both ends at once.
+#: The share of a frame over which it fades in and out.
 _FADE = 0.1
-#: Harmonics of a beam beyond the size of the array in wavelengths, which fall off at once.
+#: Harmonics of a beam beyond the size of the array in wavelengths, which decay at once.
 _SPARE = 8
-#: Directions of the integral for one that a beam is known from.
+#: Directions of the integral per direction of a beam.
 _FINER = 8
-#: A peak of fewer steps than this is refined, over N steps to either side.
+#: A peak narrower than this many steps is refined, over N steps to either side.
 _LEAST_STEPS = 2.0
 _NEAR = 16
 _CLOSER = 4
 
 
 class Arrival(NamedTuple):
-    """Where a sound comes from.
+    """The direction of a sound.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Arrival(NamedTuple):
     variance
         Of the bearing, in rad^2.
     evidence
-        The logarithm of how much likelier a source is than noise alone. Noise alone reaches
+        The logarithm of the odds of a source against noise alone. Noise alone reaches
         ``log(q)`` in at most one frame of q (by Markov's inequality).
     """
 
@@ -68,7 +68,7 @@ class Arrival(NamedTuple):
 
 
 class DirectionFinder:
-    """Finds the bearing of the one source that an array hears.
+    """Finds the bearing of the only source near an array.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class DirectionFinder:
     samples
         Of one frame, N.
     band
-        The lowest and the highest frequency that are listened to, in Hz.
+        The lowest and the highest frequency in use, in Hz.
 
     Raises
     ------
@@ -108,16 +108,16 @@ class DirectionFinder:
         self._taper = _taper(samples)
         edges = np.linspace(0, len(inside), bands + 1).astype(int)
         self._starts = edges[:-1]
-        # neighbouring frequencies of a tapered frame tell a little of each other
+        # neighbouring frequencies of a tapered frame are correlated
         blur = np.mean(self._taper**4) / np.mean(self._taper**2) ** 2
         self._independent: Array = np.diff(edges)[:, np.newaxis] / blur
-        heard = np.asarray(frequencies[inside], dtype=float)
-        size = 2.0 * pi * heard[-1] / array.speed_of_sound * array.radius
+        inner = np.asarray(frequencies[inside], dtype=float)
+        size = 2.0 * pi * inner[-1] / array.speed_of_sound * array.radius
         directions = 2 * (ceil(2.0 * size) + _SPARE) + 1
-        self._steering = array.steering(heard, _around(directions)).conj()
+        self._steering = array.steering(inner, _around(directions)).conj()
 
     def __call__(self, frame: Array) -> Arrival:
-        """Return where the sound of a frame (M, N) comes from."""
+        """Return the direction of the sound in a frame (M, N)."""
         beams = self._beams(frame)
         bearings = _around(_FINER * beams.shape[1])
         density = self._log_density(beams, bearings)
@@ -132,16 +132,16 @@ class DirectionFinder:
         return Arrival((bearing + pi) % (2.0 * pi) - pi, variance, evidence)
 
     def _beams(self, frame: Array) -> Array:
-        """Return gamma (B, G) of each band, in as many directions as tell all others."""
+        """Return gamma (B, G) of each band, in enough directions to interpolate."""
         X = np.fft.rfft(self._taper * frame)[:, self._chosen].T
-        heard = np.abs(np.einsum('kgm,km->kg', self._steering, X)) ** 2
+        beams = np.abs(np.einsum('kgm,km->kg', self._steering, X)) ** 2
         power = self._microphones * np.sum(np.abs(X) ** 2, axis=1, keepdims=True)
-        heard, power = (np.add.reduceat(each, self._starts) for each in (heard, power))
-        gamma: Array = np.divide(heard, power, out=np.zeros_like(heard), where=power > 0.0)
+        beams, power = (np.add.reduceat(each, self._starts) for each in (beams, power))
+        gamma: Array = np.divide(beams, power, out=np.zeros_like(beams), where=power > 0.0)
         return gamma
 
     def _log_density(self, beams: Array, bearings: Array) -> Array:
-        """Return the logarithm (N,) of how much likelier sound from there is than noise alone."""
+        """Return the log odds (N,) of sound from each bearing against noise alone."""
         # a beam is periodic and smooth, so its Fourier series is exact
         series = np.fft.rfft(beams) / beams.shape[1]
         series[:, 1:] *= 2.0
@@ -153,7 +153,7 @@ class DirectionFinder:
 
 
 def _around(count: int) -> Array:
-    """Return N directions, evenly around."""
+    """Return N equally spaced directions."""
     return np.asarray(2.0 * pi * np.arange(count) / count, dtype=float)
 
 
@@ -165,7 +165,7 @@ def _taper(samples: int) -> Array:
 
 
 def _log_mean(logs: Array) -> Array:
-    """Return the logarithm of the mean of what has these logarithms, over the first axis."""
+    """Return the logarithm of the mean, over the first axis, from logarithms."""
     most = logs.max(axis=0)
     return np.asarray(most + np.log(np.exp(logs - most).mean(axis=0)))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sound that was recorded: a WAV file with one channel a microphone."""
+"""Recorded sound: a WAV file with one channel per microphone."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Recording:
     Parameters
     ----------
     sample_rate
-        Samples a second.
+        Samples per second.
     channels
-        The sound (M, N), in whatever unit.
+        The sound (M, N), in any unit.
     """
 
     sample_rate: float
@@ -39,9 +39,9 @@ def read(path: Path, channels: int) -> Recording:
     Raises
     ------
     ValueError
-        If there is none, it cannot be read, or it has more or fewer channels.
+        If it is missing, unreadable, or has another number of channels.
     """
-    from scipy.io import wavfile  # it takes long to import, and few need it
+    from scipy.io import wavfile  # slow to import, and rarely needed
 
     try:
         sample_rate, data = wavfile.read(path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Theory and measurement side by side: whether a recorded LQG loop does what it should."""
+"""Comparison of a recorded LQG loop with theory."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from scipy.linalg import block_diag
 
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.identification import fit
-from kalman_ros.control.lqe import Readings
 from kalman_ros.control.lqr import Cost
 from kalman_ros.control.separation import LqgLoop
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array, Model, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
+from kalman_ros.linear.periodic import Readings
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, price
 from kalman_ros.simulation.trajectory import Trajectory
 
-#: A right system fails a run with at most this probability, over all of its checks together.
+#: The largest probability that a correct system fails a run, over all checks together.
 MISS = 5e-4
 
 
 @dataclass(frozen=True)
 class Check:
-    """One measured number beside what theory expects of it, and the bounds that follow.
+    """One measured number with its expectation and bounds.
 
-    Poles have no bounds of their own (NaN): their verdict is that of the dynamics they are of.
+    Poles have no bounds (NaN): they pass or fail with their dynamics.
     """
 
     name: str
@@ -44,13 +44,13 @@ class Check:
 
     @property
     def counts(self) -> bool:
-        """Whether it has bounds; the poles have those of the dynamics that they are of."""
+        """Whether it has bounds; poles have those of their dynamics."""
         return not isnan(self.low)
 
 
 @dataclass(frozen=True)
 class LqgTheory:
-    """A scenario's law and what theory says of the loop that it makes."""
+    """A scenario's law and the theory of its loop."""
 
     feedback: Feedback
     cost: Cost
@@ -64,30 +64,30 @@ class LqgTheory:
 
     @property
     def settling_time(self) -> float:
-        """Seconds after which a thousandth is left of the start."""
+        """Seconds after which a thousandth of the initial error is left."""
         poles = np.concatenate((self.loop.regulator_poles, self.loop.estimator_poles))
         slowest = float(np.max(np.abs(poles)))
         return log(1e-3) / log(slowest) * self.dt
 
     @property
     def settled(self) -> int:
-        """The step, at the beginning of a period, from which on a run counts."""
+        """The step, at the beginning of a period, from which a run is evaluated."""
         period = len(self.loop.schedule)
         return period * ceil(self.settling_time / self.dt / period)
 
     @property
     def least_steps(self) -> int:
-        """How many steps after that a run must have to be judged."""
+        """The number of steps after that which a run must have to be checked."""
         return max(200, 20 * len(self.loop.schedule))
 
     @property
     def least_duration(self) -> float:
-        """Seconds that a run must last to be judged."""
+        """The least duration of a run, in seconds, that can be checked."""
         return (self.settled + self.least_steps) * self.dt
 
 
 def schedule(scenario: Scenario, x: Array) -> list[Readings]:
-    """Return what is read at each step of a period, with the sensors linearised about x (n,)."""
+    """Return the readings at each step of a period, with sensors linearised about x (n,)."""
     plan = scenario.plan
     phases = []
     for step in range(plan.period):
@@ -119,12 +119,12 @@ def theory(scenario: Scenario) -> LqgTheory:
 
 
 def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check]:
-    """Return every comparison of a run with theory, over the part after the start has settled.
+    """Return the comparisons of a run with theory, after the start has settled.
 
     Raises
     ------
     ValueError
-        If the run is too short to judge.
+        If the run is too short.
     """
     loop, dt = theory.loop, theory.dt
     p = len(loop.schedule)
@@ -192,8 +192,8 @@ def _dynamics(
 ) -> list[Check]:
     """Compare the dynamics fitted to a run, and their poles, with exact ones.
 
-    The regulator's hold from the first step on; the filter's gain, and so its poles, settle. In
-    real time not every step has an estimate: what is compared is one step apart, or one period.
+    The regulator's are constant from the first step; the filter's gain, and so its poles, settle.
+    In real time some steps lack an estimate: only pairs one step, or one period, apart are used.
     """
     p, steps = len(loop.schedule), np.rint(run.time / dt).astype(int)
     x, e = run.truth, space.subtract(run.truth, run.estimate)
@@ -205,7 +205,7 @@ def _dynamics(
     follows = np.diff(steps[last]) == p
     estimator = fit(e[last[:-1]][follows], e[last[1:]][follows])
     law, n = loop.regulator_matrix, space.size
-    # what moves the integral is known; the fit is of the state
+    # the input of the integral is known; only the state is fitted
     regulator_poles = eigenvalues(np.vstack((regulator.matrix, law[n:]))[:, : len(law)])
     cases = (
         ('regulator', regulator, law[:n], loop.step.Q, loop.regulator_poles, regulator_poles, dt),
@@ -228,9 +228,9 @@ def _dynamics(
 
 
 def _integrals(regulator: StateSpace, x: Array) -> Array:
-    """Return the states (N, r) of a regulator that was given x (N, n).
+    """Return the states (N, r) of a regulator with the input x (N, n).
 
-    It does not know how long the time before the first x was, and leaves that out.
+    The unknown time before the first x is ignored.
     """
     q = np.zeros((len(x), len(regulator.A)))
     for k in range(1, len(x) - 1):
@@ -239,7 +239,7 @@ def _integrals(regulator: StateSpace, x: Array) -> Array:
 
 
 def _paired(exact: ComplexArray, fitted: ComplexArray) -> tuple[list[complex], list[complex]]:
-    """Return the exact poles, slowest first, and with each the nearest fitted one left."""
+    """Return the exact poles, slowest first, each with the nearest remaining fitted one."""
     left = list(fitted)
     ordered = sorted(exact, key=lambda z: (-abs(z), z.imag))
     near = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What theory says of a scenario: the results of a design, by name."""
+"""The results of a design, by name."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ import numpy as np
 
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.stability import Mode
-from kalman_ros.core import (
-    Array,
-    OperatingPoint,
-)
+from kalman_ros.core import Array, OperatingPoint
 from kalman_ros.linear.structure import Controllability, Observability
 from kalman_ros.scenario import Scenario
 
@@ -47,7 +44,7 @@ class Estimator:
 class Regulator:
     """The regulator: its gains, its modes, and its loops, broken at each input and at all.
 
-    ``together`` is None with a single input, for which it would say the same.
+    ``together`` is None with a single input, where it equals ``at``.
     """
 
     feedback: Feedback
@@ -60,7 +57,7 @@ class Regulator:
 class ClosedLoop:
     """Regulator and estimator together.
 
-    Parameters
+    Seconds after which a thousandth of the start is left.
     ----------
     settling_time
         Seconds after which a thousandth is left of the start.
@@ -89,28 +86,28 @@ class Prediction:
 
 @dataclass(frozen=True)
 class DesignReport:
-    """Everything that theory says of a scenario.
+    """The theory of a scenario.
 
     Parameters
     ----------
     scenario
-        What it is of.
+        The scenario.
     point
         Where model and sensors are linearised.
     delay
-        Seconds between a reading and the input that answers it.
+        Seconds between a reading and the resulting input.
     modes
         Of the open loop.
     controllability, regulator
         None without an input.
     observability
-        What the sensors tell.
+        Of the sensors.
     estimator
-        None if its error has no steady state, or none that one operating point could tell.
+        None if its error has no steady state, or one operating point cannot show it.
     closed_loop
         None without a regulator or an estimator.
     prediction
-        From the first belief on; along the path, if there is one.
+        From the initial belief on; along the path, if there is one.
     path
         A simulated path of a scenario that is not linear.
     """
@@ -129,7 +126,7 @@ class DesignReport:
 
     @property
     def sensor_std(self) -> dict[str, float]:
-        """The standard deviation of the best sensor of each state that one reads as it is."""
+        """The standard deviation of the best sensor of each state that is measured directly."""
         found: dict[str, float] = {}
         for source in self.scenario.enabled.values():
             std = np.sqrt(source.sensor.covariance.diagonal()).tolist()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person should know of a design, in sentences: what it rests on, and what may go wrong."""
+"""Notes and warnings on a design, as sentences."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ SMALL_DISK = 0.5
 
 
 def notes(report: DesignReport) -> tuple[str, ...]:
-    """Return what the numbers of a report rest on."""
+    """Return the assumptions of a report."""
     return tuple(_notes(report))
 
 
 def warnings(report: DesignReport, latency: float) -> tuple[str, ...]:
-    """Return what may go wrong, with ``latency`` the seconds that the loop takes to answer."""
+    """Return what may go wrong when the loop takes ``latency`` seconds to respond."""
     return tuple(_warnings(report, latency))
 
 
@@ -127,7 +127,7 @@ def _slowest(modes: Sequence[Mode]) -> float:
 
 
 def loop_names(law: str) -> tuple[str, str]:
-    """Return what the loops of a law are called, with all states known and with the estimate."""
+    """Return the names of the loops of a law, with all states known and with the estimate."""
     return ('LQR', 'LQG') if law == 'lqr' else ('state feedback', 'output feedback')
 
 
@@ -144,7 +144,7 @@ def _of_loops(
 
 
 def _joint(regulator: Regulator, names: tuple[str, str]) -> Iterator[str]:
-    """Warn of inputs whose margins are good one at a time, and small or none together."""
+    """Warn of inputs whose margins are good one at a time, but small together."""
     joint = regulator.together
     if joint is None:
         return

@@ -23,7 +23,7 @@ from kalman_ros.scenario.regulator import regulator
 
 from .observability import stacked
 
-#: A delay of more samples makes matrices that take minutes.
+#: More samples of delay give matrices that take minutes.
 _MOST_SAMPLES = 100
 
 
@@ -34,7 +34,7 @@ class Loop:
     Parameters
     ----------
     broken
-        L, with the delay that was asked for.
+        L, with the requested delay.
     margins
         Beyond that delay; None if the loop is unstable with it.
     prompt
@@ -57,9 +57,9 @@ class InputLoops:
     known
         With all states known: LQR, if that is the law.
     estimated
-        With the estimate: LQG then. None if there is no estimator in steady state.
+        With the estimate: LQG for an LQR law. None if there is no estimator in steady state.
     guarantee
-        What an LQR keeps for sure without delay; None for other laws.
+        The guarantee of an LQR without delay; None for other laws.
     """
 
     input: str
@@ -70,12 +70,12 @@ class InputLoops:
 
 @dataclass(frozen=True)
 class Together:
-    """How much all inputs may change at once, each in its own way; None if that is unstable.
+    """The largest simultaneous changes of all inputs; None if that loop is unstable.
 
     Parameters
     ----------
     known, estimated
-        With all states known, and with the estimate, with the delay that was asked for.
+        With all states known, and with the estimate, with the requested delay.
         ``estimated`` is None without an estimator, too.
     """
 
@@ -90,9 +90,9 @@ Broken = Callable[[float], StateSpace]
 def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
     """Return the steady-state Kalman filter as if each sensor read at every step.
 
-    A sensor that reads in a share of the steps then has 1 / share of its covariance, which is
-    as much information a second. So the loop does not change from step to step, and has
-    frequency responses. Where every sensor does read at every step, it is the real one.
+    A sensor that measures in a share of the steps then has 1 / share of its covariance, which
+    is as much information per second. So the loop is time-invariant and has frequency
+    responses. Where every sensor measures at every step, it is exact.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
 def input_loops(
     scenario: Scenario, feedback: Feedback, estimator: LqeDesign | None, delay: float
 ) -> tuple[InputLoops, ...]:
-    """Return the loops at each input, with the input late by ``delay`` seconds.
+    """Return the loops at each input, with the input delayed by ``delay`` seconds.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def input_loops(
     estimator
         The `even_estimator`, if there is one.
     delay
-        That nobody told the estimator of.
+        Unknown to the estimator.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def input_loops(
 def together(
     scenario: Scenario, feedback: Feedback, estimator: LqeDesign | None, delay: float
 ) -> Together:
-    """Return the margins of all inputs changed at once; see `input_loops`."""
+    """Return the margins of simultaneous changes of all inputs; see `input_loops`."""
     state, estimate = _broken(scenario, feedback, estimator)
     return Together(
         _simultaneous(state(delay)), None if estimate is None else _simultaneous(estimate(delay))
@@ -175,7 +175,7 @@ def _simultaneous(loop: StateSpace) -> DiskMargin | None:
 
 
 def _guarantees(scenario: Scenario) -> Sequence[Guarantee | None]:
-    """Return what each input keeps for sure."""
+    """Return the guaranteed margins of each input."""
     if scenario.law != 'lqr':
         return [None] * scenario.model.input.size
     design, weights = regulator(scenario)
@@ -185,7 +185,7 @@ def _guarantees(scenario: Scenario) -> Sequence[Guarantee | None]:
 
 
 def _loops(loop: Broken, delay: float) -> list[Loop]:
-    """Return, for each input, the loop late by ``delay`` and its margins."""
+    """Return, for each input, the loop delayed by ``delay`` and its margins."""
     prompt, late = loop(0.0), loop(delay)
     found = []
     for index in range(len(prompt.D)):

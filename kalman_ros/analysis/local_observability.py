@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the latest readings tell of the state, without what was believed at first."""
+"""The observability of the state from recent readings alone, without the initial belief."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from kalman_ros.scenario import Scenario
 
 from .observability import observability
 
-#: The path reaches back over N readings of the slowest sensor, and no further than to
-#: where the state of now would change by so much more than the first belief was wrong by.
+#: The path reaches back over N readings of the slowest sensor, but not beyond the point where the
+#: current state would change by this multiple of the initial uncertainty.
 _PIECES, _MOST_GROWTH = 20, 1e3
-#: Information below this, relative to that of the first belief, is rounding.
+#: Information below this, relative to that of the initial belief, is rounding.
 _NONE = 1e-6
-#: The step of numerical derivatives, relative to the first belief.
+#: The step of numerical derivatives, relative to the initial belief.
 _DIFFERENCE = 1e-5
 
 
 @dataclass
 class _Piece:
-    """A piece of the path: from when to when (ns), what was read, and the input's integral."""
+    """A piece of the path: its start and end (ns), its readings, and the input's integral."""
 
     start: int
     end: int
@@ -40,9 +40,9 @@ class _Piece:
 
 @dataclass(frozen=True)
 class LocalObservability:
-    """What readings alone tell: of each state a standard deviation (n,), and the verdict.
+    """The standard deviation (n,) of each state from readings alone, and the observability.
 
-    A state counts as seen if they tell more of it than the first belief did.
+    A state counts as observed if they are more certain than the initial belief.
     """
 
     std: Array
@@ -50,15 +50,15 @@ class LocalObservability:
 
 
 def readings_alone(gramian: Array, first: Array) -> Array:
-    """Return the standard deviation (n,) that readings alone give each state.
+    """Return the standard deviation (n,) of each state from readings alone.
 
     Parameters
     ----------
     gramian
         The information of the readings (n, n), the sum of H' R^-1 H.
     first
-        Standard deviations of the first belief (n,), beside which information is rounding or
-        not; a state that was known exactly counts in its own unit.
+        Standard deviations of the initial belief (n,), relative to which information is rounding
+        or not; an exactly known state counts in its unit.
     """
     units = _units(first)
     size, directions = np.linalg.eigh(units * symmetric(gramian) * units[:, None])
@@ -72,20 +72,21 @@ def _units(first: Array) -> Array:
 
 
 class ObservabilityMeter:
-    """Remembers what was read and steered of late, and says when asked what that tells.
+    """Records recent readings and inputs, and evaluates their observability on request.
 
-    The Gramian of the readings, by the state x of now,
+    The Gramian of the readings, by the current state x,
 
         M = sum of (H dx_k/dx)' R^-1 (H dx_k/dx),
 
-    is the inverse of the covariance that an estimate from them alone would have (R. Hermann and
+    is the inverse of the covariance of an estimate from them alone (R. Hermann and
     A. Krener, Nonlinear Controllability and Observability, IEEE Trans. Automatic Control 22(5),
-    1977, for the rank). All is linearised along one path, back from the estimate of now with the
-    inputs that were given. Along the estimates of their time, which every reading moves, M would
-    see what cannot be seen (G. Huang, A. Mourikis and S. Roumeliotis, Observability-based Rules
-    for Designing Consistent EKF SLAM Estimators, Int. J. Robotics Research 29(5), 2010).
+    1977, for the rank). All is linearised along one path, back from the current estimate with the
+    recorded inputs. Along the estimates of each time, which every reading moves, M would count
+    unobservable states as observed (G. Huang, A. Mourikis and S. Roumeliotis,
+    Observability-based Rules for Designing Consistent EKF SLAM Estimators, Int. J. Robotics
+    Research 29(5), 2010).
 
-    A linear scenario is observable or not, wherever it is, and needs no memory.
+    The observability of a linear scenario is constant and needs no record.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -93,7 +94,7 @@ class ObservabilityMeter:
         self.configure(scenario)
 
     def configure(self, scenario: Scenario) -> None:
-        """Speak of another model, or of sensors that changed."""
+        """Use another model, or changed sensors."""
         self._scenario = scenario
         self._linear = observability(scenario) if scenario.plan.linear else None
         slowest = min((s.timed.rate for s in scenario.enabled.values()), default=inf)
@@ -101,24 +102,24 @@ class ObservabilityMeter:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the path."""
+        """Clear the path."""
         self._pieces.clear()
         self._zero: Array = np.zeros(self._scenario.model.input.size)
         self._u: Array = self._zero
 
     def input(self, time: int, u: Array) -> None:
-        """Take in the input (m,) from a time on, in nanoseconds."""
+        """Record the input (m,) in effect from a time in nanoseconds."""
         if self._linear is None:
             self._piece(time)
             self._u = u
 
     def reading(self, name: str, time: int) -> None:
-        """Take in that a sensor's reading was used."""
+        """Record that a sensor's reading was used."""
         if self._linear is None:
             self._piece(time).readings[name] += 1
 
     def _piece(self, time: int) -> _Piece:
-        """Return the piece that ``time`` is in, after the input has acted until then."""
+        """Return the piece at ``time``, after the input has acted until then."""
         if not self._pieces or time < self._pieces[0].start:  # or the clock went back
             self.reset()
             self._pieces.append(_Piece(time, time, self._zero))
@@ -132,16 +133,16 @@ class ObservabilityMeter:
         return piece
 
     def report(self, x: Array) -> dict[str, str]:
-        """Return the verdict, and what it rests on, for people."""
+        """Return the observability and its standard deviations, as text."""
         if self._linear is not None:
             return {'observability': str(self._linear)}
         found, space = self(x), self._scenario.model.state
         deviations = zip(space.names, space.units, found.std.tolist())
-        told = ', '.join(f'{name} {std:.3g} {unit}'.rstrip() for name, unit, std in deviations)
-        return {'observability': str(found.verdict), 'latest readings alone, 1 sigma': told}
+        listed = ', '.join(f'{name} {std:.3g} {unit}'.rstrip() for name, unit, std in deviations)
+        return {'observability': str(found.verdict), 'latest readings alone, 1 sigma': listed}
 
     def __call__(self, x: Array) -> LocalObservability:
-        """Return what the readings tell of the state, with ``x`` (n,) the estimate of now."""
+        """Return the observability, with ``x`` (n,) the current estimate."""
         first = self._scenario.initial_belief.std
         std = readings_alone(self._gramian(x), first)
         return LocalObservability(std, self._verdict(std, first))

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much the average NEES of one run of a consistent filter scatters.
+"""The scatter of the average NEES of one run of a consistent filter.
 
-Errors are correlated from step to step: a filter that forgets slowly has few independent errors
-in a run. How the best one forgets follows from its covariances P, the posterior Cramer-Rao bound;
-what the filter itself published may be wrong, and is what is to be judged:
+Errors are correlated from step to step: a filter with a long memory has few independent errors
+in a run. The memory of the best one follows from its covariances P, the posterior Cramer-Rao
+bound; those that the filter published may be wrong, and are what is tested:
 
     e' = A e + ...,  A = P' (F P F' + Q)^-1 F,
 
-for P' = (I - K H) (F P F' + Q) where something was read, and A = F elsewhere. Normalised by the
+for P' = (I - K H) (F P F' + Q) where there was a reading, and A = F elsewhere. Normalised by the
 roots of P the errors are N(0, I), the transition is M = L'^-1 A L with P = L L', and of two
 quadratic forms z_j' z_j and z_k' z_k the covariance is 2 ||M_{j-1} ... M_k||^2 (Frobenius).
 """
@@ -25,7 +25,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 
 from .bounds import posterior_cramer_rao
 
-#: The start is left out until this is left of its errors, but never more than half of a run.
+#: The start is omitted until this share of its errors is left, but never more than half of a run.
 _FORGOTTEN = 0.1
 
 
@@ -46,13 +46,13 @@ def average_nees(scenario: Scenario, run: Trajectory) -> AverageNees:
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a covariance is singular, published or as it should be.
+        If a covariance is singular, published or theoretical.
     """
     space = scenario.model.state
     steps, n = run.truth.shape
     moves = _normalised_moves(scenario, run)
     first = _forgotten(moves, steps // 2)
-    # of each step, the sum over itself and all later ones of the squared norms
+    # for each step, the sum over itself and all later ones of the squared norms
     total, rest = 0.0, np.zeros((n, n))
     for k in range(steps - 1, first - 1, -1):
         rest = np.eye(n) if k == steps - 1 else np.eye(n) + moves[k].T @ rest @ moves[k]
@@ -60,7 +60,7 @@ def average_nees(scenario: Scenario, run: Trajectory) -> AverageNees:
     count = steps - first
     error = space.subtract(run.truth[first:], run.estimate[first:])
     mean = float(nees(error, run.covariance[first:]).mean()) / n
-    # no average scatters more than one value does
+    # an average never scatters more than one value
     return AverageNees(first, mean, min(2.0 * total / (n * count) ** 2, 2.0 / n))
 
 
@@ -79,7 +79,7 @@ def _normalised_moves(scenario: Scenario, run: Trajectory) -> Array:
 
 
 def _forgotten(moves: Array, most: int) -> int:
-    """Return the first step at which little is left of the error at the start."""
+    """Return the first step at which little of the initial error is left."""
     left = np.eye(moves.shape[-1])
     for k in range(min(most, len(moves))):
         left = moves[k] @ left

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the sensors of a scenario can tell of its state."""
+"""The observability of a scenario's state."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from kalman_ros.scenario import Scenario
 def observability(scenario: Scenario, point: OperatingPoint | None = None) -> Observability:
     """Return what the sensors observe, with model and sensors linearised about a point.
 
-    That is the first belief and the input at rest unless told otherwise.
+    By default the point is the initial belief and the input at rest.
 
     Raises
     ------
     DesignError
-        If a mode that grows is seen by no sensor: no filter can follow it.
+        If no sensor observes a growing mode: no filter can follow it.
     """
     model = scenario.model
     x, u = point or (scenario.initial_belief.mean, model.equilibrium.input)
@@ -35,6 +35,6 @@ def observability(scenario: Scenario, point: OperatingPoint | None = None) -> Ob
 
 
 def stacked(scenario: Scenario, x: Array) -> Array:
-    """Return the Jacobians at x (n,) of all sensors that are on, one below the other (k, n)."""
+    """Return the Jacobians at x (n,) of all enabled sensors, stacked (k, n)."""
     sensors = [source.sensor for source in scenario.enabled.values()]
     return np.vstack([np.empty((0, x.size)), *(sensor.jacobian(x) for sensor in sensors)])

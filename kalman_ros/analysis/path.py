@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds along a simulated path of a scenario, where one operating point says too little.
+"""Analysis along a simulated path of a scenario, where one operating point is not enough.
 
-A bearing has no derivative at its own place, and a robot that stands still does not see where it
-heads: what a sensor tells of a nonlinear system depends on where the system goes.
+A bearing has no derivative at its own place, and a robot at rest cannot observe its heading:
+what a nonlinear system's readings determine depends on its path.
 """
 
 from __future__ import annotations
@@ -14,32 +14,32 @@ from math import ceil
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback, Regulator
-from kalman_ros.control.lqe import Readings, corrected
 from kalman_ros.core import Array, DesignError, solve, symmetric
+from kalman_ros.linear.periodic import Readings, updated
 from kalman_ros.scenario import Scenario
-from kalman_ros.simulation.plant import SimulatedPlant
+from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 from .local_observability import readings_alone
 
-#: The length of a path in seconds, and its most steps, unless asked for.
+#: The default length of a path in seconds, and its most steps.
 _SECONDS, _STEPS = 60.0, 2_000
-#: The slowest sensor gets N readings, if that takes no more steps than this.
+#: The slowest sensor gets N readings, unless that takes more steps.
 _READINGS, _STEPS_FOR_READINGS = 20, 6_000
-#: No path has more steps.
+#: The most steps of a path.
 _MOST_STEPS = 100_000
-#: The model is linearised at N points of a path, or a few more.
+#: The model is linearised at about N points of a path.
 _POINTS = 400
-#: A window counts no further than to where a change of its start has grown by so much.
+#: A window ends where a change of its start has grown by this factor.
 _MOST_GROWTH = 1e3
-#: A path is divided into N windows.
+#: The number of windows of a path.
 _WINDOWS = 4
-#: An error that is this much larger at the end than halfway is one that grows.
+#: An error that is larger at the end than halfway by this factor grows.
 _GROWTH = 1.05
 
 
 @dataclass(frozen=True)
 class Window:
-    """A part of a path, and the states that its readings determine by themselves.
+    """A part of a path, and the states that its readings alone determine.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ class Window:
         In seconds.
     std
         Of an estimate of the state (n,) at ``start`` from these readings alone; inf if they do
-        not tell.
+        not determine it.
     observed
-        The states of which they tell more than the first belief did.
+        The states that they determine better than the initial belief did.
     """
 
     start: float
@@ -60,7 +60,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Path:
-    """A simulated path, and how well its states can be known along it.
+    """A simulated path, and how accurately its states can be estimated.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Path:
     covariance
         At the end (n, n).
     windows
-        What the readings of each part tell.
+        The windows of the path.
     names
         Of the states.
     """
@@ -95,22 +95,27 @@ class Path:
     def growing(self) -> tuple[str, ...]:
         """The states whose error still grows over the second half.
 
-        What every window determines again does not grow, it goes up and down with the path.
+        What every window determines again does not grow; it varies with the path.
         """
         half, always = self.std[len(self.std) // 2], self.observed(throughout=True)
         ends = zip(self.names, half, self.std[-1])
         return tuple(n for n, a, b in ends if b > _GROWTH * a and n not in always)
 
 
-def default_seconds(scenario: Scenario) -> float:
-    """Return how long a path has to be to say something of every sensor."""
+def default_seconds(scenario: Scenario, usual: float = 0.0) -> float:
+    """Return how long a path has to be to say something of every sensor.
+
+    The ``usual`` duration of a run is right, too, if it takes no more steps than that may.
+    """
+    if 0.0 < usual * scenario.rate <= _STEPS_FOR_READINGS:
+        return usual
     slowest = min(source.timed.rate for source in scenario.enabled.values())
-    usual = min(_SECONDS, _STEPS / scenario.rate)
-    return max(usual, min(_READINGS / slowest, _STEPS_FOR_READINGS / scenario.rate))
+    least = min(_SECONDS, _STEPS / scenario.rate)
+    return max(least, min(_READINGS / slowest, _STEPS_FOR_READINGS / scenario.rate))
 
 
 def follow(scenario: Scenario, law: Feedback | None, seconds: float, seed: int = 0) -> Path:
-    """Return what holds along the path that the plant takes from its initial state.
+    """Return the analysis of the path that the plant takes from its initial state.
 
     It has the process noise of ``seed``, and the law acts on the true state.
 
@@ -168,7 +173,7 @@ def _simulated(
 
 
 def _known(scenario: Scenario, truth: Array, input: Array) -> Path:
-    """Return what can be known along a path."""
+    """Return the analysis of a path."""
     model, plan = scenario.model, scenario.plan
     first, names = scenario.initial_belief, model.state.names
     P, over, gramian = first.covariance, np.eye(model.state.size), np.zeros_like(first.covariance)
@@ -179,7 +184,7 @@ def _known(scenario: Scenario, truth: Array, input: Array) -> Path:
     for step, x in enumerate(truth):
         near = np.abs(over).max() < _MOST_GROWTH
         for H, R in _read(scenario, step, x):
-            _, P = corrected(P, Readings(H, R))
+            _, P = updated(P, Readings(H, R))
             seen = H @ over
             if near:
                 gramian += seen.T @ solve(R, seen)
@@ -200,7 +205,7 @@ def _known(scenario: Scenario, truth: Array, input: Array) -> Path:
 
 
 def _read(scenario: Scenario, step: int, x: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield Jacobian and covariance of each reading of a step, where there is a derivative."""
+    """Yield Jacobian and covariance of each reading of a step, where a derivative exists."""
     plan = scenario.plan
     for name in plan.due(step):
         sensor = plan.sensors[name].sensor

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person might look at when checks of a run fail."""
+"""Likely causes of the failed checks of a run."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from math import isfinite
 
 from .checks import Check
 
-#: By how the name of a check begins: what is compared, and what to suspect where it is too large
-#: and where it is too small.
+#: By the start of a check's name: what is compared, and the causes of too large and of too small
+#: values.
 _SUSPECTS = (
     (
         'NIS of ',
@@ -58,7 +58,7 @@ _SUSPECTS = (
 
 
 def suspects(checks: Sequence[Check]) -> list[str]:
-    """Return what to look at for the checks that fail, one sentence a cause."""
+    """Return the likely causes of failed checks, one sentence each."""
     found = []
     for start, large, small in _SUSPECTS:
         for check in checks:

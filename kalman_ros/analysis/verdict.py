@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict on a run: by the theory of the LQG loop where it holds, else by consistency."""
+"""The evaluation of a run: by the theory of the LQG loop where it applies, else by consistency."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from . import checks as verdicts
 from .checks import MISS, Check
 from .nees_spread import average_nees
 
-#: Steps that a run must have, and readings of each sensor, for a verdict on its consistency.
+#: The least steps, and readings of each sensor, of a run for an evaluation of its consistency.
 _LEAST_STEPS, _LEAST_READINGS = 100, 20
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """The comparisons of a run with what is expected of it.
+    """The comparisons of a run with its expectations.
 
     Parameters
     ----------
     checks
         The comparisons.
     settling_time
-        That part of the run, in seconds, which does not count.
+        The initial part of the run, in seconds, that is excluded.
     basis
         What the expectations are based on, in a sentence.
     claim
-        What holds if every check has passed.
+        The conclusion if every check passes.
     """
 
     checks: list[Check]
@@ -44,7 +44,7 @@ class Judgement:
 
 
 def least_duration(scenario: Scenario) -> float:
-    """Return the seconds that a run must last to be judged; DesignError as `judge`."""
+    """Return the least duration of a run in seconds; DesignError as `judge`."""
     if _has_theory(scenario):
         return verdicts.theory(scenario).least_duration
     slowest = min((source.timed.rate for source in scenario.enabled.values()), default=0.0)
@@ -64,7 +64,7 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
     DesignError
         If the scenario has an LQG loop that cannot be stabilised.
     ValueError
-        If the run is too short to judge.
+        If the run is too short.
     """
     if _has_theory(scenario):
         theory = verdicts.theory(scenario)
@@ -74,7 +74,7 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
             basis = 'The theory of J is that of these gains, which are not the optimum.'
         claim = 'The loop is stable and its statistics hold.'
         return Judgement(found, theory.settling_time, basis, claim)
-    what = 'Of this loop there is no theory' if scenario.law else 'Nothing is steered here'
+    what = 'This loop has no theory' if scenario.law else 'There is no input'
     basis = f'{what}; the filter is judged by its consistency.'
     claim = 'The filter is consistent.'
     least = least_duration(scenario)
@@ -84,10 +84,10 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
 
 
 def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
-    """Return whether the errors of a run are of the size that the filter says, start included.
+    """Return whether the errors of a run match the filter's covariance, start included.
 
-    Innovations are white, so the average of their NIS is chi-square. Errors are not, so of each
-    state the largest one is taken, in standard deviations: whatever the correlation, N of them
+    Innovations are white, so the average of their NIS is chi-square. Errors are not, so for each
+    state the largest one is tested, in standard deviations: with any correlation, N of them
     all stay below the quantile of 1 - miss / N (Bonferroni). How much the average NEES scatters
     follows from how fast the filter forgets; see `nees_spread`.
     """
@@ -112,7 +112,7 @@ def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
 
 
 def nees_check(scenario: Scenario, run: Trajectory, miss: float = MISS) -> Check:
-    """Return the check of the average NEES after the start; one of no covariance fails.
+    """Return the check of the average NEES after the start; it fails without a covariance.
 
     A consistent filter passes with the probability 1 - ``miss``.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people type, made into what the library computes with: matrices, spaces, systems."""
+"""Conversion of user input to matrices, spaces and systems."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from kalman_ros.core import (
     LinearSystem,
     Model,
     Space,
+    brief,
     linearize,
     matrix,
     semidefinite,
@@ -59,6 +60,11 @@ def weight(name: str, value: ArrayLike | None, size: int, *, definite: bool = Fa
     array = numbers(name, value)
     if array.ndim == 0:
         array = np.full(size, float(array))
+    if array.shape not in ((size,), (size, size), (size * size,)):
+        raise ValueError(
+            f'{name}: expected a {size} x {size} matrix, its diagonal or one number, '
+            f'got {_shape(array)}'
+        )
     return semidefinite(name, array, size, definite=definite)
 
 
@@ -69,7 +75,20 @@ def numbers(name: str, value: Any) -> Array:
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise ValueError(f'{name}: expected numbers, got {type(value).__name__}') from None
+        raise ValueError(
+            f'{name}: expected real numbers, in rows of one length, got {got(value)}'
+        ) from None
+
+
+def got(value: Any) -> str:
+    """Return a few words for a wrong value, as an error quotes it."""
+    if value is None:
+        return 'nothing'
+    if isinstance(value, type):
+        return f'the class {value.__name__} and not an object of it'
+    if isinstance(value, (str, int, float, complex, list, tuple)):
+        return ' '.join(brief(value).split())
+    return type(value).__name__
 
 
 def _shape(array: Array) -> str:
@@ -81,7 +100,7 @@ def space(
 ) -> Space:
     """Return a space of named coordinates, or of N, called x0, x1, ... by a ``prefix``.
 
-    A name may have its unit behind it: ``'x [m]'``.
+    A name may include its unit: ``'x [m]'``.
     """
     if isinstance(names, str):
         names = names.split()
@@ -106,14 +125,14 @@ class Plant:
 
     @property
     def system(self) -> LinearSystem:
-        """The same in continuous time, without noise."""
+        """The same system in continuous time, without noise."""
         n, m = self.B.shape
         spaces = Space(self.states, ('',) * n), Space(self.inputs, ('',) * m)
         return LinearSystem(self.A, self.B, np.zeros((n, n)), *spaces)
 
 
 def is_system(value: Any) -> bool:
-    """Tell whether ``value`` is a whole system, a model or anything with A and B."""
+    """Return whether ``value`` is a whole system: a model or an object with A and B."""
     return isinstance(value, Model) or (hasattr(value, 'A') and hasattr(value, 'B'))
 
 
@@ -138,6 +157,11 @@ def plant(A: Any, B: Any = None) -> Plant:
         A, B = A.A, A.B
     elif hasattr(A, 'num') and hasattr(A, 'den'):
         raise ValueError('A: expected a matrix or a state-space system, got a transfer function')
+    if isinstance(A, str):
+        raise ValueError(
+            f"A: expected a matrix or a model, got '{A}'; "
+            f"the model of a scenario is kr.load('{A}').model"
+        )
     A = square('A', A)
     B = columns('B', B, len(A))
     names = [f'x{i}' for i in range(len(A))], [f'u{i}' for i in range(B.shape[1])]
@@ -145,20 +169,21 @@ def plant(A: Any, B: Any = None) -> Plant:
 
 
 def shifted(A: Any, given: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return B and what follows it, where ``A`` may be a whole system and all else come sooner."""
+    """Return B and the arguments after it, shifted by one if ``A`` is a whole system."""
     if is_system(A) and given[0] is not None:
         return (None, *given[:-1])
     return given
 
 
 def belief_of(initial: Any, model: Model) -> Gaussian:
-    """Return a checked belief about the state of a model, of a pair or a Gaussian."""
+    """Return a checked belief about the state of a model, from a pair or a Gaussian."""
     n = model.state.size
+    if isinstance(initial, (list, np.ndarray)) and len(initial) == 2 and np.size(initial[0]) == n:
+        initial = tuple(initial)
     if not isinstance(initial, tuple) or len(initial) < 2:
-        got = 'nothing' if initial is None else type(initial).__name__
         raise ValueError(
             f'initial: expected a Gaussian or a pair of mean and covariance at the first time, '
-            f'got {got}'
+            f'got {got(initial)}'
         )
     mean = vector('initial mean', np.ravel(numbers('initial mean', initial[0])), n)
     P = weight('initial covariance', initial[1], n)
@@ -170,8 +195,7 @@ def number(name: str, value: Any, what: str = 'a number') -> float:
     try:
         return float(value)
     except (TypeError, ValueError):
-        got = repr(value) if value is None or isinstance(value, str) else type(value).__name__
-        raise ValueError(f'{name}: expected {what}, got {got}') from None
+        raise ValueError(f'{name}: expected {what}, got {got(value)}') from None
 
 
 def duration(name: str, value: Any) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What theory says of a scenario before anything runs, for a notebook."""
+"""The theory of a scenario, for a notebook."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from typing import Any
 
 from kalman_ros import scenario as scenarios
 from kalman_ros.analysis import design_warnings
-from kalman_ros.analysis.design import report
 from kalman_ros.analysis.design_report import DesignReport
+from kalman_ros.analysis.design_theory import report
 from kalman_ros.scenario import Scenario
 
 from .accept import number
 from .estimates import _path
+from .known_names import KnownNames
 from .scenarios import BELIEVED, values_of
 from .text import WIDTH
 
 
 @dataclass(frozen=True, repr=False)
-class Design:
+class Design(KnownNames):
     """A design that prints as ``./dev design`` does; its numbers are in ``report``."""
 
     report: DesignReport
@@ -54,7 +55,7 @@ class Design:
     def plot(self, path: str | Path | None = None, what: str = 'loops') -> None:
         """Draw the ``'loops'`` (Bode and Nyquist), the ``'poles'`` or the ``'uncertainty'``.
 
-        With a ``path`` the picture is saved there; else a notebook shows it, or ``plt.show()``.
+        With a ``path`` the picture is saved there; else a notebook or ``plt.show()`` shows it.
         """
         from kalman_ros.core import refuse_unknown
         from kalman_ros.report import design_pictures
@@ -76,21 +77,21 @@ def design(
     *,
     delay: float = 0.0,
 ) -> Design:
-    """Return what theory says of a loop: modes, gains, errors, the LQG optimum, margins, warnings.
+    """Return the theory of a loop: modes, gains, errors, the LQG optimum, margins, warnings.
 
     Parameters
     ----------
     scenario, overrides
-        As for `load`, with what estimator and controller are told.
+        As for `load`, with the parameters of estimator and controller.
     delay
-        Seconds between a reading and the input that answers it.
+        Seconds between a reading and the resulting input.
 
     Raises
     ------
     ValueError
         If the scenario is wrong, or no sensor is on.
     DesignError
-        If the input cannot stabilise the model, or a mode grows that no sensor sees.
+        If the input cannot stabilise the model, or no sensor observes a growing mode.
     """
     if not isinstance(scenario, Scenario):
         scenario = scenarios.build(

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter or a smoother makes of arrays."""
+"""Estimates from a filter or a smoother, as arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -15,11 +15,12 @@ from kalman_ros.estimators.smoother import Filtered
 from kalman_ros.simulation.trajectory import Innovations, Series
 
 from . import text
+from .known_names import KnownNames
 
 
 @dataclass(frozen=True)
 class Record:
-    """What smoothing needs beside the estimates: the filter, every step, and which are shown."""
+    """The data for smoothing: the filter, every step, and which are shown."""
 
     filter: Any
     steps: Sequence[Filtered]
@@ -27,7 +28,7 @@ class Record:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Estimates:
+class Estimates(KnownNames):
     """Beliefs in time.
 
     Parameters
@@ -35,28 +36,28 @@ class Estimates:
     state
         The space of the state: names, units, angles.
     time
-        Every time that was given (N,), once and in order.
+        The given times (N,), unique and in order.
     mean, covariance
         Of the belief at each time (N, n) and (N, n, n): after its readings, or, when smoothed,
         after all readings.
     nis
-        Of each time, the normalised innovation squared of all readings then (N,): chi-square with
-        ``degrees`` degrees of freedom for a consistent filter. NaN where nothing was read, and of
+        By time, the normalised innovation squared of all its readings (N,): chi-square with
+        ``degrees`` degrees of freedom for a consistent filter. NaN without readings, and for
         smoothed estimates.
     degrees
-        How many numbers were read at each time (N,).
+        The number of values read at each time (N,).
     innovations
         By sensor: at its times the innovations (N, k), the deviations expected and the NIS.
     readings
-        By sensor, what was given.
+        By sensor, as given.
     counts
-        By sensor, how many readings became of what kind: ``'fused'``, ``'rejected: ...'``.
+        By sensor, the number of readings with each outcome: ``'fused'``, ``'rejected: ...'``.
     log_likelihood
-        Of all readings that were fused.
+        Of all fused readings.
     filter
         The name of the filter.
     smoothed
-        Whether later readings are in it.
+        Whether later readings are included.
     """
 
     state: Space
@@ -82,10 +83,17 @@ class Estimates:
     @property
     def last(self) -> Gaussian:
         """The belief at the last time: where a later call may go on from."""
-        return Gaussian(self.mean[-1], self.covariance[-1])
+        return self[-1]
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def __getitem__(self, index: int) -> Gaussian:
+        """Return the belief at one of the times, counted from 0."""
+        return Gaussian(self.mean[index], self.covariance[index])
+
+    def __iter__(self) -> NoReturn:
+        raise TypeError('Estimates do not unpack: take .mean (N, n) and .covariance (N, n, n)')
 
     def __repr__(self) -> str:
         what = f'{"smoothed" if self.smoothed else "filtered"} by {self.filter}'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filtering and smoothing of arrays, by the engine that the estimator node runs."""
+"""Filtering and smoothing of arrays, by the engine of the estimator node."""
 
 from __future__ import annotations
 
@@ -9,20 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import (
-    ArrayLike,
-    Model,
-    TimedSensor,
-    Value,
-)
+from kalman_ros.core import ArrayLike, Model, TimedSensor, Value
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.smoother import smooth as smooth_steps
 from kalman_ros.scenario import Scenario
 
-from .accept import belief_of, numbers
+from .accept import belief_of, got, numbers
 from .estimates import Estimates
 from .passing import Pass, Task
-from .readings import Rows, readings_of, rows_of, sensors_of, times_of
+from .rows import Rows, readings_of, rows_of, sensors_of, times_of
 from .scenarios import load
 
 
@@ -39,33 +34,33 @@ def filter(
     gates: float | Mapping[str, float] | None = None,
     options: Mapping[str, Value] | None = None,
 ) -> Estimates:
-    """Return what a filter makes of readings: ``filter(model, sensor, times, readings)``.
+    """Return the estimates of a filter from readings: ``filter(model, sensor, times, readings)``.
 
     Parameters
     ----------
     model
-        A model, or a scenario or the name of one, which has sensors and a first belief, too.
+        A model, or a scenario or the name of one, which includes sensors and an initial belief.
     sensors
-        One sensor, several by name ``{'gps': ..., 'imu': ...}``, or a pair (H, R) in place of one.
+        One sensor, several by name ``{'gps': ..., 'imu': ...}``, or a pair (H, R).
     times
-        In seconds (N,), in any order and at any distance; by name, ``{'gps': ..., 'imu': ...}``,
-        if sensors have times of their own. A discrete-time model may do without: a row a period.
+        In seconds (N,), in any order and with any spacing; by name, ``{'gps': ..., 'imu': ...}``,
+        if each sensor has its own. A discrete-time model may omit them: one row per period.
     readings
         (N, k), or (N,) of a sensor with one number; of several sensors by name, or with all
-        columns side by side. A row that is NaN was not read; of one that is NaN in part, the
-        rest is used.
+        columns side by side. A number that is NaN or infinite is missing; the rest of its row
+        is used.
     inputs
         (N, m), each in effect from its time until the next, or one for all; zero by default.
     initial
         The belief at the first time, before its readings: a `Gaussian`, or a pair of mean and
-        covariance, of which a number or a diagonal is enough.
+        covariance, which may be a number or a diagonal.
     filter
         ``'kf'``, ``'ekf'``, ``'ukf'``, ``'gaussian_sum'``, ``'steady_state'`` or ``'luenberger'``;
-        by default that of the scenario, or ``'kf'`` where all is linear and ``'ekf'`` else.
+        by default the scenario's, or ``'kf'`` if all is linear, else ``'ekf'``.
     input_times
-        Where the inputs have times of their own.
+        If inputs have their own times.
     gates
-        With which probability a good reading is to pass, such as 0.999, for all sensors or by
+        The probability that a valid reading passes, such as 0.999, for all sensors or by
         name; others are rejected, and counted.
     options
         Of the filter: ``{'alpha': 0.5}``.
@@ -73,9 +68,9 @@ def filter(
     Raises
     ------
     ValueError
-        If anything does not fit, with the name of the argument.
+        If an argument is invalid; the message names it.
     """
-    task = _task(model, sensors, initial, filter)
+    task = _task(model, sensors, initial, filter.lower())
     rows = readings_of(times, readings, task.sensors, task.model)
     if not any(len(each.time) for each in rows.values()):
         raise ValueError('readings: expected at least one row, got none')
@@ -84,10 +79,10 @@ def filter(
 
 
 def smooth(estimates: Estimates) -> Estimates:
-    """Return the same estimates with all readings, later ones too, in each of them.
+    """Return the estimates given all readings, later ones included.
 
-    By Rauch, Tung and Striebel; for models that are not linear about the filter's own estimates,
-    or through its sigma points. Times may be uneven, readings missing.
+    By Rauch, Tung and Striebel; nonlinear models are linearised about the filter's estimates,
+    or use its sigma points. Times may be uneven, readings missing.
 
     Raises
     ------
@@ -95,7 +90,7 @@ def smooth(estimates: Estimates) -> Estimates:
         If the estimates are not those of `filter` with a kf, ekf or ukf.
     """
     if not isinstance(estimates, Estimates) or estimates.smoothed:
-        what = 'smoothed ones' if isinstance(estimates, Estimates) else type(estimates).__name__
+        what = 'smoothed ones' if isinstance(estimates, Estimates) else got(estimates)
         raise ValueError(f'estimates: expected what kr.filter returns, got {what}')
     record = estimates.record
     found = smooth_steps(record.filter, record.steps)
@@ -118,7 +113,7 @@ def _task(model: Any, sensors: Any, initial: Any, filter: str) -> Task:
             sensors = {name: source.sensor for name, source in scenario.enabled.items()}
         initial = scenario.initial_belief if initial is None else initial
     if not isinstance(model, Model):
-        raise ValueError(f'model: expected a model or a scenario, got {type(model).__name__}')
+        raise ValueError(f'model: expected a model or a scenario, got {got(model)}')
     if sensors is None:
         raise ValueError('sensors: expected a sensor, several by name, or a pair (H, R)')
     named = sensors_of(sensors, model)
@@ -131,7 +126,7 @@ def _task(model: Any, sensors: Any, initial: Any, filter: str) -> Task:
 def _inputs(
     model: Model, inputs: Any, input_times: Any, times: Any, rows: Mapping[str, Rows]
 ) -> Rows:
-    """Return the inputs with their stamps; one for all begins with the first reading."""
+    """Return the inputs with their stamps; a single one starts with the first reading."""
     m = model.input.size
     if inputs is not None and not m:
         raise ValueError('inputs: expected none, for the model has no input')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Models and sensors that a person gives as functions or matrices."""
+"""Models and sensors from a user's functions or matrices."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Function = Callable[..., ArrayLike]
 
 
 def count_arguments(f: Function) -> int:
-    """Return how many arguments without a default a function takes."""
+    """Return the number of arguments without a default."""
     try:
         parameters = signature(f).parameters.values()
     except (TypeError, ValueError):  # a builtin
@@ -35,14 +35,14 @@ def count_arguments(f: Function) -> int:
 
 
 def _of_both(f: Function) -> Function:
-    """Return a function of state and input, whichever it takes."""
+    """Return a function of state and input, for one of either signature."""
     if count_arguments(f) > 1:
         return f
     return lambda x, u: f(x)
 
 
 class _Each:
-    """A function of vectors, made one of arrays of vectors: at once if it can, else one by one."""
+    """Applies a function of vectors to arrays of vectors: at once if possible, else one by one."""
 
     def __init__(self, f: Function, what: str, sizes: Sequence[int], size: int) -> None:
         self._f, self._size = f, size
@@ -52,14 +52,16 @@ class _Each:
         try:
             together = np.asarray(f(*points), dtype=float)
             self._at_once = together.shape == (3, size) and np.allclose(together, single)
-        except Exception:  # it is a user's own, and may fail as it likes on what it is not for
+        except Exception:  # a user's function may fail on arrays in any way
             self._at_once = False
 
     def _one(self, what: str, *point: Array) -> Array:
         try:
             found = np.atleast_1d(np.asarray(self._f(*point), dtype=float))
         except Exception as error:
-            raise ValueError(f'{what} fails: {type(error).__name__}: {error}') from error
+            taken = ' and '.join(f'an array of {each.size}' for each in point)
+            why = f'{type(error).__name__}: {error}'
+            raise ValueError(f'{what} fails, given {taken}: {why}') from error
         if found.shape != (self._size,):
             raise ValueError(f'{what}: expected {self._size} numbers, got shape {found.shape}')
         return found
@@ -139,7 +141,7 @@ class FunctionSensor(Sensor):
 
     def measure(self, x: Array) -> Array:
         """Return h(x)."""
-        if self._h is None:  # only a state tells how many numbers one has
+        if self._h is None:  # the size is known only after a call
             what = f'{self.name}: its function'
             self._h = _Each(self._own, what, (x.shape[-1],), self.output.size)
         return self._h(x)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains from matrices: LQR, pole placement, the steady-state Kalman filter, margins.
 
-Wherever a symmetric matrix is asked for, a number stands for that number times the identity and a
-list for the diagonal. One input may be a flat list for B, one reading for C. In place of A and B a
-model may stand, which is linearised about its equilibrium, or any object with A and B, such as
+Where a symmetric matrix is expected, a number means that number times the identity and a
+list the diagonal. B may be a flat list for one input, C for one reading. Instead of A and B, a
+model is accepted, which is linearised about its equilibrium, or any object with A and B, such as
 python-control's ``ss``.
 """
 
@@ -18,27 +18,11 @@ import numpy as np
 from kalman_ros.control import lqr as regulation
 from kalman_ros.control.margins import Margins, loop_at_a_time
 from kalman_ros.control.state_space import state_space
-from kalman_ros.core import (
-    ArrayLike,
-    DiscreteModel,
-    Discretization,
-    Model,
-    linearize,
-)
+from kalman_ros.core import ArrayLike, DiscreteModel, Discretization, Model, linearize
 from kalman_ros.linear import placement
 
-from .accept import (
-    Plant,
-    columns,
-    duration,
-    is_system,
-    plant,
-    rows,
-    shifted,
-    square,
-    weight,
-)
-from .results import LoopMargins, Sampled, StateFeedback
+from .accept import Plant, columns, duration, is_system, plant, rows, shifted, square, weight
+from .gain_results import LoopMargins, Sampled, StateFeedback
 
 
 def lqr(
@@ -55,12 +39,12 @@ def lqr(
     Parameters
     ----------
     A, B
-        Of dx/dt = A x + B u; or a system alone, ``lqr(model, Q, R)``. One in discrete time has
-        the sum of the cost minimised.
+        Of dx/dt = A x + B u; or a system alone, ``lqr(model, Q, R)``. For one in discrete time
+        the sum of the cost is minimised.
     Q, R, N
         Weights (n, n), (m, m) and (n, m).
     dt
-        Seconds for which the input is held. The cost stays the integral: plant and cost are
+        Seconds for which the input is held. The cost is still the integral: plant and cost are
         sampled exactly.
 
     Raises
@@ -94,8 +78,8 @@ def dlqr(
 ) -> StateFeedback:
     """Return the gain that minimises the sum of x'Q x + 2 x'N u + u'R u along x' = F x + G u.
 
-    Parameters and errors are those of `lqr`; ``dt`` is the length of a sample in seconds, of which
-    only the delay margin and frequencies depend.
+    Parameters and errors are those of `lqr`; ``dt``, the sample time in seconds, affects only
+    the delay margin and frequencies.
     """
     G, Q, R, N = shifted(F, (G, Q, R, N))
     found = plant(F, G)
@@ -126,7 +110,7 @@ def place(
     """Return the gain with the eigenvalues of A - B K at ``poles``: ``place(A, B, poles)``.
 
     With ``dt`` the input is held for ``dt`` seconds, and a pole s, in 1/s, becomes exp(s dt). For
-    an observer give A' and C', and take the transpose.
+    an observer pass A' and C', and transpose the result.
 
     Raises
     ------
@@ -156,15 +140,15 @@ def margins(
     *,
     dt: float | None = None,
 ) -> Margins | LoopMargins:
-    """Return how wrong a loop L = C (s I - A)^-1 B + D may be, around which u = -L u closes.
+    """Return the margins of a loop L = C (s I - A)^-1 B + D, closed by u = -L u.
 
-    ``margins(A, B, K)`` of a state feedback, ``margins(gain)`` of a result of `lqr` or `place`,
-    ``margins(loop)`` of an object with A, B, C and D, such as python-control's ``H * P``.
+    ``margins(A, B, K)`` for a state feedback, ``margins(gain)`` for a result of `lqr` or `place`,
+    ``margins(loop)`` for an object with A, B, C and D, such as python-control's ``H * P``.
 
     Returns
     -------
     Margins
-        Of a loop with one input; of several, one for each, all others closed.
+        For a loop with one input; for several, one for each, with all others closed.
 
     Raises
     ------
@@ -193,7 +177,7 @@ def discretize(
     """Return F, G and Q of x' = F x + G u + w over ``dt`` seconds, exactly, with u held.
 
     ``F, G, Q, dt = discretize(A, B, dt, W)``, with W the spectral density of the noise, none by
-    default; ``discretize(A, None, dt)`` without an input; ``discretize(model, dt)``, with the
+    default; ``discretize(A, dt)`` without an input; ``discretize(model, dt)``, with the
     noise that the model has.
 
     Raises
@@ -207,6 +191,8 @@ def discretize(
         step = model.transition(*A.equilibrium, seconds)
         return Sampled(step.F, step.G, step.Q, seconds)
     B, dt, W = shifted(A, (B, dt, W))
+    if dt is None and B is not None and np.ndim(B) == 0:  # discretize(A, dt)
+        B, dt = None, duration('dt', B)
     if not is_system(A):
         n = len(square('A', A))
         B = np.zeros((n, 0)) if B is None else B

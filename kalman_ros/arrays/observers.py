@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gains of observers from arrays: in continuous and in sampled time."""
+"""Observer gains from arrays, in continuous and in sampled time."""
 
 from __future__ import annotations
 
@@ -9,21 +9,10 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.control import lqe as estimation
-from kalman_ros.core import (
-    DiscreteModel,
-    Discretization,
-    Model,
-    Sensor,
-)
+from kalman_ros.core import DiscreteModel, Discretization, Model, Sensor
 
-from .accept import (
-    columns,
-    duration,
-    rows,
-    square,
-    weight,
-)
-from .results import Observer
+from .accept import columns, duration, rows, square, weight
+from .gain_results import Observer
 
 
 def lqe(
@@ -38,17 +27,17 @@ def lqe(
 ) -> Observer:
     """Return the steady-state Kalman filter of dx/dt = A x + G w, y = C x + v.
 
-    ``lqe(A, C, W, V)``, or ``lqe(A, G, C, W, V)`` as with python-control, or ``lqe(model, sensor,
-    dt=...)`` with one sensor or several that read together.
+    ``lqe(A, C, W, V)``, or ``lqe(A, G, C, W, V)`` as in python-control, or ``lqe(model, sensor,
+    dt=...)`` with one sensor or several that measure together.
 
     Parameters
     ----------
     A, G, C
-        Matrices (n, n), (n, p) and (k, n); without G the noise acts on each state by itself.
+        Matrices (n, n), (n, p) and (k, n); without G the noise acts on each state directly.
     W, V
         Spectral densities of w and v; with ``dt``, V is the covariance of one reading.
     N
-        The cross density of w and v (p, k); without ``dt`` only.
+        The cross density of w and v (p, k); only without ``dt``.
     dt
         Seconds between readings.
 
@@ -87,8 +76,8 @@ def dlqe(
 ) -> Observer:
     """Return the steady-state Kalman filter of x' = F x + G w, y = C x + v, in samples.
 
-    ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` as with python-control. Q and R are the
-    covariances of w and v; all else is as for `lqe`.
+    ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` as in python-control. Q and R are the
+    covariances of w and v; otherwise as for `lqe`.
     """
     if isinstance(F, Model):
         return _of_model(F, G, dt)
@@ -132,7 +121,4 @@ def _of_model(model: Model, sensors: Any, dt: float | None) -> Observer:
 
 
 def _observer(design: estimation.LqeDesign, states: tuple[str, ...], dt: float | None) -> Observer:
-    return Observer(
-        design.gain, design.predictor_gain, design.covariance, design.prior, design.poles,
-        states, dt,
-    )  # fmt: skip
+    return Observer(**vars(design), states=states, dt=dt)

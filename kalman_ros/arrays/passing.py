@@ -10,14 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import (
-    Array,
-    Gaussian,
-    Model,
-    Sensor,
-    TimedSensor,
-    Value,
-)
+from kalman_ros.core import Array, Gaussian, Model, Sensor, TimedSensor, Value
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.correction import Correction
@@ -29,12 +22,12 @@ from kalman_ros.estimators.smoother import Filtered
 from kalman_ros.simulation.trajectory import Innovations, Series
 
 from .estimates import Estimates, Record
-from .readings import Rows, parts_of
+from .rows import Rows, parts_of
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be estimated, by what."""
+    """The model, sensors and options of an estimation."""
 
     model: Model
     sensors: Mapping[str, Sensor]
@@ -44,13 +37,13 @@ class Task:
 
 @dataclass
 class _Log:
-    """Of one sensor: what became of each row that was read."""
+    """The outcomes of one sensor's rows."""
 
     time: list[float] = field(default_factory=list)
     corrections: list[tuple[Array, Array, float]] = field(default_factory=list)
 
     def add(self, time: float, present: Array, correction: Correction) -> None:
-        """Take in a correction; numbers that were missing stay NaN."""
+        """Add a correction; missing values stay NaN."""
         values, std = np.full((2, present.size), np.nan)
         values[present] = correction.innovation
         std[present] = np.sqrt(correction.innovation_covariance.diagonal())
@@ -58,14 +51,14 @@ class _Log:
         self.corrections.append((values, std, correction.nis))
 
     def innovations(self, k: int) -> Innovations:
-        """Return all of them as arrays."""
+        """Return all innovations as arrays."""
         columns = list(zip(*self.corrections)) or [(), (), ()]
         values, std = (np.array(column, dtype=float).reshape(-1, k) for column in columns[:2])
         return Innovations(np.array(self.time), values, std, np.array(columns[2], dtype=float))
 
 
 class Pass:
-    """One pass of the online estimator over rows in the order of time."""
+    """One pass of the online estimator over rows in time order."""
 
     def __init__(
         self,
@@ -76,7 +69,7 @@ class Pass:
         options: Mapping[str, Value],
     ) -> None:
         self._task, self._rows = task, rows
-        #: By stamp: the readings (sensor, the one that reads, row, values), and the inputs.
+        #: By stamp: the readings (sensor, part, row, values), and the inputs.
         self._readings = defaultdict[int, list[tuple[str, Sensor, int, Array]]](list)
         self._acts: dict[int, Array] = dict(zip(acts.stamps, acts.values))
         self._seconds: dict[int, float] = dict(zip(acts.stamps, acts.time.tolist()))
@@ -99,9 +92,9 @@ class Pass:
         self.counts: dict[str, Counter[str]] = {name: Counter() for name in rows}
 
     def estimates(self) -> Estimates:
-        """Return what all rows make of the first belief."""
+        """Return the estimates from all rows."""
         stamps = sorted(self._seconds)
-        self._online.add_input(stamps[0], self._input)  # the first belief holds here
+        self._online.add_input(stamps[0], self._input)  # the time of the initial belief
         nis, degrees, likelihood = [], [], 0.0
         steps: list[Filtered] = []
         for stamp in stamps:
@@ -131,7 +124,7 @@ class Pass:
         )
 
     def _step(self, stamp: int) -> tuple[Filtered, list[Correction]]:
-        """Take in all of one time; return the belief after it and what was fused."""
+        """Process the rows of one time; return the belief after it and the fused readings."""
         online, fused, restarts = self._online, list[Correction](), self._online.restarts
         broken = False
         for name, sensor, index, y in self._readings.get(stamp, ()):
@@ -159,7 +152,7 @@ def log_likelihood(correction: Correction) -> float:
 
 
 def _plan(task: Task, rows: Mapping[str, Rows]) -> Plan:
-    """Return what a filter is built for; rates matter to those whose gains are constant."""
+    """Return the plan of a filter; rates matter for constant gains."""
     rates = dict.fromkeys(task.sensors, 1.0)
     for name, each in rows.items():
         gaps = np.diff(np.unique(each.stamps)) * 1e-9
@@ -172,7 +165,7 @@ def _plan(task: Task, rows: Mapping[str, Rows]) -> Plan:
 def _limits(
     gates: Any, known: Mapping[str, Sensor], owners: Mapping[str, str]
 ) -> dict[str, float]:
-    """Return the largest NIS of each sensor, and part of one, that passes its gate."""
+    """Return the largest accepted NIS of each sensor, and of parts of it."""
     if gates is None:
         return {}
     names = dict.fromkeys(owners.values())

@@ -9,6 +9,7 @@ from typing import Union
 import numpy as np
 
 from kalman_ros.core import (
+    Array,
     ArrayLike,
     DiscreteLinearSystem,
     DiscreteModel,
@@ -34,8 +35,8 @@ Names = Union[int, str, Sequence[str], None]
 def continuous_model(
     A: ArrayLike | Function,
     W: ArrayLike,
-    B: ArrayLike | None = None,
     *,
+    B: ArrayLike | None = None,
     states: Names = None,
     inputs: Names = None,
     angles: Sequence[str] = (),
@@ -47,7 +48,7 @@ def continuous_model(
     ----------
     A
         A matrix (n, n), or a function f of a state (n,) and an input (m,), or of a state alone. It
-        need not take several states at once, but is quicker if it does.
+        may accept arrays of states, which is faster.
     W
         Spectral density of the white noise w (n, n): a matrix, its diagonal, or one number for
         every state. Over a short dt it adds the covariance W dt.
@@ -74,14 +75,16 @@ def continuous_model(
     n = len(A)
     B = np.zeros((n, 0)) if B is None else columns('B', B, n)
     state = _named('states', states, n, 'x', angles)
-    return LinearSystem(A, B, weight('W', W, n), state, _named('inputs', inputs, B.shape[1], 'u'))
+    return LinearSystem(
+        A, B, _noise('W', W, n, 'B'), state, _named('inputs', inputs, B.shape[1], 'u')
+    )
 
 
 def discrete_model(
     F: ArrayLike | Function,
     Q: ArrayLike,
-    G: ArrayLike | None = None,
     *,
+    G: ArrayLike | None = None,
     states: Names = None,
     inputs: Names = None,
     angles: Sequence[str] = (),
@@ -89,7 +92,7 @@ def discrete_model(
 ) -> DiscreteModel:
     """Return the model x' = F x + G u + w, or x' = f(x, u) + w, once every ``period`` seconds.
 
-    Q (n, n) is the covariance of w; all else is as for `continuous_model`.
+    Q (n, n) is the covariance of w; otherwise as for `continuous_model`.
     """
     period = duration('period', period)
     if callable(F):
@@ -100,7 +103,7 @@ def discrete_model(
     G = np.zeros((n, 0)) if G is None else columns('G', G, n)
     state = _named('states', states, n, 'x', angles)
     input = _named('inputs', inputs, G.shape[1], 'u')
-    return DiscreteLinearSystem(F, G, weight('Q', Q, n), state, input, period)
+    return DiscreteLinearSystem(F, G, _noise('Q', Q, n, 'G'), state, input, period)
 
 
 def sensor(
@@ -122,13 +125,13 @@ def sensor(
         The covariance of a reading (k, k): a matrix, its diagonal, or one number for all. These
         are variances, not standard deviations.
     name
-        What the sensor is called in results.
+        Its name in results.
     outputs
-        The names of what it reads, such as ``'range [m]'``, or how many numbers those are.
+        The names of its outputs, such as ``'range [m]'``, or their number.
     angles
         The names of the outputs that wrap at +-pi.
     jacobian
-        For a function h: one that returns dh/dx (k, n) at a state; numerical by default.
+        For a function h: a function that returns dh/dx (k, n) at a state; numerical by default.
 
     Raises
     ------
@@ -152,8 +155,19 @@ def sensor(
     return MatrixSensor(H, output, R, name)
 
 
+def _noise(name: str, value: ArrayLike, n: int, other: str) -> Array:
+    """Return a checked noise (n, n); the error for an input matrix names the argument for it."""
+    shape = numbers(name, value).shape
+    if len(shape) == 2 and shape[0] == n != shape[1]:
+        raise ValueError(
+            f'{name}: expected the noise, a {n} x {n} matrix or its diagonal, got shape {shape}; '
+            f'an input matrix is given by name, {other}=...'
+        )
+    return weight(name, value, n)
+
+
 def _size(names: Names) -> int:
-    """Return how many names there are; 0 if that is not said."""
+    """Return the number of names; 0 if unknown."""
     if names is None:
         return 0
     return int(names) if isinstance(names, (int, np.integer)) else space('names', names, '').size

@@ -27,21 +27,21 @@ from kalman_ros.scenario import Scenario, SensorSource, shipped
 from kalman_ros.scenario.model_checks import check_model
 from kalman_ros.scenario.parameter_files import from_file
 
-from .accept import belief_of, number, weight
-from .readings import sensors_of
+from .accept import belief_of, got, number, weight
+from .rows import sensors_of
 
-#: An object in a program has no topic.
+#: A sensor object in a program has no topic.
 _NOWHERE = Signal('', '', ())
-#: A node's part of a parameter file; the last one's values hold.
+#: The sections of a parameter file to read; later ones override.
 BELIEVED = ('estimator', 'controller')
-#: What a file or a person may say of the actuators, beside the scenario.
+#: Parameters of the actuators, in addition to the scenario.
 LIMITS = ('input_limit', 'input_rate_limit')
 
 
 def load(
     given: Scenario | str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None
 ) -> Scenario:
-    """Return a scenario: of a name such as ``'cart_pole'``, a parameter file, or the parameters.
+    """Return a scenario from a name such as ``'cart_pole'``, a parameter file, or parameters.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def load(
     Raises
     ------
     ValueError
-        If there is none of that name, or a parameter is wrong.
+        If the name is unknown, or a parameter is wrong.
     """
     if isinstance(given, Scenario):
         if overrides:
@@ -65,24 +65,26 @@ def load(
 def values_of(
     given: str | Path | Mapping[str, Any], overrides: Mapping[str, Any], *nodes: str
 ) -> dict[str, Any]:
-    """Return the parameters that nodes have by a name, a file or a mapping, with ``overrides``.
+    """Return the parameters from a name, a file or a mapping, with ``overrides``.
 
     Raises
     ------
     ValueError
-        If there is no such file, or a parameter beside those of the file is unknown.
+        If there is no such file, or an override is unknown.
     """
     if not isinstance(overrides, Mapping):
-        kind = type(overrides).__name__
-        raise ValueError(f'overrides: expected parameters by name, got {kind}')
+        raise ValueError(f'overrides: expected parameters by name, got {got(overrides)}')
     typed, filed = dict(overrides), dict[str, Any]()
     if isinstance(given, Mapping):
         typed = {**given, **overrides}
     elif isinstance(given, (str, Path)):
         filed = from_file(shipped.file(given), *nodes)
     else:
-        kind = type(given).__name__
-        raise ValueError(f'scenario: expected a name, a file or a Scenario, got {kind}')
+        hint = '; kr.make_scenario makes one of a model and sensors'
+        raise ValueError(
+            f'scenario: expected a name, a file or a Scenario, got {got(given)}'
+            f'{hint if isinstance(given, Model) else ""}'
+        )
     values = {**filed, **typed}
     if typed:
         refuse_unknown(typed, {*scenario.options(values), *LIMITS}, 'parameter')
@@ -103,37 +105,37 @@ def make_scenario(
     law: str = 'lqr',
     law_options: Mapping[str, Value] | None = None,
 ) -> Scenario:
-    """Return a scenario of objects, for `design`, `simulate` and `filter`.
+    """Return a scenario built from objects, for `design`, `simulate` and `filter`.
 
     Parameters
     ----------
     model
-        How the state moves.
+        The system model.
     sensors
         One sensor, several by name, or a pair (H, R).
     rate
-        Steps of the loop a second; for a discrete-time model, one over its period.
+        Steps of the loop per second; for a discrete-time model, one over its period.
     rates
-        By sensor, its readings a second; those of the loop unless told otherwise.
+        Readings per second, by sensor; by default the rate of the loop.
     initial
-        The estimator's first belief: a `Gaussian`, or a pair of mean and covariance; about the
-        equilibrium with deviations of 1 unless told otherwise.
+        The initial belief of the estimator: a `Gaussian`, or a pair of mean and covariance; by
+        default about the equilibrium with deviations of 1.
     initial_state
-        Where the plant starts (n,); at the mean of that belief unless told otherwise.
+        Initial state of the plant (n,); by default the mean of that belief.
     Q, R
         The LQR weights of state and input.
     filter
-        By default ``'kf'`` where all is linear and ``'ekf'`` else.
+        By default ``'kf'`` if all is linear, else ``'ekf'``.
     law, law_options
         ``'lqr'``, ``'placement'`` or ``'lqi'``, with options such as ``{'tracked': ['x']}``.
 
     Raises
     ------
     ValueError
-        If anything does not fit, with the name of the argument.
+        If an argument is invalid; the message names it.
     """
     if not isinstance(model, Model):
-        raise ValueError(f'model: expected a model, got {type(model).__name__}')
+        raise ValueError(f'model: expected a model, got {got(model)}')
     if rate is None:
         if not isinstance(model, DiscreteModel):
             raise ValueError('rate: expected the steps of the loop a second, got nothing')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole loop in this process: plant, estimator and the controller node's regulator."""
+"""A closed loop in this process: plant, estimator and the controller node's regulator."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ from . import text
 from .accept import duration, numbers
 from .estimates import _path
 from .gains import dlqr
+from .known_names import KnownNames
 from .scenarios import BELIEVED, load, values_of
 
 #: A state (n,), or some of its coordinates by name; or a function of time that returns either.
@@ -41,15 +42,15 @@ PICTURES = ('overview', 'states', 'errors', 'innovations', 'force')
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SimulatedRun(Trajectory):
+class SimulatedRun(KnownNames, Trajectory):
     """A run of a loop, step by step, with the scenario that it is of; it prints and draws itself.
 
     Parameters
     ----------
     scenario
-        What was simulated.
+        The simulated scenario.
     limited
-        In how many steps a limit changed the input.
+        The number of steps in which a limit changed the input.
     """
 
     scenario: Scenario
@@ -89,12 +90,12 @@ class SimulatedRun(Trajectory):
         The axes of a figure of matplotlib, which a notebook shows and ``plt.show()`` opens; with a
         ``path`` the figure is saved there instead, and closed.
         """
-        from kalman_ros.report import pictures  # matplotlib is slow to load
+        from kalman_ros.report import run_pictures  # matplotlib is slow to load
 
         refuse_unknown([what], PICTURES, 'picture')
         if what == 'force' and not self.scenario.model.input.size:
             raise ValueError('plot: there is no force, for the model has no input')
-        return getattr(pictures, what)(self.scenario, self, _path(path))
+        return getattr(run_pictures, what)(self.scenario, self, _path(path))
 
 
 def simulate(
@@ -108,7 +109,7 @@ def simulate(
     input_limit: ArrayLike | None = None,
     input_rate_limit: ArrayLike | None = None,
 ) -> SimulatedRun:
-    """Return what a loop does: plant, estimator and regulator in this process, as in lockstep.
+    """Return the run of a loop: plant, estimator and regulator in this process, as in lockstep.
 
     The regulator is that of the controller node: the law of the scenario (lqr, placement, lqi),
     its limits and references.
@@ -116,8 +117,8 @@ def simulate(
     Parameters
     ----------
     scenario, overrides
-        As for `load`; of a file each part takes its own section, so that the plant may differ
-        from what estimator and controller believe.
+        As for `load`; plant, estimator and controller each use their section of a file, so the
+        plant may differ from their model.
     seconds
         How long.
     seed
@@ -126,18 +127,18 @@ def simulate(
         The state to hold: (n,), or some of it by name, ``{'x': 1.0}``, the rest at the
         equilibrium; or a function of the time in seconds that returns either.
     gain
-        K (m, n) in place of the scenario's law.
+        K (m, n), instead of the scenario's law.
     input_limit, input_rate_limit
-        The largest input, and its largest change a second; one number for all inputs.
+        The largest input, and its largest change per second; one number for all inputs.
 
     Raises
     ------
     ValueError
-        If anything does not fit, or no input holds the reference.
+        If an argument is invalid, or no input holds the reference.
     DesignError
         If the law has no solution.
     """
-    real, believed, told = _scenarios(scenario, overrides)
+    real, believed, values = _scenarios(scenario, overrides)
     seconds = duration('seconds', seconds)
     if not isinstance(seed, (int, np.integer)) or seed < 0:
         got = repr(seed) if isinstance(seed, (int, str)) else type(seed).__name__
@@ -145,7 +146,7 @@ def simulate(
     limits = regulators.limits(
         believed,
         *(
-            numbers(name, told.get(name, inf) if given is None else given).ravel()
+            numbers(name, values.get(name, inf) if given is None else given).ravel()
             for name, given in (
                 ('input_limit', input_limit),
                 ('input_rate_limit', input_rate_limit),
@@ -173,15 +174,15 @@ def _run(found: Trajectory, scenario: Scenario, limited: int) -> SimulatedRun:
 def _scenarios(
     given: Any, overrides: Mapping[str, Any] | None
 ) -> tuple[Scenario, Scenario, Mapping[str, Any]]:
-    """Return the plant's scenario, the believed one, and what the controller is told."""
+    """Return the plant's scenario, the estimator's, and the values of the controller."""
     if isinstance(given, Scenario):
         return load(given, overrides), given, {}
-    told = values_of(given, {} if overrides is None else overrides, *BELIEVED)
-    return load(given, overrides), scenarios.build(told), told
+    values = values_of(given, {} if overrides is None else overrides, *BELIEVED)
+    return load(given, overrides), scenarios.build(values), values
 
 
 def _feedback(scenario: Scenario, gain: Any) -> Feedback:
-    """Return the gains asked for, else those of the scenario's law."""
+    """Return the gains of the argument, else those of the scenario's law."""
     model = scenario.model
     n, m = model.state.size, model.input.size
     if gain is not None:
@@ -196,7 +197,7 @@ def _feedback(scenario: Scenario, gain: Any) -> Feedback:
 
 
 class _Answer:
-    """The input for each estimate, as the controller node gives it in lockstep."""
+    """The input for each estimate, as from the controller node in lockstep."""
 
     def __init__(
         self, scenario: Scenario, regulator: Regulator, limiter: Limiter, reference: Reference
@@ -220,7 +221,7 @@ class _Answer:
         return u
 
     def _follow(self, time: float) -> None:
-        """Hold the reference of a time; nothing is done while it stays."""
+        """Hold the reference of a time; nothing changes while it stays the same."""
         given = self._reference(time) if callable(self._reference) else self._reference
         wanted = self._state(given)
         if self._wanted is None or not np.array_equal(wanted, self._wanted):

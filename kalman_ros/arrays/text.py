@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers in plain text, for results that print what is in them."""
+"""Numbers as plain text, for results that print their contents."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-#: The widest line, and how many columns of a matrix are shown at most.
+#: The widest line, and the most columns of a matrix.
 WIDTH = 79
 _MOST_COLUMNS = 8
 
@@ -23,7 +23,7 @@ def number(value: complex) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Return the lines of a table: the first column to the left, all others to the right."""
+    """Return the lines of a table: the first column left-aligned, the others right-aligned."""
     whole = [list(head), *map(list, rows)]
     widths = [max(len(row[column]) for row in whole) for column in range(len(head))]
     return [
@@ -45,7 +45,7 @@ def matrix(rows: Sequence[str], columns: Sequence[str], values: Array) -> list[s
 
 
 def sentence(line: str) -> list[str]:
-    """Return a line as lines that are not too wide, those that follow set in."""
+    """Return a sentence wrapped to the width, with indented continuation lines."""
     return wrap(line, WIDTH, subsequent_indent='  ')
 
 

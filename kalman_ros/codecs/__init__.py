@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message <-> vector: the only place that knows the fields of messages, and their stamps."""
+"""Message <-> vector: the only code that accesses the fields and stamps of messages."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where standard messages carry covariances, and which fields their rows belong to."""
+"""The covariances in standard messages, and the fields of their rows."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _CARRIED: dict[str, dict[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Block:
-    """A covariance array in a message, and which of its rows are which coordinates of a vector.
+    """A covariance array in a message, and the coordinates of its rows.
 
     ``own`` are indices into the vector, ``rows`` into the array, ``size`` the array's width.
     """
@@ -74,7 +74,7 @@ class Block:
 
 
 def flat_indices(chosen: Sequence[int], size: int) -> npt.NDArray[np.intp]:
-    """Return where the block of the ``chosen`` rows stands in a (size, size) matrix, flat."""
+    """Return the flat indices of the block of the ``chosen`` rows in a (size, size) matrix."""
     index = np.asarray(chosen, dtype=np.intp)
     return (index[:, np.newaxis] * size + index).ravel()
 
@@ -87,7 +87,7 @@ def blocks(paths: Sequence[Path], sample: Any, explicit: str = '') -> tuple[Bloc
     Raises
     ------
     ValueError
-        If that is not the path of an array with room for it, or of a number for a single field.
+        If that is not the path of an array of the right size, or of a number for a single field.
     """
     if explicit:
         everything = tuple(range(len(paths)))
@@ -111,12 +111,12 @@ def blocks(paths: Sequence[Path], sample: Any, explicit: str = '') -> tuple[Bloc
 
 
 def _has_room(sample: Any, way: Way, size: int) -> bool:
-    """Tell whether a covariance of ``size`` rows has room at the end of ``way``."""
+    """Return whether a covariance of ``size`` rows fits at the end of ``way``."""
     try:
         found = walk(sample, way)
     except AttributeError:
         return False
-    if isinstance(found, np.ndarray):  # of a fixed length
+    if isinstance(found, np.ndarray):  # a fixed-length array
         return bool(found.dtype == float and found.size == size**2)
     if isinstance(found, array):
         return found.typecode == 'd'
@@ -124,7 +124,7 @@ def _has_room(sample: Any, way: Way, size: int) -> bool:
 
 
 def _carried(path: Path, sample: Any) -> tuple[Way, int, int] | None:
-    """Return the covariance array that has a row for ``path``, the row, and the array's width."""
+    """Return the covariance array with a row for ``path``, the row, and the array's width."""
     for depth in range(len(path.way)):
         owner = walk(sample, path.way[:depth])
         rest = '.'.join(map(str, path.way[depth:]))

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the numbers of a message stand among its serialised bytes.
+"""The positions of numbers among the serialised bytes of a message.
 
-From one message of a publisher to the next only the stamp and the numbers change, so where each
-number stands needs to be learnt only once. Learning takes time and memory in proportion to the
-length of the message.
+The messages of a publisher differ only in the stamp and the numbers, so the position of each
+number is learnt once. Learning takes time and memory in proportion to the length of the message.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ from kalman_ros.core import Array
 
 from .messages import STAMP, STAMP_START, leading_stamp, split
 from .padding import without_padding
-from .signal_codec import SignalCodec
+from .signal_codecs import Codec
 
-#: Marks are numbers that no message has by chance: these bits, and a counter.
+#: Marks are unlikely numbers: these bits, and a counter.
 _FIRST_MARK = 0x7E57C0DE00000000
-#: Plain CDR aligns a float64 to 8 bytes, counted from behind the four that begin every message.
+#: Plain CDR aligns a float64 to 8 bytes, counted from after the four leading bytes.
 _BASE, _SIZE = 4, 8
 
-#: Where numbers stand, in steps of 8 bytes from `_BASE` on.
+#: Positions of numbers, in steps of 8 bytes from `_BASE`.
 _Places = npt.NDArray[np.intp]
 
 
@@ -38,18 +37,18 @@ class Sample(NamedTuple):
 
 
 class Layout:
-    """Where the numbers of a message stand, in steps of 8 bytes from the start of its fields.
+    """The positions of a message's numbers, in steps of 8 bytes from the start of its fields.
 
     Parameters
     ----------
     data
         A message.
     fixed
-        The parts of it that every message of this layout repeats, byte by byte.
+        The parts that are equal in every message of this layout.
     values
-        The place of each coordinate (n,).
+        The position of each coordinate (n,).
     covariance
-        Which elements of the covariance (n, n) a message carries, and the place of each; or None.
+        The elements of the covariance (n, n) in a message, and the position of each; or None.
     stamped
         Whether the message begins with a header.
     """
@@ -74,7 +73,7 @@ class Layout:
         return np.frombuffer(data, '<f8', self._count, _BASE)
 
     def read(self, data: bytes) -> Sample:
-        """Return what a message says that `fits`."""
+        """Return the contents of a message that `fits`."""
         numbers = self._numbers_of(data)
         time = leading_stamp(data) if self._stamped else None
         if self._covariance is None:
@@ -86,9 +85,9 @@ class Layout:
         return Sample(time, numbers[self._values], covariance)
 
     def write(self, sample: Sample) -> bytes:
-        """Return the message that was learnt from, with another stamp and other numbers.
+        """Return the learnt message with another stamp and other numbers.
 
-        Without a covariance, that of the last message stays.
+        Without a covariance, that of the last message is kept.
         """
         time, values, covariance = sample
         numbers = self._numbers
@@ -101,7 +100,7 @@ class Layout:
         return bytes(self._buffer)
 
     def fits(self, data: bytes) -> bool:
-        """Tell whether another message has its numbers in the same places."""
+        """Return whether another message has its numbers at the same positions."""
         if len(data) != self._length:
             return False
         for run, same in self._fixed:  # noqa: SIM110  a generator takes twice as long
@@ -110,20 +109,20 @@ class Layout:
         return True
 
 
-def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
-    """Return the layout of messages like this one; None if its fields cannot be read so.
+def learn(codec: Codec, message: Any, data: bytes) -> Layout | None:
+    """Return the layout of messages like this one; None if they cannot be read by position.
 
-    Every float64 of the message is replaced by a mark of its own; where the marks are found
-    in the serialised bytes, and which of them the codec picks, is all that there is to know.
+    Every float64 of the message is replaced by a unique mark; their positions in the
+    serialised bytes, and those that the codec reads, define the layout.
     """
     kinds = message.get_fields_and_field_types()
     stamped = next(iter(kinds.values())) == 'std_msgs/Header'
     if hasattr(message, 'header') and not stamped:
         return None
     count = _mark(message, 0)
-    # a serialised message may be longer than what goes over the wire, by zeros
+    # a serialised message may be longer than its wire form, by zeros
     marked = bytes(serialize_message(message))[: len(data)]
-    if len(marked) < len(data) or marked[:_BASE] != data[:_BASE]:  # as of another byte order
+    if len(marked) < len(data) or marked[:_BASE] != data[:_BASE]:  # e.g. another byte order
         return None
     there = _marks_in(marked, count)
     if there is None:
@@ -131,12 +130,12 @@ def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
     values, covariance = codec.decode(message), codec.decode_covariance(message)
     own: Any = ...
     if covariance is not None:
-        # what stands between two blocks of a covariance is zero and not in the message
+        # between two blocks of a covariance there are zeros that the message does not contain
         carried = covariance != 0.0
         own = ... if carried.all() else carried
         covariance = covariance[own]
     wanted = values if covariance is None else np.append(values, covariance)
-    if not (_numbers_of(wanted) < count).all():  # what is computed from a field is no mark
+    if not (_numbers_of(wanted) < count).all():  # a value computed from a field is not a mark
         return None
     places = None if covariance is None else (own, there[_numbers_of(covariance)])
     try:
@@ -148,13 +147,13 @@ def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
 
 
 def _numbers_of(marks: Array) -> npt.NDArray[np.uint64]:
-    """Return which marks these are, in the order of the message; no mark is beyond the last."""
+    """Return the indices of these marks in message order; the last one bounds them."""
     bits: npt.NDArray[np.uint64] = np.ascontiguousarray(marks).view(np.uint64)
     return np.asarray(bits - np.uint64(_FIRST_MARK))
 
 
 def _marks_in(marked: bytes, count: int) -> _Places | None:
-    """Return where each of ``count`` marks stands; None if not each stands in one place."""
+    """Return the position of each of ``count`` marks; None unless each occurs exactly once."""
     cells = np.frombuffer(marked, '<u8', max(len(marked) - _BASE, 0) // _SIZE, _BASE)
     numbers = cells - np.uint64(_FIRST_MARK)
     places = np.flatnonzero(numbers < count)
@@ -166,10 +165,10 @@ def _marks_in(marked: bytes, count: int) -> _Places | None:
 def _fixed_runs(
     data: bytes, marked: bytes, used: bytes, there: _Places, stamped: bool
 ) -> list[slice]:
-    """Return where bytes must stay the same: all but numbers, the stamp, and padding.
+    """Return the positions where bytes must be equal: all but numbers, stamp and padding.
 
-    ``marked`` contains the same as ``data`` but for its numbers. Padding, which is zero in
-    ``used``, may be anything: what the publisher's memory held before.
+    ``marked`` equals ``data`` except for its numbers. Padding, which is zero in ``used``, may
+    have any value: the publisher's earlier memory.
     """
     fixed = np.frombuffer(data, np.uint8) == np.frombuffer(marked, np.uint8)
     fixed &= np.frombuffer(used, np.uint8) != 0
@@ -182,7 +181,7 @@ def _fixed_runs(
 
 
 def _mark(message: Any, first: int) -> int:
-    """Replace every float64 number below ``message`` by a mark, from number ``first`` on.
+    """Replace every float64 within ``message`` by a mark, from number ``first`` on.
 
     Return the number of the next mark.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finding message types by name, and the stamps in their headers."""
+"""Message types by name, and the stamps in message headers."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 _NANOSECONDS = 1_000_000_000
-#: Seconds in a stamp are a signed number of 32 bits.
+#: The seconds of a stamp are a signed 32-bit number.
 _FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
 #: The stamp of a leading header in a serialised message.
 STAMP = struct.Struct('<iI')
 _BIG_ENDIAN_STAMP = struct.Struct('>iI')
-#: It stands behind the four bytes that begin every message.
+#: It follows the four leading bytes of every message.
 STAMP_START = 4
-#: Of the frame behind it, whose last byte is zero.
+#: The length of the frame after it, whose last byte is zero.
 _LENGTH = struct.Struct('<I')
 
 
@@ -44,11 +44,16 @@ def message_type(name: str) -> Any:
     return found
 
 
-class UndecodableError(Exception):
-    """The bytes of a message are not those of its type.
+def full_type(name: str) -> str:
+    """Return the type ``package/Name`` as ``package/msg/Name``, as the graph and bags have it."""
+    return name.replace('/msg/', '/').replace('/', '/msg/')
 
-    No ValueError: what a message that can be decoded says may be wrong in many ways, and each
-    reader knows what to do then; of this one nothing is known but its size.
+
+class UndecodableError(Exception):
+    """The bytes of a message do not match its type.
+
+    Not a ValueError: readers handle invalid contents of a decoded message in many ways; here
+    only the size is known.
     """
 
 
@@ -58,27 +63,27 @@ def decode(data: bytes, kind: Any) -> Any:
     Raises
     ------
     UndecodableError
-        If the bytes are not those of such a message: truncated, or of another type.
+        If the bytes do not match: truncated, or of another type.
     """
     global _failed
     try:
         with _Silence() if monotonic() - _failed < _PAUSE else nullcontext():
             return deserialize_message(data, kind)
-    except Exception as error:  # that of rclpy has no public name
+    except Exception as error:  # rclpy's exception is not public
         if monotonic() - _failed >= _PAUSE:
             _failed = monotonic()
         raise UndecodableError(f'{len(data)} bytes are no {kind.__name__}') from error
 
 
-#: For N seconds after a failure no other is logged.
+#: For this many seconds after a failure no other is logged.
 _PAUSE = 1.0
 _failed = -_PAUSE
 
 
 class _Silence:
-    """Takes away what the middleware's own library prints for each message that it cannot read.
+    """Suppresses the middleware's output for each message that it cannot read.
 
-    A sender could fill a disk with these lines; they have no level, and no logger.
+    A sender could fill a disk with these lines; they have neither level nor logger.
     """
 
     def __enter__(self) -> None:
@@ -109,9 +114,9 @@ def write_stamp(stamp: Any, time: int) -> None:
 
 
 def split(time: int) -> tuple[int, int]:
-    """Return ``time`` in nanoseconds as whole seconds and the nanoseconds that are left.
+    """Return ``time`` in nanoseconds as whole seconds and remaining nanoseconds.
 
-    Of a time that no stamp can hold, it is the nearest that one can.
+    Times outside the range of stamps are clipped to it.
     """
     return divmod(min(max(time, _FIRST), _LAST), _NANOSECONDS)
 

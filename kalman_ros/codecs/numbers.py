@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What message fields are declared to hold, and how a real number becomes one of theirs."""
+"""The declared types of message fields, and conversion of real numbers to them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _ARRAY = re.compile(r'^(?:sequence<([^,>]+)(?:, (\d+))?>|([^\[]+)\[(\d+)\])$')
 
 
 def number_kind(declared: str) -> str:
-    """Return the kind of number of a field that is declared so; '' if it is none."""
+    """Return the kind of number of a field by its declaration; '' otherwise."""
     return declared if declared in (*_REAL, *_WHOLE, 'boolean') else ''
 
 
 def array_of(declared: str) -> tuple[str, int | None]:
-    """Return what an array that is declared so holds, and how many; '' if it is no array.
+    """Return the element type and size of an array by its declaration; '' otherwise.
 
-    None stands for any number of them.
+    The size is None for a sequence of any length.
     """
     match = _ARRAY.match(declared)
     if match is None:
@@ -31,9 +31,9 @@ def array_of(declared: str) -> tuple[str, int | None]:
 
 
 def converter(kind: str) -> Callable[[float], float | int | bool] | None:
-    """Return what makes a real number one of a kind, the nearest; None if it is one already.
+    """Return a conversion of real numbers to the nearest of a kind; None if none is needed.
 
-    What is no number becomes 0 where there are only whole ones.
+    NaN becomes 0 for integers.
     """
     if kind in _REAL:
         return None

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which bytes of a serialised message say something; the rest is what memory held before.
+"""Which bytes of a serialised message are data; the others are padding with arbitrary values.
 
-Plain CDR aligns every number to its own size, counted from behind the first four bytes (OMG,
+Plain CDR aligns every number to its own size, counted from after the first four bytes (OMG,
 DDSI-RTPS 2.5, chapter 10; Common Object Request Broker Architecture 3.4, section 9.3).
 """
 
@@ -19,7 +19,7 @@ _SIZES = {
 
 
 def without_padding(data: bytes, message: Any) -> bytes:
-    """Return ``data``, which is ``message`` serialised, with zeros for all that is padding.
+    """Return ``data``, which is ``message`` serialised, with zeros as padding.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def without_padding(data: bytes, message: Any) -> bytes:
 
 
 class _Walk:
-    """Goes through a message as it is written, and notes which places are used."""
+    """Traverses a message in serialisation order, and marks the bytes in use."""
 
     def __init__(self) -> None:
         self._at = 0

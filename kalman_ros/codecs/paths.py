@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dotted paths into messages: ``pose.pose.position.x``, ``position[hip]``, ``poses[2].x``.
 
-A path is resolved once, against an instance of its message type, so that a misspelt field is
-refused where a node is built and reading and writing are plain attribute access.
+A path is resolved once, against an instance of its message type: a misspelt field is
+refused when a node is built, and reading and writing are plain attribute access.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from .messages import message_type
 from .numbers import array_of, number_kind
 
 _STEP = re.compile(r'([A-Za-z_]\w*)(?:\[([^\]]+)\])?(?:\.(?=.)|$)')
-#: Where a path leads: attributes, and indices into arrays of messages.
+#: The steps of a path: attributes, and indices into arrays of messages.
 Way = tuple[Union[str, int], ...]
-#: No array that is fused has more numbers.
+#: The most numbers in an array.
 _LONGEST = 100_000
-#: So many names of a message are said in an error; a message may have any number.
+#: An error lists at most this many names of a message, which may have any number.
 _FEW = 8
 ANGLES = ('roll', 'pitch', 'yaw')
 
 
 @dataclass(frozen=True)
 class Path:
-    """A path into a message: a way, and an index or a name in an array of numbers at its end.
+    """A path into a message: a way, and an index or a name in a final array of numbers.
 
-    ``kind`` is that of the number there, ``double`` or ``int32``.
+    ``kind`` is the type of the number, ``double`` or ``int32``.
     """
 
     text: str
@@ -43,7 +43,7 @@ class Path:
 
     @property
     def parent(self) -> Way:
-        """The way to what has the last attribute."""
+        """The way to the object with the last attribute."""
         return self.way[:-1]
 
     @property
@@ -83,7 +83,7 @@ def parse(text: str, sample: Any) -> Path:
 
 
 def _steps(text: str) -> list[tuple[str, str]]:
-    """Return the attributes of a path, each with what stands in brackets behind it."""
+    """Return the attributes of a path, each with the text in its brackets."""
     steps, at = [], 0
     while match := _STEP.match(text, at):
         steps.append((match[1], match[2] or ''))
@@ -102,7 +102,7 @@ def _index(inner: str, most: int | None, text: str) -> int:
 
 
 def _field(owner: Any, attribute: str, text: str) -> tuple[Any, str]:
-    """Return what an attribute of a message is, and how it is declared."""
+    """Return an attribute of a message and its declared type."""
     if attribute in ANGLES and is_quaternion(owner):
         return 0.0, 'double'
     known = owner.get_fields_and_field_types() if hasattr(owner, 'SLOT_TYPES') else {}
@@ -116,7 +116,7 @@ def _field(owner: Any, attribute: str, text: str) -> tuple[Any, str]:
 
 
 def _element(declared: str, inner: str, text: str) -> Any:
-    """Return a message like those in an array of messages."""
+    """Return a default element of an array of messages."""
     kind, most = array_of(declared)
     if '/' not in kind or not inner.isdecimal():
         raise ValueError(f"fields: '[{inner}]' in '{text}' is no place in an array of messages")
@@ -138,20 +138,20 @@ def size_arrays(way: Way, message: Any) -> None:
 
 
 def walk(message: Any, way: Way) -> Any:
-    """Return what is found along ``way``; LookupError if an array is too short."""
+    """Return the object at the end of ``way``; LookupError if an array is too short."""
     for step in way:
         message = message[step] if isinstance(step, int) else getattr(message, step)
     return message
 
 
 def _getter(way: Way) -> Callable[[Any], Any]:
-    """Return a function that walks the ``way``, by attributes alone sooner than `walk`."""
+    """Return a function that follows ``way``; faster than `walk` if it has only attributes."""
     names = [step for step in way if isinstance(step, str)]
     return attrgetter('.'.join(names)) if len(names) == len(way) else partial(walk, way=way)
 
 
 def is_quaternion(value: Any) -> bool:
-    """Tell whether a message is a ``geometry_msgs/Quaternion``."""
+    """Return whether a message is a ``geometry_msgs/Quaternion``."""
     return type(value).__name__ == 'Quaternion'
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one mechanism by which a vector of a model maps to fields of a message."""
+"""The mapping of a model's vector to fields of a message."""
 
 from __future__ import annotations
 
@@ -13,36 +13,29 @@ from kalman_ros.core import Array, Signal
 from .covariances import Block, blocks, flat_indices
 from .messages import message_type, write_stamp
 from .numbers import converter
-from .paths import (
-    ANGLES,
-    Path,
-    Way,
-    is_quaternion,
-    parse,
-    reader,
-    size_arrays,
-    walk,
-    write_euler,
-)
+from .paths import ANGLES, Path, Way, is_quaternion, parse, reader, size_arrays, walk, write_euler
 
 
 class SignalCodec:
-    """Reads a vector, and its covariance, out of messages and writes them into one.
+    """Reads a vector, and its covariance, from messages and writes them into one.
 
-    The message that `encode` returns is always the same object: publish it at once.
+    `encode` always returns the same message object: publish it at once.
 
     Parameters
     ----------
     signal
         Topic, type and fields.
     frame, child_frame
-        Written into ``header.frame_id`` and ``child_frame_id``, where there are such fields.
+        Written to ``header.frame_id`` and ``child_frame_id``, if these fields exist.
 
     Raises
     ------
     ValueError
         If the type is not installed or has no such field; the topic is named.
     """
+
+    #: Whether its values are numbers of the message, each at one place in its bytes.
+    by_position = True
 
     def __init__(self, signal: Signal, frame: str = '', child_frame: str = '') -> None:
         try:
@@ -99,7 +92,7 @@ class SignalCodec:
     def encode(self, time: int, values: Array, covariance: Array | None = None) -> Any:
         """Return the message with these values (n,), stamped ``time`` in nanoseconds.
 
-        Parts of the covariance (n, n) for which the message has no room are left out.
+        Parts of the covariance (n, n) without a place in the message are omitted.
         """
         if self._stamp is not None:
             write_stamp(self._stamp, time)
@@ -117,7 +110,7 @@ def named(values: Signal, names: tuple[str, ...]) -> Signal:
 
 
 def _size_arrays(paths: list[Path], message: Any) -> None:
-    """Make every array that a path points into long enough, and write names beside it."""
+    """Extend every array in a path to its length, and write names beside it."""
     for path in paths:
         size_arrays(path.way, message)
         if path.index is None and path.name is None:
@@ -166,14 +159,14 @@ def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
     return write
 
 
-#: Takes the angles, which are written together as a quaternion.
+#: Accepts the angles, which are written together as a quaternion.
 _NOWHERE = [0.0]
 
 
 def _covariance_views(
     blocks: tuple[Block, ...], message: Any, size: int
 ) -> list[tuple[Any, Any, Any]]:
-    """Return, for each block, a flat view into the message, where to write and what."""
+    """Return, for each block, a flat view into the message, the target and source indices."""
     views: list[tuple[Any, Any, Any]] = []
     for block in blocks:
         owner, attribute = walk(message, block.way[:-1]), str(block.way[-1])
@@ -190,7 +183,7 @@ def _covariance_views(
 
 
 class _Scalar:
-    """Writes a message's single variance as though it were an array."""
+    """Writes a message's single variance like an array."""
 
     def __init__(self, owner: Any, attribute: str) -> None:
         self._owner, self._attribute = owner, attribute

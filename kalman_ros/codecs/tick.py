@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ticks of lockstep on the wire: a stamp, and on which topics readings come at that step.
+"""Ticks of lockstep on the wire: a stamp, and the topics with readings at that step.
 
-A topic alone means a reading that is stamped as the tick; a late one is named with its own stamp
-in nanoseconds, ``position@1050000000``. A topic that is named twice has two readings.
+A topic alone means a reading with the stamp of the tick; a late one is named with its stamp in
+nanoseconds, ``position@1050000000``. A topic named twice has two readings.
 
-Which topics there are mostly repeats from step to step, so only the stamp of the tick is written
-and read again.
+The topics mostly repeat from step to step, so only the stamp of the tick is written and read
+again.
 """
 
 from __future__ import annotations
@@ -15,20 +15,13 @@ from functools import lru_cache
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import TimeReference
 
-from .messages import (
-    STAMP,
-    STAMP_START,
-    UndecodableError,
-    decode,
-    leading_stamp,
-    split,
-)
+from .messages import STAMP, STAMP_START, UndecodableError, decode, leading_stamp, split
 
-#: A stamp in nanoseconds has fewer.
+#: A stamp in nanoseconds has fewer digits.
 _DIGITS = 20
-#: The longest tick, in bytes, whose topics are kept.
+#: The longest tick, in bytes, whose topics are cached.
 _KEPT = 4096
-#: No plant publishes more readings at one step, nor names them by more bytes.
+#: The most readings that a plant publishes at one step, and the most bytes that name them.
 _MOST_READINGS, _LONGEST = 1000, 65536
 
 
@@ -45,13 +38,13 @@ def read_tick(data: bytes) -> tuple[int, tuple[str, ...]]:
     Raises
     ------
     UndecodableError
-        If it is none, or no plant's: one that is longer, or names more readings.
+        If it is not a valid tick: too long, or with too many readings.
     """
     if len(data) > _LONGEST:
         raise UndecodableError(f'no tick is as long as {len(data)} bytes')
     time, end = leading_stamp(data), STAMP_START + STAMP.size
     unstamped = data[:STAMP_START] + bytes(STAMP.size) + data[end:]
-    # what is kept takes memory, and a sender may make up any number of long ones
+    # cached entries use memory, and a sender may create any number of long ones
     topics = _topics if len(data) <= _KEPT else _topics.__wrapped__
     found = topics(unstamped)
     if len(found) > _MOST_READINGS:
@@ -60,14 +53,14 @@ def read_tick(data: bytes) -> tuple[int, tuple[str, ...]]:
 
 
 def mention(topic: str, stamp: int, time: int) -> str:
-    """Return how the tick at ``time`` names a reading; both are in nanoseconds."""
+    """Return the name of a reading in the tick at ``time``; both are in nanoseconds."""
     return topic if stamp == time else f'{topic}@{stamp}'
 
 
 def mentioned(text: str, time: int) -> tuple[str, int]:
-    """Return the topic and the stamp of a reading that the tick at ``time`` names.
+    """Return the topic and the stamp of a reading named in the tick at ``time``.
 
-    What is behind the sign and no stamp belongs to the name, which is then that of no topic.
+    If the text after the sign is not a stamp, it belongs to the name, which then matches no topic.
     """
     if '@' not in text:
         return text, time

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads vectors from serialised messages in place, and writes them in place.
+"""Reads and writes vectors in serialised messages in place.
 
-Most of what a small message costs a Python node is its conversion between Python objects and
-bytes, and nearly all of that is avoidable: see `layout`, and docs/explanation/messages.md.
+The conversion between Python objects and bytes takes most of the time that a small message costs
+a Python node, and nearly all of it is avoidable: see `layout`, and docs/explanation/messages.md.
 """
 
 from __future__ import annotations
@@ -17,39 +17,41 @@ from kalman_ros.core import Array
 from .layout import Layout, Sample, learn
 from .messages import decode, stamp_of
 from .padding import without_padding
-from .signal_codec import SignalCodec
+from .signal_codecs import Codec
 
-#: Layouts kept for each topic: publishers may differ in theirs.
+#: Layouts cached per topic: publishers may differ in theirs.
 _MOST_LAYOUTS = 4
 
 _learns = True
 
 
 def learn_layouts(*, on: bool) -> None:
-    """Have the readers and writers that this process builds from now on learn layouts, or not.
+    """Enable or disable layouts in the readers and writers that this process builds later.
 
     Both ways give the same numbers; without layouts each message goes through Python
-    objects, which takes longer.
+    objects, which takes longer. It is one switch for the process: readers and writers are built
+    in a dozen places that know no option of a node, and each node has a process to itself. Where
+    several nodes share one, the last that is configured decides.
     """
     global _learns
     _learns = on
 
 
 class WireReader:
-    """Decodes the serialised messages of a signal: what `SignalCodec` does, sooner.
+    """Decodes the serialised messages of a signal like `SignalCodec`, but faster.
 
-    Fields that are not float64 numbers, and angles of quaternions, are decoded by way of Python
-    objects every time.
+    Fields that are not float64, and angles of quaternions, are always decoded through Python
+    objects.
     """
 
-    def __init__(self, codec: SignalCodec) -> None:
+    def __init__(self, codec: Codec) -> None:
         self._codec = codec
         self.message_type = codec.message_type
-        self._may_learn = _learns
+        self._may_learn = _learns and codec.by_position
         self._layouts: list[Layout] = []
 
     def __call__(self, data: bytes) -> Sample:
-        """Return what a message says.
+        """Return the sample in a message.
 
         Raises
         ------
@@ -74,16 +76,17 @@ class WireReader:
 
 
 class WireWriter:
-    """Encodes the vectors of a signal as serialised messages: what `SignalCodec` does, sooner.
+    """Encodes the vectors of a signal like `SignalCodec`, but faster.
 
-    What the wire cannot be learnt of (fields that are not float64, angles as quaternions) is
-    encoded as a message object every time. Publish what comes at once: an object is reused.
+    Fields that cannot be learnt (not float64, or angles as quaternions) are always encoded as a
+    message object. Publish the result at once: the object is reused.
     """
 
-    def __init__(self, codec: SignalCodec) -> None:
+    def __init__(self, codec: Codec) -> None:
         self._codec = codec
         self.message_type = codec.message_type
-        self._layout = _written_layout(codec) if _learns else None
+        layout = _written_layout(codec)
+        self._layout = layout if _learns else None
 
     def __call__(self, time: int, values: Array, covariance: Array | None = None) -> Any:
         """Return the message, as bytes or as an object, stamped ``time`` in nanoseconds."""
@@ -92,10 +95,12 @@ class WireWriter:
         return self._layout.write(Sample(time, values, covariance))
 
 
-def _written_layout(codec: SignalCodec) -> Layout | None:
-    """Return the layout of what ``codec`` encodes; None if it cannot be written so."""
+def _written_layout(codec: Codec) -> Layout | None:
+    """Return the layout of messages of ``codec``; None if they cannot be written by position."""
     n = codec.size
     message = codec.encode(0, np.zeros(n), np.zeros((n, n)))
+    if not codec.by_position:
+        return None
     data = without_padding(bytes(serialize_message(message)), message)
     layout = learn(codec, decode(data, codec.message_type), data)
     return layout if codec.carries_covariance or not codec.has_covariance else None

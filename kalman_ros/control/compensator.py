@@ -2,7 +2,7 @@
 """Observer and state feedback as one system, from the readings y to the input u = -H y.
 
 Around the plant it has the poles of the regulator and those of the estimator (Anderson and
-Moore, Optimal Control, 1990, section 8.2). References and set points are left out: they do not
+Moore, Optimal Control, 1990, section 8.2). References and set points are omitted: they do not
 change the loop.
 """
 
@@ -19,15 +19,15 @@ from .state_space import StateSpace
 def compensator(plant: StateSpace, regulator_gain: Array, observer_gain: Array) -> StateSpace:
     """Return H of dx_hat/dt = A x_hat + B u + L (y - C x_hat), u = -K x_hat.
 
-    In samples, with the next x_hat on the left, L is the gain of a predictor: the input answers
+    Sampled, with the next x_hat on the left, L is the gain of a predictor: the input answers
     the readings up to the step before, so a whole sample is left to compute it.
 
     Parameters
     ----------
     plant
-        From the input (m) to the readings (k); a direct path D is allowed for.
+        From the input (m) to the readings (k); a direct path D is allowed.
     regulator_gain, observer_gain
-        K (m, n) and L (n, k), designed in whatever way.
+        K (m, n) and L (n, k), by any design.
 
     Raises
     ------
@@ -46,15 +46,15 @@ def current_compensator(
 ) -> StateSpace:
     """Return H of the sampled loop in which the input answers the reading just made.
 
-    The regulator q' = A q + B x, u = -(C q + D x) is given x_hat + L (y - C x_hat) for x, with
-    x_hat the prediction, which moves on by x_hat' = F x_hat + G u + L_p (y - C x_hat).
+    The regulator q' = A q + B x, u = -(C q + D x) uses x_hat + L (y - C x_hat) as x, with
+    x_hat the prediction, updated by x_hat' = F x_hat + G u + L_p (y - C x_hat).
 
     Parameters
     ----------
     plant
         A sampled one, without a direct path from the input to the readings.
     regulator
-        From x (n) to -u (m): a gain as a `static` system, or one with states of its own.
+        From x (n) to -u (m): a gain as a `static` system, or one with states.
     estimator
         Its gains L and L_p.
 

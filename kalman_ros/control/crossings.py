@@ -19,13 +19,13 @@ from kalman_ros.core import Array
 
 from .state_space import StateSpace
 
-#: A zero this close to the imaginary axis, relative to its size, may be on it but for rounding.
+#: A zero this close to the imaginary axis, relative to its size, may be on it.
 _NEAR = 1e-3
 #: Newton's steps; it doubles digits, but two crossings close together slow it down.
 _STEPS = 30
-#: What is left of the equation at a crossing, relative to its terms.
+#: The residual of the equation at a crossing, relative to its terms.
 _EXACT = 1e-9
-#: Crossings nearer to each other than this, relative to their size, are one.
+#: Crossings closer to each other than this, relative to their size, are one.
 _SAME = 1e-9
 
 #: An equation's value at w, its slope, and the size of its terms.
@@ -33,9 +33,9 @@ Residual = Callable[[float], tuple[float, float, float]]
 
 
 def continuous(loop: StateSpace) -> StateSpace:
-    """Return a loop with s in place of z: s = (2/dt)(z - 1)/(z + 1) takes the circle to the axis.
+    """Return a loop with s in place of z: s = (2/dt)(z - 1)/(z + 1) maps the circle to the axis.
 
-    Stability, and every value along the axis, stay the same; only frequencies are bent: see
+    Stability, and every value along the axis, are unchanged; only frequencies are warped: see
     `frequency`. A loop in continuous time is returned balanced, with entries of one size.
 
     Raises
@@ -55,12 +55,12 @@ def continuous(loop: StateSpace) -> StateSpace:
 
 
 def balanced(system: StateSpace) -> StateSpace:
-    """Return the same continuous system (m, m) with states in units that give entries of one size.
+    """Return the same continuous system (m, m) with states scaled so that entries have one size.
 
-    Inputs and outputs get one unit for all of them, which changes no value.
+    All inputs and outputs share one unit, so no value changes.
     """
     A, B, C, D = system.A, system.B, system.C, system.D
-    # together with B and C, since an integrator alone has no size that could be balanced
+    # together with B and C, since an integrator alone has no scale
     whole = np.block([[A, B], [C, np.zeros_like(D)]])
     found, (scale, _) = matrix_balance(whole, permute=False, separate=True)
     n = len(A)
@@ -69,7 +69,7 @@ def balanced(system: StateSpace) -> StateSpace:
 
 
 def frequency(bent: float, dt: float | None) -> float:
-    """Return the frequency in rad/s of one along the axis of `continuous`."""
+    """Return the frequency in rad/s for one along the axis of `continuous`."""
     return bent if dt is None else 2.0 / dt * float(np.arctan(0.5 * bent * dt))
 
 
@@ -104,8 +104,8 @@ def level_crossings(loop: StateSpace, level: float = 1.0) -> Array:
 def singular_crossings(system: StateSpace, level: float) -> Array:
     """Return the w > 0 (k,), ascending, where a singular value of M(jw) (p, m) is ``level``.
 
-    Of a continuous system. They are not polished, and among them may be some where a singular
-    value only comes near.
+    The system is continuous. Values are not refined, and may include frequencies where a singular
+    value only comes close.
     """
     return _near_axis(_level_pencil(system, level), system.B.shape[1])
 
@@ -152,7 +152,7 @@ def _near_axis(pencil: Array, inputs: int) -> Array:
 
 
 def _newton(residual: Residual, w: float) -> float | None:
-    """Return the root next to ``w``, or None if there is none, as where L has a pole."""
+    """Return the root nearest to ``w``, or None if there is none, as where L has a pole."""
     try:
         for _ in range(_STEPS):
             value, slope, _ = residual(w)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plant as a computer sees it: its input held over samples, and late."""
+"""A plant as a computer sees it: its input is held over samples and delayed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .state_space import StateSpace
 
 
 def sampled_plant(system: LinearSystem, C: ArrayLike, dt: float, delay: float = 0.0) -> StateSpace:
-    """Return a plant with its input held over samples of ``dt`` and late by ``delay`` seconds.
+    """Return a plant with its input held over samples of ``dt`` and delayed by ``delay`` seconds.
 
     The delay may be any number of samples, whole or not, and is exact: with tau = d dt + r the
     input that acts from k dt on is u(k - d - 1) for r seconds and u(k - d) for the rest, so the

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A state feedback at work: reference, integral, and changes of gain without a bump.
+"""State feedback with reference and integral, and bumpless changes of gain.
 
     u = u_e - K (x - x_e) - K_q q
 
 with (x_e, u_e) the equilibrium of the reference and q the integral of the error of the tracked
-states. While a limit holds the input back, q does not grow in the direction that asks for more
+states. While an input is limited, q does not grow in the direction of the limit
 (conditional integration: K. Astrom and T. Hagglund, Advanced PID Control, 2006, section 3.5).
 """
 
@@ -32,7 +32,7 @@ class Feedback:
     integral_gain
         K_q (m, p); p is 0 without integral action.
     tracked
-        Which p coordinates of the state are integrated.
+        The p coordinates of the state that are integrated.
     poles
         Of the closed loop, sampled (n + p,).
     """
@@ -52,18 +52,18 @@ class Feedback:
 class Regulator:
     """Turns states into inputs by a `Feedback`.
 
-    It proposes an input, and is then told which one was applied: limits are not its business.
+    It proposes an input and is then given the one applied; limits are the caller's.
 
     Parameters
     ----------
     space
-        Of the state, whose differences respect angles.
+        Of the state, whose differences handle angles.
     feedback
         The gains.
     target
         The state (n,) and input (m,) to hold, at rest.
     blend
-        Seconds in which a jump that a change of gains would make dies away.
+        Seconds in which the jump of a change of gains decays.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Regulator:
         return self._feedback
 
     def adopt(self, feedback: Feedback, blend: float) -> None:
-        """Use other gains from now on; the input goes on from where it is."""
+        """Use other gains from now on; the input is continuous."""
         if feedback.tracked != self._feedback.tracked:
             self._integral = np.zeros(len(feedback.tracked))
         self._feedback, self._blend = feedback, blend
@@ -90,18 +90,18 @@ class Regulator:
             self._jump = u - self._wanted(x)
 
     def follow(self, x: Array, u: Array) -> None:
-        """Take note that the input is ``u`` (m,), whatever the law says; answers go on from it."""
+        """Set the current input to ``u`` (m,); the next ones continue from it."""
         self._integral = np.zeros(len(self._feedback.tracked))
         self._jump = u - self._wanted(x)
         self._last = x, u
 
     def propose(self, x: Array, dt: float) -> Array:
-        """Return the input (m,) for a state (n,) that came ``dt`` seconds after the last one."""
+        """Return the input (m,) for a state (n,) ``dt`` seconds after the last one."""
         self._jump = self._jump * (exp(-dt / self._blend) if self._blend > 0.0 else 0.0)
         return self._wanted(x) + self._jump
 
     def applied(self, x: Array, wanted: Array, u: Array, dt: float) -> None:
-        """Take note that ``u`` (m,) was applied where ``wanted`` (m,) had been proposed."""
+        """Record that ``u`` (m,) was applied where ``wanted`` (m,) had been proposed."""
         self._integrate(x, wanted - u, dt)
         self._last = x, u
 

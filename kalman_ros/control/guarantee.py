@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What margins a sampled regulator keeps for sure, before anyone has looked at its loop."""
+"""Margins that a sampled regulator is guaranteed to have, without analysing its loop."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ROUNDING = 1e-10
 
 @dataclass(frozen=True)
 class Guarantee:
-    """What one input of a sampled regulator keeps, all states known and without delay.
+    """The guaranteed margins of one input, with all states known and without delay.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Guarantee:
 def sampled_guarantees(
     design: LqrDesign, G: Array, weights: Cost, floor: ArrayLike
 ) -> tuple[Guarantee, ...]:
-    """Return what each input of a `dlqr` design keeps while all others are closed as designed.
+    """Return what each input of a `dlqr` design guarantees while the others are closed.
 
     With M = R + G'S G the loop has (1 + L~) M (1 + L) >= R_0, if no sample costs less than
     u'R_0 u (Shaked, IEEE Trans. Automatic Control 31(2), 1986, where R_0 = R). The sensitivity
@@ -68,7 +68,7 @@ def sampled_guarantees(
         The cost of a sample.
     floor
         R_0, its diagonal (m,) or all of it (m, m): R without a cross weight; R dt for the
-        `sampled_cost` of R, to which the state only adds.
+        `sampled_cost` of R, which the state only increases.
 
     Raises
     ------

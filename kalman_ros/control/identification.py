@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dynamics from recorded data: the matrix of a linear recursion, its poles, and how far off."""
+"""Dynamics from recorded data: the matrix of a linear recursion, its poles and their errors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Fit:
     matrix
         M (n, r).
     gram
-        The sum of before before' (r, r), which weighs the errors of M.
+        The sum of before before' (r, r), which weights the errors of M.
     """
 
     matrix: Array
@@ -28,7 +28,7 @@ class Fit:
 
     @property
     def poles(self) -> ComplexArray:
-        """Eigenvalues of the front of M, the part that takes the vector into itself (n,)."""
+        """Eigenvalues of the leading square block of M (n,)."""
         return eigenvalues(self.matrix[:, : len(self.matrix)])
 
     def distance(self, exact: Array, noise: Array) -> float:
@@ -36,7 +36,7 @@ class Fit:
 
         With D the difference this is tr(N^-1 D G D'), N the ``noise`` covariance (n, n) and G
         the gram matrix (Lutkepohl, New Introduction to Multiple Time Series Analysis, 2005,
-        section 3.2.2). Poles themselves have no such simple distribution: two that lie close
+        section 3.2.2). Poles have no such simple distribution: two that are close
         scatter along the root of the error.
         """
         D = self.matrix - exact
@@ -48,7 +48,7 @@ class Fit:
         With w and v the left and right eigenvectors of a pole, w v = 1, a small error D of M
         moves it by w D v (Golub and Van Loan, Matrix Computations, 2013, section 7.2.2), and D
         has the covariance N of the ``noise`` (n, n) between rows and the inverse gram matrix
-        between columns. Poles that lie close together scatter more than that.
+        between columns. Poles that are close together scatter more.
         """
         n = len(self.matrix)
         _, V = np.linalg.eig(self.matrix[:, :n])
@@ -60,6 +60,6 @@ class Fit:
 
 
 def fit(before: Array, after: Array) -> Fit:
-    """Fit after (N, n) = M before (N, r) + noise; the front of ``before`` is the same vector."""
+    """Fit after (N, n) = M before (N, r) + noise; ``before`` starts with the same vector."""
     gram = before.T @ before
     return Fit(solve(gram, before.T @ after).T, gram)

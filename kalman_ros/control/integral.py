@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Integral action: a regulator that leaves no lasting error, whatever constant force acts.
+"""Integral action: a regulator without steady-state error under constant disturbances.
 
 The integral q of the error z - r of the tracked states z = C x joins the state, and the
 regulator is designed for both: u = -K x - K_q q (Franklin, Powell and Emami-Naeini, Feedback
@@ -54,7 +54,7 @@ def lqi(
     system
         The plant.
     tracked
-        Names of the p states that shall reach their reference.
+        Names of the p states that must reach their reference.
     weights
         Of x and u, as for `lqr`.
     integral_cost
@@ -123,7 +123,7 @@ def _weights(weights: Cost, integral_cost: ArrayLike, p: int) -> Cost:
 
 
 def _check_zero(A: Array, B: Array, C: Array, tracked: Sequence[str], where: str) -> None:
-    """Raise if [A B; C 0] loses rows: some z cannot be held, so its integral runs away."""
+    """Raise if [A B; C 0] loses rows: some z cannot be held, and its integral diverges."""
     p, m = len(C), B.shape[1]
     system = np.block([[A, B], [C, np.zeros((p, m))]])
     left, sizes, _ = np.linalg.svd(system)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The laws that there are by name, each with options of its own, for an input held over steps."""
+"""The control laws by name, each with its options, for an input held over steps."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _placement(
         About('their imaginary parts, in pairs of both signs; zero where not given', live=True),
     ] = (0.0,),
 ) -> Feedback:
-    """Return the regulator with poles where one wants them; the weights do not matter.
+    """Return the regulator with the given poles; the weights do not matter.
 
     Fewer poles than states are completed by `spread_poles`.
     """
@@ -74,7 +74,7 @@ def _lqi(
         About('weights of the integrals of their errors; one for all', minimum=0.0, live=True),
     ] = (1.0,),
 ) -> Feedback:
-    """Return the regulator with the least cost that leaves no lasting error."""
+    """Return the regulator with the least cost and no steady-state error."""
     from .integral import sampled_lqi
     from .tracking import holdable
 

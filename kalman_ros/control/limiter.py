@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An input held within what the actuators can do."""
+"""Inputs limited to what the actuators can do."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ class Limits:
 
     @staticmethod
     def none(m: int) -> Limits:
-        """Return limits that never hold."""
+        """Return limits that never apply."""
         return Limits(np.full(m, inf), np.full(m, inf))
 
 
 class Limiter:
-    """Moves an input towards what is wanted, within `Limits`. It starts at the idle input.
+    """Moves an input towards a wanted one, within `Limits`, starting at the idle input.
 
-    Where both limits are in conflict, after the magnitude was reduced, the rate limit holds and
-    the magnitude is reached as soon as it allows.
+    Where the limits conflict, after the magnitude was reduced, the rate limit applies and
+    the magnitude is reached as soon as the rate allows.
 
     Parameters
     ----------
     limits
         What the actuators can do.
     idle
-        The input (m,) of whoever does not act.
+        The input (m,) of an idle controller.
 
     Raises
     ------
@@ -52,14 +52,14 @@ class Limiter:
     """
 
     def __init__(self, limits: Limits, idle: Array) -> None:
-        #: The input (m,) as it is.
+        #: The current input (m,).
         self.value = idle
-        #: How many inputs a limit has changed.
+        #: The number of inputs that a limit has changed.
         self.limited = 0
         self.adopt(limits, idle)
 
     def adopt(self, limits: Limits, idle: Array) -> None:
-        """Use other limits and another idle input from now on; the input stays where it is."""
+        """Use other limits and another idle input from now on; the input is unchanged."""
         check_idle(limits, idle)
         self._limits, self.idle = limits, idle
 
@@ -81,13 +81,13 @@ class Limiter:
         return self.value
 
     def jump_to_idle(self) -> Array:
-        """Return the idle input, whatever the rate limit says."""
+        """Return the idle input, regardless of the rate limit."""
         self.value = self.idle
         return self.value
 
     def _within_reach(self, wanted: Array, seconds: float) -> Array:
         rate, before = self._limits.rate, self.value
-        # in no time, too, an input without a limit may go anywhere
+        # in no time, too, an unlimited input may go anywhere
         reach: Array = np.full(rate.shape, inf)
         np.multiply(rate, seconds, out=reach, where=np.isfinite(rate))
         within: Array = np.clip(wanted, before - reach, before + reach)

@@ -7,31 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array, matrix, semidefinite, solve
+from kalman_ros.core import Array, matrix, semidefinite
 from kalman_ros.linear import riccati
-from kalman_ros.linear.kernels import joseph, sandwich
+from kalman_ros.linear.periodic import Readings, updated
 from kalman_ros.linear.structure import ComplexArray
-
-
-@dataclass(frozen=True)
-class Readings:
-    """What is read at one step: the stacked C (k, n) and the covariance R (k, k); k may be 0."""
-
-    C: Array
-    R: Array
-
-
-def corrected(P: Array, readings: Readings) -> tuple[Array, Array]:
-    """Return the gain L (n, k) of readings, and the error covariance after them (n, n).
-
-    The covariance is in Joseph's form, a sum of two squares: P - L C P cancels where readings
-    are good, and loses its sign where they are very good.
-    """
-    C, R = readings.C, readings.R
-    if not R.size:
-        return np.zeros((len(P), 0)), P
-    L = solve(sandwich(C, P, R), C @ P).T
-    return L, joseph(L, C, P, R)
 
 
 @dataclass(frozen=True)
@@ -70,7 +49,7 @@ def lqe(A: Array, C: Array, W: Array, V: Array, cross: Array | None = None) -> L
     W, V
         Spectral densities of w (n, n) and of v (k, k).
     cross
-        Their cross density N = E[w v'] (n, k); None means that they are independent.
+        Their cross density N = E[w v'] (n, k); None means independent.
 
     Raises
     ------
@@ -92,7 +71,7 @@ def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> 
 
     With S = C P C' + R they are L = P C' S^-1 and L_p = (F P C' + N) S^-1 (Anderson and Moore,
     Optimal Filtering, 1979, section 5.4). L_p = F L where the noises are independent; otherwise
-    a reading also tells of the noise that moves the state next.
+    a reading also contains part of the noise that moves the state next.
 
     Parameters
     ----------
@@ -102,7 +81,7 @@ def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> 
         Covariances of w (n, n) and of v (k, k).
     cross
         The covariance N = E[w v'] (n, k) of a reading's noise with that of the step after it;
-        None means that they are independent.
+        None means independent.
 
     Raises
     ------
@@ -115,7 +94,7 @@ def dlqe(F: Array, C: Array, Q: Array, R: Array, cross: Array | None = None) -> 
     """
     N = _cross(Q, R, cross)
     found = riccati.discrete(F.T, C.T, Q, R, N, riccati.ESTIMATION)
-    L, after = corrected(found.S, Readings(C, R))
+    L, after = updated(found.S, Readings(C, R))
     return LqeDesign(L, found.K.T, after, found.S, found.poles)
 
 

@@ -36,7 +36,7 @@ class LqrDesign:
     gain
         K (m, n).
     cost_to_go
-        S (n, n): from x on, the least cost is x'S x.
+        S (n, n): the least cost from x on is x'S x.
     poles
         Eigenvalues of the closed loop (n,): of A - B K, or of F - G K when sampled.
     """

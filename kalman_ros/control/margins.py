@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How wrong a model may be before its loop is unstable: gain, phase, delay and disk margins.
 
-A loop L is one around which u = -L u closes. Of a state feedback it is K (s I - A)^-1 B, of a
-`compensator` H and a plant P it is ``H @ P``, broken at the input of the plant. All margins
-are of a closed loop that is stable; the open one need not be.
+A loop L is closed by u = -L u. For a state feedback it is K (s I - A)^-1 B, for a
+`compensator` H and a plant P it is ``H @ P``, broken at the input of the plant. Margins
+require a stable closed loop; the open one need not be stable.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from .state_space import StateSpace
 
 #: The peak of a response is found to this, relative to it.
 _PEAK = 1e-9
-#: A loop that crosses the real axis this close to 0, or as far away, does so by rounding.
+#: A loop that crosses the real axis this close to 0, or this far away, does so by rounding.
 _TINY = 1e-10
 
 
 @dataclass(frozen=True)
 class Margin:
-    """A change that brings the loop to the brink, and where it then oscillates.
+    """A change that brings the loop to the stability boundary, and its frequency there.
 
     Parameters
     ----------
     value
-        The change, in the unit of its kind.
+        The change, in its unit.
     frequency
-        In rad/s; NaN if no such change does.
+        In rad/s; NaN if there is no such change.
     """
 
     value: float
@@ -44,7 +44,7 @@ class Margin:
 
 @dataclass(frozen=True)
 class DiskMargin:
-    """How large a change of gain and phase together may be (Seiler, Packard and Gahinet, 2020).
+    """The largest simultaneous change of gain and phase (Seiler, Packard and Gahinet, 2020).
 
     The loop stays stable under every factor (1 + d/2) / (1 - d/2), |d| < alpha, which may be
     complex and vary with frequency: the symmetric margin, of S - T.
@@ -52,10 +52,10 @@ class DiskMargin:
     Parameters
     ----------
     alpha
-        0 to 2. At 2 every factor with a positive real part is safe; some loops, as a gain alone,
-        could bear more, of which nothing is said.
+        0 to 2. At 2 every factor with a positive real part is safe; larger changes, which some
+        loops tolerate, are not measured.
     frequency
-        Where it is worst, in rad/s.
+        The worst frequency, in rad/s.
     """
 
     alpha: float
@@ -63,7 +63,7 @@ class DiskMargin:
 
     @classmethod
     def of_peak(cls, peak: float, frequency: float) -> DiskMargin:
-        """Return the margin of a loop whose S - T has this peak."""
+        """Return the margin of a loop with this peak of S - T."""
         return cls(2.0 / max(peak, 1.0), frequency)
 
     @property
@@ -78,28 +78,28 @@ class DiskMargin:
 
     @property
     def phase(self) -> float:
-        """Every phase of less, ahead or behind, is safe: radians."""
+        """Every smaller phase change in radians, lead or lag, is safe."""
         return 2.0 * atan(0.5 * self.alpha)
 
 
 @dataclass(frozen=True)
 class Margins:
-    """What the loop can bear of one change at a time.
+    """The changes that the loop tolerates, one at a time.
 
     Parameters
     ----------
     lower_gain, upper_gain
         Factors of the gain between which it is stable; 0 and inf without bounds.
     lead, lag
-        Phases in radians, up to half a turn, that can be added, and lost, at all frequencies
-        alike; inf if all can. The lag is what is often called the phase margin.
+        Phases in radians, up to half a turn, that can be added, or lost, at all
+        frequencies; inf without a bound. The lag is the usual phase margin.
     delay
         Seconds of delay beyond the loop's own. In a sampled loop a delay that is no whole number
-        of samples also changes the gain (see `sampled_plant`), which is left out here.
+        of samples also changes the gain (see `sampled_plant`), which is ignored here.
     disk
         Of gain and phase together.
     distance
-        The least distance of L from -1, min|1 + L|, and where it is that near: one over the peak
+        The least distance of L from -1, min|1 + L|, and where: one over the peak
         of the sensitivity. At most 1 for a loop with more poles than zeros.
     """
 
@@ -119,13 +119,15 @@ class Margins:
             f'disk {self.disk.alpha:.3g}, min|1 + L| {self.distance.value:.3g}'
         )
 
+    __repr__ = __str__  # what a notebook shows
+
 
 def margins(loop: StateSpace) -> Margins:
     """Return the margins of a scalar loop (1, 1), continuous or sampled.
 
-    The loop is stable without a change, which is checked, and a change that grows can end that
-    only where 1 + L with it is 0 on the boundary. So the first such change is the margin,
-    however many poles of the open loop are unstable.
+    The unchanged loop must be stable, which is checked. A growing change can destabilise it only
+    where 1 + L with it is 0 on the boundary, so the first such change is the margin, whatever the
+    number of unstable open-loop poles.
 
     Raises
     ------
@@ -157,7 +159,7 @@ def margins(loop: StateSpace) -> Margins:
 def loop_at_a_time(loop: StateSpace) -> tuple[Margins, ...]:
     """Return the margins of each input of a loop (m, m) while all others are closed as designed.
 
-    Small changes of several inputs at once may do what each alone does not: see
+    Small simultaneous changes of several inputs may destabilise what each alone does not: see
     `simultaneous.simultaneous_disk`.
 
     Raises
@@ -190,7 +192,7 @@ def _value(margin: Margin) -> float:
 
 
 def _phases(loop: StateSpace, dt: float | None) -> tuple[Margin, Margin, Margin]:
-    """Return lead, lag and delay: what turns L(jw) with |L| = 1 onto -1."""
+    """Return lead, lag and delay: the changes that turn L(jw) with |L| = 1 to -1."""
     turns = {
         frequency(w, dt): float(np.angle(-_at(loop, w))) for w in level_crossings(loop).tolist()
     }
@@ -198,7 +200,7 @@ def _phases(loop: StateSpace, dt: float | None) -> tuple[Margin, Margin, Margin]
     lag = _least({w: turn for w, turn in turns.items() if turn > 0.0})
     delay = _least({w: turn % (2.0 * pi) / w for w, turn in turns.items()})
     if dt is None and abs(loop.D[0, 0]) >= 1.0:
-        delay = Margin(0.0, inf)  # at high frequencies any delay turns L all the way round
+        delay = Margin(0.0, inf)  # at high frequencies any delay turns L full circle
     return lead, lag, delay
 
 
@@ -208,7 +210,7 @@ def _least(found: dict[float, float]) -> Margin:
 
 
 def _peak(M: StateSpace) -> tuple[float, float]:
-    """Return max|M| of a stable scalar system, and where, as Bruinsma and Steinbuch find it."""
+    """Return max|M| of a stable scalar system, and where, by Bruinsma and Steinbuch."""
 
     def size(w: float) -> float:
         return abs(complex((M.D if w == inf else M.at(1j * w))[0, 0]))
@@ -217,7 +219,7 @@ def _peak(M: StateSpace) -> tuple[float, float]:
     at = max([0.0, inf, *np.abs(poles).tolist(), *np.abs(poles.imag).tolist()], key=size)
     while size(at) > 0.0:
         higher = level_crossings(M, size(at) * (1.0 + _PEAK)).tolist()
-        # what is higher lies between two crossings, below the first or above the last
+        # higher values lie between two crossings, below the first or above the last
         ends = [w for end in higher[:1] for w in (0.5 * end, *higher, 2.0 * higher[-1])]
         best = max((sqrt(a * b) for a, b in pairwise(ends)), key=size, default=at)
         if size(best) <= size(at) * (1.0 + _PEAK):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a loop costs in steady state, with any linear controller, optimal or not."""
+"""The steady-state cost of a loop with any linear controller, optimal or not."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def stationary_cost(
 ) -> float:
     """Return the mean of x'Q x + 2 x'N u + u'R u: per second, or per sample when sampled.
 
-    The covariance of plant and controller, driven by the noises, is that of the Lyapunov
+    The covariance of plant and controller, driven by the noises, solves the Lyapunov
     equation (Anderson and Moore, Optimal Control, 1990, section 8.2).
 
     Parameters

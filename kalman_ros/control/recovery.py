@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loop transfer recovery: an estimator that gives the loop of a regulator back its margins.
+"""Loop transfer recovery: an estimator that restores the margins of the regulator.
 
-With noise that seems to enter at the plant's input, W + q^2 B V B', the estimator grows fast in
-just those directions in which the input acts, and the LQG loop H P tends to the regulator's
+With fictitious noise at the plant's input, W + q^2 B V B', the estimator grows fast in
+the directions in which the input acts, and the LQG loop H P tends to the regulator's
 K (s I - A)^-1 B as q grows: at every frequency if no zero of the plant is in the right half
 plane, else as far as the zeros allow. It costs noise at the input (Doyle and Stein, IEEE Trans.
 Automatic Control 24(4), 1979; Anderson and Moore, Optimal Control, 1990, section 8.4).
@@ -24,7 +24,7 @@ from .state_space import StateSpace, static
 
 @dataclass(frozen=True)
 class Recovery:
-    """One design on the way.
+    """One design of the sequence.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Recovery:
     estimator
         The estimator for that noise.
     controller
-        The `compensator` H with it; in samples the one that answers the current reading.
+        The `compensator` H with it; sampled, the one that uses the current reading.
     loop
         L = H P, broken at the plant's input (m, m).
     target
@@ -68,13 +68,13 @@ def recover(
     plant
         dx/dt = A x + B u, y = C x, or the same in samples.
     regulator_gain
-        K (m, n), of a loop with the margins that one wants.
+        K (m, n), of a loop with the wanted margins.
     noises
         W (n, n) and that of the readings (k, k): densities, or covariances when sampled.
     strengths
-        The q, in growing order.
+        The q, ascending.
     input_noise
-        V (m, m) of the noise that seems to enter at the input; None means the identity.
+        V (m, m) of the fictitious noise at the input; None means the identity.
 
     Raises
     ------

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The LQG loop as theory sees it: regulator and estimator, designed apart, put together.
+"""The LQG loop in theory: regulator and estimator, designed separately, in one loop.
 
 The state x and the estimation error e of a sampled loop with u = -K x_hat obey
 
     x' = (F - G K) x + G K e + w
     e' = (I - L C) (F e + w) - L v
 
-so the error does not know the regulator, and the poles of the loop are those of F - G K and of
-the error. A regulator may have a state q of its own, an integral for example, which is known.
-Sensors may have different rates: C, L and the covariance of v then repeat with a period of some
+so the error is independent of the regulator, and the poles of the loop are those of F - G K and of
+the error. A regulator may have a state q, an integral for example, which is known.
+Sensors may have different rates: C, L and the covariance of v then repeat with a period of several
 steps, and so do all statistics.
 """
 
@@ -21,25 +21,20 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from kalman_ros.core import Array, DesignError, Transition, symmetric
+from kalman_ros.core import Array, Transition, symmetric
+from kalman_ros.linear.periodic import PeriodicFilter, Phase, Readings, periodic_filter
 from kalman_ros.linear.structure import ComplexArray, eigenvalues
 
-from .lqe import Readings, corrected
 from .lqr import Cost
 from .state_space import StateSpace
 
-#: So many periods without convergence mean that the error covariance grows without bound.
-_MOST_PERIODS = 100_000
-_UNBOUNDED = 1e100
-#: The error covariance has settled when a period changes it by less, relative to its size.
-_SETTLED = 1e-12
-#: An eigenvalue of a correlation this small is zero but for rounding.
+#: An eigenvalue of a correlation this small is zero except for rounding.
 _KNOWN = 1e-15
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """The mean of an average along a run, and the standard deviation that it has over runs."""
+    """The mean of an average over a run, and its standard deviation over runs."""
 
     mean: float
     std: float
@@ -54,10 +49,10 @@ class LqgLoop:
     step
         One sample of the plant.
     schedule
-        What is read at each step of a period.
+        The readings at each step of a period.
     regulator
         From the state x_hat (n) to -u (m), sampled: a gain K as a `static` system, or one with
-        a state q (r) of its own.
+        a state q (r).
     """
 
     step: Transition
@@ -71,41 +66,24 @@ class LqgLoop:
 
     @cached_property
     def answer(self) -> Array:
-        """The matrix (m, n + r + n) that takes (x, q, e) to u."""
+        """The matrix (m, n + r + n) from (x, q, e) to u."""
         K = self.regulator.D
         return np.hstack((-K, -self.regulator.C, K))
 
     @cached_property
-    def _filter(self) -> tuple[Array, Array, list[Array]]:
-        """Covariances before and after the readings (p, n, n), and gains, of each phase."""
+    def _filter(self) -> PeriodicFilter:
         F, Q = self.step.F, self.step.Q
-        after = np.eye(len(F)) * max(1.0, float(np.trace(Q)))
-        p = len(self.schedule)
-        prior, posterior = np.zeros((p, *F.shape)), np.zeros((p, *F.shape))
-        gains: list[Array] = [np.zeros((len(F), len(readings.C))) for readings in self.schedule]
-        for _ in range(_MOST_PERIODS):
-            start = after
-            for phase, readings in enumerate(self.schedule):
-                P = symmetric(F @ after @ F.T + Q)
-                gains[phase], after = corrected(P, readings)
-                prior[phase], posterior[phase] = P, after
-            std = np.sqrt(after.diagonal())
-            # relative to the deviations: a covariance near zero is rounding and never settles
-            if np.all(np.abs(after - start) <= _SETTLED * np.outer(std, std)):
-                return prior, posterior, gains
-            if np.trace(after) > _UNBOUNDED:
-                break
-        raise DesignError('the error covariance has no steady state with these sensors')
+        return periodic_filter([Phase(F, Q, readings) for readings in self.schedule])
 
     @property
     def posterior(self) -> Array:
         """The error covariance after the readings of each phase (p, n, n)."""
-        return self._filter[1]
+        return self._filter.posterior
 
     @property
     def estimator_gains(self) -> list[Array]:
         """L (n, k) of each phase: x_hat += L (y - C x_hat)."""
-        return self._filter[2]
+        return self._filter.gains
 
     @property
     def regulator_poles(self) -> ComplexArray:
@@ -114,12 +92,12 @@ class LqgLoop:
 
     @property
     def closed_matrix(self) -> Array:
-        """The matrix that takes (x, q) to the next one when the state is known: F - G K."""
+        """The matrix from (x, q) to the next one when the state is known: F - G K."""
         return np.asarray(self.regulator_matrix[:, : self.size])
 
     @property
     def regulator_matrix(self) -> Array:
-        """The matrix that takes (x, q, e) to the next (x, q): [F - G K, G K] without a q."""
+        """The matrix from (x, q, e) to the next (x, q): [F - G K, G K] without a q."""
         F, n = self.step.F, len(self.step.F)
         A, B = self.regulator.A, self.regulator.B
         driven = np.vstack((self.step.G @ self.answer, np.zeros((len(A), self.size + n))))
@@ -127,7 +105,7 @@ class LqgLoop:
 
     @property
     def error_matrix(self) -> Array:
-        """The matrix (n, n) that takes the error over one period, to the last of its phases."""
+        """The matrix (n, n) of the error over one period, to the last phase."""
         over = np.eye(len(self.step.F))
         for transition in self._transitions:
             over = transition[self.size :, self.size :] @ over
@@ -146,20 +124,20 @@ class LqgLoop:
 
     @cached_property
     def _transitions(self) -> Array:
-        """Of each phase, the matrix that takes (x, q, e) into it."""
+        """The matrix of (x, q, e) into each phase."""
         F, n, r = self.step.F, len(self.step.F), self.size
         result = np.zeros((len(self.schedule), r + n, r + n))
-        for phase, (readings, L) in enumerate(zip(self.schedule, self._filter[2])):
+        for phase, (readings, L) in enumerate(zip(self.schedule, self._filter.gains)):
             result[phase, :r] = self.regulator_matrix
             result[phase, r:, r:] = (np.eye(n) - L @ readings.C) @ F
         return result
 
     @cached_property
     def _noises(self) -> Array:
-        """Of each phase, the covariance that the noises of its step add to (x, q, e)."""
+        """The covariance that the noises of a step add to (x, q, e), by phase."""
         n, r = len(self.step.F), self.size
         result = np.zeros((len(self.schedule), r + n, r + n))
-        for phase, (readings, L) in enumerate(zip(self.schedule, self._filter[2])):
+        for phase, (readings, L) in enumerate(zip(self.schedule, self._filter.gains)):
             through = np.vstack((np.eye(r, n), np.eye(n) - L @ readings.C))
             result[phase] = through @ self.step.Q @ through.T
             result[phase, r:, r:] += L @ readings.R @ L.T
@@ -180,7 +158,7 @@ class LqgLoop:
         return result
 
     def average(self, weights: Array, steps: int) -> list[Expectation]:
-        """Return what to expect of averages of quadratic forms over ``steps`` steady steps.
+        """Return the expected averages of quadratic forms over ``steps`` steady steps.
 
         Parameters
         ----------
@@ -234,7 +212,7 @@ class LqgLoop:
     def nees_weight(self) -> Array:
         """The M of e'P^-1 e, for `average`."""
         M, r = self._zero_weight(), self.size
-        # what is known exactly has no error to normalise; a pseudo-inverse leaves it out
+        # an exactly known coordinate has no error to normalise; the pseudo-inverse omits it
         std = np.sqrt(self.posterior.diagonal(axis1=1, axis2=2))
         unit = np.divide(1.0, std, out=np.zeros_like(std), where=std > 0.0)
         units = unit[:, :, np.newaxis] * unit[:, np.newaxis, :]
@@ -253,13 +231,13 @@ class LqgLoop:
         return np.tile(stacked.T @ cost.weight @ stacked, (len(self.schedule), 1, 1))
 
     def mean_cost(self, cost: Cost) -> float:
-        """Return the mean cost of a sample; of the best regulator it is `optimal_cost`."""
+        """Return the mean cost of a sample; for the optimal regulator `optimal_cost`."""
         period = len(self.schedule)
         return self.average(self.cost_weight(cost)[np.newaxis], period)[0].mean
 
 
 def _count(steps: int, period: int) -> Array:
-    """Return how many of the first ``steps`` steps are at each phase of a period (p,)."""
+    """Return the number of the first ``steps`` steps at each phase of a period (p,)."""
     return np.asarray((steps - np.arange(period) + period - 1) // period, dtype=float)
 
 
@@ -268,8 +246,7 @@ def optimal_cost(step: Transition, gain: Array, S: Array, cost: Cost, errors: Ar
 
     ``errors`` (p, n, n) are the error covariances of the estimate that is fed back, averaged
     over the period (Anderson and Moore, 1990, section 8.2, in sampled time). The first term is
-    what the process noise costs when the state is known; the second is the price of not knowing
-    it.
+    the cost of process noise with a known state; the second is the cost of estimation.
     """
     G, K = step.G, gain
     price = K.T @ (cost.input + G.T @ S @ G) @ K

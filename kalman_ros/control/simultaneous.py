@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Margins of several loops at once: each input has a change of gain and phase of its own.
+"""Margins of several loops at once: each input changes its gain and phase independently.
 
-Loops that are each robust while the others keep still may not be together: a satellite with any
-gain margin and 90 degrees of phase in each of its two loops is unstable after changes of a tenth
-of opposite sign in both (Zhou, Doyle and Glover, Robust and Optimal Control, 1996, section 9.6;
-Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, section 3.7.1).
+Loops that are each robust alone may not be robust together: a satellite with infinite gain
+margin and 90 degrees of phase in each of its two loops becomes unstable when both change by a
+tenth in opposite directions (Zhou, Doyle and Glover, Robust and Optimal Control, 1996, section
+9.6; Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, section 3.7.1).
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from .crossings import balanced, continuous, frequency, singular_crossings
 from .margins import DiskMargin
 from .state_space import StateSpace
 
-#: The peak over all frequencies is found to this, relative to it.
+#: The relative accuracy of the peak over all frequencies.
 _PEAK = 1e-6
-#: Intervals of frequency without a bound after which the search stops: never seen.
+#: The most intervals of frequency to search; never reached.
 _MOST_INTERVALS = 2000
-#: Orders of the norms by which scalings are sought, smooth ones first.
+#: Orders of the norms used to find scalings, smooth ones first.
 _ORDERS = (4, 32, 256, 2048)
 
 
 def simultaneous_disk(loop: StateSpace) -> DiskMargin:
-    """Return how large a change all inputs of a loop L (m, m) may have at once.
+    """Return the largest change that all inputs of a loop L (m, m) tolerate at once.
 
-    The loop stays stable while each input is multiplied by a factor (1 + d/2) / (1 - d/2) of its
-    own, |d| < alpha, so alpha = 2 / max mu(S - T), with mu the structured singular value for
+    The loop stays stable while each input is multiplied by its own factor (1 + d/2) / (1 - d/2),
+    |d| < alpha, so alpha = 2 / max mu(S - T), with mu the structured singular value for
     diagonal complex changes. For one input it is the disk margin of `margins`. It is the bound
     of `structured_bound`, hence exact for up to three inputs, and on the safe side for more.
 
@@ -75,7 +75,7 @@ def _osborne(size: Array) -> Array:
     """Return log d (m,) for the least Frobenius norm (E. Osborne, J. ACM 7(4), 1960)."""
     squares = size**2
     np.fill_diagonal(squares, 0.0)
-    # what does not couple needs no scaling, but then the least norm is only approached
+    # uncoupled inputs need no scaling, but then the least norm is only approached
     squares = squares + 1e-24 * float(squares.max(initial=0.0))
     d = np.ones(len(size))
     for _ in range(200):
@@ -94,7 +94,7 @@ def _refined(M: ComplexArray, x: Array) -> Array:
 
     The largest singular value itself has kinks, most of all where it is least.
     """
-    from scipy.optimize import minimize  # slow to import
+    from scipy.optimize import minimize  # slow import
 
     def norm(free: Array, order: int) -> tuple[float, Array]:
         logs = np.concatenate(([0.0], free))
@@ -116,8 +116,8 @@ def _refined(M: ComplexArray, x: Array) -> Array:
 def structured_peak(system: StateSpace) -> tuple[float, float]:
     """Return the largest `structured_bound` of a stable system (m, m), and where, in rad/s.
 
-    No grid is searched. With the scaling of one frequency the norm is below the level of the
-    peak in a whole interval around it, whose ends are eigenvalues; what no interval covers is
+    No grid is searched. With the scaling at one frequency the norm is below the level of the
+    peak in a whole interval around it, whose ends are eigenvalues; the gaps between intervals are
     searched in turn (C. Lawrence, A. Tits and P. Van Dooren, A fast algorithm for the
     computation of an upper bound on the mu-norm, Automatica 36(3), 2000).
     """
@@ -185,7 +185,7 @@ def _covered(M: StateSpace, w: float, level: float) -> tuple[float, float]:
         middle = _inside(ends[k], ends[k + 1])
         return bool(np.linalg.norm(_at(M, middle), 2) < level)
 
-    # a crossing may be one of rounding, which is passed over
+    # skip a crossing due to rounding
     while low > 0 and below(low - 1):
         low -= 1
     while high + 2 < len(ends) and below(high + 1):
@@ -194,7 +194,7 @@ def _covered(M: StateSpace, w: float, level: float) -> tuple[float, float]:
 
 
 def _without(gap: tuple[float, float], ends: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return what is left of a gap; what is shorter than the peak is sharp is covered, too."""
+    """Return the rest of a gap; parts shorter than the accuracy of the peak are covered, too."""
     low, high = gap
     pieces = [(low, min(high, ends[0])), (max(low, ends[1]), high)]
     if ends[0] == ends[1]:

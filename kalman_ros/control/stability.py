@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The modes of a system: what decays, what stays and what grows, and how fast."""
+"""The modes of a system: which decay, stay or grow, and how fast."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from kalman_ros.core import Array
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
 
-#: A matrix that is changed by this, relative to its norm, is the same but for rounding.
+#: Matrices that differ by this, relative to their norm, are equal up to rounding.
 _ROUNDING = 1e-13
 #: Left and right null vectors closer than this to a right angle belong to a Jordan block. Two
 #: eigenvalues that rounding cannot tell apart, d from each other, have d^2 / 4 = _ROUNDING.
@@ -30,8 +30,8 @@ class Mode:
     pole
         s in 1/s, with Im s >= 0; of a sampled mode z it is log(z) / dt.
     fate
-        ``'decays'``, ``'stays'`` (for ever, within bounds) or ``'grows'``, be it only as fast
-        as time itself, as the position of a body does on which nothing acts.
+        ``'decays'``, ``'stays'`` (bounded for ever) or ``'grows'``, even if only linearly in
+        time, as the position of a free body does.
     """
 
     pole: complex
@@ -102,10 +102,10 @@ def modes(A: Array, dt: float | None = None) -> tuple[Mode, ...]:
 
 
 def _boundary_point(A: Array, eigenvalue: complex, *, sampled: bool) -> complex | None:
-    """Return the point of the stability boundary that ``eigenvalue`` is at but for rounding.
+    """Return the point of the stability boundary that equals ``eigenvalue`` up to rounding.
 
-    It is if a change of A within rounding has an eigenvalue there and on the way there, too:
-    otherwise that would be another eigenvalue's.
+    That is so if a change of A within rounding has an eigenvalue there and on the way there;
+    otherwise the point belongs to another eigenvalue.
     """
     if sampled:
         nearest = eigenvalue / abs(eigenvalue) if eigenvalue else 1.0
@@ -129,7 +129,7 @@ def _shifted(A: Array, s: complex) -> tuple[ComplexArray, Array, ComplexArray]:
 
 
 def _is_semisimple(A: Array, s: complex) -> bool:
-    """Tell whether eigenvalue s has no Jordan block: its left and right null spaces pair up."""
+    """Return whether eigenvalue s has no Jordan block: its left and right null spaces pair up."""
     U, sizes, Vh = _shifted(A, s)
     size = int(np.sum(sizes <= _ROUNDING * np.linalg.norm(A, 2)))
     pairing = Vh[-size:] @ U[:, -size:]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plants, controllers and loops as systems with inputs and outputs, joined like in a diagram."""
+"""Plants, controllers and loops as systems with inputs and outputs, connected as in a diagram."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kalman_ros.linear.structure import ComplexArray, eigenvalues, is_stable
 class StateSpace:
     """dx/dt = A x + B u, y = C x + D u; with ``dt``, the next x in place of dx/dt.
 
-    `state_space` builds one from anything like arrays, and checks it.
+    `state_space` builds and checks one from arrays or lists.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class StateSpace:
 
     @property
     def sampled(self) -> bool:
-        """Whether time goes in samples."""
+        """Whether time is discrete."""
         return self.dt is not None
 
     @property
@@ -88,7 +88,7 @@ class StateSpace:
         return StateSpace(self.A - B @ self.C, B, E @ self.C, E @ self.D, self.dt)
 
     def channel(self, index: int) -> StateSpace:
-        """Return what this loop L (m, m) is to input ``index`` while all other loops are closed.
+        """Return the loop seen by input ``index`` of L (m, m) while all others are closed.
 
         Raises
         ------
@@ -113,7 +113,7 @@ class StateSpace:
 
 
 def static(D: Array, dt: float | None = None) -> StateSpace:
-    """Return the system y = D u (p, m), which has no state."""
+    """Return the system y = D u (p, m), without a state."""
     p, m = D.shape
     return StateSpace(np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0)), D, dt)
 
@@ -125,7 +125,7 @@ def state_space(
     D: ArrayLike | None = None,
     dt: float | None = None,
 ) -> StateSpace:
-    """Return a checked system; without ``D`` nothing goes straight from input to output.
+    """Return a checked system; without ``D`` there is no direct path.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference tracking: the equilibrium of a reference, to which the regulator then regulates.
+"""Reference tracking: the equilibrium of a reference, which the regulator then holds.
 
 With (x_e, u_e) at rest, A x_e + B u_e = 0, the law u = u_e - K (x - x_e) has the loop of the
-regulator about x_e (Anderson and Moore, Optimal Control, 1990, section 4.4). At rest a system
-is at rest whatever the sampling, so the same equilibrium serves a sampled loop.
+regulator about x_e (Anderson and Moore, Optimal Control, 1990, section 4.4). Rest does not
+depend on sampling, so a sampled loop has the same equilibrium.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class FeedForward:
     Parameters
     ----------
     coordinates
-        The names of the states that r is of; the others are where they must be.
+        The states that r sets; the others follow.
     state_gain, input_gain
         x_e = state_gain r (n, k), u_e = input_gain r (m, k).
     selected
-        Which numbers of x the coordinates are (k,).
+        The indices of the coordinates in x (k,).
     """
 
     coordinates: tuple[str, ...]
@@ -51,8 +51,8 @@ class FeedForward:
     def nearest(self, reference: ArrayLike) -> Equilibrium:
         """Return the equilibrium with the least sum of squared differences from a reference.
 
-        If several are as near, it is the one with the least state and input, where a unit of
-        input counts as much as it moves beside the state: by norms of B and A.
+        If several are equally near, it is the one with the least state and input, where a unit of
+        input is scaled by the norms of B and A.
 
         Raises
         ------
@@ -97,7 +97,7 @@ def feed_forward(system: LinearSystem, coordinates: Sequence[str] | None = None)
     names = system.state.names if coordinates is None else tuple(coordinates)
     selected = system.state.indices(names, 'coordinates')
     n = len(system.A)
-    # without the scale a stiff spring makes every x_e tiny beside its u_e, as small as rounding
+    # without the scale a stiff spring makes every x_e tiny beside its u_e, lost in rounding
     scale = (np.linalg.norm(system.A) or 1.0) / (np.linalg.norm(system.B) or 1.0)
     _, sizes, Vh = np.linalg.svd(np.hstack((system.A, system.B * scale)))
     rank = int(np.sum(sizes > _RANK_TOLERANCE * sizes[0]))
@@ -110,8 +110,7 @@ def feed_forward(system: LinearSystem, coordinates: Sequence[str] | None = None)
 def holdable(system: LinearSystem) -> list[str]:
     """Return the states that steady inputs hold at a reference, all at once, in order.
 
-    Of states that depend on each other at rest, and of more than there are inputs, the first
-    are taken.
+    Of states that depend on each other at rest, or outnumber the inputs, the first are taken.
     """
     found: list[str] = []
     for name in system.state.names:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The types that everything else is written in."""
+"""The basic types: spaces, beliefs, models, sensors and options."""
 
-from kalman_ros.linear.arrays import (
+from kalman_ros.linear.discretize import Discretization, van_loan, zero_order_hold
+from kalman_ros.linear.errors import DesignError
+from kalman_ros.linear.matrices import (
     Array,
     ArrayLike,
     identity,
@@ -14,23 +16,21 @@ from kalman_ros.linear.arrays import (
     variances,
     vector,
 )
-from kalman_ros.linear.discretize import Discretization, van_loan, zero_order_hold
-from kalman_ros.linear.errors import DesignError
 
 from .discrete_model import DiscreteLinearSystem, DiscreteModel
 from .gaussian import Gaussian, unchecked
 from .linear_system import LinearSystem, linearize
-from .model import Model, OperatingPoint, Transition, numerical_jacobian
-from .options import (
-    About,
-    Option,
-    Value,
-    build_with,
-    options_of,
-    refuse_unknown,
+from .model import (
+    LinearizedStep,
+    Model,
+    OperatingPoint,
+    Transition,
+    from_coordinates,
+    numerical_jacobian,
 )
+from .named_options import About, Option, Value, brief, build_with, options_of, refuse_unknown
 from .registry import find
-from .sensor import Sensor
+from .sensor import Hypotheses, Sensor
 from .space import Space
 from .system import SensorSetup, Signal, System
 from .timing import TimedSensor, is_due, period, ratio
@@ -44,7 +44,9 @@ __all__ = [
     'DiscreteModel',
     'Discretization',
     'Gaussian',
+    'Hypotheses',
     'LinearSystem',
+    'LinearizedStep',
     'Model',
     'OperatingPoint',
     'Option',
@@ -56,8 +58,10 @@ __all__ = [
     'TimedSensor',
     'Transition',
     'Value',
+    'brief',
     'build_with',
     'find',
+    'from_coordinates',
     'identity',
     'is_due',
     'is_finite',

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Models that are given in sampled time: x' = f(x, u) + w, once every period."""
+"""Models in discrete time: x' = f(x, u) + w, once every period."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from kalman_ros.linear.arrays import Array, ArrayLike, matrix, semidefinite, symmetric
+from kalman_ros.linear.matrices import Array, ArrayLike, matrix, semidefinite, symmetric
 
 from .model import Model, Transition, like, numerical_jacobian
 from .space import Space
 
-#: A step may differ from a whole number of periods by this share of one; stamps are rounded.
+#: A step may differ from a whole number of periods by this fraction of one; stamps are rounded.
 _TOLERANCE = 1e-3
 _MOST_PERIODS = 100_000
 
@@ -21,9 +21,9 @@ _MOST_PERIODS = 100_000
 class DiscreteModel(Model):
     """A system x' = next(x, u) + w with w ~ N(0, noise(x)), one step every ``period`` seconds.
 
-    A subclass sets ``state`` and ``input``, and ``period`` unless that is 1 s, and writes `next`
-    and `noise`. It has no derivative; a step of several periods is taken one by one. Arrays may
-    have any leading axes, as those of `Model`.
+    A subclass sets ``state`` and ``input``, and ``period`` unless that is 1 s, and defines `next`
+    and `noise`. There is no derivative. A longer step repeats `next`. Arrays may
+    have any leading axes, as in `Model`.
     """
 
     #: Seconds from one step to the next.
@@ -51,7 +51,7 @@ class DiscreteModel(Model):
         raise ValueError(f'model: {type(self).__name__} is in discrete time, without a derivative')
 
     def noise_density(self, x: Array) -> Array:
-        """Return the covariance of one period divided by its length."""
+        """Return the covariance of one period divided by the period."""
         return np.asarray(self.noise(x) / self.period)
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
@@ -72,12 +72,12 @@ class DiscreteModel(Model):
         return Transition(F, G, Q)
 
     def periods(self, dt: float) -> int:
-        """Return how many periods ``dt`` seconds are.
+        """Return the number of periods in ``dt`` seconds.
 
         Raises
         ------
         ValueError
-            If they are no whole number, negative, or more than 100 000.
+            If it is not a whole number, negative, or more than 100 000.
         """
         count = round(dt / self.period)
         if not 0 <= count <= _MOST_PERIODS or abs(dt / self.period - count) > _TOLERANCE:

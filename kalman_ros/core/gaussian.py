@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from kalman_ros.linear.arrays import Array, ArrayLike
+from kalman_ros.linear.matrices import Array, ArrayLike
 
 G = TypeVar('G', bound='Gaussian')
 
@@ -31,7 +31,7 @@ class Gaussian(_Moments):
     __slots__ = ()
 
     def __new__(cls: type[G], mean: ArrayLike, covariance: ArrayLike) -> G:
-        """Return the belief; lists are made into arrays."""
+        """Return the belief; lists become arrays."""
         x, P = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
         if x.ndim == 0:
             raise ValueError(f'mean: expected a vector, got the number {x}')
@@ -48,6 +48,6 @@ class Gaussian(_Moments):
         return np.sqrt(self.covariance.diagonal())
 
 
-#: For the inner loops of filters, whose sizes match by construction: the belief of a tuple of
-#: mean and covariance, not checked, in a third of the time.
+#: For the inner loops of filters, whose sizes match by construction: a belief from a tuple of
+#: mean and covariance, unchecked, in a third of the time.
 unchecked: Callable[[tuple[Array, Array]], Gaussian] = partial(tuple.__new__, Gaussian)

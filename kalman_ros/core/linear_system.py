@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from kalman_ros.linear.arrays import Array, ArrayLike, matrix, semidefinite
 from kalman_ros.linear.discretize import Discretization
+from kalman_ros.linear.matrices import Array, ArrayLike, matrix, semidefinite
 
 from .model import Model, Transition
 from .space import Space
 
-#: Steps of N different lengths are remembered; sampled loops use one or a few.
+#: This many step lengths are cached; sampled loops use one or a few.
 _REMEMBERED = 64
 
 
@@ -74,7 +74,7 @@ class LinearSystem(Model):
         return self.sampled(dt)
 
     def sampled(self, dt: float) -> Transition:
-        """Return the exact step of length ``dt``, remembered for the next call."""
+        """Return the exact step of length ``dt``, cached for the next call."""
         known = self._transitions.get(dt)
         if known is None:
             if len(self._transitions) >= _REMEMBERED:

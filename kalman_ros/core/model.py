@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a state moves: the one type that every plant, built in or a user's own, fulfils."""
+"""How a state moves: the type that every plant implements, built-in or user-defined."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, inf
 from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.linear.arrays import Array
-from kalman_ros.linear.discretize import Discretization
+from kalman_ros.linear.discretize import Discretization, noise_integral
+from kalman_ros.linear.matrices import Array
 
 from .space import Space
 
-#: The most steps of integration within one step of a model; a longer step is coarser.
+#: The most integration steps within one step of a model; a longer step is coarser.
 MOST_SUBSTEPS = 10_000
 
 
@@ -29,6 +30,14 @@ class Transition:
     Q: Array
 
 
+class LinearizedStep(NamedTuple):
+    """A step x' (..., n) with its linearisation: dx' = F dx + w, w ~ N(0, Q), both (..., n, n)."""
+
+    state: Array
+    F: Array
+    Q: Array
+
+
 class OperatingPoint(NamedTuple):
     """A state (n,) and an input (m,) about which a model is linearised."""
 
@@ -36,21 +45,74 @@ class OperatingPoint(NamedTuple):
     input: Array
 
 
+_PRECISION = float(np.finfo(float).eps)
+#: The step of differences, relative to the size of a coordinate: the cube root of the machine
+#: precision, where truncation and rounding balance (Press et al., Numerical Recipes, section 5.7).
+_DIFFERENCE = _PRECISION ** (1.0 / 3.0)
+#: That of the differences of a step, the fourth root. Their truncation is small, since a step is
+#: close to x, and their rounding is 1e-12, so that a batch, computed in another order, agrees.
+_DIFFERENCE_OF_STEPS = _PRECISION**0.25
+
+
+@lru_cache(maxsize=64)
+def _directions(n: int) -> Array:
+    """Return the points at which differences of n coordinates are taken (n, 2n + 1).
+
+    The first is the centre; then come those above and below it, in each coordinate.
+    """
+    return np.hstack((np.zeros((n, 1)), np.eye(n), -np.eye(n)))
+
+
+class Differences(NamedTuple):
+    """The points about ``x`` (..., n) from which central differences are taken.
+
+    The leading axes of ``x`` may be any; its coordinates come first in memory, so that each is
+    contiguous.
+
+    Parameters
+    ----------
+    points
+        Of which the first is ``x`` (2n + 1, ..., n).
+    step
+        The distance of the others (n, ...).
+    """
+
+    points: Array
+    step: Array
+
+    @staticmethod
+    def about(x: Array, share: float = _DIFFERENCE) -> Differences:
+        """Return the points about ``x``, at a ``share`` of the size of its coordinates."""
+        coordinates = np.moveaxis(x, -1, 0) if x.ndim > 1 else x
+        step = share * np.maximum(1.0, np.abs(coordinates))
+        n = len(step)
+        directions = _directions(n).reshape(n, 2 * n + 1, *(1,) * (step.ndim - 1))
+        points = coordinates[:, np.newaxis] + directions * step[:, np.newaxis]
+        return Differences(points.transpose((*range(1, points.ndim), 0)), step)
+
+    def jacobian(
+        self, values: Array, subtract: Callable[[Array, Array], Array] = np.subtract
+    ) -> Array:
+        """Return the derivative (..., k, n) of a function with ``values`` (2n + 1, ..., k)."""
+        n = len(self.step)
+        change = subtract(values[1 : n + 1], values[n + 1 :])
+        if change.ndim == 2:
+            return np.asarray((change / (2.0 * self.step[:, np.newaxis])).T)
+        by_coordinate = np.moveaxis(change, -1, 0) / (2.0 * self.step)
+        return np.moveaxis(by_coordinate, (0, 1), (-2, -1))
+
+
 def numerical_jacobian(
     function: Callable[[Array], Array],
     x: Array,
     subtract: Callable[[Array, Array], Array] = np.subtract,
 ) -> Array:
-    """Return d function / d x (k, n) at ``x`` (n,) by central differences.
+    """Return d function / d x (..., k, n) at ``x`` (..., n) by central differences, in one call.
 
-    ``function`` takes (..., n); ``subtract`` is that of its output's space. The step is the
-    cube root of the machine precision times the size of the coordinate, where truncation and
-    rounding balance (Press et al., Numerical Recipes, section 5.7).
+    ``function`` takes (..., n); ``subtract`` is the method of its output's space.
     """
-    step = np.cbrt(np.finfo(float).eps) * np.maximum(1.0, np.abs(x))
-    offsets = np.diag(step)
-    change = subtract(function(x + offsets), function(x - offsets))
-    return np.asarray((change / (2.0 * step[:, np.newaxis])).T)
+    differences = Differences.about(x)
+    return differences.jacobian(function(differences.points), subtract)
 
 
 def like(values: Array, points: Array) -> Array:
@@ -60,17 +122,26 @@ def like(values: Array, points: Array) -> Array:
     return np.broadcast_to(values, (*points.shape[:-1], values.shape[-1]))
 
 
+def from_coordinates(*values: Array) -> Array:
+    """Return the vectors (..., n) with these coordinates, each (...,).
+
+    Each coordinate is contiguous in memory, which is what a model computes with.
+    """
+    whole = np.array(values)
+    return whole if whole.ndim == 1 else np.moveaxis(whole, 0, -1)
+
+
 class Model(ABC):
     """A system dx/dt = derivative(x, u) + w, with w white noise.
 
-    A subclass sets ``state`` and ``input`` and writes `derivative` and `noise_density`; all else
+    A subclass sets ``state`` and ``input`` and defines `derivative` and `noise_density`; all else
     has a default. Arrays may have any leading axes: x (..., n), u (..., m).
     """
 
     state: Space
     input: Space
-    #: The longest step of the integrator, in seconds; `step` divides longer ones, into no more
-    #: than 10 000 parts, so that a stray stamp cannot keep it busy for ever.
+    #: The longest step of the integrator, in seconds; `step` divides longer ones, into at most
+    #: 10 000 parts, so that a wrong stamp cannot block it.
     max_step: float = inf
 
     @abstractmethod
@@ -90,7 +161,7 @@ class Model(ABC):
 
     @property
     def equilibrium(self) -> OperatingPoint:
-        """Where it rests, with no noise: derivative(x, u) = 0; the origin by default."""
+        """Where the model rests without noise: derivative(x, u) = 0; the origin by default."""
         return OperatingPoint(np.zeros(self.state.size), np.zeros(self.input.size))
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
@@ -104,21 +175,69 @@ class Model(ABC):
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise.
 
-        A negative ``dt`` goes back in time.
+        A negative ``dt`` integrates backwards.
         """
-        u = like(u, x)
+        return self.state.wrap(self._integrated(x, like(u, x), dt)[0])
+
+    def _integrated(self, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
+        """Return the state after ``dt`` seconds, not wrapped, and the derivative at ``x``."""
         substeps = max(1, ceil(min(abs(dt) / self.max_step, MOST_SUBSTEPS)))
         h = dt / substeps
-        for _ in range(substeps):
-            k1 = self.derivative(x, u)
+        first = k1 = self.derivative(x, u)
+        for left in range(substeps - 1, -1, -1):
             k2 = self.derivative(x + 0.5 * h * k1, u)
             k3 = self.derivative(x + 0.5 * h * k2, u)
             k4 = self.derivative(x + h * k3, u)
             x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        return self.state.wrap(x)
+            if left:
+                k1 = self.derivative(x, u)
+        return x, first
+
+    @property
+    def analytic(self) -> bool:
+        """Whether the class defines how it is linearised; that is numerical otherwise."""
+        kind = type(self)
+        own = kind.state_jacobian is not Model.state_jacobian
+        return own or kind.transition is not Model.transition
 
     def transition(self, x: Array, u: Array, dt: float) -> Transition:
-        """Return the step of length ``dt``, linearised about x (n,) and u (m,)."""
-        A = self.state_jacobian(x, u)
-        B = self.input_jacobian(x, u)
-        return Transition(*Discretization(A, B, self.noise_density(x))(dt))
+        """Return the step of length ``dt``, linearised about x (n,) and u (m,).
+
+        Where a model has no analytic Jacobian, F and G are the derivatives of `step`.
+        """
+        if self.analytic:
+            A, B = self.state_jacobian(x, u), self.input_jacobian(x, u)
+            return Transition(*Discretization(A, B, self.noise_density(x))(dt))
+        moved = self.linearized_step(x, u, dt)
+        G = numerical_jacobian(
+            lambda points: self.step(like(x, points), points, dt), u, self.state.subtract
+        )
+        return Transition(moved.F, G, moved.Q)
+
+    def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
+        """Return the state after a step from x (n,) with u (m,), with the step's F and Q."""
+        if self.analytic:
+            transition = self.transition(x, u, dt)
+            return LinearizedStep(self.step(x, u, dt), transition.F, transition.Q)
+        moved, F, A = self.differenced_step(x, u, dt)
+        return LinearizedStep(moved, F, noise_integral(A, self.noise_density(x), dt))
+
+    def differenced_step(self, x: Array, u: Array, dt: float) -> tuple[Array, Array, Array]:
+        """Return the state x' (..., n) after a step, F = d x' / d x and A, both (..., n, n).
+
+        One integration of the points about x (..., n) gives all three.
+        """
+        differences = Differences.about(x, _DIFFERENCE_OF_STEPS)
+        points = differences.points
+        if type(self).step is Model.step:
+            moved, slope = self._integrated(points, like(u, points), dt)
+        else:
+            moved, slope = self.step(points, u, dt), self.derivative(points, like(u, points))
+        F = differences.jacobian(moved, self.state.subtract)
+        return self.state.wrap(moved[0]), F, differences.jacobian(slope)
+
+    def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
+        """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
+        if self.analytic:
+            return self.transition(x, u, dt).Q
+        return noise_integral(self.state_jacobian(x, u), self.noise_density(x), dt)

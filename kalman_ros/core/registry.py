@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finding things by name: a file of a folder of ours, or ``package.module:Name`` of a user's."""
+"""Finding things by name: a module of this package, or a user's ``package.module:Name``."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-from .options import nearest
+from .named_options import nearest
 
 
 def names(package: str) -> list[str]:
-    """Return the names that ``package`` offers: its modules, but for what they share (``_NAME``).
+    """Return the public module names in ``package``.
 
-    Nothing is imported but itself.
+    Only ``package`` itself is imported.
     """
     path = importlib.import_module(package).__path__
     found = (module.name for module in pkgutil.iter_modules(path))
@@ -24,12 +24,12 @@ def names(package: str) -> list[str]:
 
 
 def find(kind: str, name: str, package: str, attribute: str) -> Any:
-    """Return ``attribute`` of module ``name`` in ``package``, or what ``module:Name`` names.
+    """Return ``attribute`` of module ``name`` in ``package``, or the object ``module:Name``.
 
     Raises
     ------
     ValueError
-        If there is no such module or no such attribute, with the names that there are.
+        If there is no such module or attribute; the message lists the names that exist.
     """
     module, colon, own = name.partition(':')
     if not colon:
@@ -44,7 +44,7 @@ def find(kind: str, name: str, package: str, attribute: str) -> Any:
     except (ImportError, AttributeError) as error:
         hint = '; is its folder on PYTHONPATH, or its workspace sourced?' if colon else ''
         raise ValueError(f"{kind}: cannot load '{name}': {error}{hint}") from None
-    except Exception as error:  # a module of a user's own may raise anything
+    except Exception as error:  # a user's module may raise anything
         where = traceback.extract_tb(error.__traceback__)[-1]
         raise ValueError(
             f"{kind}: cannot load '{name}': {type(error).__name__}: {error}, "
@@ -53,9 +53,9 @@ def find(kind: str, name: str, package: str, attribute: str) -> Any:
 
 
 def builds(found: Any, kind: type) -> bool:
-    """Tell whether ``found`` is made to return a ``kind``; nothing is called to find out.
+    """Return whether ``found`` returns a ``kind`` when called; it is not called.
 
-    That is a class of that kind, or a function whose annotation says that it returns one.
+    True for a class of that kind, and for a function whose return annotation is one.
     """
     if inspect.isclass(found):
         return issubclass(found, kind)
@@ -69,12 +69,12 @@ def builds(found: Any, kind: type) -> bool:
 
 
 def names_code(parameter: str) -> bool:
-    """Tell whether a parameter says which module is imported, or which file is opened.
+    """Return whether a parameter selects a module to import or a file to open.
 
-    Those count only from the start-up parameters of a node: `model`, and of each signal `kind`
-    and `type`.
+    These are read only at start-up: `model`, and the `kind` and `type` of each
+    signal.
     """
     return parameter.rpartition('.')[2] in _CODE
 
 
-_CODE = ('model', 'kind', 'type', 'implementation', 'recording')
+_CODE = ('model', 'kind', 'type', 'implementation', 'recording', 'datum_file')

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a state is seen."""
+"""How a state is measured."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
-from kalman_ros.linear.arrays import Array
+from kalman_ros.linear.matrices import Array
 
 from .gaussian import Gaussian
 from .model import numerical_jacobian
@@ -17,10 +17,29 @@ from .space import Space
 S = TypeVar('S', bound='Sensor')
 
 
+class Hypotheses(NamedTuple):
+    """What a reading makes of a belief for which one linearisation is too coarse.
+
+    Parameters
+    ----------
+    log_weights, parts
+        The belief times the likelihood of the reading, as a weighted sum of Gaussians: the
+        weights (p,), whose sum is the density of the reading, and the Gaussians.
+    shares, forecast
+        What the belief expected of the reading, less its noise: weights (q,) of sum 1 and points
+        (q, k).
+    """
+
+    log_weights: Array
+    parts: Sequence[Gaussian]
+    shares: Array
+    forecast: Array
+
+
 class Sensor(ABC):
     """A reading y = measure(x) + v, with v ~ N(0, covariance).
 
-    A subclass sets ``output`` and ``covariance`` (k, k) and writes `measure`. Arrays may have
+    A subclass sets ``output`` and ``covariance`` (k, k) and defines `measure`. Arrays may have
     any leading axes: x (..., n).
     """
 
@@ -28,7 +47,7 @@ class Sensor(ABC):
     covariance: Array
     #: Whether its Jacobian is the same everywhere.
     linear: bool = False
-    #: What it is called in its scenario.
+    #: Its name in the scenario.
     name: str = ''
 
     def __repr__(self) -> str:
@@ -43,16 +62,13 @@ class Sensor(ABC):
         """Return d measure / d x (k, n) at ``x`` (n,); numerical by default."""
         return numerical_jacobian(self.measure, x, self.output.subtract)
 
-    def hypotheses(
-        self, belief: Gaussian, y: Array, count: int
-    ) -> Sequence[tuple[float, Gaussian]]:
-        """Return what a first reading ``y`` (k,) may mean, if not one thing: weighted beliefs.
+    def hypotheses(self, belief: Gaussian, y: Array, count: int) -> Hypotheses | None:
+        """Return the belief corrected by ``y`` (k,) as up to ``count`` Gaussians.
 
-        A sensor to which many states look alike says here, with about ``count`` beliefs, which
-        those are; each has the reading in it. By default there are none: the belief itself,
-        corrected, is good enough.
+        A sensor to which many states look alike divides a belief here that is too wide for one
+        linearisation. None, the default, means that it is not.
         """
-        return ()
+        return None
 
     def with_covariance(self: S, covariance: Array) -> S:
         """Return the same sensor with another noise ``covariance`` (k, k), not checked."""

@@ -8,22 +8,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kalman_ros.linear.arrays import Array
+from kalman_ros.linear.matrices import Array
 
 
 @dataclass(frozen=True)
 class Space:
     """The coordinates of a state, an input or a reading.
 
-    Differences and means of vectors go through the space, so that an angle near +pi and one
-    near -pi are neighbours everywhere and no caller has a special case for angles.
+    Differences and means of vectors use the space, so that an angle near +pi and one
+    near -pi are close everywhere and callers need no special case for angles.
 
     Parameters
     ----------
     names
-        One name a coordinate, unique.
+        One name a coordinate, unique; in one string, they are separated by spaces.
     units
-        One unit a coordinate, in SI (``'m'``, ``'m/s'``, ``'rad'``); ``''`` for a pure number.
+        One unit a coordinate, in SI (``'m'``, ``'m/s'``, ``'rad'``); ``''`` for a pure number,
+        as by default they all are.
     angles
         The names of the coordinates that wrap at +-pi.
 
@@ -34,13 +35,16 @@ class Space:
     """
 
     names: tuple[str, ...]
-    units: tuple[str, ...]
+    units: tuple[str, ...] = ()
     angles: tuple[str, ...] = ()
     _wrapped: Array | None = field(init=False, repr=False, compare=False, default=None)
 
     def __post_init__(self) -> None:
         for attribute in ('names', 'units', 'angles'):
-            object.__setattr__(self, attribute, tuple(getattr(self, attribute)))
+            value = getattr(self, attribute)
+            value = tuple(value.split() if isinstance(value, str) else value)
+            object.__setattr__(self, attribute, value)
+        object.__setattr__(self, 'units', self.units or ('',) * len(self.names))
         if len(set(self.names)) != len(self.names):
             raise ValueError(f'names: expected unique names, got {self.names}')
         if len(self.units) != len(self.names):
@@ -64,7 +68,7 @@ class Space:
         Raises
         ------
         ValueError
-            If one is not there; the message calls it by the ``argument`` that it came from.
+            If one is unknown; the message names the ``argument``.
         """
         found = []
         for name in names:
@@ -91,18 +95,25 @@ class Space:
         return a - b if self._wrapped is None else self.wrap(a - b)
 
     def mean(self, points: Array, weights: Array) -> Array:
-        """Return the weighted mean (n,) of ``points`` (k, n); angles by their direction.
+        """Return the weighted mean (..., n) of ``points`` (k, ..., n); angles as directions.
 
-        Of an angle the mean is the direction of the weighted sum of unit vectors (Mardia and
+        The mean of an angle is the direction of the weighted sum of unit vectors (Mardia and
         Jupp, Directional Statistics, section 2.2).
         """
-        mean: Array = weights.dot(points)
+        mean = _weighted(weights, points)
         if self._wrapped is None:
             return mean
-        direction = np.arctan2(weights @ np.sin(points), weights @ np.cos(points))
+        direction = np.arctan2(
+            _weighted(weights, np.sin(points)), _weighted(weights, np.cos(points))
+        )
         return np.where(self._wrapped, direction, mean)
 
     def label(self, name: str) -> str:
         """Return ``'name [unit]'``, for the axis of a plot or the head of a column."""
         unit = self.units[self.names.index(name)]
         return f'{name} [{unit}]' if unit else name
+
+
+def _weighted(weights: Array, points: Array) -> Array:
+    """Return the weighted sum (..., n) of ``points`` (k, ..., n)."""
+    return weights.dot(points) if points.ndim == 2 else np.tensordot(weights, points, axes=1)

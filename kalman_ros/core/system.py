@@ -6,13 +6,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from .geodesy import Place
 from .model import Model
-from .options import Value
+from .named_options import Value
 
 
 @dataclass(frozen=True)
 class Signal:
-    """Where a vector is found on the wire: a topic, a message type, a field a coordinate.
+    """Where a vector is in messages: a topic, a message type, a field per coordinate.
 
     Parameters
     ----------
@@ -21,27 +22,31 @@ class Signal:
     type
         A message type, ``package/Name``.
     fields
-        A dotted path a coordinate, ``pose.pose.position.x``; ``position[NAME]`` finds a name
-        among the message's names, ``data[3]`` an element, ``poses[2].position.x`` what is in
-        one, ``orientation.yaw`` an angle.
+        A dotted path per coordinate, ``pose.pose.position.x``; ``position[NAME]`` selects by
+        the message's names, ``data[3]`` an element, ``poses[2].position.x`` a field of an
+        element, ``orientation.yaw`` an angle.
     covariance
         The path of an array with the covariance of exactly these coordinates, row by row. Left
-        empty, it is taken from the covariance that the message type itself carries, if any.
+        empty, it is the covariance that the message type itself carries, if any.
+    datum
+        The origin of ``east``, ``north`` and ``up`` in a ``sensor_msgs/NavSatFix``; None for the
+        first fix.
     """
 
     topic: str
     type: str
     fields: tuple[str, ...]
     covariance: str = ''
+    datum: Place | None = None
 
 
-#: The input of a model that has none.
+#: The input of a model without one.
 NO_INPUT = Signal('input', 'std_msgs/Float64MultiArray', ())
 
 
 @dataclass(frozen=True)
 class SensorSetup:
-    """One sensor of a system: its kind, what it reads, how often, how well, and where.
+    """One sensor of a system: its kind, its signal, its noise, its rate and its topic.
 
     ``kind`` is the name of a file in ``kalman_ros.sensors`` or a ``package.module:Class``;
     ``options`` are passed to it. ``noise`` are standard deviations, ``rate`` is in Hz.
@@ -57,7 +62,7 @@ class SensorSetup:
 
 @dataclass(frozen=True)
 class System:
-    """A model with everything that the nodes need to run it without a single parameter.
+    """A model with everything that the nodes need to run it without parameters.
 
     Parameters
     ----------
@@ -66,20 +71,20 @@ class System:
     sensors
         By name, in the order in which readings of one instant are fused.
     state
-        Signal of the state (``estimate``, ``ground_truth``, ``reference``); its topic is that
+        Signal of the state (``estimate``, ``ground_truth``, ``reference``); the topic is that
         of the estimate.
     initial_state
         Where the plant starts.
     initial_std
         Standard deviations of the estimator's first belief.
     initial_estimate
-        The mean of that belief; the equilibrium if it is left empty.
+        The mean of that belief; the equilibrium if empty.
     input
         Signal of the input; a model without inputs has none, and needs no controller.
     state_cost, input_cost
         Default LQR weights of the continuous cost, diagonals; for a model with inputs.
     filter
-        The filter that suits model and sensors, unless told otherwise.
+        The default filter for this model and its sensors.
     """
 
     build: Callable[..., Model]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors in sampled time: which of them reads at which step."""
+"""Sensors in sampled time: which of them measures at which step."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ class TimedSensor:
     enabled: bool = True
 
 
-#: So many steps may pass from one reading of a sensor to the next.
+#: The most steps from one reading of a sensor to the next.
 _SLOWEST = 10_000
 
 
 def ratio(rate: float, loop_rate: float) -> Fraction:
-    """Return how many readings a step brings, at most one.
+    """Return the number of readings per step, at most one.
 
     Raises
     ------
     ValueError
-        If the sensor would be faster than the loop, or slower by a factor of more than 10 000.
+        If the sensor is faster than the loop, or slower by a factor of more than 10 000.
     """
     slowest = loop_rate / _SLOWEST
     if not slowest <= rate <= loop_rate:
@@ -38,11 +38,11 @@ def ratio(rate: float, loop_rate: float) -> Fraction:
 
 
 def is_due(step: int, share: Fraction) -> bool:
-    """Tell whether a sensor that reads in this ``share`` of the steps reads at ``step``."""
+    """Return whether a sensor with this ``share`` of the steps reads at ``step``."""
     n, d = share.numerator, share.denominator
     return step == 0 or step * n // d > (step - 1) * n // d
 
 
 def period(shares: list[Fraction]) -> int:
-    """Return after how many steps the pattern of readings repeats."""
+    """Return the number of steps after which the pattern of readings repeats."""
     return lcm(*(share.denominator for share in shares))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filters, and the online estimator that gives them time, order and gates."""
+"""Filters, and the online estimator that handles time, order and gates."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from kalman_ros.core import Option, Value, build_with, options_of, refuse_unknow
 
 from .filter import Filter, Plan
 
-#: The filters that there are, each a module with ``build(plan)``; imported when asked for.
+#: The filters, each a module with ``build(plan)``; imported on demand.
 FILTERS = ('kf', 'ekf', 'ukf', 'gaussian_sum', 'steady_state', 'luenberger')
-#: Who does the work: our own code, or filterpy's for the filters that it has.
+#: Implementations: our own code, or filterpy's for the filters that it has.
 IMPLEMENTATIONS = ('native', 'filterpy')
 
 
@@ -47,7 +47,7 @@ def build_filter(
     Raises
     ------
     ValueError
-        If there is no such filter, or it cannot serve this model; DesignError if it has no
+        If there is no such filter, or it does not support this model; DesignError if it has no
         solution.
     """
     built: Filter = build_with(_builder(name, implementation), options or {}, plan)

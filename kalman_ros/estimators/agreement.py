@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whose fault a rejected reading is: its sensor's, or the estimate's.
+"""Which is wrong when a reading is rejected: its sensor, or the estimate.
 
-The rule, in three sentences:
+The rule:
 
-1. The last reading of a sensor says whether the sensor agrees with the estimate or contradicts
-   it, until the sensor has been silent for ten of its intervals, and at least for a second.
+1. The last reading of a sensor either agrees with the estimate or contradicts it, and counts
+until the sensor has not been received for ten of its intervals, and at least for a second.
 2. A state is *vouched for* while some of the sensors that see it agree, at least half as many as
    contradict; no rejected reading widens the covariance of such a state.
 3. Other states are widened, until the reading passes, once the sensors that see them have rejected
-   ``recover_after`` readings in a row, in total; where there are several, each has to contribute,
-   for none counts for more than half of that.
+``recover_after`` readings in a row, in total; each of several sensors has to contribute, since
+none counts for more than half of the total.
 
-A sensor alone therefore recovers after ``recover_after`` rejections of its own; of two that see
+A single sensor therefore recovers after ``recover_after`` rejections; of two that see
 the same states, the one that contradicts the estimate stays rejected; and an estimate that nearly
-all contradict is given up. A sensor sees the states by which its reading has a derivative: a
+all contradict is widened. A sensor sees the states by which its reading has a derivative: a
 gyroscope that agrees does not vouch for a position.
 
-What the rule cannot know: which of two sensors is right that both contradict the estimate, or that
-joined one after the other; the estimate stays with the first. A majority of sensors with the same
-wrong reading is believed.
+Limits of the rule: when two sensors both contradict the estimate, or one joins after the other, it
+cannot decide which is right; the estimate stays with the first. A majority of sensors with the
+same wrong reading is believed.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ import numpy.typing as npt
 
 from kalman_ros.core import Gaussian, Sensor
 
-#: A sensor that is silent for longer than all of these does not count: ns, and its intervals.
+#: A sensor without readings for longer than all of these does not count: ns, and its intervals.
 _SILENCE, _INTERVALS = 1_000_000_000, 10
 
 
 class Record(NamedTuple):
-    """What the readings of a sensor said of the estimate, up to the last of them.
+    """How the readings of a sensor compared with the estimate, up to the last of them.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ class Record(NamedTuple):
     interval
         The nanoseconds between the last two; 0 before the second.
     agrees
-        Whether it passed its gate; None if that says nothing.
+        Whether it passed its gate; None if that is not informative.
     rejections
-        The number of readings in a row that did not.
+        The number of consecutive readings that did not.
     """
 
     time: int | None = None
@@ -57,12 +57,12 @@ class Record(NamedTuple):
     rejections: int = 0
 
     def after(self, time: int, agrees: bool | None) -> Record:
-        """Return the record with another reading."""
+        """Return the record after another reading."""
         interval = self.interval if self.time is None else time - self.time or self.interval
         return Record(time, interval, agrees, self.rejections + 1 if agrees is False else 0)
 
-    def lives(self, now: int, longest: float = inf) -> bool:
-        """Tell whether the sensor is expected to read again; ``longest`` ns of silence are not."""
+    def is_expected(self, now: int, longest: float = inf) -> bool:
+        """Return whether another reading is expected; not after ``longest`` ns without one."""
         if self.time is None:
             return False
         silence = max(_SILENCE, _INTERVALS * self.interval) if self.interval else inf
@@ -79,8 +79,8 @@ def replaced(records: Records, index: int, record: Record) -> Records:
     return (*records[:index], record, *records[index + 1 :])
 
 
-def forgiven(records: Records, seen: Mask, widened: Mask) -> Records:
-    """Return the records after a recovery: who saw what was ``widened`` (n,) starts again."""
+def after_recovery(records: Records, seen: Mask, widened: Mask) -> Records:
+    """Return the records after a recovery: sensors that see a ``widened`` state (n,) restart."""
     return tuple(
         Record(record.time, record.interval) if np.any(sees & widened) else record
         for record, sees in zip(records, seen)
@@ -90,7 +90,7 @@ def forgiven(records: Records, seen: Mask, widened: Mask) -> Records:
 def seen_states(sensors: Mapping[str, Sensor], belief: Gaussian) -> Mask:
     """Return which states (n,) each sensor sees, as rows of booleans.
 
-    A derivative may vanish at one point, as that of a bearing along an axis: two are looked at.
+    A derivative may vanish at one point, as that of a bearing along an axis, so two are tested.
     """
     points = belief.mean, belief.mean + belief.std
     return np.array(
@@ -102,7 +102,7 @@ def seen_states(sensors: Mapping[str, Sensor], belief: Gaussian) -> Mask:
 
 
 class Finding(NamedTuple):
-    """What follows from a rejected reading.
+    """The consequences of a rejected reading.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def judge(
     Parameters
     ----------
     records
-        Of every sensor; that of the rejected one has the reading in it.
+        Of every sensor, including the rejected reading.
     seen
         The states that each sensor sees (sensors, n), as booleans.
     index
@@ -143,7 +143,7 @@ def judge(
     """
     now = records[index].time
     assert now is not None
-    alive = np.array([record.lives(now, longest) for record in records])
+    alive = np.array([record.is_expected(now, longest) for record in records])
     agreeing = seen[alive & [record.agrees is True for record in records]].sum(axis=0)
     contradicting = seen[alive & [record.agrees is False for record in records]].sum(axis=0)
     vouched = (agreeing > 0) & (2 * agreeing >= contradicting)

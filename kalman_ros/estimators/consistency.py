@@ -16,13 +16,13 @@ from kalman_ros.core import Array
 
 
 def chi_square_bounds(mean: float, variance: float, miss: float) -> tuple[float, float]:
-    """Return the two-sided bounds that such a positive average leaves with probability ``miss``.
+    """Return the bounds outside of which such a positive average lies with probability ``miss``.
 
-    The average is taken for a scaled chi-square variable with this mean and variance (F. E.
+    The average is approximated by a scaled chi-square variable with its mean and variance (F. E.
     Satterthwaite, 1946), which is exact for an average of independent chi-square variables and
     close for the average of a quadratic form along a correlated Gaussian sequence.
     """
-    from scipy.special import gammainccinv, gammaincinv  # 0.1 s to import, for reports alone
+    from scipy.special import gammainccinv, gammaincinv  # 0.1 s to import, needed only by reports
 
     shape = mean**2 / variance
     low, high = gammaincinv(shape, miss / 2.0), gammainccinv(shape, miss / 2.0)
@@ -30,7 +30,7 @@ def chi_square_bounds(mean: float, variance: float, miss: float) -> tuple[float,
 
 
 def chi_square_gate(probability: float, degrees: int) -> float:
-    """Return the value that chi-square with ``degrees`` stays below with ``probability``."""
+    """Return the quantile of chi-square with ``degrees`` at ``probability``."""
     from scipy.special import gammaincinv
 
     return float(2.0 * gammaincinv(degrees / 2.0, probability))
@@ -44,55 +44,60 @@ def nees(error: Array, covariance: Array) -> Array:
     error
         Truth minus estimate (..., n).
     covariance
-        The covariance that the estimator gave (..., n, n).
+        The covariance of the estimate (..., n, n).
 
-    A coordinate that is said to be certain, with a row of zeros, and is without error, does not
-    count; with an error the result is infinite.
+    A coordinate reported as certain, with a row of zeros, does not count if its error is zero;
+    otherwise the result is infinite.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a covariance is singular otherwise.
+        If a covariance is singular for another reason.
     """
-    certain = np.diagonal(covariance, axis1=-2, axis2=-1) == 0.0
-    if certain.any():
-        covariance = covariance + certain[..., np.newaxis] * np.eye(error.shape[-1])
-        error = np.where(certain & (error != 0.0), np.inf, error)
-        # an infinite error must not meet a zero of the inverse
-        return np.where(np.isinf(error).any(axis=-1), np.inf, _squares(error, covariance))
-    return _squares(error, covariance)
-
-
-def _squares(error: Array, covariance: Array) -> Array:
-    finite = np.where(np.isfinite(error), error, 0.0)
+    error, covariance = _uncertain(error, covariance)
+    finite = np.where(np.isinf(error), 0.0, error)
     solved = np.linalg.solve(covariance, finite[..., np.newaxis])[..., 0]
-    return np.asarray(np.einsum('...i,...i->...', finite, solved))
+    squares = np.einsum('...i,...i->...', finite, solved)
+    return np.where(np.isinf(error).any(axis=-1), np.inf, squares)
 
 
 def normalised(error: Array, covariance: Array) -> Array:
-    """Return L^-1 error (n,) with L L' = covariance: its square is the NEES.
+    """Return L^-1 error (..., n) with L L' = covariance: the sum of its squares is the `nees`.
 
-    A coordinate that is said to be certain and is without error is 0, else infinite.
+    A coordinate with zero variance and without error is 0; with an error all are
+    infinite.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the covariance is not positive definite otherwise.
+        If the covariance is not positive definite for another reason.
     """
-    certain = covariance.diagonal() == 0.0
-    if error[certain].any():
-        return np.full(error.shape, np.inf)
-    L = np.linalg.cholesky(covariance + np.diag(certain.astype(float)))
-    return np.asarray(np.linalg.solve(L, error))
+    error, covariance = _uncertain(error, covariance)
+    L = np.linalg.cholesky(covariance)
+    finite = np.where(np.isinf(error), 0.0, error)
+    z = np.linalg.solve(L, finite[..., np.newaxis])[..., 0]
+    return np.where(np.isinf(error).any(axis=-1, keepdims=True), np.inf, z)
+
+
+def _uncertain(error: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return errors and covariances with a variance of 1 in place of 0.
+
+    An error in such a coordinate becomes infinite.
+    """
+    certain = np.diagonal(covariance, axis1=-2, axis2=-1) == 0.0
+    if not certain.any():
+        return error, covariance
+    covariance = covariance + certain[..., np.newaxis] * np.eye(error.shape[-1])
+    return np.where(certain & (error != 0.0), np.inf, error), covariance
 
 
 def independent(errors: Array) -> float:
-    """Return how many independent squares are worth as much as those of correlated errors (N, n).
+    """Return the number of independent squares equivalent to correlated errors (N, n).
 
-    Of one coordinate that is N / (1 + 2 sum (1 - l/N) r_l) with its correlations r_l, as the mean
-    is zero, up to the first that is not positive (C. J. Geyer, Practical Markov Chain Monte
-    Carlo, 1992); squares are correlated by no more than what they are squares of. Variances
-    add, so of all coordinates it is the harmonic mean. How large the errors are does not matter.
+    For one coordinate that is N / (1 + 2 sum (1 - l/N) r_l) with its correlations r_l about the
+    mean zero, up to the first that is not positive (C. J. Geyer, Practical Markov Chain Monte
+    Carlo, 1992); squares are no more correlated than the values themselves. Variances
+    add, so for several coordinates it is the harmonic mean. The scale of the errors cancels.
     """
     N, n = errors.shape
     if not np.isfinite(errors).all():
@@ -100,7 +105,7 @@ def independent(errors: Array) -> float:
     r = np.fft.irfft(np.abs(np.fft.rfft(errors, 2 * N, axis=0)) ** 2, axis=0)[:N]
     r = r[:, r[0] > 0.0] / r[0, r[0] > 0.0]
     positive = np.logical_and.accumulate(r > 0.0)
-    # r has the factor (1 - l/N) already
+    # r already has the factor (1 - l/N)
     times = np.maximum(1.0, 2.0 * np.sum(r, axis=0, where=positive) - 1.0)
     return float(N * n / (times.sum() + n - len(times)))
 
@@ -109,7 +114,7 @@ def independent(errors: Array) -> float:
 class ChiSquareWindow:
     """The running average of a chi-square statistic over its last ``length`` values.
 
-    Successive values are taken for independent, as the NIS are.
+    Successive values are assumed independent, as the NIS are.
     """
 
     degrees: int
@@ -120,7 +125,7 @@ class ChiSquareWindow:
         self._values = deque(maxlen=self.length)
 
     def add(self, value: float) -> None:
-        """Take one value in."""
+        """Add one value."""
         self._values.append(value)
 
     @property
@@ -141,7 +146,7 @@ class ChiSquareWindow:
         return self.count
 
     def inside(self, miss: float = 0.001) -> bool:
-        """Tell whether the average is within its bounds; an empty window is."""
+        """Return whether the average is within its bounds, or the window empty."""
         low, high = self.bounds(miss)
         return not self._values or low <= self.mean <= high
 
@@ -154,14 +159,18 @@ class NeesWindow(ChiSquareWindow):
         super().__post_init__()
         self._errors: deque[Array] = deque(maxlen=self.length)
 
-    def add_error(self, error: Array, covariance: Array) -> None:
-        """Take in truth minus estimate (n,); of no covariance, its NEES is infinite."""
+    def add_errors(self, errors: Array, covariances: Array) -> None:
+        """Add truth minus estimate (N, n); the NEES is infinite without a covariance (N, n, n)."""
         try:
-            z = normalised(error, covariance)
+            z = normalised(errors, covariances)
         except np.linalg.LinAlgError:
-            z = np.full(error.shape, np.inf)
-        self._errors.append(z)
-        self.add(float(z @ z))
+            z = np.full(errors.shape, np.inf)
+            if len(errors) > 1:  # only some of them, perhaps
+                for error, covariance in zip(errors, covariances):
+                    self.add_errors(error[np.newaxis], covariance[np.newaxis])
+                return
+        self._errors.extend(z)
+        self._values.extend(np.einsum('ki,ki->k', z, z).tolist())
 
     def _independent(self) -> float:
         return independent(np.array(self._errors)) if self._errors else 0.0

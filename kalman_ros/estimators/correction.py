@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter makes of a reading."""
+"""What a filter makes of a reading, and the update that KF and EKF share."""
 
 from __future__ import annotations
 
-from kalman_ros.core import Array, Gaussian
-from kalman_ros.linear.kernels import weighed
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Model, Sensor, is_finite, unchecked
+from kalman_ros.linear.factor import cholesky
+from kalman_ros.linear.kernels import corrected, gain, joseph, weighed
 
 
 class Correction:
-    """What one reading did to a belief.
+    """A corrected belief with its innovation.
 
     Parameters
     ----------
@@ -18,17 +23,23 @@ class Correction:
         The reading minus its prediction (k,).
     innovation_covariance
         S (k, k), what the innovation was expected to scatter by.
+    nis
+        The normalised innovation squared where the forecast was not one Gaussian.
     """
 
     __slots__ = ('_nis', 'innovation', 'innovation_covariance', 'posterior')
 
     def __init__(
-        self, posterior: Gaussian, innovation: Array, innovation_covariance: Array
+        self,
+        posterior: Gaussian,
+        innovation: Array,
+        innovation_covariance: Array,
+        nis: float | None = None,
     ) -> None:
         self.posterior = posterior
         self.innovation = innovation
         self.innovation_covariance = innovation_covariance
-        self._nis: float | None = None
+        self._nis = nis
 
     @property
     def nis(self) -> float:
@@ -41,3 +52,39 @@ class Correction:
         if self._nis is None:
             self._nis = weighed(self.innovation_covariance, self.innovation)
         return self._nis
+
+
+@dataclass(frozen=True)
+class LinearUpdate:
+    """What filters have in common that linearise a sensor about the mean.
+
+    Parameters
+    ----------
+    model
+        How the state moves.
+    """
+
+    model: Model
+
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""
+        x, P = belief
+        H, R = np.asfortranarray(sensor.jacobian(x)), sensor.covariance.T
+        innovation = sensor.output.subtract(y, sensor.measure(x))
+        K, S = gain(P, H, R)
+        mean = self.model.state.wrap(corrected(x, K, innovation))
+        return Correction(unchecked((mean, joseph(K, H, P, R))), innovation, S)
+
+
+def committed(belief: Gaussian) -> tuple[Gaussian, int]:
+    """Return a finite and positive definite belief, and the number of repairs.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If that is impossible.
+    """
+    if not is_finite(belief.mean):
+        raise np.linalg.LinAlgError('the estimate is not finite')
+    _, P, repairs = cholesky(belief.covariance)
+    return (Gaussian(belief.mean, P) if repairs else belief), repairs

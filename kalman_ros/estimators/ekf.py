@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from kalman_ros.core import Array, Gaussian, unchecked
 from kalman_ros.linear.kernels import sandwich
 
+from .correction import LinearUpdate
 from .filter import Plan, parts
-from .update import LinearUpdate
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,8 @@ class ExtendedKalmanFilter(LinearUpdate):
         model, count = self.model, parts(self.model, dt)
         h = dt / count
         for _ in range(count):
-            step = model.transition(x, u, h)
-            P = sandwich(step.F, P, step.Q)
-            x = model.step(x, u, h)
+            x, F, Q = model.linearized_step(x, u, h)
+            P = sandwich(F, P, Q)
         return unchecked((x, P))
 
 

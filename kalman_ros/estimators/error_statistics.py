@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Truth beside estimate, readings and inputs, matched by their stamps as they come."""
+"""Truth compared with estimate, readings and inputs, matched by their stamps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,21 +13,25 @@ from kalman_ros.core import Array, Gaussian, Sensor, Space
 
 from .consistency import NeesWindow
 
-#: So many instants are kept for what has not come yet.
+#: The number of instants kept while waiting for their counterpart.
 _KEPT = 2000
+#: The number of pairs compared in one call: one by one they take many times as long.
+_TOGETHER = 500
+#: In ns: an estimate that is older than a truth by more has no truth with its stamp.
+_LATE = 1_000_000_000
 
 
 class MeanSquare:
-    """The root of the mean square of vectors (n,), over all that were added."""
+    """The root mean square of vectors (n,)."""
 
     def __init__(self, size: int) -> None:
         self._sum = np.zeros(size)
         self.count = 0
 
-    def add(self, error: Array) -> None:
-        """Take one vector in."""
-        self._sum += error * error
-        self.count += 1
+    def add(self, errors: Array) -> None:
+        """Add vectors (N, n)."""
+        self._sum += (errors * errors).sum(axis=0)
+        self.count += len(errors)
 
     @property
     def root(self) -> Array:
@@ -37,14 +42,14 @@ class MeanSquare:
 
 
 class Comparison:
-    """Compares what an estimator says with what really happened.
+    """Compares an estimator with the truth; `settle` before the results are read.
 
     Parameters
     ----------
     state
         The space of the state.
     sensors
-        By name; their raw error is the reading minus what the truth would have given.
+        By name; their raw error is the reading minus the noise-free reading of the truth.
     weight
         Of the cost of a sample: (n + m, n + m), for the stacked state and input.
     length
@@ -61,36 +66,60 @@ class Comparison:
         self.nees = NeesWindow(state.size, length)
         self.cost = 0.0
         self.steps = 0
+        #: Whether each of the last estimates could be compared with a truth of its stamp.
+        self.compared: deque[bool] = deque(maxlen=length)
+        #: Pairs of an item and the truth of its time, not compared yet, by kind.
+        self._pairs: dict[str, list[tuple[Any, Array]]] = {
+            kind: [] for kind in ('estimate', 'input', *self._sensors)
+        }
         self._truths: dict[int, Array] = {}
         self._waiting: dict[tuple[str, int], Any] = {}
+        self._first_truth: int | None = None
 
     def truth(self, time: int, x: Array) -> None:
-        """Take in the true state (n,) at ``time``, in nanoseconds.
+        """Add the true state (n,) at ``time``, in nanoseconds.
 
-        A time that goes back means that another run has begun: what waits is forgotten.
+        A time that goes back means another run: pending items are dropped.
         """
         if self._truths and time < next(reversed(self._truths)):
             self._truths.clear()
             self._waiting.clear()
+            self._first_truth = None
+        if self._first_truth is None:
+            self._first_truth = time
         self._truths[time] = x
         for kind in ('estimate', 'input', *self._sensors):
             item = self._waiting.pop((kind, time), None)
             if item is not None:
                 self._compare(kind, item, x)
+        self._drop_unmatched(time - _LATE)
         for kept in (self._truths, self._waiting):
             while len(kept) > _KEPT:
                 kept.pop(next(iter(kept)))  # type: ignore[call-overload]
 
+    def _drop_unmatched(self, before: int) -> None:
+        """Drop pending items from before a time, whose truth was lost."""
+        while self._waiting:
+            kind, time = next(iter(self._waiting))
+            if time >= before:
+                return
+            del self._waiting[kind, time]
+            if kind == 'estimate' and time >= (self._first_truth or 0):
+                self.compared.append(False)
+
     def estimate(self, time: int, belief: Gaussian) -> None:
-        """Take in an estimate that holds at ``time``."""
-        self._take('estimate', time, belief)
+        """Add an estimate at ``time``; one that is not finite is only counted."""
+        if np.isfinite(belief.mean).all():
+            self._take('estimate', time, belief)
+        else:
+            self.compared.append(False)
 
     def input(self, time: int, u: Array) -> None:
-        """Take in the input (m,) from ``time`` on."""
+        """Add the input (m,) in effect from ``time``."""
         self._take('input', time, u)
 
     def reading(self, name: str, time: int, y: Array) -> None:
-        """Take in a reading of the sensor ``name``."""
+        """Add a reading of the sensor ``name``."""
         self._take(name, time, y)
 
     def _take(self, kind: str, time: int, item: Any) -> None:
@@ -102,21 +131,39 @@ class Comparison:
 
     def _compare(self, kind: str, item: Any, x: Array) -> None:
         if kind == 'estimate':
-            self._compare_estimate(item, x)
-        elif kind == 'input':
-            z = np.concatenate((x, item))
-            self.cost += float(z @ self._weight @ z)
-            self.steps += 1
-        else:
-            sensor = self._sensors[kind]
-            self.raw[kind].add(sensor.output.subtract(item, sensor.measure(x)))
+            self.compared.append(True)
+        pairs = self._pairs[kind]
+        pairs.append((item, x))
+        if len(pairs) >= _TOGETHER:
+            self.settle()
 
-    def _compare_estimate(self, belief: Gaussian, x: Array) -> None:
-        error = self._space.subtract(x, belief.mean)
-        self.error.add(error)
+    def settle(self) -> None:
+        """Compare all that is paired."""
+        for kind, pairs in self._pairs.items():
+            if not pairs:
+                continue
+            items, truths = zip(*pairs)
+            del pairs[:]
+            x = np.array(truths)
+            if kind == 'estimate':
+                self._compare_estimates(items, x)
+            elif kind == 'input':
+                z = np.hstack((x, np.array(items)))
+                self.cost += float(np.einsum('ki,ij,kj->', z, self._weight, z))
+                self.steps += len(z)
+            else:
+                sensor = self._sensors[kind]
+                y = np.array(items)
+                self.raw[kind].add(sensor.output.subtract(y, sensor.measure(x)))
+
+    def _compare_estimates(self, beliefs: Sequence[Gaussian], x: Array) -> None:
+        mean = np.array([belief.mean for belief in beliefs])
+        covariance = np.array([belief.covariance for belief in beliefs])
+        errors = self._space.subtract(x, mean)
+        self.error.add(errors)
         for name, sensor in self._sensors.items():
-            difference = sensor.output.subtract(sensor.measure(belief.mean), sensor.measure(x))
-            self.fused[name].add(difference)
-        if np.isnan(belief.covariance).any():  # nobody said how good it is
-            return
-        self.nees.add_error(error, belief.covariance)
+            differences = sensor.output.subtract(sensor.measure(mean), sensor.measure(x))
+            self.fused[name].add(differences)
+        given = ~np.isnan(covariance).any(axis=(-2, -1))
+        if given.any():
+            self.nees.add_errors(errors[given], covariance[given])

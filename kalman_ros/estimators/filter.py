@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter is: two functions from belief to belief. No clock, no history, no mutation."""
+"""The interface of filters: two functions from belief to belief; no clock, history or mutation."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from kalman_ros.core import (
 from kalman_ros.core.model import MOST_SUBSTEPS
 
 if TYPE_CHECKING:
-    from .correction import Correction  # it needs scipy, and a `Plan` does not
+    from .correction import Correction  # imports scipy, which a `Plan` does not need
 
 
-#: A covariance is predicted in at most this many parts: a long silence costs milliseconds.
+#: A covariance is predicted in at most this many parts, which bounds the time of a long step.
 _MOST_PARTS = 100
-#: A step that is longer than allowed by rounding, as a difference of stamps is, is one.
+#: Steps may exceed ``max_step`` by this rounding of a difference of stamps.
 _ONE = 1.0 + 1e-9
 
 
 def parts(model: Model, dt: float) -> int:
     """Return the number of equal parts in which to predict a covariance over ``dt`` seconds.
 
-    The mean of a nonlinear model is integrated in steps of at most ``max_step``. A linearisation
-    holds no longer than such a step, so the covariance goes along with the mean. Beyond what the
-    model resolves itself, nothing is known of the path, and one part is as good as many.
+    The mean of a nonlinear model is integrated in steps of at most ``max_step``, and a
+    linearisation is valid no longer, so the covariance uses the same steps. Beyond the model's own
+    resolution the path is unknown, and more parts gain nothing.
     """
     ratio = abs(dt) / model.max_step
     if not _ONE < ratio <= MOST_SUBSTEPS:
@@ -46,14 +46,14 @@ def parts(model: Model, dt: float) -> int:
 
 
 def carried(model: Model, points: Array, u: Array, dt: float) -> tuple[Array, Array]:
-    """Return points (p, n) after ``dt`` seconds, and the covariance Q (n, n) that noise adds.
+    """Return points (p, n) after ``dt`` seconds, and the noise covariance Q (n, n) of the step.
 
     Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`, along
     the path of the first point.
     """
     count = parts(model, dt)
     h = dt / count
-    Q = model.transition(points[0], u, h).Q
+    Q = model.noise_covariance(points[0], u, h)
     points = model.step(points, u, h)
     for _ in range(1, count):
         step = model.transition(points[0], u, h)
@@ -62,7 +62,7 @@ def carried(model: Model, points: Array, u: Array, dt: float) -> tuple[Array, Ar
     return points, Q
 
 
-#: The models whose steps are x' = F x + G u + w, whatever x and u are.
+#: Models whose steps are x' = F x + G u + w, independent of x and u.
 SampledLinear = Union[LinearSystem, DiscreteLinearSystem]
 
 
@@ -74,7 +74,7 @@ class Filter(Protocol):
         ...
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Return what the reading ``y`` (k,) of ``sensor`` makes of the belief.
+        """Return the belief corrected by the reading ``y`` (k,) of ``sensor``.
 
         Raises
         ------
@@ -86,7 +86,7 @@ class Filter(Protocol):
 
 @dataclass(frozen=True)
 class Plan:
-    """What a filter is built for: a model, and its sensors with their rates in a loop's."""
+    """What a filter is built for: a model, its sensors, their rates and the loop's rate."""
 
     model: Model
     sensors: Mapping[str, TimedSensor]
@@ -105,7 +105,7 @@ class Plan:
 
     @property
     def period(self) -> int:
-        """After how many steps the pattern of readings repeats."""
+        """The number of steps after which the pattern of readings repeats."""
         return period([ratio(timed.rate, self.rate) for timed in self.sensors.values()])
 
     def due(self, step: int) -> list[str]:
@@ -139,7 +139,7 @@ def sampled_system(filter: str, plan: Plan) -> SampledLinear:
 
 
 def linear_system(filter: str, plan: Plan) -> LinearSystem:
-    """Return the model as `sampled_system` does; ValueError, too, if its time is sampled."""
+    """Return the model as `sampled_system` does; ValueError also if it is discrete-time."""
     model = sampled_system(filter, plan)
     if not isinstance(model, LinearSystem):
         raise ValueError(f'filter: {filter} needs a model in continuous time')

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observers whose gains are designed once: x += L (y - C x), whatever L is.
+"""Observers whose gains are designed once: x += L (y - C x), for any L.
 
-The covariance is that of the error which this gain really leaves, not of an optimal one, so
-what is published is honest: P = (I - L C) P (I - L C)' + L R L' holds for every gain.
+The covariance is that of the error with this gain, not with the optimal one:
+P = (I - L C) P (I - L C)' + L R L' holds for every gain.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ class FixedGainObserver:
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading with the gain of its sensor."""
         x, P = belief
-        L, C, R = self._gain(sensor), sensor.jacobian(x), sensor.covariance
+        L, C, R = self.gain(sensor), sensor.jacobian(x), sensor.covariance
         innovation = sensor.output.subtract(y, sensor.measure(x))
         mean = self.system.state.wrap(x + L @ innovation)
         return Correction(Gaussian(mean, joseph(L, C, P, R)), innovation, sandwich(C, P, R))
 
-    def _gain(self, sensor: Sensor) -> Array:
+    def gain(self, sensor: Sensor) -> Array:
+        """Return the gain L (n, k) of a sensor; ValueError if there is none."""
         try:
             return self.gains[sensor.name]
         except KeyError:

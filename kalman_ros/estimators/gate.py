@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gate: whether a reading corrects the belief or is rejected, and a way out of mistakes."""
+"""The gate: accepts or rejects a reading, and recovers from a wrong estimate."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from .filter import Filter
 from .outcome import Outcome
 from .policy import Policy
 
-#: Fourfold each time, this widens standard deviations by up to a million.
+#: Widening by four each time, this increases standard deviations by up to a million.
 _MOST_WIDENINGS = 20
 
 
 class Gate:
-    """Corrects a belief by a reading, or rejects it; after too many rejections, makes it pass.
+    """Corrects a belief by a reading, or rejects it; widens the belief after too many rejections.
 
     Parameters
     ----------
     sensors
-        By name, in the order that ``records`` have.
+        By name, in the order of ``records``.
     policy
-        The largest NIS of a reading by sensor, and after how many rejections to recover.
+        The largest NIS per sensor, and the number of rejections before recovery.
     """
 
     def __init__(self, sensors: Mapping[str, Sensor], policy: Policy) -> None:
@@ -47,7 +47,7 @@ class Gate:
         at: tuple[int, int],
         records: agreement.Records,
     ) -> tuple[Outcome, Correction, agreement.Records]:
-        """Return the outcome of a reading ``y`` (k,), its correction, and the updated records.
+        """Return the outcome of a reading ``y`` (k,), its correction and the updated records.
 
         Parameters
         ----------
@@ -86,7 +86,11 @@ class Gate:
         recovered = _widened(filter, belief, y, sensor, found.vouched, gate)
         if recovered is None:
             return rejected, correction, records
-        return Outcome.RECOVERED, recovered, agreement.forgiven(records, seen, ~found.vouched)
+        return (
+            Outcome.RECOVERED,
+            recovered,
+            agreement.after_recovery(records, seen, ~found.vouched),
+        )
 
 
 def _widened(
@@ -97,7 +101,7 @@ def _widened(
     vouched: agreement.Mask,
     gate: float,
 ) -> Correction | None:
-    """Return the correction by a reading that passes once other states are less certain."""
+    """Return the correction by a reading that passes after doubted states are widened."""
     factor = np.where(vouched, 1.0, 2.0)
     for _ in range(_MOST_WIDENINGS):
         covariance = np.outer(factor, factor) * belief.covariance

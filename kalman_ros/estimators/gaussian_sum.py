@@ -3,145 +3,124 @@
 
 D. Alspach and H. Sorenson, Nonlinear Bayesian Estimation Using Gaussian Sum Approximations, IEEE
 Trans. Automatic Control 17(4), 1972. With bearings its hypotheses are ranges: the bank of Peach
-(1995).
+(1995), in which a range that becomes too uncertain is divided again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Sensor, Space, symmetric
+from kalman_ros.core import About, Array, Gaussian, Hypotheses, Sensor, Space
 
 from .correction import Correction
 from .ekf import ExtendedKalmanFilter
 from .filter import Plan
+from .mixture import Mixture, forecast_nis, pooled, reduced
 
-#: A hypothesis with a smaller weight is given up.
+#: Hypotheses with a smaller weight are dropped.
 _LEAST_WEIGHT = 1e-4
-
-
-class Mixture(Gaussian):
-    """A weighted sum of Gaussians, which is to all others the Gaussian of its two moments.
-
-    Parameters
-    ----------
-    weights
-        Of the parts (k,), with the sum 1.
-    parts
-        The Gaussians.
-    space
-        Of the state.
-    """
-
-    weights: Array
-    parts: Sequence[Gaussian]
-
-    def __new__(cls, weights: Array, parts: Sequence[Gaussian], space: Space) -> Mixture:
-        """Return the mixture with its moments."""
-        points = np.array([part.mean for part in parts])
-        mean = space.mean(points, weights)
-        d = space.subtract(points, mean)
-        within = np.tensordot(weights, [part.covariance for part in parts], axes=1)
-        P = symmetric(within + (weights * d.T) @ d)
-        self = super().__new__(cls, mean, P)
-        self.weights, self.parts = weights, parts
-        return self
-
-    def _replace(self, **changes: Any) -> Gaussian:  # type: ignore[override]
-        """Return one Gaussian: whoever changes the moments leaves nothing of the parts."""
-        return Gaussian(*self)._replace(**changes)
+#: A mixture has at most N times as many parts as one reading may divide one of them into.
+_MOST = 3
 
 
 @dataclass(frozen=True)
 class GaussianSumFilter:
-    """Extended Kalman filters side by side, weighted by how well they foresaw the readings.
+    """Extended Kalman filters in parallel, weighted by the likelihood of the readings.
 
-    It is one of them until a sensor says that its reading may mean several things.
+    It is one of them until a sensor finds it too wide for its reading, and divides it; each part
+    is divided again where it has become too wide.
 
     Parameters
     ----------
     ekf
-        What each hypothesis is filtered by.
+        The filter of each hypothesis.
     hypotheses
-        How many there are at first.
+        Into how many parts one reading divides one belief at most.
     """
 
     ekf: ExtendedKalmanFilter
     hypotheses: int
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
-        """Predict each part; the weights stay."""
+        """Predict each part; weights are unchanged."""
         if not isinstance(belief, Mixture):
             return self.ekf.predict(belief, u, dt)
         parts = [self.ekf.predict(part, u, dt) for part in belief.parts]
         return Mixture(belief.weights, parts, self._space)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Correct each part; its weight is multiplied by the likelihood of the reading."""
-        if not isinstance(belief, Mixture):
-            return self._first(belief, y, sensor)
-        corrections = [self.ekf.correct(part, y, sensor) for part in belief.parts]
-        with np.errstate(divide='ignore'):
-            log = np.log(belief.weights) + [_log_likelihood(each) for each in corrections]
-        innovation, S = self._expected(belief.weights, corrections, y, sensor)
-        posterior = self._mixture(np.exp(log - log.max()), [c.posterior for c in corrections])
-        return Correction(posterior, innovation, S)
+        """Correct or divide each part; weights are multiplied by the likelihood of the reading.
+
+        The NIS of a mixture is that of `forecast_nis`.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If no part can have foreseen the reading, for what they foresaw is not finite.
+        """
+        if isinstance(belief, Mixture):
+            before, weights = belief.parts, belief.weights
+        else:
+            before, weights = [belief], np.ones(1)
+        found = [self._corrected(part, y, sensor) for part in before]
+        if len(found) == 1 and isinstance(found[0], Correction):
+            return found[0]
+        outcomes = [_outcome(each, y, sensor) for each in found]
+        log = np.log(weights)
+        log_weights = np.concatenate([a + each.log_weights for a, (each, _) in zip(log, outcomes)])
+        posterior = self._mixture(log_weights, [p for each, _ in outcomes for p in each.parts])
+        shares = np.concatenate([w * each.shares for w, (each, _) in zip(weights, outcomes)])
+        points = np.concatenate([each.forecast for each, _ in outcomes])
+        S = np.concatenate([scatter for _, scatter in outcomes])
+        predicted, total = pooled(sensor.output, shares, points, S)
+        difference = sensor.output.subtract
+        nis = forecast_nis(shares, difference(y, points), S)
+        return Correction(posterior, difference(y, predicted), total, nis)
 
     @property
     def _space(self) -> Space:
         return self.ekf.model.state
 
-    def _first(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Correct a belief that is one Gaussian still."""
-        correction = self.ekf.correct(belief, y, sensor)
-        found = sensor.hypotheses(belief, y, self.hypotheses)
-        if not found:
-            return correction
-        weights, parts = zip(*found)
-        mixture = self._mixture(np.array(weights), parts)
-        return Correction(mixture, correction.innovation, correction.innovation_covariance)
+    def _corrected(self, part: Gaussian, y: Array, sensor: Sensor) -> Hypotheses | Correction:
+        """Return what a reading divides a part into, else its correction."""
+        divided = sensor.hypotheses(part, y, self.hypotheses)
+        return self.ekf.correct(part, y, sensor) if divided is None else divided
 
-    def _mixture(self, weights: Array, parts: Sequence[Gaussian]) -> Mixture:
-        """Return the parts that are likely enough, with weights of sum 1.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If none is, for what they foresaw is not finite.
-        """
+    def _mixture(self, log_weights: Array, parts: list[Gaussian]) -> Gaussian:
+        """Return the parts that are likely enough, few enough, with weights of sum 1."""
+        weights = np.exp(log_weights - log_weights.max())
         if not weights.sum() > 0.0:
             raise np.linalg.LinAlgError('no hypothesis is left')
         kept = np.flatnonzero(weights >= _LEAST_WEIGHT * weights.sum())
-        weights = weights[kept]
-        return Mixture(weights / weights.sum(), [parts[k] for k in kept.tolist()], self._space)
-
-    @staticmethod
-    def _expected(
-        weights: Array, corrections: Sequence[Correction], y: Array, sensor: Sensor
-    ) -> tuple[Array, Array]:
-        """Return the innovation of all parts together, and its expected covariance."""
-        output = sensor.output
-        points = output.subtract(y, np.array([each.innovation for each in corrections]))
-        predicted = output.mean(points, weights)
-        d = output.subtract(points, predicted)
-        within = np.tensordot(weights, [c.innovation_covariance for c in corrections], axes=1)
-        return output.subtract(y, predicted), symmetric(within + (weights * d.T) @ d)
+        weights = weights[kept] / weights[kept].sum()
+        return reduced(
+            weights, [parts[k] for k in kept.tolist()], self._space, _MOST * self.hypotheses
+        )
 
 
-def _log_likelihood(correction: Correction) -> float:
-    """Return log N(innovation; 0, S), but for a constant."""
-    _, log_determinant = np.linalg.slogdet(correction.innovation_covariance)
-    return -0.5 * (correction.nis + float(log_determinant))
+def _outcome(found: Hypotheses | Correction, y: Array, sensor: Sensor) -> tuple[Hypotheses, Array]:
+    """Return a part's hypotheses, one if it was only corrected, and the scatter of its forecast.
+
+    That is the covariance (q, k, k) of the reading about each point of the forecast.
+    """
+    if isinstance(found, Hypotheses):
+        return found, np.broadcast_to(sensor.covariance, (len(found.shares), y.size, y.size))
+    S = found.innovation_covariance
+    log_likelihood = -0.5 * (found.nis + np.linalg.slogdet(2.0 * np.pi * S)[1])
+    forecast = sensor.output.subtract(y, found.innovation)
+    one = Hypotheses(
+        np.array([log_likelihood]), [found.posterior], np.ones(1), forecast[np.newaxis]
+    )
+    return one, S[np.newaxis]
 
 
 def build(
     plan: Plan,
     hypotheses: Annotated[
-        int, About('hypotheses of a first reading that may mean many things', minimum=1)
+        int, About('Gaussians into which a reading divides one that is too wide for it', minimum=1)
     ] = 8,
 ) -> GaussianSumFilter:
     """Return the Gaussian sum filter of any model."""

@@ -5,25 +5,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kalman_ros.core import (
-    Array,
-    DiscreteLinearSystem,
-    Gaussian,
-    LinearSystem,
-    unchecked,
-)
+from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, unchecked
 from kalman_ros.linear.kernels import affine, sandwich
 
+from .correction import LinearUpdate
 from .filter import Plan, linear_model, sampled_system
-from .update import LinearUpdate
 
 
 @dataclass(frozen=True)
 class KalmanFilter(LinearUpdate):
-    """The best estimator of a linear system with Gaussian noise.
+    """The optimal estimator of a linear system with Gaussian noise.
 
-    Every step is discretised exactly for its own length, so readings may come at any time; the
-    sensors must be linear in the state.
+    Steps are discretised exactly for their length, so readings may be irregular; sensors must be
+    linear in the state.
     """
 
     model: LinearSystem | DiscreteLinearSystem

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Luenberger observer: the gain that puts the poles of the error where one wants them.
+"""The Luenberger observer: gains by placing the poles of the error.
 
 D. Luenberger, An Introduction to Observers, IEEE Trans. Automatic Control 16(6), 1971.
 """
@@ -27,28 +27,30 @@ def build(
         ),
     ] = (-4.0,),
 ) -> FixedGainObserver:
-    """Return the observer whose error, with all sensors together, has the poles given.
+    """Return the observer whose error, with all sensors together, has the given poles.
 
-    The continuous gain L with eig(A - L C) at the poles is shared out among the readings: one
+    The continuous gain L with eig(A - L C) at the poles is divided among the readings: one
     of a sensor with period T corrects by L T. Fewer poles than states are completed by
     `spread_poles`.
 
     Raises
     ------
     DesignError
-        If the sensors together do not observe every state, or a pole is too fast for the
-        slowest sensor that it needs.
+        If the sensors, if there are any, do not observe every state, or a pole is too fast for
+        the slowest sensor that it needs.
     ValueError
         If the model is not linear, or there are more poles than states.
     """
     system = linear_system('luenberger', plan)
     n = system.state.size
     poles = spread_poles('observer_poles', observer_poles, n)
+    if not plan.sensors:
+        raise DesignError('filter: luenberger needs at least one enabled sensor')
     x = np.zeros(n)
     C = np.vstack([timed.sensor.jacobian(x) for timed in plan.sensors.values()])
     try:
         L = place_observer(system.A, C, poles).gain
-    except ValueError as error:  # a DesignError, too
+    except ValueError as error:  # also a DesignError
         raise DesignError(f'observer_{error}') from None
     gains, at = {}, 0
     for name, timed in plan.sensors.items():

@@ -1,38 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A filter in time: order, late data, known inputs, gates and an account of every reading.
+"""A filter in time: order, late data, known inputs, gates and counts of outcomes.
 
-One plain class that a node, a replay of a log and a Monte Carlo study share. Times are whole
-nanoseconds, as ROS stamps are, so that no difference of times is rounded.
+Nodes, replays and Monte Carlo studies share this class. Times are whole
+nanoseconds, as ROS stamps are, so differences are exact.
 
-The estimator keeps what came within a window as a list in the order of the stamps, with the
-belief after each item. An item that arrives late is put in its place and what follows is done
-again, by the same operations that arrival in order would have taken; so the result does not
-depend on the order of arrival. Of what arrives together all is put in its place first, so that
-what follows is done again once.
+The estimator keeps the items of a window ordered by stamp, with the belief after each. A late
+item is inserted and the items after it are processed again with the same operations, so the
+result does not depend on the order of arrival. Items that arrive together are all inserted
+before processing, so the later ones are repeated only once.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, is_finite
-from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.kernels import is_definite
 
 from . import agreement
-from .correction import Correction
+from .correction import Correction, committed
 from .filter import Filter
 from .gate import Gate
 from .outcome import Outcome
 from .policy import Policy
-from .start import taken_at_its_word
+from .start import match_reading
 from .timeline import Arrival, Item, State, Timeline
 
-#: In nanoseconds: old readings mean that the clock went back only if none has been up to date for
-#: this long.
+#: Old readings mean that the clock went back only if none was current for this long, in
+#: nanoseconds.
 _OUTDATED = 250_000_000
 
 
@@ -42,15 +40,15 @@ class OnlineEstimator:
     Parameters
     ----------
     filter
-        The filter; it is told nothing about time but steps.
+        The filter; it knows time only as step lengths.
     sensors
         By name, in the order in which readings with one stamp are fused.
     initial
-        The belief at the first stamp that comes, and whenever the estimator restarts.
+        The belief at the first stamp received, and after each restart.
     input
         The input (m,) in effect until the first one arrives.
     policy
-        How to treat what is late, doubtful or missing.
+        How to treat late, doubtful or missing data.
     """
 
     def __init__(
@@ -66,11 +64,14 @@ class OnlineEstimator:
         self.counts: dict[str, Counter[Outcome]] = {name: Counter() for name in sensors}
         self.restarts = 0
         self._zero = input
+        #: Called with the items that no later one can change, in the order of their stamps.
+        self.on_final: Callable[[Sequence[Item]], object] = len
+        self._timeline = Timeline(State(None, initial, None, ()))
         self.configure(filter, sensors, policy or Policy())
         self.reset(initial)
 
     def configure(self, filter: Filter, sensors: Mapping[str, Sensor], policy: Policy) -> None:
-        """Use another filter, sensors of the same names and another policy from now on."""
+        """Replace the filter, the sensors (same names) and the policy."""
         self._filter = filter
         self._sensors = dict(sensors)
         self._policy = policy
@@ -80,8 +81,9 @@ class OnlineEstimator:
         self._with_covariance: dict[str, tuple[bytes, Sensor]] = {}
 
     def reset(self, belief: Gaussian) -> None:
-        """Forget what came; the belief holds at the next stamp that comes. Counts go on."""
+        """Drop all items; the belief holds at the next stamp received. Counts continue."""
         self._initial = belief
+        self.finish()
         first = None if self._policy.rest_until_input else self._zero
         records = (agreement.Record(),) * len(self._order)
         self._timeline = Timeline(State(None, belief, first, records))
@@ -89,11 +91,20 @@ class OnlineEstimator:
         #: When the last reading that was not too old was received, in nanoseconds.
         self._current_at: int | None = None
 
+    def finish(self) -> None:
+        """Have all items count as final, those within the window too."""
+        self.on_final(self._timeline.drain())
+
     def restart(self) -> None:
-        """Forget what came, for the clock went back, and count that."""
+        """Drop all items because the clock went back, and count the restart."""
         self._settle()
         self.restarts += 1
         self.reset(self._initial)
+
+    @property
+    def filter(self) -> Filter:
+        """The filter in use."""
+        return self._filter
 
     @property
     def time(self) -> int | None:
@@ -107,12 +118,12 @@ class OnlineEstimator:
 
     @property
     def repairs(self) -> int:
-        """How often on the way to `belief` a covariance had to be made definite again."""
+        """The number of covariances repaired on the way to `belief`."""
         return self._timeline.head.repairs
 
     @property
     def contradicting(self) -> list[str]:
-        """The sensors that are rejected only because the others agree with the estimate."""
+        """The sensors rejected only because the others agree with the estimate."""
         needed = self._policy.recover_after
         records = zip(self._names, self._timeline.head.records)
         return [name for name, record in records if 0 < needed <= record.rejections]
@@ -125,10 +136,10 @@ class OnlineEstimator:
         return self._predict(head, time, self._filter)[0]
 
     def add_input(self, time: int, u: Array, now: int | None = None) -> Outcome:
-        """Take the input that is in effect from ``time`` on; of one stamp, the last one counts.
+        """Add the input in effect from ``time`` on; for equal stamps the last one counts.
 
-        A controller answers twice when two readings of one instant come one after the other.
-        ``now`` is when it came, if stamps in the future are to be refused.
+        A controller answers twice when two readings of one instant are received separately.
+        With ``now``, the time of arrival, stamps in the future are refused.
         """
         return self.add([Arrival(None, time, u)], now)[0][0]
 
@@ -140,27 +151,26 @@ class OnlineEstimator:
         covariance: Array | None = None,
         now: int | None = None,
     ) -> tuple[Outcome, Correction | None]:
-        """Take a reading of the sensor ``name``, with its own covariance if it came with one.
+        """Add a reading of the sensor ``name``, with the covariance of its message, if any.
 
-        Returns what became of it, and the correction when there was one to compute (also when
-        the gate rejected it). ``now`` is when it came, if stamps in the future are to be
-        refused.
+        Returns the outcome, and the correction if one was computed (also when the gate rejected
+        it). With ``now``, the time of arrival, stamps in the future are refused.
         """
         return self.add([Arrival(name, time, y, covariance)], now)[0]
 
     def add(
         self, arrivals: Iterable[Arrival], now: int | None = None
     ) -> list[tuple[Outcome, Correction | None]]:
-        """Take readings and inputs that came together, at ``now``, as if one came after the other.
+        """Add readings and inputs that arrived together at ``now``, as if one after the other.
 
-        Returns of each what `add_reading` does; an input has no correction.
+        Returns the result of `add_reading` for each; an input has no correction.
         """
         found = [self._place(arrival, now) for arrival in arrivals]
         self._settle()
         return [each.fate if isinstance(each, Item) else (each, None) for each in found]
 
     def _place(self, arrival: Arrival, now: int | None) -> Item | Outcome:
-        """Put what came in its place and return it; or count it, and return why it is refused."""
+        """Insert an arrival and return its item, or count it and return why it is refused."""
         found = self._checked(arrival, now)
         if isinstance(found, Item):
             refused = self._timeline.insert(found, self._window)
@@ -174,7 +184,7 @@ class OnlineEstimator:
         return found
 
     def _checked(self, arrival: Arrival, now: int | None) -> Item | Outcome:
-        """Return an item of what came, or what is wrong with it."""
+        """Return an item for an arrival, or why it is invalid."""
         name, time, values, covariance = arrival
         sensor = None if name is None else self._sensors[name]
         if values.shape != (self._zero.shape if sensor is None else sensor.covariance.shape[:1]):
@@ -193,10 +203,9 @@ class OnlineEstimator:
     def _restarted_for(
         self, item: Item, refused: Outcome | None, now: int | None
     ) -> Outcome | None:
-        """Restart with a reading if too many in a row were too old; return why it is refused.
+        """Restart if too many readings in a row were too old; return why this one is refused.
 
-        While other readings are up to date, it is the sensor that lags, not the clock that went
-        back.
+        While other readings are current, the sensor lags; the clock did not go back.
         """
         if refused is not Outcome.TOO_OLD:
             self._old_in_a_row, self._current_at = 0, now
@@ -211,7 +220,7 @@ class OnlineEstimator:
         return self._timeline.insert(item, self._window)
 
     def _noisy(self, name: str, covariance: Array) -> Sensor | None:
-        """Return the sensor with this noise, None if it is no covariance; the last is kept."""
+        """Return the sensor with this noise, None if it is no covariance; the last is cached."""
         key = covariance.tobytes()
         last = self._with_covariance.get(name)
         if last is not None and last[0] == key:
@@ -224,31 +233,31 @@ class OnlineEstimator:
         return sensor
 
     def _settle(self) -> None:
-        """Take in what was put in its place; keep account of readings."""
+        """Process the inserted items and count outcomes."""
         for item, before in self._timeline.settle(self._process):
             if item.outcome is not before:
                 counts = self.counts[self._names[item.key[1]]]
                 counts[item.fate[0]] += 1
                 if before is not None:
                     counts[before] -= 1
-        self._timeline.forget(self._window)
+        self.on_final(self._timeline.forget(self._window))
 
     def _predict(self, state: State, time: int, filter: Filter) -> tuple[Gaussian, int]:
-        """Return the belief at ``time``, and how often it was repaired on the way there.
+        """Return the belief at ``time``, and the number of repairs on the way.
 
-        It is the initial one if the old is worth nothing by then.
+        It is the initial belief if the old one has expired.
         """
         if state.time is None or time == state.time or state.u is None:
             return state.belief, 0
         if self._max_gap and time - state.time > self._max_gap:
             return self._initial, 0
         try:
-            return _committed(filter.predict(state.belief, state.u, (time - state.time) * 1e-9))
+            return committed(filter.predict(state.belief, state.u, (time - state.time) * 1e-9))
         except np.linalg.LinAlgError:
             return self._initial, 0
 
     def _process(self, item: Item, state: State) -> State:
-        """Bring ``state`` to the item's time and take the item in."""
+        """Predict ``state`` to the item's time and apply the item."""
         time, order = item.key
         belief, repairs = self._predict(state, time, item.filter)
         if belief is not self._initial:
@@ -262,12 +271,12 @@ class OnlineEstimator:
         records = state.records
         try:
             first = state.time is None and self._policy.from_reading
-            start = taken_at_its_word(belief, item.value, item.sensor) if first else belief
+            start = match_reading(belief, item.value, item.sensor) if first else belief
             item.outcome, item.correction, records = self._gate(
                 item.filter, start, item.value, item.sensor, item.key, records
             )
             if item.outcome.accepted:
-                belief, repaired = _committed(item.correction.posterior)
+                belief, repaired = committed(item.correction.posterior)
                 repairs += repaired
         except np.linalg.LinAlgError:
             item.outcome, item.correction = Outcome.INDEFINITE, None
@@ -277,24 +286,10 @@ class OnlineEstimator:
 
 
 def _is_covariance(R: Array, size: int) -> bool:
-    """Tell whether ``R`` is finite, symmetric and positive definite."""
+    """Return whether ``R`` is finite, symmetric and positive definite."""
     if R.shape != (size, size) or not is_finite(R):
         return False
     skew = np.abs(R - R.T).max()
     if skew and not np.allclose(R, R.T):
         return False
     return is_definite(R)
-
-
-def _committed(belief: Gaussian) -> tuple[Gaussian, int]:
-    """Return a belief that may be kept, finite and definite, and how often it was repaired.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If it is neither.
-    """
-    if not is_finite(belief.mean):
-        raise np.linalg.LinAlgError('the estimate is not finite')
-    _, P, repairs = cholesky(belief.covariance)
-    return (Gaussian(belief.mean, P) if repairs else belief), repairs

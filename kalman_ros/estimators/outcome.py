@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can become of a reading."""
+"""The possible outcomes of a reading."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from enum import Enum
 
 
 class Outcome(Enum):
-    """What became of a reading. Every reading has exactly one."""
+    """What happened to a reading. Every reading has exactly one outcome."""
 
-    #: Each is itself alone; that of `Enum`, by name, takes longer than counting by it.
+    #: Identity: the hash of `Enum`, by name, takes longer than counting with it.
     __hash__ = object.__hash__
 
     FUSED = 'fused'
@@ -20,12 +20,19 @@ class Outcome(Enum):
     NOT_FINITE = 'dropped: not finite'
     WRONG_SIZE = 'dropped: wrong size'
     BAD_COVARIANCE = 'dropped: covariance not positive definite'
-    DUPLICATE = 'dropped: a reading with this stamp was there'
+    NO_FIX = 'dropped: no position fix'
+    OTHER_FRAME = 'dropped: in another frame than declared'
+    DUPLICATE = 'dropped: duplicate stamp'
     TOO_OLD = 'dropped: older than the window'
-    OVERRUN = 'dropped: more came than could be taken in'
+    OVERRUN = 'dropped: too many messages waiting'
     FUTURE = 'dropped: stamped in the future'
 
     @property
     def accepted(self) -> bool:
         """Whether the reading moved the estimate."""
         return self is Outcome.FUSED or self is Outcome.RECOVERED
+
+    @property
+    def explained(self) -> bool:
+        """Whether the reader of the message knows more than the outcome: which field, and why."""
+        return self in (Outcome.WRONG_SIZE, Outcome.NO_FIX, Outcome.OTHER_FRAME)

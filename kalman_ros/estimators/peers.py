@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""filterpy's own classes behind our protocol, as a cross-check by the best known peer."""
+"""filterpy's classes behind our protocol, as a cross-check."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _correction(peer: Any, innovation: Array) -> Correction:
 
 
 def _sound(method: Callable[..., R]) -> Callable[..., R]:
-    """Have a method say of numbers that are not finite what numpy says of them."""
+    """Wrap a method so that numpy errors replace filterpy's for values that are not finite."""
 
     @wraps(method)
     def sound(*arguments: Any) -> R:
@@ -57,7 +57,7 @@ class _Linearised:
 
     @_sound
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
-        """Let filterpy predict, in steps as short as those of our own filters."""
+        """Predict with filterpy, in steps as short as those of our own filters."""
         count = 1 if self._kind is KalmanFilter else parts(self._model, dt)
         for _ in range(count):
             belief = self._moved(belief, u, dt / count)
@@ -76,7 +76,7 @@ class _Linearised:
 
     @_sound
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Let filterpy update."""
+        """Update with filterpy."""
         x, space = belief.mean, sensor.output
         peer = self._peer(belief, len(y))
         peer.R = sensor.covariance
@@ -117,7 +117,7 @@ class _Unscented:
 
     @_sound
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
-        """Let filterpy predict."""
+        """Predict with filterpy."""
         peer = self._peer(belief, None)
         _, peer.Q = carried(self._model, belief.mean[np.newaxis], u, dt)
         peer.predict(dt=dt, fx=lambda x, dt: self._model.step(x, u, dt))
@@ -125,7 +125,7 @@ class _Unscented:
 
     @_sound
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
-        """Let filterpy update."""
+        """Update with filterpy."""
         peer = self._peer(belief, sensor)
         peer.R = sensor.covariance
         peer.sigmas_f = self._points.sigma_points(peer.x, peer.P)

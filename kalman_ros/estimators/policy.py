@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an estimator in time is told about the world that its readings come from."""
+"""How the online estimator treats imperfect data."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Policy:
-    """How an `OnlineEstimator` treats what is late, doubtful or missing.
+    """How an `OnlineEstimator` treats late, doubtful or missing data.
 
     Parameters
     ----------
     window
-        Seconds for which late items are taken in; 0 takes only what comes in order.
+        Seconds for which late items are accepted; 0 accepts only items in order.
     gates
-        For some sensors, the largest normalised innovation squared that is fused.
+        The largest normalised innovation squared that is fused, by sensor.
     recover_after
-        The number of rejected readings in a row, of all sensors that see the same states and
+        The number of consecutive rejected readings, of all sensors that see the same states and
         without one that agrees, after which the covariance is widened until the next reading
-        passes: a filter that is wrong and sure of it finds back (`agreement`). 0 never does.
+        passes, so that an overconfident filter recovers (`agreement`). 0 disables it.
     restart_after
-        N readings in a row that are older than the window mean that the clock went back, if none
-        has been up to date for 0.25 s: the estimator restarts. 0 never does.
+        N consecutive readings older than the window mean that the clock went back, if none was
+        current for 0.25 s: the estimator restarts. 0 disables it.
     max_gap
-        Seconds without anything after which the old belief is worth nothing: the estimator
-        restarts. 0 never does.
+        Seconds without data after which the belief expires and the estimator restarts. 0 disables
+        it.
     future_tolerance
-        Seconds by which a stamp may be ahead of the time at which it comes.
+        Seconds by which a stamp may be ahead of its arrival.
     from_reading
-        Start from the first reading, taken at its word (`start`), instead of from the initial
-        belief alone; what that reading does not see keeps the initial belief.
+        Start from the first reading, taken as exact (`start`), instead of from the initial belief
+        alone; states that it does not see keep the initial belief.
     rest_until_input
-        The state stays as it is until the first input, which sets it in motion: readings correct
-        the belief until then, and time does not change it.
+        The state is constant until the first input, which sets it in motion: until then readings
+        correct the belief, and time does not change it.
     """
 
     window: float = 1.0

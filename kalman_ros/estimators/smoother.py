@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Rauch-Tung-Striebel smoother: what all readings, later ones too, tell of every instant.
+"""The Rauch-Tung-Striebel smoother: estimates given all readings, later ones included.
 
 Backwards over the beliefs x, P of a filter and their predictions x_p, P_p,
 
@@ -7,8 +7,8 @@ Backwards over the beliefs x, P of a filter and their predictions x_p, P_p,
     P_s = (I - C F) P (I - C F)' + C (P_s' + Q) C'
 
 (H. Rauch, F. Tung and C. Striebel, Maximum Likelihood Estimates of Linear Dynamic Systems, AIAA
-Journal 3(8), 1965), with the covariance as a sum of positive semi-definite terms. F is that of the
-model about the estimate; for the unscented filter it is the slope that the sigma points have (S.
+Journal 3(8), 1965), with the covariance as a sum of positive semi-definite terms. F belongs to the
+model about the estimate; for the unscented filter it is the slope of the sigma points (S.
 Sarkka, Unscented Rauch-Tung-Striebel Smoother, IEEE Trans. Automatic Control 53(3), 2008).
 """
 
@@ -26,13 +26,13 @@ from .ekf import ExtendedKalmanFilter
 from .kf import KalmanFilter
 from .ukf import UnscentedKalmanFilter
 
-#: The filters whose beliefs can be smoothed: their gains are the optimal ones.
+#: Filters whose beliefs can be smoothed, as their gains are optimal.
 SMOOTHED = ('kf', 'ekf', 'ukf')
 
 
 @dataclass(frozen=True)
 class Filtered:
-    """Where a filter was at one instant.
+    """The filter's result at one instant.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Filtered:
     input
         In effect from then on (m,).
     restarted
-        Whether the belief does not follow from the one before, and tells nothing of it.
+        Whether the belief is independent of the one before.
     """
 
     time: int
@@ -58,9 +58,9 @@ def smooth(filter: object, steps: Sequence[Filtered]) -> list[Gaussian]:
     Parameters
     ----------
     filter
-        The filter that the steps are of: a Kalman filter, plain, extended or unscented.
+        The filter of the steps: a Kalman filter, plain, extended or unscented.
     steps
-        In the order of time, each time once. Steps may be of any length.
+        In order of time, without repeated times. Steps may have any length.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def _back(
     until: int,
     after: Gaussian,
 ) -> Gaussian:
-    """Return the smoothed belief of a step, from the one ``after`` it, at the time ``until``."""
+    """Return the smoothed belief of a step, from the one ``after`` it, at time ``until``."""
     model: Model = filter.model
     belief, u, dt = step.belief, step.input, (until - step.time) * 1e-9
     x, P = belief.mean, belief.covariance

@@ -7,21 +7,20 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor
 
-#: Iterations, and halvings of a step that does not come nearer.
+#: Iterations, and halvings of a step that does not reduce the distance.
 _MOST_STEPS, _MOST_HALVINGS = 50, 30
-#: Residuals are small enough when their sum of squares, in standard deviations, is.
+#: Iteration stops below this sum of squared residuals, in standard deviations.
 _CLOSE = 1e-16
 
 
-def taken_at_its_word(belief: Gaussian, y: Array, sensor: Sensor) -> Gaussian:
-    """Return the belief with what ``sensor`` sees moved to where the reading ``y`` (k,) puts it.
+def match_reading(belief: Gaussian, y: Array, sensor: Sensor) -> Gaussian:
+    """Return the belief with its mean moved to match the reading ``y`` (k,) of ``sensor`` exactly.
 
-    This is the update without measurement noise, for the mean alone: the reading itself is
-    fused afterwards, with its noise. It is iterated as an iterated extended filter is, which is
-    the method of Gauss and Newton (B. Bell and F. Cathey, The Iterated Kalman Filter Update as a
-    Gauss-Newton Method, IEEE Trans. Automatic Control 38(2), 1993): among the states with that
-    reading, the likeliest. Where this does not come nearer to the reading, the step goes on from
-    where it is, and is halved until it does.
+    This is the update of the mean without measurement noise; the reading itself is fused
+    afterwards, with its noise. It is iterated as in an iterated extended filter, the Gauss-Newton
+    method (B. Bell and F. Cathey, The Iterated Kalman Filter Update as a Gauss-Newton Method,
+    IEEE Trans. Automatic Control 38(2), 1993), and finds the likeliest of the states with that
+    reading. A step that does not reduce the distance to the reading is halved until it does.
     """
     prior, P = belief.mean, belief.covariance
     weight = 1.0 / sensor.covariance.diagonal()
@@ -34,7 +33,7 @@ def taken_at_its_word(belief: Gaussian, y: Array, sensor: Sensor) -> Gaussian:
     away = distance(x)
     for _ in range(_MOST_STEPS):
         H = sensor.jacobian(x)
-        # by least squares, for a sensor may see one thing twice
+        # least squares, since a sensor may measure one thing twice
         K = np.linalg.lstsq(H @ P @ H.T, H @ P, rcond=None)[0].T
         innovation = sensor.output.subtract(y, sensor.measure(x))
         towards = K @ innovation

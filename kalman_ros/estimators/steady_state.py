@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Kalman filter with the gains that it settles to."""
+"""The Kalman filter with its steady-state gains."""
 
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 
 import numpy as np
 
-from kalman_ros.core import Array, DesignError, Gaussian, solve
+from kalman_ros.core import Array, DesignError
+from kalman_ros.linear.periodic import Phase, Readings, periodic_filter
 
 from .filter import Plan, sampled_system
 from .fixed_gain import FixedGainObserver
-from .kf import KalmanFilter
 
-#: So many seconds' worth of steps without convergence mean that there is no steady state.
+#: After this many steps without convergence there is no steady state.
 _MOST_STEPS = 200_000
 
 
@@ -32,25 +33,33 @@ def build(plan: Plan) -> FixedGainObserver:
         If the model is not linear.
     """
     system = sampled_system('steady_state', plan)
-    filter = KalmanFilter(system)
-    x, u = np.zeros(system.state.size), np.zeros(system.input.size)
-    P = np.eye(len(x))
-    for _ in range(_MOST_STEPS // plan.period):
-        start, gains = P, defaultdict[str, list[Array]](list)
-        for step in range(plan.period):
-            belief = filter.predict(Gaussian(x, P), u, plan.dt)
-            for name in plan.due(step):
+    names, phases = _phases(plan)
+    try:
+        found = periodic_filter(phases, _MOST_STEPS // plan.period)
+    except DesignError as error:
+        raise DesignError(f'filter: {error}') from None
+    gains = defaultdict[str, list[Array]](list)
+    for name, L in zip(names, found.gains):
+        if name is not None:
+            gains[name].append(L)
+    return FixedGainObserver(system, {name: np.mean(each, axis=0) for name, each in gains.items()})
+
+
+def _phases(plan: Plan) -> tuple[list[str | None], list[Phase]]:
+    """Return the sensor, if any, of each phase: sensors that are due together read in turn."""
+    n = plan.model.state.size
+    step = plan.model.transition(np.zeros(n), np.zeros(plan.model.input.size), plan.dt)
+    names: list[str | None] = []
+    phases = []
+    for k in range(plan.period):
+        F, Q = step.F, step.Q
+        due: Sequence[str | None] = plan.due(k) or (None,)
+        for name in due:
+            readings = Readings(np.zeros((0, n)), np.zeros((0, 0)))
+            if name is not None:
                 sensor = plan.sensors[name].sensor
-                C, R = sensor.jacobian(x), sensor.covariance
-                P_prior = belief.covariance
-                gains[name].append(solve(C @ P_prior @ C.T + R, C @ P_prior).T)
-                belief = filter.correct(belief, sensor.measure(x), sensor).posterior
-            P = belief.covariance
-        if not np.all(np.isfinite(P)) or np.trace(P) > 1e100:
-            break
-        # relative to standard deviations: what is nearly uncorrelated has no digits of its own
-        std = np.sqrt(P.diagonal())
-        if np.all(np.abs(P - start) <= 1e-12 * np.outer(std, std)):
-            means = {name: np.mean(each, axis=0) for name, each in gains.items()}
-            return FixedGainObserver(system, means)
-    raise DesignError('filter: the error has no steady state with these sensors')
+                readings = Readings(sensor.jacobian(np.zeros(n)), sensor.covariance)
+            names.append(name)
+            phases.append(Phase(F, Q, readings))
+            F, Q = np.eye(n), np.zeros((n, n))
+    return names, phases

@@ -20,8 +20,8 @@ from .outcome import Outcome
 class State(NamedTuple):
     """The belief at a time, the input in effect from then on, and the outcomes by sensor.
 
-    The input is None as long as the system is at rest. ``repairs`` counts how often, on the way
-    here, a covariance lost its definiteness to rounding and was given it back.
+    The input is None while the system is at rest. ``repairs`` counts the covariances on the way
+    here that rounding made indefinite and that were repaired.
     """
 
     time: int | None
@@ -34,7 +34,7 @@ class State(NamedTuple):
 class Arrival(NamedTuple):
     """A reading (k,) of a sensor, or an input (m,) with the ``source`` None, and its stamp.
 
-    ``covariance`` (k, k) is the reading's own, if its message has one.
+    ``covariance`` (k, k) is that of the message, if it has one.
     """
 
     source: str | None
@@ -103,7 +103,7 @@ class Timeline:
             items.append(item)
             return None
         time, base = item.key[0], self._base.time
-        # before the base there may be nothing though the window has become wider
+        # a wider window does not bring back items before the base
         if time < items[-1].key[0] - window or (base is not None and time < base):
             return Outcome.TOO_OLD
         index = bisect_left(items, item.key, key=lambda other: other.key)
@@ -128,20 +128,32 @@ class Timeline:
             before = item.outcome
             try:
                 state = process(item, state)
-            except Exception:  # of a model that raises: the others stay
+            except Exception:  # from a model; the other items stay
                 del items[self._settled]
                 raise
             self._settled += 1
             yield item, before
 
-    def forget(self, window: int) -> None:
-        """Drop items older than the window; the state after the last of them becomes the base."""
+    def forget(self, window: int) -> list[Item]:
+        """Drop items older than the window; the state after the last of them becomes the base.
+
+        Returns the items that were dropped.
+        """
         items = self._items
         oldest = items[-1].key[0] - window if items else 0
         gone = 0
         while gone < len(items) - 1 and items[gone].key[0] < oldest:
             gone += 1
-        if gone > 16 or (gone and window == 0):
-            self._base = items[gone - 1].after
-            del items[:gone]
-            self._settled -= gone
+        return self._drop(gone) if gone > 16 or (gone and window == 0) else []
+
+    def drain(self) -> list[Item]:
+        """Drop all items that are processed, as `forget` does."""
+        return self._drop(self._settled)
+
+    def _drop(self, count: int) -> list[Item]:
+        gone = self._items[:count]
+        if gone:
+            self._base = gone[-1].after
+            del self._items[:count]
+            self._settled -= count
+        return gone

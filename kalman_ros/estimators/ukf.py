@@ -2,7 +2,7 @@
 """The unscented Kalman filter, with scaled sigma points.
 
 R. van der Merwe, Sigma-Point Kalman Filters for Probabilistic Inference in Dynamic State-Space
-Models (2004), section 3.2; means and differences go through the spaces, so angles are right.
+Models (2004), section 3.2; means and differences use the spaces, so angles are handled.
 """
 
 from __future__ import annotations
@@ -14,15 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import (
-    About,
-    Array,
-    Gaussian,
-    Model,
-    Sensor,
-    Space,
-    unchecked,
-)
+from kalman_ros.core import About, Array, Gaussian, Model, Sensor, Space, unchecked
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.kernels import (
     corrected,
@@ -45,12 +37,12 @@ Kappa = Annotated[float, About('second spread; n + kappa must be positive')]
 
 @dataclass(frozen=True)
 class UnscentedKalmanFilter:
-    """A Kalman filter that carries 2n + 1 points through the model and the sensors.
+    """A Kalman filter that propagates 2n + 1 points through the model and the sensors.
 
     Parameters
     ----------
     model
-        How the state moves.
+        The system model.
     alpha, beta, kappa
         Spread, knowledge of the distribution, and second spread of the sigma points. With the
         defaults no weight is negative, so that no covariance can become indefinite.
@@ -75,13 +67,13 @@ class UnscentedKalmanFilter:
         return self.alpha**2 * (self._n + self.kappa)
 
     @cached_property
-    def _directions(self) -> Array:
+    def directions(self) -> Array:
         """Where the sigma points lie, in standard deviations from the mean (n, 2n + 1)."""
         eye = sqrt(self._scale) * np.eye(self._n)
         return np.asfortranarray(np.hstack((np.zeros((self._n, 1)), eye, -eye)))
 
     @cached_property
-    def _mean_weights(self) -> Array:
+    def mean_weights(self) -> Array:
         """The weights of means (2n + 1,)."""
         c, n = self._scale, self._n
         weights = np.full(2 * n + 1, 0.5 / c)
@@ -89,20 +81,25 @@ class UnscentedKalmanFilter:
         return weights
 
     @cached_property
-    def _weights(self) -> _Repeated:
-        """The weights of covariances, k times for vectors of k numbers (k, 2n + 1)."""
-        weights = self._mean_weights.copy()
+    def covariance_weights(self) -> Array:
+        """The weights of covariances (2n + 1,)."""
+        weights: Array = self.mean_weights.copy()
         weights[0] += 1.0 - self.alpha**2 + self.beta
-        return _Repeated(weights)
+        return weights
+
+    @cached_property
+    def _weights(self) -> _Repeated:
+        """The weights of covariances, repeated for vectors of k numbers (k, 2n + 1)."""
+        return _Repeated(self.covariance_weights)
 
     def _offsets(self, P: Array) -> Array:
-        """Return the sigma points less the mean (n, 2n + 1)."""
+        """Return the sigma points minus the mean (n, 2n + 1)."""
         L, _, _ = cholesky(P)
-        return scaled(L, self._directions)
+        return scaled(L, self.directions)
 
     def _spread(self, space: Space, points: Array) -> tuple[Array, Array]:
         """Return mean (k,) and deviations (k, 2n + 1) of ``points`` (2n + 1, k)."""
-        mean = space.mean(points, self._mean_weights)
+        mean = space.mean(points, self.mean_weights)
         return mean, space.wrap(plus_each(points.T, mean, -1.0).T).T
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
@@ -115,7 +112,7 @@ class UnscentedKalmanFilter:
         return unchecked((mean, mirrored(moments(W * d, d, Q))))
 
     def cross_covariance(self, belief: Gaussian, u: Array, dt: float) -> Array:
-        """Return the covariance (n, n) of the state now with the one predicted, for smoothing."""
+        """Return the covariance (n, n) of current and predicted state, for smoothing."""
         offsets = self._offsets(belief.covariance)
         moved = self.model.step(plus_each(offsets, belief.mean).T, u, dt)
         _, d = self._spread(self.model.state, moved)
@@ -125,7 +122,7 @@ class UnscentedKalmanFilter:
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
 
-        This is P - K S K' as a sum of squares: what the form of Bucy and Joseph is to points.
+        This is P - K S K' as a sum of squares: the Joseph form for points.
         """
         (x, P), R = belief, sensor.covariance.T
         dx = self._offsets(P)
@@ -141,14 +138,14 @@ class UnscentedKalmanFilter:
 
 
 class _Repeated(dict[int, Array]):
-    """A row (p,) k times below itself (k, p), by k; numpy takes long to stretch a row itself."""
+    """A row (p,) repeated k times (k, p), by k; numpy's broadcasting takes longer."""
 
     def __init__(self, row: Array) -> None:
         super().__init__()
         self._row = row
 
     def __missing__(self, k: int) -> Array:
-        """Return the row ``k`` times, remembered for the next call."""
+        """Return the row ``k`` times, cached for the next call."""
         self[k] = np.asfortranarray(np.tile(self._row, (k, 1)))
         return self[k]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start the real nodes without launch files, let them run, gather their topics, stop them."""
+"""Runs the real nodes without launch files and records their topics."""
 
 from .launched_nodes import NodeError
 from .run import Run

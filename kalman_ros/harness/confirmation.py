@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder's part in lockstep: it confirms what it holds, and knows what was said twice."""
+"""The recorder's part in lockstep: confirms complete steps and removes repeated messages."""
 
 from __future__ import annotations
 
@@ -14,41 +14,44 @@ from sensor_msgs.msg import TimeReference
 from kalman_ros.codecs.messages import leading_stamp, message_type
 from kalman_ros.codecs.tick import mentioned, read_tick, write_tick
 from kalman_ros.core import Signal
-from kalman_ros.nodes.topics import QUEUE, covariance_signal
+from kalman_ros.nodes.topics import QUEUE
+from kalman_ros.pipeline.estimate_topics import covariance_signal
 from kalman_ros.scenario import Scenario
 
 from .recorder import QUEUE as RECORDING
 from .recorder import Recorder
+from .run_recording import RunRecording
 
-#: Steps of which the recorder may be unaware before the plant waits for it. Writers keep 1000.
+#: The most steps that the plant may be ahead of the recorder. Writers keep 1000.
 WINDOW = 250
-#: Readings of a sensor that may be under way when a step is confirmed.
+#: Readings of a sensor that may be in transit when a step is confirmed.
 _UNDER_WAY = 500
-#: Seconds between two confirmations, and after how many looks one is repeated.
+#: Seconds between two confirmations, and the number of checks after which one is repeated.
 _PERIOD, _LOOKS = 0.01, 20
 
 
 class Confirmation:
-    """Publishes on ``recorded`` up to which step a recorder holds everything.
+    """Publishes on ``recorded`` the last step of which a recorder has all messages.
 
-    That is a `sensor_msgs/TimeReference` with the stamp of the step. Confirmed is the last step
-    of which truth, estimate, covariance and input are here, as far as somebody publishes them,
-    while of each sensor not more than some of the readings are missing that ticks have named.
+    That is a `sensor_msgs/TimeReference` with the stamp of the step. A step is confirmed when its
+    truth, estimate, covariance and input are received, if they are published, and of each sensor
+    at most a few of the readings named in ticks are missing.
 
-    One recorder may take part; the plant believes the last confirmation that comes.
+    Only one recorder may take part; the plant uses the last confirmation received.
     """
 
     def __init__(self, node: Any, scenario: Scenario, recorder: Recorder) -> None:
         self._recorder, self._scenario = recorder, scenario
         self._period = round(1e9 / scenario.rate)
         signals = [scenario.state, *([scenario.input] if scenario.input.fields else ())]
-        #: Those that come once a step, and say at which.
+        #: Topics with one message per step, which has its stamp.
         self._stamped = ['ground_truth', *(s.topic for s in signals if _has_stamp(s))]
         self._readings = {source.signal.topic for source in scenario.sensors.values()}
         self._full: Callable[[str], str] = node.resolve_topic_name
         self._named = dict.fromkeys(self._readings, 0)
         self._first: int | None = None
         self._ticks: list[bytes] = []
+        self._recording: RunRecording | None = None
         self._confirmed, self._looks = -1, 0
         self._count = node.count_publishers
         self._publisher = node.create_publisher(TimeReference, 'recorded', QUEUE)
@@ -60,8 +63,15 @@ class Confirmation:
         """The full name of the topic of the ticks."""
         return str(self._subscription.topic_name)
 
+    def write_to(self, recording: RunRecording) -> None:
+        """Write the ticks from now on into a recording, too."""
+        recording.add(self._subscription)
+        self._recording = recording
+
     def _on_tick(self, data: bytes) -> None:
         time, topics = read_tick(data)
+        if self._recording is not None:
+            self._recording.write(self.topic, data)
         self._ticks.append(data)
         if self._first is None:
             self._first = time
@@ -71,7 +81,7 @@ class Confirmation:
                 self._named[name] += 1
 
     def _confirm(self) -> None:
-        """Publish how far everything has come, if that is news for the plant, or was long ago."""
+        """Publish the last complete step, if it has changed or the last message is old."""
         self._looks += 1
         held = self._held()
         if held is None:
@@ -83,7 +93,7 @@ class Confirmation:
         self._publisher.publish(write_tick(held, ()))
 
     def _held(self) -> int | None:
-        """Return the stamp up to which all is here; None where that cannot be told."""
+        """Return the stamp of the last complete step; None if unknown."""
         received = self._recorder.received
         for topic, count in self._named.items():
             if count - received.get(self._full(topic), 0) > _UNDER_WAY:
@@ -96,7 +106,7 @@ class Confirmation:
         return min((leading_stamp(raw[topic][-1]) for topic in come), default=None)
 
     def drop_repeated(self) -> None:
-        """Drop from the record what came twice, because the plant asked twice for a step."""
+        """Drop recorded messages that were repeated because the plant asked twice for a step."""
         times = [leading_stamp(data) for data in self._ticks]
         again = [earlier == later for earlier, later in pairwise([-1, *times])]
         if not any(again):
@@ -114,7 +124,7 @@ class Confirmation:
             _drop(raw[topic], _repeated(raw[topic]))
 
     def _drop_readings(self, again: list[bool]) -> None:
-        """Drop the ticks that came again, and the readings that they name."""
+        """Drop repeated ticks, and the readings that they name."""
         repeats: dict[str, list[bool]] = {topic: [] for topic in self._readings}
         for data, repeated in zip(self._ticks, again):
             time, topics = read_tick(data)
@@ -122,7 +132,7 @@ class Confirmation:
                 if name in repeats:
                     repeats[name].append(repeated)
         for topic, flags in repeats.items():
-            if flags:  # a sensor that is off has no record
+            if flags:  # a disabled sensor has no record
                 _drop(self._recorder.raw[topic], flags)
         _drop(self._ticks, again)
 
@@ -132,20 +142,20 @@ def _has_stamp(signal: Signal) -> bool:
 
 
 def _repeated(messages: Sequence[bytes]) -> list[bool]:
-    """Tell of each message whether its stamp is that of the one before."""
+    """Return for each message whether its stamp equals that of the one before."""
     stamps = [-1, *map(leading_stamp, messages)]
     return [before == stamp for before, stamp in pairwise(stamps)]
 
 
 def _drop(messages: list[bytes], flags: Sequence[bool]) -> None:
-    """Drop those messages whose flag is set; further ones are kept."""
+    """Drop the messages with a set flag; further ones are kept."""
     messages[: len(flags)] = [data for data, drop in zip(messages, flags) if not drop]
 
 
 def _drop_equal(messages: list[bytes], wanted: int) -> None:
-    """Drop messages that equal the one before until as many as ``wanted`` are left.
+    """Drop messages that equal the one before until ``wanted`` are left.
 
-    One estimate has one answer, so what comes twice without a stamp comes twice with equal bytes.
+    One estimate has one answer, so a repeated answer without a stamp has equal bytes.
     """
     surplus = len(messages) - wanted
     kept: list[bytes] = []

@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS domain that nobody else on this machine uses."""
+"""A ROS domain that no other run on this machine uses."""
 
 from __future__ import annotations
 
 import os
 import socket
 
-# Domains up to 101 keep clear of the ports that Linux hands out by itself; 0 is everybody's.
+# Domains up to 101 avoid Linux's ephemeral ports; 0 is the default of all.
 _DOMAINS = range(1, 102)
 
 
 class Domain:
-    """Holds a domain id until it is closed; others who ask in this way get another one.
+    """Reserves a domain id until it is closed; other instances get another one.
 
-    What holds it is a name in Linux's abstract socket namespace (unix(7)): it is in no folder, so
-    that nobody can put a link or a file in its place, it is shared by all users, and by those
-    network namespaces alone that share the ports of the domain, and it goes with the process.
+    The reservation is a name in Linux's abstract socket namespace (unix(7)): it is not in the file
+    system, so nobody can replace it by a link or a file; it is shared by all users, and by exactly
+    the network namespaces that share the ports of the domain; and it ends with the process.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Domain:
         raise RuntimeError('all ROS domains of this machine are in use')
 
     def close(self) -> None:
-        """Give the domain back."""
+        """Release the domain."""
         self._lock.close()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the installed executables of the package are."""
+"""The installed executables of the package."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ PACKAGE = 'kalman_ros'
 
 
 def prefix() -> Path:
-    """Return the prefix that the package is installed in.
+    """Return the installation prefix of the package.
 
     Raises
     ------
     RuntimeError
-        If it is not installed, with what to do.
+        If it is not installed; the message says what to do.
     """
     try:
         return Path(get_package_prefix(PACKAGE))
-    except (PackageNotFoundError, LookupError, OSError):  # OSError: nothing is sourced
+    except (PackageNotFoundError, LookupError, OSError):  # OSError: no workspace is sourced
         beside = Path(sys.argv[0]).resolve().parent
         if (beside / 'plant').exists() and beside.parent.name == 'lib':
             return beside.parent.parent

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signals that wait until the executor has returned.
+"""Signals deferred until the executor has returned.
 
-An exception that a signal raises while the executor runs a callback is lost in it, or leaves it
-half destroyed. So signals are only noted meanwhile, and delivered afterwards.
+An exception raised by a signal while the executor runs a callback is lost in it, or leaves it
+half destroyed. So signals are only recorded meanwhile, and delivered afterwards.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 @contextmanager
 def deferred() -> Iterator[list[int]]:
-    """Hold signals that ask for the end back inside the block; give the list of them."""
+    """Defer signals that end the process within the block; yield the list of them."""
     noted: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield noted
         return
 
     def note(number: int, _: FrameType | None) -> None:
-        # nothing more: what is interrupted may hold any lock
+        # nothing more: the interrupted code may hold any lock
         noted.append(number)
 
     handlers: dict[signal.Signals, Any] = {s: signal.signal(s, note) for s in _SIGNALS}

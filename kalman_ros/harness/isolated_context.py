@@ -15,30 +15,30 @@ from .domain import Domain
 from .interrupts import deferred
 from .process import isolated
 
-#: Seconds between two looks at what has come on the topics that are watched.
+#: Seconds between two reads of the watched topics.
 _PERIOD = 0.01
-#: How long a signal may wait to be noticed, in seconds.
+#: The longest delay of a signal, in seconds.
 _PATIENCE = 0.1
 
 
 class IsolatedContext:
-    """A node with its executor, in a domain that nobody else on this machine has.
+    """A node with its executor, in a domain that is not used otherwise on this machine.
 
     Parameters
     ----------
     name
         Of the node.
     sockets
-        Whether the processes that share the domain are to use sockets alone, so that none waits
-        for one that was killed.
+        Whether the processes of the domain use sockets alone, so that none waits for one that was
+        killed.
     """
 
     def __init__(self, name: str, *, sockets: bool = False) -> None:
         self._domain = Domain()
-        #: For processes that are to share the domain.
+        #: For other processes in the domain.
         self.environment = isolated(self._domain.id, sockets=sockets)
         self._context = rclpy.Context()
-        # NAME:=VALUE among this program's own arguments is for the nodes, and no remap of this one
+        # NAME:=VALUE among this program's arguments is for the nodes, not a remap of this one
         rclpy.init(args=[], context=self._context, domain_id=self._domain.id)
         self.node = WatcherNode(name, context=self._context, start_parameter_services=False)
         self.node.look_every(_PERIOD)
@@ -53,7 +53,7 @@ class IsolatedContext:
     def spin(self, seconds: float, until: Future | None = None) -> bool:
         """Process messages for ``seconds``, or until a future is done; return whether it is.
 
-        A signal meanwhile ends it, and is acted upon then.
+        A signal ends it, and is then delivered.
         """
         done, end = until or Future(), time.monotonic() + seconds
         with deferred() as signals:
@@ -64,7 +64,7 @@ class IsolatedContext:
                     return bool(done.done())
 
     def close(self) -> None:
-        """Give everything back."""
+        """Release everything."""
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()

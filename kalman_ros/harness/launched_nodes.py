@@ -22,12 +22,12 @@ from .isolated_context import IsolatedContext
 from .node_set import NodeSet
 from .process import NodeProcess
 
-#: Seconds after each of which a request is sent again.
+#: The intervals in seconds after which a request is repeated.
 _REPEATS = (1.0, 2.0, 4.0, 8.0, 15.0)
 
 
 class NodeError(RuntimeError):
-    """A node died, would not start, or did not answer; the message names it and says why."""
+    """A node died, did not start, or did not answer; the message names it and the reason."""
 
 
 class LaunchedNodes:
@@ -43,7 +43,7 @@ class LaunchedNodes:
         self._node_set = node_set
         self.processes: dict[str, NodeProcess] = {}
         self.diagnostics: dict[str, DiagnosticStatus] = {}
-        #: Whether a node was killed or has died: what it published last nobody knows.
+        #: Whether a node was killed or has died: its last messages are unknown.
         self._interrupted = False
 
     def open(self, *, sockets: bool) -> None:
@@ -63,7 +63,7 @@ class LaunchedNodes:
 
     @property
     def environment(self) -> Mapping[str, str]:
-        """The environment of the nodes, for other programs that are to take part."""
+        """The environment of the nodes, for other programs in the run."""
         return self._context.environment
 
     @property
@@ -80,7 +80,7 @@ class LaunchedNodes:
             )
 
     def kill(self, name: str, number: int = 9) -> None:
-        """Send a signal to a node, SIGKILL unless told otherwise, and wait for its end."""
+        """Send a signal to a node, by default SIGKILL, and wait for its end."""
         process = self.processes[name]
         self._interrupted = True
         process.signal(number)
@@ -91,12 +91,12 @@ class LaunchedNodes:
     def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
         """Process messages for ``seconds``, and check that every node is still running.
 
-        It ends sooner when the future ``until`` is done.
+        It returns early when the future ``until`` is done.
         """
         self._context.spin(seconds, until)
         for name, process in self.processes.items():
             if process.exit_code is not None:
-                raise NodeError(f'the {name} died: {process.last_words()}')
+                raise NodeError(f'the {name} died: {process.last_line()}')
 
     def wait(
         self, condition: Callable[[], bool], seconds: float, trouble: Callable[[], str]
@@ -122,7 +122,7 @@ class LaunchedNodes:
             raise ValueError(result.reason)
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Call a service of type ``kind`` and return its response; NodeError if none comes."""
+        """Call a service of type ``kind`` and return its response; NodeError without one."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
@@ -134,8 +134,8 @@ class LaunchedNodes:
                 answer.set_result(future.result())
 
         for seconds in _REPEATS:
-            # a node that was killed and started again may not have been found yet, and one that
-            # is slow may still answer the first request
+            # a node that was killed and restarted may not be discovered yet, and a slow one may
+            # still answer the first request
             client.call_async(request).add_done_callback(on_answer)
             self.spin(seconds, until=answer)
             if answer.done():
@@ -147,7 +147,7 @@ class LaunchedNodes:
         self.call(Trigger, service, Trigger.Request())
 
     def change_state(self, node: str, transition: str) -> bool:
-        """Ask a managed node to 'configure', 'activate', ...; return whether it did."""
+        """Request a transition of a managed node, e.g. 'configure'; return whether it worked."""
         request = ChangeState.Request(transition=Transition(label=transition))
         return bool(self.call(ChangeState, f'{node}/change_state', request).success)
 
@@ -161,13 +161,13 @@ class LaunchedNodes:
             self.diagnostics[status.name] = status
 
     def reported(self, node: str, key: str) -> str:
-        """Return a value that a node last said of itself on ``/diagnostics``, '' if it did not."""
+        """Return a value from a node's last ``/diagnostics``, '' if missing."""
         status = self.diagnostics.get(node)
         values = [] if status is None else status.values
         return next((str(value.value) for value in values if value.key == key), '')
 
     def close(self) -> None:
-        """Stop every node and give everything back; a signal meanwhile waits until it is done."""
+        """Stop every node and release everything; a signal is deferred until then."""
         with deferred():
             self._close()
 

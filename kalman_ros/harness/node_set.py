@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which nodes take part in a run, and what each of them is told."""
+"""The nodes of a run and their parameters."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kalman_ros import scenario as scenarios
+from kalman_ros.core.named_options import refuse_unknown
 from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.parameter_files import BETWEEN, NODES, from_file, sections, yaml_value
 
@@ -25,22 +26,24 @@ class NodeSet:
         also: Mapping[str, str],
         remaps: Mapping[str, Mapping[str, str]],
     ) -> None:
-        executables.prefix()  # where nothing is sourced, that is what to say first
+        executables.prefix()  # first, report a workspace that is not sourced
         self._file = shipped.file(scenario) if isinstance(scenario, str) else None
         given = {} if isinstance(scenario, str) else dict(scenario)
         between = (BETWEEN,) if BETWEEN in sections(self._file) else ()
+        known = (*NODES, BETWEEN, *also)
+        refuse_unknown((*only, *remaps, *(nodes or ())), known, 'node')
         self._also = also
         self._parameters = {
             name: {**given, **shared, **only.get(name, {})}
             for name in (*NODES, *between, *(nodes or ()), *also)
         }
-        # what the plant leaves to others to read is a part of the scenario, too
+        # parameters that the plant leaves to other nodes belong to the scenario, too
         read = from_file(self._file) if between else from_file(self._file, 'plant')
-        #: As the plant has it.
+        #: The plant's parameters.
         self.scenario: Scenario = scenarios.build({**read, **self._parameters['plant']})
         driven = bool(self.scenario.input.fields)
         needed = NODES if driven else tuple(name for name in NODES if name != 'controller')
-        #: Those to start, in this order.
+        #: The nodes to start, in this order.
         self.names = (*((*between, *needed) if nodes is None else nodes), *also)
         self._remaps = dict(remaps)
         if shared['lockstep'] and BETWEEN in self.names:
@@ -49,13 +52,13 @@ class NodeSet:
             self._parameters['plant'].setdefault('wait_for_estimate', True)
 
     def command(self, name: str) -> list[str]:
-        """Return the program of a node, with its arguments."""
+        """Return the command line of a node."""
         program = executables.executable(self._also.get(name, name))
         command = [str(program), '--ros-args', '-r', f'__node:={name}']
         if self._file is not None:
             command += ['--params-file', str(self._file)]
         for key, value in self._parameters[name].items():
-            # for this node by name: else a section of its own in the file would win
+            # for this node by name: else its section in the file would override it
             command += ['-p', f'{name}:{key}:={yaml_value(value)}']
         for topic, other in self._remaps.get(name, {}).items():
             command += ['-r', f'{topic}:={other}']

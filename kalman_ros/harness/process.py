@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node as a process of its own, which does not outlive the one that started it."""
+"""A node as a child process, which does not outlive its parent."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG, linux/prctl.h
 
 
 class NodeProcess:
-    """Starts an executable in a process group of its own and keeps what it prints.
+    """Starts an executable in a new process group and keeps its output.
 
     Parameters
     ----------
     name
-        What it is called in messages.
+        Its name in messages.
     command
         The program and its arguments.
     environment
-        All of its environment.
+        Its whole environment.
     log
-        The file that takes its output.
+        The file for its output.
     """
 
     def __init__(
@@ -61,12 +61,12 @@ class NodeProcess:
         return self._process.poll()
 
     def signal(self, number: int) -> None:
-        """Send a signal to the whole group; nothing happens if it is gone."""
+        """Send a signal to the whole group; ignored if it has ended."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, number)
 
     def wait(self, seconds: float) -> bool:
-        """Wait for the end and tell whether it came in time."""
+        """Wait for the end and return whether it came in time."""
         try:
             self._process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -74,7 +74,7 @@ class NodeProcess:
         return True
 
     def stop(self, patience: float = 5.0) -> None:
-        """Ask it to end, and insist."""
+        """Terminate it, by force after ``patience`` seconds."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             if self.exit_code is not None:
                 return
@@ -83,22 +83,21 @@ class NodeProcess:
                 return
 
     def output(self) -> str:
-        """Return what it has printed so far."""
+        """Return its output so far."""
         return self.log.read_text(errors='replace')
 
-    def last_words(self) -> str:
-        """Return the last line that it printed, or how it ended."""
+    def last_line(self) -> str:
+        """Return the last line of its output, or how it ended."""
         lines = self.output().strip().splitlines()
         return lines[-1] if lines else f'exit code {self.exit_code}'
 
 
 def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:
-    """Have this process stay on this machine; return its environment with a ROS domain.
+    """Restrict this process to this machine; return its environment with a ROS domain.
 
-    Nodes that start together find each other at once there; see ``nodes/prompt.xml``. They may
-    be told to use ``sockets`` alone: memory that they share with Fast DDS is quicker, but a
-    process that is killed may leave it locked, and who publishes then waits for seconds.
-    Your own profile of Fast DDS comes first.
+    Nodes that start together discover each other at once; see ``nodes/prompt.xml``. With
+    ``sockets`` they use no shared memory: that is quicker, but a killed process may leave it
+    locked, and publishers then block for seconds. The user's Fast DDS profile has priority.
     """
     os.environ[RANGE] = 'LOCALHOST'
     if not any(os.environ.get(name) for name in PROFILES):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a run has come, by the stamps of what is heard of it."""
+"""The progress of a run, from the stamps of its messages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Progress:
         self._goal = 0.0
         self._answered = -1
         self._answers = 0
-        #: Stamps of the first and the last step, -1 before there was one.
+        #: Stamps of the first and the last step, -1 before the first.
         self.first = self.last = -1
         #: Done when the goal is reached.
         self.reached = Future()
@@ -33,7 +33,7 @@ class Progress:
 
     @property
     def answered(self) -> bool:
-        """Whether the last step is answered; without stamps, whether there are answers enough."""
+        """Whether the last step is answered; without stamps, whether there are enough answers."""
         if self._answer_stamped:
             return self._answered >= self.last
         return self._answers >= self._steps
@@ -48,8 +48,8 @@ class Progress:
         self._goal = seconds - 0.5 / self._rate
         self.reached = Future()
 
-    def hear(self, topic: str, data: bytes) -> None:
-        """Take in a message."""
+    def update(self, topic: str, data: bytes) -> None:
+        """Process a message."""
         if topic == self._answer:
             self._answers += 1
             if self._answer_stamped:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether all who are to hear each other do: what is published before is lost."""
+"""Whether all nodes are connected: messages published before are lost."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from kalman_ros.nodes.diagnostics import PUBLISHERS, SUBSCRIBERS
 
 
 def missing(
-    names: Iterable[str], said: Mapping[str, DiagnosticStatus], recorded: Iterable[str]
+    names: Iterable[str], reported: Mapping[str, DiagnosticStatus], recorded: Iterable[str]
 ) -> str:
-    """Return what is still missing; nothing if every connection is there.
+    """Return what is still missing; '' if every connection exists.
 
     Parameters
     ----------
     names
         Of the nodes.
-    said
-        What each of them last said of itself on ``/diagnostics``.
+    reported
+        The last ``/diagnostics`` of each.
     recorded
-        The full names of the topics that are listened to here.
+        The full names of the recorded topics.
     """
-    silent = [name for name in names if name not in said]
+    silent = [name for name in names if name not in reported]
     if silent:
         return f'nothing received from {", ".join(silent)}'
     connections = [
         (value.key, int(value.value))
         for name in names
-        for value in said[name].values
+        for value in reported[name].values
         if value.key.startswith((SUBSCRIBERS, PUBLISHERS))
     ]
     listeners = Counter(recorded)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gathers topics as they are on the wire, and turns them into arrays when the run is over."""
+"""Records topics as serialised messages, and converts them to arrays after the run."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 from rclpy.qos import QoSProfile
 
-from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.signal_codecs import Codec, codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
 from kalman_ros.nodes.watcher import WatcherNode
 
-#: Deep enough for whatever comes while nobody looks.
+from .run_recording import RunRecording
+
+#: Deep enough for the messages between two reads.
 QUEUE = QoSProfile(depth=100_000)
 
 
@@ -31,7 +33,7 @@ class Recorded:
     values
         The fields of the topic's signal (N, k).
     covariance
-        Of the fields, (N, k, k), where the type carries it; else None.
+        Of the fields, (N, k, k), where the type has it; else None.
     """
 
     stamp: Any
@@ -43,15 +45,17 @@ class Recorder:
     """Watches signals on a node and keeps the bytes of every message."""
 
     def __init__(self, node: WatcherNode, signals: Mapping[str, Signal]) -> None:
-        self._codecs: dict[str, SignalCodec] = {}
+        self._codecs: dict[str, Codec] = {}
         self.raw: dict[str, list[bytes]] = {}
-        #: How many messages have come, by the full name of the topic; `forget` keeps them.
+        #: The number of messages received, by the full name of the topic; `forget` keeps them.
         self.received: dict[str, int] = {}
         self._subscriptions: list[Any] = []
         self._intake = node.intake
         self.on_message: Callable[[str, bytes], None] = lambda topic, data: None
+        #: Where the messages are written to, beside.
+        self.recording: RunRecording | None = None
         for topic, signal in signals.items():
-            codec = self._codecs[topic] = SignalCodec(signal)
+            codec = self._codecs[topic] = codec_of(signal)
             self.raw[topic] = []
             full = node.resolve_topic_name(topic)
             self.received[full] = 0
@@ -62,23 +66,31 @@ class Recorder:
         messages.append(data)
         self.received[full] += 1
         self.on_message(topic, data)
+        if self.recording is not None:
+            self.recording.write(full, data)
+
+    def write_to(self, recording: RunRecording) -> None:
+        """Write all messages from now on into a recording, too."""
+        for subscription in self._subscriptions:
+            recording.add(subscription)
+        self.recording = recording
 
     @property
     def topics(self) -> list[str]:
-        """The full names of the topics that it listens to."""
+        """The full names of the recorded topics."""
         return [subscription.topic_name for subscription in self._subscriptions]
 
     def count(self) -> int:
-        """Return how many messages have come, of all topics."""
+        """Return the number of messages received, on all topics."""
         return sum(self.received.values())
 
     def missing(self, published: Mapping[str, int]) -> dict[str, tuple[int, int]]:
-        """Return received and published of each topic of which less came than was published.
+        """Return the numbers received and published for each topic with missing messages.
 
         Parameters
         ----------
         published
-            How many messages were published, by the full name of the topic.
+            The number of messages published, by the full name of the topic.
         """
         return {
             topic: (count, published[topic])
@@ -87,12 +99,12 @@ class Recorder:
         }
 
     def forget(self) -> None:
-        """Drop all records, so that a long run does not fill the memory."""
+        """Drop all records, to limit the memory of a long run."""
         for messages in self.raw.values():
             messages.clear()
 
     def __getitem__(self, topic: str) -> Recorded:
-        """Return what came on ``topic``; KeyError if it was not recorded."""
+        """Return the record of ``topic``; KeyError if there is none."""
         codec = self._codecs[topic]
         read = WireReader(codec)
         found = (self._intake(topic, read, data) for data in self.raw[topic])

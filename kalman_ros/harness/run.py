@@ -7,7 +7,7 @@ import json
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from types import TracebackType
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -24,13 +24,14 @@ from .node_set import NodeSet
 from .progress import Progress
 from .readiness import missing
 from .recorder import Recorder
+from .run_recording import RunRecording
 from .to_trajectory import signals, to_trajectory
 
-#: Seconds for which one look at the nodes counts at most.
+#: The most seconds that one check of the nodes counts.
 _LOOK = 0.1
-#: Seconds for the last answer where a node was killed, and may have taken it along.
+#: Seconds to wait for the last answer where a node was killed, and may have lost it.
 _PATIENCE = 2.0
-#: Seconds without any message after which what is missing will not come.
+#: Seconds without any message after which missing messages are lost.
 _SILENCE = 20.0
 #: Seconds without a step after which an error of the plant is final; before, it asks again.
 _STALL = 5.0
@@ -53,16 +54,19 @@ class Run(LaunchedNodes):
     seed
         Of all noise.
     lockstep
-        Step in turns, reproducibly and as fast as it goes; else in real time.
+        Step in turns, reproducibly and as fast as possible; else in real time.
     nodes
-        Which nodes to start, in this order; all that the scenario needs unless told otherwise.
+        Which nodes to start, in this order; by default all that the scenario needs.
     record
-        Further signals to gather, by topic.
+        Further signals to record, by topic.
     also
-        Further nodes by name, each one of those that there are: ``{'observer': 'estimator'}``.
-        What they publish needs a remap, or it mixes with what others do.
+        Further nodes by name, each of an existing kind: ``{'observer': 'estimator'}``.
+        Their outputs need a remap, or they mix with those of other nodes.
     remaps
         Other names for topics of one node: ``{'controller': {'estimate': 'ground_truth'}}``.
+    recording
+        A folder for a recording of all these topics, in the format of rosbag2; an earlier one in
+        it is replaced.
     """
 
     def __init__(
@@ -77,6 +81,7 @@ class Run(LaunchedNodes):
         record: Mapping[str, Signal] | None = None,
         also: Mapping[str, str] | None = None,
         remaps: Mapping[str, Mapping[str, str]] | None = None,
+        recording: str | Path | None = None,
     ) -> None:
         shared = {'seed': seed, 'lockstep': lockstep, 'run_until': -1.0, **(overrides or {})}
         if lockstep:
@@ -84,6 +89,8 @@ class Run(LaunchedNodes):
         super().__init__(NodeSet(scenario, shared, only or {}, nodes, also or {}, remaps or {}))
         self.scenario = self._node_set.scenario
         self.lockstep = lockstep
+        self._recording_folder = recording
+        self._recording: RunRecording | None = None
         self._record = {**signals(self.scenario), **(record or {})}
         self._progress = Progress(self.scenario)
         self._until = -1.0
@@ -101,13 +108,16 @@ class Run(LaunchedNodes):
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
+
+    def close(self) -> None:
+        """Stop every node, and complete the recording."""
+        try:
+            super().close()
+        finally:
+            if self._recording is not None:
+                self._recording.close()
 
     @property
     def names(self) -> Sequence[str]:
@@ -116,14 +126,19 @@ class Run(LaunchedNodes):
 
     def _listen(self) -> None:
         self.recorder = Recorder(self.node, self._record)
-        self.recorder.on_message = self._progress.hear
+        self.recorder.on_message = self._progress.update
+        if self._recording_folder is not None:
+            self._recording = RunRecording(self.node, self._recording_folder)
+            self.recorder.write_to(self._recording)
         self._confirmation: Confirmation | None = None
         if self.lockstep:
             self._confirmation = Confirmation(self.node, self.scenario, self.recorder)
+            if self._recording is not None:
+                self._confirmation.write_to(self._recording)
         self.listen()
 
     def _until_ready(self) -> None:
-        """Wait until every publisher has found all who listen: what comes earlier is lost."""
+        """Wait until publishers and subscribers are connected; earlier messages are lost."""
         self.wait(lambda: not self._unready(), 120.0, lambda: f'not ready: {self._unready()}')
 
     def _unready(self) -> str:
@@ -138,7 +153,7 @@ class Run(LaunchedNodes):
         Parameters
         ----------
         seconds
-            How long, to the nearest whole step; in real time it takes as long.
+            How long, to the nearest whole step.
         progress
             Called now and then with the simulated seconds of this call that are done.
 
@@ -157,12 +172,12 @@ class Run(LaunchedNodes):
         while not found.arrived:
             began = time.monotonic()
             self.spin(until=found.reached)
-            # while this process gets no processor time, it is not the loop that is silent
+            # while this process gets no processor time, the loop is not late
             silence += min(time.monotonic() - began, _LOOK)
             if found.last != seen:
                 silence, seen = 0.0, found.last
             elif silence > 1.0:
-                self._complain(silence)
+                self._raise_if_stuck(silence)
             if progress is not None:
                 progress(max(0.0, self.elapsed - start))
         self._drain()
@@ -172,18 +187,18 @@ class Run(LaunchedNodes):
         """Simulated seconds since the first step; pauses in real time do not count."""
         return self._progress.elapsed
 
-    def _complain(self, silence: float) -> None:
+    def _raise_if_stuck(self, silence: float) -> None:
         plant = self.diagnostics.get('plant')
         if silence > _STALL and plant is not None and plant.level == DiagnosticStatus.ERROR:
             raise NodeError(plant.message)
         if silence > _SILENCE:
-            said = '; '.join(
+            statuses = '; '.join(
                 f'{name}: {status.message}' for name, status in sorted(self.diagnostics.items())
             )
-            raise NodeError(f'nothing received from the loop for {silence:.0f} s ({said})')
+            raise NodeError(f'nothing received from the loop for {silence:.0f} s ({statuses})')
 
     def _drain(self) -> None:
-        """Take in what is still under way: in lockstep all that was published, and that once."""
+        """Receive pending messages: in lockstep all that were published, without repetitions."""
         start = time.monotonic()
         if self.lockstep:
             end = start + (_PATIENCE if self._interrupted else _SILENCE)
@@ -202,14 +217,14 @@ class Run(LaunchedNodes):
         self.drained = time.monotonic() - start
 
     def complete(self) -> None:
-        """Take in what comes until all that the nodes have published is recorded.
+        """Receive messages until all that the nodes have published are recorded.
 
-        What a node published before it was killed nobody knows, so then nothing is checked.
+        The counts of a killed node are unknown, so then nothing is checked.
 
         Raises
         ------
         NodeError
-            If something does not come, with what was recorded and what was published.
+            If messages are missing; the error has the numbers recorded and published.
         """
         if self._interrupted:
             self.spin(_LOOK)
@@ -226,7 +241,7 @@ class Run(LaunchedNodes):
                 raise NodeError(_incomplete(self.recorder.missing(published)))
 
     def _published(self) -> Counter[str]:
-        """Return how many messages all nodes have published by now, by the topic's full name."""
+        """Return the number of messages that all nodes have published, by full topic name."""
         found: Counter[str] = Counter()
         for name in self.processes:
             answer = self.call(Trigger, f'{name}/{SERVICE}', Trigger.Request())
@@ -234,22 +249,22 @@ class Run(LaunchedNodes):
         return found
 
     def _behind(self) -> bool:
-        """Tell whether the last answer, or what the estimator says after it, is still to come."""
+        """Return whether the last answer, or the estimate after it, is still missing."""
         topic, raw = self.scenario.state.topic, self.recorder.raw
-        told = len(raw[f'{topic}/covariance'])
-        return not self._progress.answered or told < len(raw[topic])
+        covariances = len(raw[f'{topic}/covariance'])
+        return not self._progress.answered or covariances < len(raw[topic])
 
     def refresh(self, *nodes: str) -> None:
-        """Have nodes say in `diagnostics` how they are now.
+        """Request up-to-date `diagnostics` from nodes.
 
-        They do so when a topic of theirs has one listener more: for the plant that is the truth,
+        They publish when one of their topics has a new subscriber: for the plant the truth,
         for estimator and controller the estimate.
         """
         state = self.scenario.state
         kind = message_type(state.type)
         before = {node: self.diagnostics.get(node) for node in nodes}
         topics = {'ground_truth' if node == 'plant' else state.topic for node in nodes}
-        ears = [self.node.create_subscription(kind, t, lambda _: None, 1) for t in topics]
+        listeners = [self.node.create_subscription(kind, t, lambda _: None, 1) for t in topics]
 
         def silent() -> list[str]:
             return [node for node in nodes if self.diagnostics.get(node) is before[node]]
@@ -259,8 +274,8 @@ class Run(LaunchedNodes):
                 lambda: not silent(), 10.0, lambda: f'nothing received from {", ".join(silent())}'
             )
         finally:
-            for ear in ears:
-                self.node.destroy_subscription(ear)
+            for listener in listeners:
+                self.node.destroy_subscription(listener)
 
     def trajectory(self) -> Trajectory:
         """Return the run so far as arrays, step by step."""
@@ -268,6 +283,6 @@ class Run(LaunchedNodes):
 
 
 def _incomplete(missing: Mapping[str, tuple[int, int]]) -> str:
-    """Return what is said of a run of which messages were lost."""
+    """Return the error text of a run with lost messages."""
     counts = ', '.join(f'{topic} {got} of {sent}' for topic, (got, sent) in missing.items())
     return f'the record is incomplete: {counts} messages'

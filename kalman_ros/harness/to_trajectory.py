@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which topics a run of the loop has, and how they make up a trajectory."""
+"""The topics of a run, and their conversion to a trajectory."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Signal
-from kalman_ros.nodes.topics import covariance_signal, innovation_signal
+from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Innovations, Series, Trajectory
 
@@ -30,10 +30,10 @@ def signals(scenario: Scenario) -> dict[str, Signal]:
 
 
 def to_trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Trajectory:
-    """Return what a recorder gathered, joined by stamps; time is counted from ``first``."""
+    """Return a record joined by stamps, with time counted from ``first``."""
     estimate, n = scenario.state.topic, scenario.model.state.size
     truth, state = recorder['ground_truth'], recorder[estimate]
-    # of a model without inputs there is nothing to wait for
+    # a model without inputs has none
     force = recorder[scenario.input.topic if scenario.input.fields else estimate]
     m = len(scenario.input.fields)
     covariance = recorder[f'{estimate}/covariance'].values.reshape(-1, n, n)

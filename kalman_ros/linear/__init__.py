@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mathematics of matrices that estimation and control share; it knows none of our types."""
+"""Matrix mathematics shared by estimation and control; independent of the package's types."""

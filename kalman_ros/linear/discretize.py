@@ -17,10 +17,11 @@ from math import ceil, inf, log2
 
 import numpy as np
 
-from .arrays import Array, symmetric
+from .batched import product
+from .matrices import Array, symmetric
 
-#: The longest step for which the series is used, relative to 1 / ||L||, and its terms: what is
-#: left out is less than 1 / 19!, below double precision.
+#: The longest step for which the series is used, relative to 1 / ||L||, and its terms: the
+#: truncation error is below 1 / 19!, less than double precision.
 _LONGEST = 1.0
 _TERMS = 18
 
@@ -53,8 +54,8 @@ class Discretization:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If A is so large that no halving makes the step short enough, or what grows does so
-            beyond all numbers within the step.
+            If A is so large that no halving makes the step short enough, or a growing mode
+            overflows within the step.
         """
         reach = self._norm * abs(dt) / _LONGEST
         if reach == inf:
@@ -81,6 +82,65 @@ def _doubled(F: Array, G: Array, Q: Array, times: int) -> tuple[Array, Array, Ar
         G, Q = G + F.dot(G), Q + F.dot(Q).dot(F.T)
         F = F.dot(F)
     return F, G, Q
+
+
+#: The remainder of the series of `flow`, relative to its sum.
+_NEGLIGIBLE = 1e-15
+
+
+def flow(A: Array, W: Array, dt: float) -> tuple[Array, Array]:
+    """Return F and Q of a step of ``dt`` seconds, for A and W (..., n, n), with any leading axes.
+
+    They are those of `Discretization`, for an A that changes at every step: the series ends where
+    its remainder is negligible.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If A or the result is not finite.
+    """
+    F, Q = _flow(A, W, dt, with_F=True)
+    assert F is not None
+    return F, Q
+
+
+def noise_integral(A: Array, W: Array, dt: float) -> Array:
+    """Return Q (..., n, n) alone, as `flow` does."""
+    return _flow(A, W, dt, with_F=False)[1]
+
+
+def _flow(A: Array, W: Array, dt: float, *, with_F: bool) -> tuple[Array | None, Array]:
+    reach = 2.0 * abs(dt) * float(np.abs(A).sum(axis=-2).max(initial=0.0))
+    if not reach < inf:
+        raise np.linalg.LinAlgError('the Jacobian of the model is not finite')
+    halvings = ceil(log2(reach / _LONGEST)) if reach > _LONGEST else 0
+    reach, h = reach / 2.0**halvings, dt / 2.0**halvings
+    A_h = F_term = A * h
+    term = Q = W * h
+    F: Array | None = np.eye(A.shape[-1]) + A_h if with_F or halvings else None
+    bound = reach
+    for k in range(2, _TERMS + 1):
+        if bound < _NEGLIGIBLE:
+            break
+        half = product(A_h, term)
+        half *= 1.0 / k
+        term = half + half.swapaxes(-1, -2)
+        Q = Q + term
+        bound *= reach / k
+        if F is not None:
+            F_term = product(A_h, F_term)
+            F_term *= 1.0 / k
+            F = F + F_term
+    for _ in range(halvings):
+        assert F is not None
+        with np.errstate(over='ignore', invalid='ignore'):
+            Q = Q + product(product(F, Q), F.swapaxes(-1, -2))
+            F = product(F, F)
+    if not np.isfinite(Q).all() or not (F is None or np.isfinite(F).all()):
+        raise np.linalg.LinAlgError(
+            f'the model grows beyond all numbers within a step of {dt:g} s'
+        )
+    return F, symmetric(Q) if halvings else Q
 
 
 def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is raised when something that was asked for cannot be built."""
+"""The error of a design that has no solution."""
 
 
 class DesignError(ValueError):

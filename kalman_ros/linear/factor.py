@@ -5,30 +5,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from .arrays import (
-    Array,
-    identity,
-    is_finite,
-)
 from .lapack import dpotrf
+from .matrices import Array, identity, is_finite
 
-#: What is added to the variances in turn, relative to the largest one, until there is a factor.
+#: Added to the variances in turn, relative to the largest one, until there is a factor.
 _REPAIRS = (1e-14, 1e-12, 1e-10, 1e-8)
 
 
 def cholesky(P: Array) -> tuple[Array, Array, int]:
     """Factorise a symmetric positive semi-definite ``P`` (n, n).
 
-    A coordinate that is certain, with a row of zeros, is left so.
+    A coordinate that is certain, with a row of zeros, stays certain.
 
     Returns
     -------
     L
         Lower triangular (n, n).
     P
-        L L' (n, n), the one given unless it had to be repaired.
+        L L' (n, n): the argument unless it had to be repaired.
     repairs
-        How often it had to be, 0 or 1.
+        The number of repairs, 0 or 1.
 
     Raises
     ------
@@ -54,7 +50,7 @@ def cholesky(P: Array) -> tuple[Array, Array, int]:
 
 
 def _of_a_part(P: Array, uncertain: Array) -> tuple[Array, Array, int]:
-    """Factorise a ``P`` that is zero but for the ``uncertain`` coordinates (n,)."""
+    """Factorise a ``P`` that is zero except for the ``uncertain`` coordinates (n,)."""
     L, whole, repairs = np.zeros_like(P), P, 0
     if uncertain.any():
         part = np.ix_(uncertain, uncertain)

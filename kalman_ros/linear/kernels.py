@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Named products of small matrices, by BLAS and LAPACK.
 
-Filters are written with these names and read as the textbook does. Each is one or two calls into
-`lapack`, since for matrices of a few rows it is the calls that take time, and a product with a
-sum is one. Arrays of any order are right; column-major ones, as these functions return, are not
-copied.
+Filters written with these names read like the textbook. Each is one or two calls into `lapack`:
+for matrices of a few rows the calls themselves take the time, and a product with a sum is one.
+Arrays of any order are accepted; column-major ones, as returned here, are not copied.
 """
 
 from __future__ import annotations
@@ -13,12 +12,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from .arrays import Array, identity
 from .lapack import dgemm, dgemv, dger, dposv, dpotrf, dsymm
+from .matrices import Array, identity
 
 
 def affine(F: Array, x: Array, b: Array) -> Array:
-    """Return F x + b (k,); ``b`` (k,) is written into."""
+    """Return F x + b (k,); ``b`` (k,) is overwritten."""
     moved: Array = dgemv(1.0, F, x, 1.0, b, 0, 1, 0, 1, 0, 1)
     return moved
 
@@ -49,7 +48,7 @@ def gain(P: Array, H: Array, R: Array) -> tuple[Array, Array]:
 
 
 def divided(C: Array, S: Array) -> Array:
-    """Return C' S^-1 (n, k), the gain by a cross covariance ``C`` (k, n), by a factor of ``S``.
+    """Return C' S^-1 (n, k), the gain from a cross covariance ``C`` (k, n), by factoring ``S``.
 
     Raises
     ------
@@ -66,7 +65,7 @@ def divided(C: Array, S: Array) -> Array:
 def joseph(K: Array, H: Array, P: Array, R: Array) -> Array:
     """Return (I - K H) P (I - K H)' + K R K' (n, n), symmetric to the last bit.
 
-    The form of Bucy and Joseph: a sum of two positive semi-definite terms whatever the gain
+    The Joseph form: a sum of two positive semi-definite terms for every gain
     ``K`` (n, k) is (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
     Navigation, 2001, equation 5.2.3-18).
     """
@@ -102,20 +101,20 @@ def moments(weighted: Array, d: Array, Q: Array | None = None) -> Array:
 
 
 def remainder(dx: Array, K: Array, dy: Array) -> Array:
-    """Return dx - K dy (n, p), the deviations that a reading leaves; ``dx`` is written into."""
+    """Return dx - K dy (n, p), the deviations after a reading; ``dx`` is overwritten."""
     left: Array = dgemm(-1.0, K.T, dy, 1.0, dx, 1, 0, 1)
     return left
 
 
 def through_gain(K: Array, R: Array) -> Array:
-    """Return K R K' (n, n), what the noise of a reading adds by a gain ``K`` (n, k)."""
+    """Return K R K' (n, n), the noise of a reading added through a gain ``K`` (n, k)."""
     Kt = K.T
     added: Array = dgemm(1.0, dgemm(1.0, Kt, R, 0.0, None, 1), Kt)
     return added
 
 
 def is_definite(P: Array) -> bool:
-    """Tell whether a symmetric ``P`` (n, n) is positive definite: whether it has a factor."""
+    """Return whether a symmetric ``P`` (n, n) is positive definite, by factoring it."""
     return bool(dpotrf(P, lower=1)[1] == 0)
 
 

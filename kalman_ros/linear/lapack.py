@@ -2,11 +2,11 @@
 """Routines of BLAS and LAPACK, without the rest of ``scipy.linalg``.
 
 For matrices of a few rows a Cholesky factor takes a fifth of the time of numpy's, and a product
-with a sum two thirds. The package around them takes a third of a second to import, of which a
-node needs nothing; so scipy's extension modules are loaded by themselves where they are found,
-and by way of their package elsewhere.
+with a sum two thirds. The package around them takes a third of a second to import and
+nodes do not use it; so scipy's extension modules are loaded directly where they are found,
+and through their package elsewhere.
 
-Their arguments are given by position, since by name they take twice the time:
+Arguments are positional; keywords take twice the time:
 
 ========================================================  ========================================
 ``dgemm(alpha, A, B, beta, C, trans_a, trans_b, over)``   alpha A B + beta C, A or B transposed
@@ -17,8 +17,8 @@ Their arguments are given by position, since by name they take twice the time:
 ``dpotrf(A, lower, clean)``                               a factor, and 0 if A is definite
 ========================================================  ========================================
 
-C, y or A is written into if ``over`` is 1, else copied. To Fortran matrices are column-major:
-what is given or returned in that order is not copied, and every other order is right, too.
+C, y or A is overwritten if ``over`` is 1, else copied. Fortran matrices are column-major:
+arrays in that order are not copied; every other order is accepted.
 """
 
 from __future__ import annotations

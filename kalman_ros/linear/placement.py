@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State feedback, and observers, whose poles are where one wants them.
+"""Pole placement for state feedback and observers.
 
-With several inputs the gain is the one of Tits and Yang (IEEE Trans. Automatic Control 41(10),
-1996), whose poles move least when the model is wrong; with one input there is only one gain.
+With several inputs the method is that of Tits and Yang (IEEE Trans. Automatic Control 41(10),
+1996), whose poles are least sensitive to model errors; with one input the gain is unique.
 """
 
 from __future__ import annotations
@@ -13,30 +13,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import Array
 from .discretize import zero_order_hold
-from .errors import (
-    DesignError,
-)
+from .errors import DesignError
+from .matrices import Array
 from .structure import ComplexArray, describe, eigenvalues, uncontrollable_modes
 
-#: Placed poles further from those asked for than this, relative to the largest, are a failure.
+#: Placed poles further from the requested ones than this, relative to the largest, are an error.
 _ACCURACY = 1e-4
 
-#: Each missing pole lies this much further out, relative to the fastest one given.
+#: Each added pole lies this much further left, relative to the fastest one given.
 _SPREAD = 0.1
 
 
 @dataclass(frozen=True)
 class PlacementDesign:
-    """A gain that puts poles where they were asked for.
+    """A gain with the requested poles.
 
     Parameters
     ----------
     gain
         K (m, n) of a state feedback u = -K x, or L (n, k) of an observer.
     poles
-        The eigenvalues (n,) that it really has: of A - B K, or of A - L C.
+        The eigenvalues (n,) achieved: of A - B K, or of A - L C.
     """
 
     gain: Array
@@ -60,7 +58,7 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
     ValueError
         If the number of poles is wrong, or a conjugate is missing.
     DesignError
-        If the input does not move every mode, or one pole is asked for more often than there
+        If the input does not move every mode, or a pole is repeated more often than there
         are independent inputs.
     """
     from scipy.signal import place_poles  # slow to import, so only here
@@ -79,9 +77,9 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
                 f'(or readings), {rank}; got {describe(np.array([pole]))} {count} times'
             )
     with warnings.catch_warnings():
-        # robustness that stops short of its optimum; whether poles are right is checked below
+        # robustness that stops short of its optimum; the poles are checked below
         warnings.simplefilter('ignore', UserWarning)
-        # inputs that depend on each other, which scipy does not take, share by least squares
+        # scipy rejects linearly dependent inputs; they share by least squares
         independent = place_poles(A, U[:, :rank] * sizes[:rank], wanted).gain_matrix
     K: Array = np.asarray(Vh[:rank].T @ independent, dtype=float)
     found = eigenvalues(A - B @ K)
@@ -94,10 +92,10 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
 
 
 def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> PlacementDesign:
-    """Return the gain for an input held over steps of ``dt``, with ``poles`` given in 1/s.
+    """Return the gain for an input held over steps of ``dt``, with ``poles`` in 1/s.
 
-    A pole s becomes z = exp(s dt), so that samples of the loop move as a continuous one with
-    poles s would. The `PlacementDesign` has the z.
+    A pole s becomes z = exp(s dt), so the samples follow a continuous loop with
+    poles s . The `PlacementDesign` has the z.
 
     Raises
     ------
@@ -111,8 +109,8 @@ def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> Pl
 def spread_poles(name: str, poles: Sequence[float], count: int) -> list[float]:
     """Return ``count`` real parts in 1/s, the given ones first.
 
-    The k-th missing one is (1 + k / 10) times the fastest given one, so that no pole repeats
-    another, which a single input could not place.
+    The k-th added one is (1 + k / 10) times the fastest given one, so that no pole repeats,
+    which a single input could not place.
 
     Raises
     ------

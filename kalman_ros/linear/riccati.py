@@ -15,40 +15,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .arrays import (
-    Array,
-    solve,
-    symmetric,
-)
-from .errors import (
-    DesignError,
-)
-from .structure import (
-    ComplexArray,
-    describe,
-    eigenvalues,
-    uncontrollable_modes,
-    unstable,
-)
+from .errors import DesignError
+from .matrices import Array, solve, symmetric
+from .structure import ComplexArray, describe, eigenvalues, uncontrollable_modes, unstable
 
-#: A sampled pole this close to 1 is on it but for rounding.
+#: A sampled pole this close to 1 is 1 except for rounding.
 _ENDLESS = 1e-9
-#: An eigenvalue of R, with a diagonal of ones, below this is zero but for rounding.
+#: An eigenvalue of R, with a diagonal of ones, below this is zero except for rounding.
 _SINGULAR = 1e-13
-#: Outside of these no weight and no variance makes sense, nor can it be squared.
+#: Weights and variances outside this range are refused; their squares would overflow.
 _SMALLEST, _LARGEST = 1e-100, 1e100
-#: Newton's steps; each doubles digits, and the solvers give half of them or more.
+#: Newton's steps; each doubles the correct digits, and the solvers give half of them or more.
 _STEPS = 8
-#: A step that changes the solution by less, relative to its diagonal, was the last.
+#: Iteration ends when a step changes the solution by less, relative to its diagonal.
 _EXACT = 1e-13
-#: A solution that the steps still change by more is not one.
+#: A solution that still changes by more has not converged.
 _LOST = 1e-6
-#: Doublings of a sum along a closed loop: as many as its slowest pole may need.
+#: Doublings of a sum along a closed loop, enough for its slowest pole.
 _DOUBLINGS = 64
 
 
 class Terms(NamedTuple):
-    """How the errors of a problem name its parts."""
+    """How errors name the parts of a problem."""
 
     weight: str
     state_weight: str
@@ -81,7 +69,7 @@ class Solution:
     S
         The symmetric positive semi-definite solution (n, n).
     K
-        The gain (m, n) that goes with it.
+        The gain (m, n) of that solution.
     poles
         Eigenvalues of A - B K (n,), all stable.
     """
@@ -152,7 +140,7 @@ def discrete(F: Array, G: Array, Q: Array, R: Array, N: Array, terms: Terms) -> 
 def stein(A: Array, W: Array) -> Array:
     """Return S = A'S A + W of a stable A: the sum of A'^k W A^k, by doubling (R. Smith, 1968).
 
-    For a positive semi-definite W nothing cancels, so that small elements are as good as large
+    For a positive semi-definite W nothing cancels, so small elements are as accurate as large
     ones.
     """
     S = symmetric(W)
@@ -172,7 +160,7 @@ Method = tuple[
 def _solution(
     given: tuple[Array, Array, Array, Array, Array], terms: Terms, method: Method, *, sampled: bool
 ) -> Solution:
-    """Return what scipy finds in scaled units, with the last digits by Newton's method.
+    """Return scipy's solution in scaled units, refined by Newton's method.
 
     A step of Newton's method is the cost of the gain so far, a linear equation (D. Kleinman,
     IEEE Trans. Automatic Control 13(1), 1968; G. Hewer, 16(4), 1971).
@@ -183,7 +171,7 @@ def _solution(
     settled = False
     try:
         with np.errstate(all='ignore'), warnings.catch_warnings():
-            # of a closed loop that is hardly stable; whether it is enough is judged below
+            # a closed loop close to instability; its accuracy is checked below
             warnings.simplefilter('ignore', RuntimeWarning)
             S = symmetric(first(problem.A, problem.B, problem.Q, problem.R, s=problem.N))
             for _ in range(_STEPS):
@@ -196,7 +184,7 @@ def _solution(
             K = gain(problem, S)
             poles = eigenvalues(problem.A - problem.B @ K)
             S, K = size * _semidefinite(S), units[:, np.newaxis] * K
-    except (np.linalg.LinAlgError, ValueError):  # ValueError: what is not finite
+    except (np.linalg.LinAlgError, ValueError):  # ValueError: not finite
         settled = False
     if settled and _stable(poles, sampled=sampled) and np.all(np.isfinite(S)):
         return Solution(S, K, poles)
@@ -220,7 +208,7 @@ def _stable(poles: ComplexArray, *, sampled: bool) -> bool:
 
 
 def _change(before: Array, S: Array) -> float:
-    """Return the largest change of an element, relative to the diagonal, as of a correlation."""
+    """Return the largest change of an element, relative to the diagonal, as for a correlation."""
     d = np.sqrt(np.maximum(S.diagonal(), 1e-15 * np.abs(S).max(initial=0.0)))
     scale = np.outer(d, d)
     if not np.all(np.isfinite(S)):
@@ -236,7 +224,7 @@ def _scaled(
     Raises
     ------
     DesignError
-        If R is not positive definite, or has no reasonable size.
+        If R is not positive definite, or badly scaled.
     """
     A, B, Q, R, N = given
     if not all(np.all(np.isfinite(part)) for part in (A, B, Q, N)):
@@ -274,12 +262,12 @@ def _reason(
     *,
     sampled: bool,
 ) -> str:
-    """Return why there is no solution: a mode out of reach, one without weight, or the sizes."""
+    """Return why there is no solution: an unreachable mode, one without weight, or the scale."""
     A, B, Q, R, _ = given
     stuck = unstable(uncontrollable_modes(A, B), sampled=sampled)
     if stuck.size:
         return f'{terms.out_of_reach} {describe(stuck)}'
-    # with the cross weight taken into the state's, by u = v - R^-1 N' x
+    # the cross weight moved into the state's, by u = v - R^-1 N' x
     K = solve(problem.R, problem.N.T)
     free, weight = problem.A - problem.B @ K, problem.Q - problem.N @ K
     largest = float(np.abs(weight).max(initial=0.0))

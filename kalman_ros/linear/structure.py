@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import (
-    Array,
-)
+from .matrices import Array
 
 #: Below this, relative to the norm of the matrices, a singular value counts as zero.
 _RANK_TOLERANCE = 1e-9
@@ -28,7 +26,7 @@ def eigenvalues(A: Array) -> ComplexArray:
 
 
 def is_stable(A: Array | ComplexArray, *, sampled: bool) -> bool:
-    """Tell whether all eigenvalues of ``A`` (n, n) decay: |z| < 1 when sampled, else Re s < 0."""
+    """Return whether all eigenvalues of ``A`` (n, n) decay: |z| < 1 sampled, else Re s < 0."""
     poles = np.linalg.eigvals(A)
     return bool(np.all(np.abs(poles) < 1.0) if sampled else np.all(poles.real < 0.0))
 
@@ -61,7 +59,7 @@ def _uncontrollable(A: Array, B: Array) -> list[tuple[complex, ComplexArray]]:
 
 
 def observed(A: Array, C: Array) -> npt.NDArray[np.bool_]:
-    """Tell of each state (n,) whether readings C (k, n) of dx/dt = A x determine it.
+    """Return for each state (n,) whether readings C (k, n) of dx/dt = A x determine it.
 
     A state is determined if no vector in the kernel of the observability matrix
     [C; C A; ...; C A^(n-1)] moves it (Kalman, 1960).
@@ -88,7 +86,7 @@ def describe(modes: ComplexArray) -> str:
 
 
 def _parted(some: tuple[str, ...], others: tuple[str, ...]) -> str:
-    """Return which states, and which not, as text."""
+    """Return the two groups of states as text."""
     if not some:
         return f'none of {", ".join(others)}'
     return f'{", ".join(some)}; not {", ".join(others)}' if others else ', '.join(some)
@@ -103,7 +101,7 @@ class HiddenMode:
     pole
         Its eigenvalue; of a complex pair the one above the real axis.
     states
-        The states that take part in what is not moved, or not seen.
+        The states that take part in the hidden mode.
     """
 
     pole: complex
@@ -115,16 +113,16 @@ class HiddenMode:
 
 @dataclass(frozen=True)
 class Controllability:
-    """What an input can do.
+    """What an input can control.
 
     Parameters
     ----------
     reached, unreached
-        The states that the input can, and cannot, take anywhere it likes.
+        The states that the input can, and cannot, drive to any value.
     hidden
         The modes that the input does not move.
     stabilizable
-        Whether all of those decay by themselves.
+        Whether all of those decay.
     """
 
     reached: tuple[str, ...]
@@ -138,7 +136,7 @@ class Controllability:
 
 @dataclass(frozen=True)
 class Observability:
-    """What readings can tell.
+    """What readings determine.
 
     Parameters
     ----------
@@ -147,7 +145,7 @@ class Observability:
     hidden
         The modes that the readings do not show.
     detectable
-        Whether all of those decay by themselves.
+        Whether all of those decay.
     """
 
     seen: tuple[str, ...]
@@ -162,7 +160,7 @@ class Observability:
 def observability(
     A: Array, C: Array, names: Sequence[str], *, sampled: bool = False
 ) -> Observability:
-    """Return what readings C (k, n) of dx/dt = A x, or of x' = A x, tell of the named states."""
+    """Return which named states the readings C (k, n) of dx/dt = A x, or x' = A x, determine."""
     mask = observed(A, C)
     hidden = tuple(
         HiddenMode(s, tuple(np.array(names)[np.abs(w) > _NO_SHARE].tolist()))
@@ -181,6 +179,6 @@ def observability(
 def controllability(
     A: Array, B: Array, names: Sequence[str], *, sampled: bool = False
 ) -> Controllability:
-    """Return what the input through B (n, m) can do to the named states; observability's dual."""
+    """Return which named states the input through B (n, m) controls; dual of observability."""
     dual = observability(A.T, B.T, names, sampled=sampled)
     return Controllability(dual.seen, dual.unseen, dual.hidden, dual.detectable)

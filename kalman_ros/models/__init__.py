@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Physics, one plant a file: the file's name is the model's name, and ``MODEL`` builds it.
 
-How a model is wired to topics is said in ``config/NAME.yaml``.
+``config/NAME.yaml`` has the wiring of a model to topics.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from kalman_ros.core import Model, Space, System, find
 from kalman_ros.core.registry import builds
 from kalman_ros.core.registry import names as _names
 
-#: What the nodes run when they are told nothing.
+#: The default model of the nodes.
 DEFAULT = 'mass_spring_damper_2d'
 
 
@@ -22,7 +22,7 @@ def names() -> list[str]:
 
 
 def find_model(name: str) -> Callable[..., Model] | System:
-    """Return what builds the model of ``name``, or a `System` of one's own; nothing is called.
+    """Return the builder of the model ``name``, or a user's `System`; nothing is called.
 
     ``package.module:Name`` may name a `System`, a subclass of `Model`, or a function that is
     annotated to return one.
@@ -30,7 +30,7 @@ def find_model(name: str) -> Callable[..., Model] | System:
     Raises
     ------
     ValueError
-        If there is none, or it is none of the three.
+        If there is none, or it is not one of the three.
     """
     found: Callable[..., Model] | System = find('model', name, __name__, 'MODEL')
     if not isinstance(found, System) and not builds(found, Model):
@@ -41,14 +41,8 @@ def find_model(name: str) -> Callable[..., Model] | System:
 
 
 def check_spaces(model: Model) -> None:
-    """Raise ValueError if a model does not say what its state and its input are."""
+    """Raise ValueError if a model does not define the spaces of its state and its input."""
     for name in ('state', 'input'):
         found = getattr(model, name, None)
         if not isinstance(found, Space):
             raise ValueError(f'model: its {name}: expected a Space, got {found!r}')
-
-
-def default_model(name: str) -> Model:
-    """Return the model ``name`` with its default parameters."""
-    found = find_model(name)
-    return found.build() if isinstance(found, System) else found()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A target that is tracked by its direction alone, from a vehicle that knows how it steers."""
+"""A target tracked by its bearing alone, from a vehicle with known acceleration."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def bearing_tracker(
         About("spectral density of the target's acceleration, each axis", 'm^2/s^3', minimum=0.0),
     ] = 9e-6,
 ) -> LinearSystem:
-    """Return p' = v, v' = w - a: the target less the observer, which accelerates by a.
+    """Return p' = v, v' = w - a: the target relative to the observer, which accelerates by a.
 
-    The axes do not turn with the observer. As long as the observer keeps its velocity, no
-    reading of direction tells the range; a turn of its own does (S. Nardone and V. Aidala,
+    The axes do not turn with the observer. While the observer keeps its velocity, no
+    bearing determines the range; a turn of the observer does (S. Nardone and V. Aidala,
     Observability Criteria for Bearings-Only Target Motion Analysis, IEEE Trans. Aerospace and
-    Electronic Systems 17(2), 1981). Until then the range is what the first belief says.
+    Electronic Systems 17(2), 1981). Until then the range is that of the initial belief.
     """
     zero, one = np.zeros((2, 2)), np.eye(2)
     return LinearSystem(

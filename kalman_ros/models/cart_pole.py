@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pole that stands on a cart and falls unless the cart, pushed by a force, keeps under it."""
+"""A pole balanced on a cart that is pushed by a force."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, Space
+from kalman_ros.core import About, Array, Model, Space, from_coordinates
 
 
 class CartPole(Model):
@@ -16,8 +16,8 @@ class CartPole(Model):
         (M + m) x'' + b x' - m l theta'' cos theta + m l theta'^2 sin theta = f
         (I + m l^2) theta'' - m g l sin theta = m l x'' cos theta
 
-    theta is 0 upright, and positive where the pole leans towards -x: a push forwards makes it
-    grow. Its parameters are those of the tutorial; a random force and a random torque are added.
+    theta is 0 upright, and positive where the pole leans towards -x: a forward push increases
+    it. Its parameters are those of the tutorial; a random force and a random torque are added.
     """
 
     state = Space(('x', 'v', 'theta', 'omega'), ('m', 'm/s', 'rad', 'rad/s'), angles=('theta',))
@@ -48,36 +48,38 @@ class CartPole(Model):
         self._moment = pole_mass * length
         self._inertia = inertia + pole_mass * length**2
         self._weight = self._moment * gravity
-        self._noise = np.diag([force_noise, torque_noise])
+        self._noise = force_noise, torque_noise
 
-    def _compliance(self, theta: Array) -> Array:
-        """Return the inverse of the mass matrix (..., 2, 2): forces to accelerations."""
-        M, J, c = self._mass, self._inertia, self._moment * np.cos(theta)
-        rows = np.stack((J + 0.0 * c, c, c, M + 0.0 * c), axis=-1)
-        inverse: Array = rows / (M * J - c**2)[..., np.newaxis]
-        return inverse.reshape(*theta.shape, 2, 2)
+    def _compliance(self, theta: Array) -> tuple[Array, Array, Array]:
+        """Return the inverse of the mass matrix, [[J, c], [c, M]] / determinant: J, c and M."""
+        c = self._moment * np.cos(theta)
+        scale = 1.0 / (self._mass * self._inertia - c * c)
+        return self._inertia * scale, c * scale, self._mass * scale
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return the velocities, and the accelerations of the class's two equations."""
-        _, v, theta, omega = np.moveaxis(x, -1, 0)
+        v, theta, omega = x[..., 1], x[..., 2], x[..., 3]
         sine = np.sin(theta)
-        force = u[..., 0] - self._friction * v - self._moment * omega**2 * sine
-        loads = np.stack((force, self._weight * sine), axis=-1)
-        a = np.einsum('...ij,...j->...i', self._compliance(theta), loads)
-        return np.stack((v, a[..., 0], omega, a[..., 1]), axis=-1)
+        force = u[..., 0] - self._friction * v - self._moment * (omega * omega) * sine
+        torque = self._weight * sine
+        J, c, M = self._compliance(theta)
+        return from_coordinates(v, J * force + c * torque, omega, c * force + M * torque)
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
-        """Return how the force accelerates cart and pole."""
+        """Return the accelerations of cart and pole by the force."""
         B = np.zeros((4, 1))
-        B[1::2, 0] = self._compliance(x[..., 2])[:, 0]
+        B[1::2, 0] = self._compliance(x[2])[:2]
         return B
 
     def noise_density(self, x: Array) -> Array:
-        """Return what the random force and torque do to the velocities."""
-        H = self._compliance(x[..., 2])
-        W = np.zeros((4, 4))
-        W[1::2, 1::2] = H @ self._noise @ H.T
-        return W
+        """Return the velocity changes by the random force and torque."""
+        J, c, M = self._compliance(x[..., 2])
+        force, torque = self._noise
+        W = np.zeros((4, 4, *x.shape[:-1]))
+        W[1, 1] = J * J * force + c * c * torque
+        W[1, 3] = W[3, 1] = c * (J * force + M * torque)
+        W[3, 3] = c * c * force + M * M * torque
+        return np.moveaxis(W, (0, 1), (-2, -1))
 
 
 MODEL = CartPole

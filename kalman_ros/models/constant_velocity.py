@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Something that is tracked in the plane and keeps its velocity, more or less."""
+"""A target in the plane with nearly constant velocity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def constant_velocity(
         float, About('spectral density of the acceleration on each axis', 'm^2/s^3', minimum=0.0)
     ] = 0.45,
 ) -> LinearSystem:
-    """Return p' = v, v' = w along both axes, with w white; nobody steers it that we know of.
+    """Return p' = v, v' = w along both axes, with w white, and without a known input.
 
     Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation
     (2001), section 6.2.2.

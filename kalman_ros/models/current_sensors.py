@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two electrical currents, of which one sensor reads the sum: a state that nothing moves in."""
+"""Two electrical currents, where one sensor measures the sum."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def current_sensors(
     """Return L di/dt + R i = u + w for the main motor and for the thruster.
 
     Each current follows its voltage as a first-order lag with the time constant L / R. The
-    sensors read i_m + i_t and i_t, so C = [[1, 1], [0, 1]] is square and can be inverted: C^-1 y
-    is an estimate without any dynamics, and as noisy as the sensors are.
+    sensors measure i_m + i_t and i_t, so C = [[1, 1], [0, 1]] can be inverted: C^-1 y
+    is an estimate without dynamics, and as noisy as the sensors.
     """
     R = np.array([main_resistance, thruster_resistance])
     L = np.array([main_inductance, thruster_inductance])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A motor with a shaft and a winding, of which an encoder reads the angle alone."""
+"""A DC motor with inertia and inductance; an encoder measures only the angle."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def dc_motor(
 ) -> LinearSystem:
     """Return J omega' + b omega = K i + w and L i' + R i = u - K omega + v.
 
-    Its parameters are those of the control tutorials of the University of Michigan, with poles
-    at -9.9975 and -2.0025 beside the one of the angle at 0. The angle counts turns,
+    The parameters are those of the control tutorials of the University of Michigan, with poles
+    at -9.9975 and -2.0025, and one at 0 for the angle. The angle counts turns,
     theta' = omega.
     """
     J, b, K, R, L = inertia, friction, constant, resistance, inductance

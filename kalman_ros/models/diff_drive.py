@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot on two driven wheels: its odometry and its gyroscope, and no idea of its commands."""
+"""A robot with two driven wheels: odometry and a gyroscope, without known commands."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def diff_drive(
         float, About('spectral density of the change of yaw rate', 'rad^2/s^3', minimum=0.0)
     ] = 0.02,
 ) -> TurnRate:
-    """Return a unicycle whose speed and yaw rate wander: `TurnRate`, as a robot's own motion.
+    """Return a unicycle with random changes of speed and yaw rate, a `TurnRate`.
 
-    What drives it need not be known, since the wheels say how fast it goes. Where it is follows
-    from that by dead reckoning, with a covariance that grows as it should.
+    The commands need not be known, since the wheels measure the speed. The position follows
+    by dead reckoning, with a growing covariance.
     """
     return TurnRate(acceleration_noise, turn_noise)
 

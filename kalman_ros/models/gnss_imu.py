@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Navigation in the plane: positions now and then, an IMU often, and the biases of the IMU."""
+"""Navigation in the plane: occasional positions, a fast IMU, and the biases of the IMU."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from kalman_ros.core import About, Array, Model, Space
 
 
 class GnssImu(Model):
-    """x' = v cos psi, y' = v sin psi, psi' = omega, v' = a, and biases b of the IMU that wander.
+    """x' = v cos psi, y' = v sin psi, psi' = omega, v' = a, and varying biases b of the IMU.
 
-    Acceleration and yaw rate die out by themselves, a' = -a / T + w and omega' = -omega / T + w
+    Acceleration and yaw rate decay, a' = -a / T + w and omega' = -omega / T + w
     (R. Singer, Estimating Optimal Tracking Filter Performance for Manned Maneuvering Targets,
-    IEEE Trans. Aerospace and Electronic Systems 6(4), 1970). The IMU reads a + b_a and
-    omega + b_omega. Its readings are taken as readings and not as inputs: so they have stamps,
-    gates, a covariance from the message and an NIS like any other, several IMUs or none are as
-    good as one, and the simulated vehicle moves without being told how. The price is two states
-    more and a guess of how lively the vehicle is.
+    IEEE Trans. Aerospace and Electronic Systems 6(4), 1970). The IMU measures a + b_a and
+    omega + b_omega. Its readings are readings, not inputs: so they have stamps, gates, a
+    covariance from the message and an NIS like others, any number of IMUs works, and the
+    simulated vehicle needs no command. The price is two more states and an assumption about
+    its manoeuvres.
     """
 
     state = Space(
@@ -33,7 +33,7 @@ class GnssImu(Model):
     def __init__(
         self,
         manoeuvre_time: Annotated[
-            float, About('time in which a manoeuvre dies out', 's', minimum=1e-3)
+            float, About('time constant of a manoeuvre', 's', minimum=1e-3)
         ] = 2.0,
         acceleration_noise: Annotated[
             float, About('spectral density of the jerk', 'm^2/s^5', minimum=0.0)
@@ -53,7 +53,7 @@ class GnssImu(Model):
         self._noise = np.diag([0.0, 0.0, 0.0, 0.0, *noise])
 
     def derivative(self, x: Array, u: Array) -> Array:
-        """Return the motion of the vehicle; the biases stay."""
+        """Return the motion of the vehicle; the biases are constant."""
         _, _, psi, v, omega, a, b, _ = np.moveaxis(x, -1, 0)
         still = np.zeros_like(b)
         motion = (v * np.cos(psi), v * np.sin(psi), omega, a)
@@ -61,14 +61,14 @@ class GnssImu(Model):
         return np.stack((*motion, *dying, still, still), axis=-1)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return how heading and speed turn the velocity, and what follows from what."""
-        psi, v = x[2:4]
-        A = np.zeros((8, 8))
+        """Return the derivatives of the velocity by heading and speed, and the other ones."""
+        psi, v = x[..., 2], x[..., 3]
+        A = np.zeros((8, 8, *v.shape))
         A[:2, 2] = -v * np.sin(psi), v * np.cos(psi)
         A[:2, 3] = np.cos(psi), np.sin(psi)
         A[2, 4] = A[3, 5] = 1.0
         A[4, 4] = A[5, 5] = -self._decay
-        return A
+        return np.moveaxis(A, (0, 1), (-2, -1))
 
     def noise_density(self, x: Array) -> Array:
         """Return the noise of the manoeuvres and of the biases."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Any linear system, given wholly as numbers: A, B and the noise, in a parameter file."""
+"""Any linear system, given as numbers: A, B and the noise, in a parameter file."""
 
 from __future__ import annotations
 
@@ -8,13 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import (
-    About,
-    LinearSystem,
-    Space,
-    matrix,
-    semidefinite,
-)
+from kalman_ros.core import About, LinearSystem, Space, matrix, semidefinite
 
 #: Of the double integrator.
 _UNITS = ('m', 'm/s')
@@ -33,7 +27,7 @@ def linear(
         About('spectral density of the process noise: the diagonal, or row by row'),
     ] = (0.0, 0.1),
 ) -> LinearSystem:
-    """Return dx/dt = A x + B u + w; a double integrator unless told otherwise."""
+    """Return dx/dt = A x + B u + w; a double integrator by default."""
     units = _units('state_units', state_units, _UNITS, len(states))
     state = Space(tuple(states), units, tuple(a for a in angles if a))
     input = Space(tuple(inputs), _units('input_units', input_units, ('',), len(inputs)))
@@ -45,7 +39,7 @@ def linear(
 def _units(
     name: str, given: Sequence[str], default: tuple[str, ...], size: int
 ) -> tuple[str, ...]:
-    """Return one unit each: those that are given, or none where only the default is."""
+    """Return one unit each: the given ones, or none where only the default is."""
     units = tuple(given)
     if units == default and len(units) != size:
         return ('',) * size

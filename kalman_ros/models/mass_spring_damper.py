@@ -18,8 +18,8 @@ def mass_spring_damper(
 ) -> LinearSystem:
     """Return m x'' + c x' + k x = f + w, with w a white force.
 
-    A negative stiffness or damping is allowed: it makes the system unstable, which is a thing
-    to study. Any textbook of vibrations has the equation; as a state-space system it is
+    A negative stiffness or damping is allowed: it makes the system unstable. Any textbook of
+    vibrations has the equation; as a state-space system it is
 
         d/dt [x, v] = [[0, 1], [-k/m, -c/m]] [x, v] + [0, 1/m] f.
     """

@@ -7,13 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import (
-    About,
-    Array,
-    Model,
-    OperatingPoint,
-    Space,
-)
+from kalman_ros.core import About, Array, Model, OperatingPoint, Space
 
 
 class Submersible(Model):
@@ -23,9 +17,9 @@ class Submersible(Model):
     along the body's axes. With REP-103 axes pitch is positive nose down. M v' + C(v) v + D(v) v
     = thrust + buoyancy, with a diagonal M that includes added mass, linear and quadratic drag,
     and a righting moment since the buoyancy acts above the centre of gravity. The inputs are the
-    thrusts along the body, of one thruster, and up, of two, fore and aft.
+    thrusts of one thruster along the body, and of two upward ones, fore and aft.
 
-    An attitude as roll, pitch and yaw tells pitch only within +-90 degrees.
+    An attitude as roll, pitch and yaw represents pitch only within +-90 degrees.
     """
 
     state = Space(
@@ -92,11 +86,11 @@ class Submersible(Model):
         return np.concatenate((np.stack(velocity, axis=-1), force / self._inertia), axis=-1)
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
-        """Return what the thrusters do to the velocities."""
+        """Return the velocity changes by the thrusters."""
         return np.vstack((np.zeros((3, 3)), self._thrusters / self._inertia[:, np.newaxis]))
 
     def noise_density(self, x: Array) -> Array:
-        """Return what random forces and moments do to the velocities."""
+        """Return the velocity changes by random forces and moments."""
         return self._noise
 
 

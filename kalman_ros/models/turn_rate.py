@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Something that is tracked in the plane and keeps its speed and its turn rate (CTRV)."""
+"""A target in the plane with nearly constant speed and turn rate (CTRV)."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class TurnRate(Model):
         return np.stack((v * np.cos(psi), v * np.sin(psi), still, omega, still), axis=-1)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return how speed and heading turn the velocity, and omega the heading."""
-        _, _, v, psi, _ = x
-        A = np.zeros((5, 5))
+        """Return the derivatives of the velocity by speed and heading, and of heading by omega."""
+        v, psi = x[..., 2], x[..., 3]
+        A = np.zeros((5, 5, *v.shape))
         A[:2, 2] = np.cos(psi), np.sin(psi)
         A[:2, 3] = -v * np.sin(psi), v * np.cos(psi)
         A[3, 4] = 1.0
-        return A
+        return np.moveaxis(A, (0, 1), (-2, -1))
 
     def noise_density(self, x: Array) -> Array:
         """Return the noise of acceleration and turn rate."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes: parameters in, objects wired, nothing clever."""
+"""The nodes: thin wrappers that declare parameters and connect objects to topics."""

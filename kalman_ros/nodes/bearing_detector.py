@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From frames of sound to messages with a bearing, where there is one to be heard."""
+"""From frames of sound to messages with a bearing, if a source is detected."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from kalman_ros.core import Array, Signal
 from .diagnostics import Level, Report
 from .options import MicrophoneArrayOptions
 
-_HEARD, _SILENT, _UNCLEAR = 'bearings', 'frames without a source', 'frames without a direction'
+_DETECTED, _SILENT, _UNCLEAR = 'bearings', 'frames without a source', 'frames without a direction'
 
 
 class BearingDetector:
-    """Writes the bearing of the source in a frame, and keeps an account of frames without one.
+    """Writes the bearing of the source in a frame, and counts frames without one.
 
     Parameters
     ----------
@@ -58,24 +58,26 @@ class BearingDetector:
     def __call__(self, time: int, frame: Array, options: MicrophoneArrayOptions) -> Any:
         """Return the message with the bearing in a frame (M, N), stamped ``time``; or None.
 
-        What ``options`` ask of a bearing may change from frame to frame.
+        The thresholds in ``options`` may change from frame to frame.
         """
         bearing, variance, evidence = self._find(frame)
-        self._last = _HEARD
+        self._last = _DETECTED
         if not evidence >= log(options.least_odds):
             self._last = _SILENT
         elif variance > options.largest_std**2:
             self._last = _UNCLEAR
         self._frames[self._last] += 1
-        if self._last != _HEARD:
+        if self._last != _DETECTED:
             return None
         self._std = np.sqrt(variance)
         return self._write(time, np.array([bearing]), np.array([[variance]]))
 
     def report(self) -> Report:
-        """Return what there was to be heard."""
-        values: dict[str, Any] = {kind: self._frames[kind] for kind in (_HEARD, _SILENT, _UNCLEAR)}
+        """Return the counts of frames, by result."""
+        values: dict[str, Any] = {
+            kind: self._frames[kind] for kind in (_DETECTED, _SILENT, _UNCLEAR)
+        }
         values['standard deviation of the last [rad]'] = float(self._std)
-        if self._last == _HEARD:
+        if self._last == _DETECTED:
             return Level.OK, 'source detected', values
         return Level.WARN, f'{self._last or "nothing"}: nothing to publish', values

@@ -7,34 +7,28 @@ from collections.abc import Mapping
 from math import inf, isfinite
 from typing import Any
 
-from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Signal
-from kalman_ros.estimators.consistency import ChiSquareWindow
+from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.pipeline.reading_reader import InputReader, Reading, SensorReader
 from kalman_ros.scenario import SensorSource
 
 from .estimate_publisher import InnovationPublisher
 from .meters import Latency, Rate
-from .reading_reader import ReadingReader
-from .topics import innovation_signal
 from .watcher import waiting
 
 #: A sensor is silent after N seconds without a reading, or M of its intervals.
 _SILENCE, _INTERVALS = 1.0, 5.0
-#: Seconds by which stamps may be ahead of the clock by themselves: a simulated one ticks coarsely.
+#: Seconds by which stamps may be ahead of the clock: a simulated one ticks coarsely.
 _AHEAD = 0.1
-#: So many are taken in at once, in a few milliseconds. Of more, the oldest are dropped.
+#: The most messages taken at once, in a few milliseconds. Of more, the oldest are dropped.
 _MOST = 50
 
 
-class Channel:
-    """Messages of one topic, all that have come at a time."""
+class Subscribed:
+    """The messages waiting on one topic."""
 
-    #: Of the sensor; None if it is no sensor's.
-    name: str | None = None
     #: While the node is active.
     subscription: Any = None
 
@@ -44,59 +38,39 @@ class Channel:
         return str(self.subscription.topic_name)
 
     def take(self, first: list[bytes]) -> tuple[list[bytes], int]:
-        """Return the newest messages that have come, the ``first`` ones and those that wait.
+        """Return the newest messages waiting, including the ``first`` ones.
 
-        Beside them, how many older ones are left out.
+        Also returns the number of older ones that were dropped.
         """
         come = first + waiting(self.subscription)
         missed = len(come) - _MOST
         return (come[missed:], missed) if missed > 0 else (come, 0)
 
 
-class InputChannel(Channel):
-    """Reads the known input."""
-
-    def __init__(self, signal: Signal) -> None:
-        self.read = WireReader(SignalCodec(signal))
-        self.message_type = self.read.message_type
+class InputChannel(Subscribed, InputReader):
+    """Reads the known input from its topic."""
 
 
-class SensorChannel(Channel):
-    """Reads a sensor's messages, publishes what they said, and measures how it goes."""
+class SensorChannel(Subscribed, SensorReader):
+    """Reads a sensor's topic, publishes its innovations, and measures how it goes."""
 
-    def __init__(self, node: Any, name: str, source: SensorSource, state: Signal) -> None:
-        output = source.sensor.output
-        self.name: str = name
-        self._read = ReadingReader(source.signal)
-        self.message_type = self._read.message_type
-        self._publish = InnovationPublisher(node, innovation_signal(state, name, output))
-        self.nis = ChiSquareWindow(output.size)
+    def __init__(
+        self, node: Any, name: str, source: SensorSource, state: Signal, origin: Origin
+    ) -> None:
+        super().__init__(name, source, origin)
+        self._publish = InnovationPublisher(node, state, name, source.sensor.output)
         self._rate = Rate()
-        #: From the stamp of a reading until the estimate with it is out.
+        #: From the stamp of a reading to the publication of its estimate.
         self.age = Latency()
         #: By how many seconds every reading since the last report was ahead of the clock.
         self._lead = inf
         self.ahead = 0.0
 
-    def reset_statistics(self) -> None:
-        """Judge only the innovations from now on."""
-        self.nis = ChiSquareWindow(self.nis.degrees)
-
-    def read(self, data: bytes, source: SensorSource) -> Sample:
-        """Return the reading in a message; UndecodableError if there is none."""
-        reading = self._read(data, source)
+    def read(self, data: bytes, source: SensorSource) -> Reading:
+        """Return the reading in a message; UndecodableError if it is not of the type."""
+        reading = super().read(data, source)
         self._rate.count()
         return reading
-
-    @property
-    def trouble(self) -> str:
-        """Why the last message that could not be read could not: the field and the sizes."""
-        return self._read.trouble
-
-    def judge(self, correction: Correction) -> None:
-        """Take note of what a reading did, to judge whether innovations scatter as expected."""
-        if isfinite(correction.nis):
-            self.nis.add(correction.nis)
 
     def publish(self, time: int, correction: Correction) -> None:
         """Publish the innovation of the reading taken at ``time``."""
@@ -104,18 +78,18 @@ class SensorChannel(Channel):
             self._publish(time, correction)
 
     def measure_lead(self, time: int, now: int) -> None:
-        """Take note that a reading stamped ``time`` came at ``now``, both in nanoseconds."""
+        """Record that a reading stamped ``time`` was received at ``now``, both in nanoseconds."""
         self._lead = min(self._lead, (time - now) * 1e-9)
 
     def silent(self, source: SensorSource) -> bool:
-        """Tell whether no reading has come for longer than can be by chance."""
+        """Return whether readings are missing for longer than chance explains."""
         timed = source.timed
         return timed.enabled and self._rate.silence > max(_SILENCE, _INTERVALS / timed.rate)
 
     def report(self, counts: Mapping[Outcome, int]) -> dict[str, Any]:
-        """Return what is to be said of the sensor, given what became of its readings."""
+        """Return the diagnostics of the sensor, given the outcomes of its readings."""
         name = self.name
-        # one stray stamp says nothing of a clock: the least of all does
+        # a single stamp proves nothing about a clock: the least lead of all does
         self.ahead = self._lead if _AHEAD < self._lead < inf else 0.0
         self._lead = inf
         values: dict[str, Any] = {f'{name}: readings': sum(counts.values())}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes what a node subscribes to, and why nothing can arrive if nothing does."""
+"""Publishers and subscribers of a node's topics, and reasons why they cannot connect."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 #: How long a connection may be missing before it is reported, in seconds.
 PATIENCE = 3.0
-#: At most so often, in seconds, all topics are looked at while something is wrong or has changed,
-#: and else seldom.
+#: The interval, in seconds, between checks of all topics while something is wrong or has changed;
+#: otherwise checks are rare.
 _SOON, _LATER = 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 
@@ -21,13 +21,13 @@ _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
 class Connections:
     """Finds topics whose publishers and subscribers cannot reach each other.
 
-    Asking the graph about a topic takes a good part of a millisecond, and about all of them more
-    than a loop can spare. So each `look` asks about one.
+    Querying the graph about a topic takes a good part of a millisecond, and about all of them more
+    than a loop can spare. So each `look` queries one.
 
     Parameters
     ----------
     node
-        Whose publishers and subscriptions are compared with those of the others.
+        The node whose endpoints are compared with those of the others.
     """
 
     def __init__(self, node: Any) -> None:
@@ -38,18 +38,18 @@ class Connections:
         self._left: list[Callable[[], Iterator[str]]] = []
         self._found: list[str] = []
         self._since: dict[str, float] = {}
-        #: What has been wrong for some seconds.
+        #: Problems that have lasted for some seconds.
         self.problems: list[str] = []
 
     def expect(self, subscription: Any) -> Any:
-        """Report from now on when this subscription has no publishers; return it."""
+        """Report this subscription while it has no publishers; return it."""
         subscriptions = [*self._subscriptions()]
         self._awaited = [known for known in self._awaited if known in subscriptions]
         self._awaited.append(subscription)
         return subscription
 
     def look(self) -> None:
-        """Look at the next topic, if there is a reason to, and log what is new and lasts."""
+        """Check the next topic, if there is a reason to, and log new problems that last."""
         if not self._left:
             self._begin()
             return
@@ -86,7 +86,7 @@ class Connections:
         self.problems = lasting
 
     def _count(self, topic: str) -> tuple[str, int, int]:
-        """Return how many endpoints of any type a topic has; that costs microseconds."""
+        """Return how many endpoints of any type a topic has, within microseconds."""
         return topic, self._node.count_publishers(topic), self._node.count_subscribers(topic)
 
     def _subscriptions(self) -> Iterator[Any]:
@@ -113,7 +113,7 @@ class Connections:
                     yield f'{topic}: {_name(there)} subscribes to {why}'
 
     def _ours(self, endpoints: Iterable[Any]) -> list[Any]:
-        """Return those of this node; what the graph says of them is complete, unlike a profile."""
+        """Return the endpoints of this node; the graph is complete for them, unlike a profile."""
         name = self._node.get_fully_qualified_name()
         return [endpoint for endpoint in endpoints if _name(endpoint) == name]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller: an estimate in, the force that answers it out."""
+"""The controller: an estimate in, the input that responds to it out."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
 from kalman_ros.core import Array, Value, is_finite, one_each
+from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, limits, tracking
 
@@ -26,7 +27,6 @@ from . import runtime
 from .diagnostics import Level, Report
 from .estimate_feed import EstimateFeed
 from .estimate_guard import EstimateGuard
-from .idle import idle_input
 from .meeting import Meeting
 from .meters import Latency, Rate
 from .options import ControllerOptions
@@ -34,14 +34,14 @@ from .output import OutputStage
 from .reference import ReferenceReader
 from .topics import HISTORY, QUEUE
 
-#: The longest step, in seconds, over which an integral is taken or an estimate predicted.
+#: The longest step, in seconds, over which an integral is updated or an estimate predicted.
 _LONGEST = 0.5
-#: No clock is published so out of order; less is as good as no jump.
+#: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
 
 
 class ControllerNode(runtime.ScenarioNode):
-    """Answers every estimate with the force of a law: lqr, placement or lqi."""
+    """Responds to every estimate with the input of a law: lqr, placement or lqi."""
 
     with_law = True
 
@@ -49,20 +49,20 @@ class ControllerNode(runtime.ScenarioNode):
         super().__init__('controller', ControllerOptions)
 
     def configure(self) -> None:
-        """Design the law, and create what it publishes."""
+        """Design the law, and create the publishers."""
         super().configure()
         scenario, options = self.scenario, self.options
         model, blend = scenario.model, options.transition_time
         self._regulator = Regulator(model.state, feedback(scenario), model.equilibrium, blend)
-        self._trust = EstimateGuard(model.state, *_trusted(scenario, options))
+        self._guard = EstimateGuard(model.state, *_guard_limits(scenario, options))
         limiter = self._limiter = Limiter(*_limited(scenario, options))
         self._enabled = options.enabled
-        #: Whether the input was let go, and answers are to go on from where it is.
+        #: Whether the input went to idle, and has to continue from there.
         self._released = False
         self._period = 1.0 / scenario.rate
         self._refused = 0
         self._rate, self._latency, self._age = Rate(), Latency(), Latency()
-        self._feed = EstimateFeed(self, scenario, self._trust)
+        self._feed = EstimateFeed(self, scenario, self._guard)
         write = WireWriter(SignalCodec(scenario.input, options.frame))
         publisher = self.create_publisher(write.message_type, scenario.input.topic, HISTORY)
         self._output = OutputStage(
@@ -73,15 +73,15 @@ class ControllerNode(runtime.ScenarioNode):
         self._reference = ReferenceReader(self, scenario, self._on_reference, frame)
 
     def activate(self) -> None:
-        """Answer estimates from now on."""
+        """Respond to estimates from now on."""
         self._fault = ''
         self._came = monotonic()
         self._time: int | None = None
-        self._said_at = 0
+        self._failed_at = 0
         self._answered = self._feed.passed = 0
-        self._trust.forget()
-        self._meeting = Meeting(self._is_heard)
-        #: The estimate that is to be answered once they have met.
+        self._guard.forget()
+        self._meeting = Meeting(self._connected)
+        #: The estimate to respond to once the nodes are connected.
         self._early = b''
         topic, kind = self.scenario.state.topic, self._feed.message_type
         listening = self.create_subscription(kind, topic, self._on_estimate, QUEUE, raw=True)
@@ -102,12 +102,12 @@ class ControllerNode(runtime.ScenarioNode):
         self._output.close(self._stamp)
         self._released = True
 
-    def _is_heard(self) -> bool:
-        """Tell whether the plant hears the input, and the estimator."""
+    def _connected(self) -> bool:
+        """Return whether the plant subscribes to the input, and the estimator."""
         return self.options.lockstep or self._output.listeners >= 2
 
     def _on_estimate(self, data: bytes) -> None:
-        """Answer the newest estimate that has come; what it was before is of no use."""
+        """Respond to the newest estimate received; older ones are obsolete."""
         if not self._meeting.over:
             self._early = data
             return
@@ -125,12 +125,12 @@ class ControllerNode(runtime.ScenarioNode):
         self._latency.add(monotonic() - came)
 
     def _answer(self, time: int, estimate: Sample) -> None:
-        """Publish the input for an estimate, or one on the way to idle if it is not trusted."""
+        """Publish the input for an estimate, or one towards idle if it is refused."""
         dt = 0.0 if self._time is None else (time - self._time) * 1e-9
         dt = min(max(dt, 0.0), _LONGEST)
         self._time = time
         now = None if self.options.lockstep else self._now()
-        reason = self._trust.reason(estimate, now)
+        reason = self._guard.reason(estimate, now)
         x = estimate.values if reason else self._predicted(time, estimate.values)
         if not reason and not is_finite(x):
             reason = 'the estimate cannot be predicted by its age'
@@ -149,19 +149,20 @@ class ControllerNode(runtime.ScenarioNode):
             self._fail('the law gives no finite input for the estimate', time)
 
     def _fail(self, reason: str, time: int) -> None:
-        """Take note of a fault, and bring the input a step closer to idle."""
+        """Record a fault, and bring the input a step closer to idle."""
+        # first of all, since writing to the log may block
+        self._output.release(time)
+        self._released = True
+        if self.options.resume == 'enable':
+            self._enable(on=False)
         if not self._fault:
             words = f'{reason}: the force goes to {self._idle_name}'
             self.get_logger().error(words, throttle_duration_sec=1.0)
             self.diagnostics.soon()
         self._fault = reason
-        self._released = True
-        if self.options.resume == 'enable':
-            self._enable(on=False)
-        self._output.release(time)
 
     def _recover(self, x: Array) -> None:
-        """Go on from where the input is, if it was let go."""
+        """Continue from the current input, if it went to idle."""
         if self._fault:
             words = f'estimates can be used again, after: {self._fault}'
             self.get_logger().info(words, throttle_duration_sec=1.0)
@@ -172,18 +173,18 @@ class ControllerNode(runtime.ScenarioNode):
             self._released = False
 
     def _supervise(self) -> None:
-        """Bring the input to idle when no estimate comes, by a clock that never rests."""
+        """Bring the input to idle while no estimate arrives; uses the steady clock."""
         if self._early and self._meeting.over:
             self._on_estimate(self._early)
         silence, timeout = monotonic() - self._came, self.options.estimate_timeout
         if self._answered and timeout and silence > timeout:
             now = self._stamp()
-            if not self._output.at_idle or now != self._said_at:  # else time rests, all is said
+            if not self._output.at_idle or now != self._failed_at:  # time is paused
                 self._fail(f'no {self.scenario.state.topic} received for {silence:.2g} s', now)
-            self._said_at = now
+            self._failed_at = now
 
     def _predicted(self, time: int, x: Array) -> Array:
-        """Return the state now, by the model, if that is asked for."""
+        """Return the current state, predicted by the model if ``predict_latency`` is set."""
         if self.options.lockstep:
             return x
         age = ((self._now() or time) - time) * 1e-9
@@ -193,10 +194,10 @@ class ControllerNode(runtime.ScenarioNode):
         return self.scenario.model.step(x, self._output.value, age)
 
     def _stamp(self) -> int:
-        """Return the stamp of an input that answers no estimate.
+        """Return the stamp of an input that responds to no estimate.
 
-        That is now, but not before the last input: an estimator takes inputs in the order of
-        their stamps, and those that answer estimates may be ahead of the clock.
+        It is the current time, but not before the last input: an estimator orders inputs by
+        their stamps, and those that respond to estimates may be ahead of the clock.
         """
         if self.options.lockstep and self._time is not None:
             return self._time
@@ -205,7 +206,7 @@ class ControllerNode(runtime.ScenarioNode):
         return now + ahead if 0 < ahead * 1e-9 <= self.options.future_tolerance else now
 
     def _on_clock_back(self, jump: Any) -> None:
-        """Take the next estimate, if older than the last, as the first of a restarted time."""
+        """Accept the next estimate, even if older than the last, as the first after a reset."""
         self._clock_went_back = True
 
     def _now(self) -> int:
@@ -222,7 +223,7 @@ class ControllerNode(runtime.ScenarioNode):
         return response
 
     def _enable(self, *, on: bool) -> None:
-        """Compute inputs, or bring the input to idle and be silent; lockstep needs an answer."""
+        """Compute inputs, or bring the input to idle and stop publishing; lockstep needs one."""
         self._enabled = on
         if self.options.lockstep:
             return
@@ -238,26 +239,31 @@ class ControllerNode(runtime.ScenarioNode):
     def prepare(
         self, scenario: Scenario, options: ControllerOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
-        """Design the gains again, for other weights, poles, limits or another model."""
-        found, (bounds, idle) = feedback(scenario), _limited(scenario, options)
+        """Redesign the gains for other weights, poles, limits or another model."""
+        (bounds, idle), guard_limits = (
+            _limited(scenario, options),
+            _guard_limits(scenario, options),
+        )
         check_idle(bounds, idle)
-        equilibria, trusted = tracking(scenario), _trusted(scenario, options)
+        found, equilibria = self._regulator.feedback, self._reference.equilibria
+        if scenario is not self.scenario:  # else the design, which takes tens of milliseconds
+            found, equilibria = feedback(scenario), tracking(scenario)
 
         def apply() -> None:
             self._regulator.adopt(found, options.transition_time)
             self._limiter.adopt(bounds, idle)
-            self._trust.adopt(*trusted)
+            self._guard.adopt(*guard_limits)
             self._reference.equilibria = equilibria
 
         return apply
 
     def report(self) -> Report:
-        """Return what it answers, with which gains, or why it does not."""
+        """Return counts and gains, or why no input is computed."""
         gains, target = self._regulator.feedback, self._regulator.target
         values = {
             'estimates answered': self._answered,
             'estimates refused': self._refused,
-            'estimates passed over for newer ones': self._feed.passed,
+            'estimates skipped for newer ones': self._feed.passed,
             'estimates ignored: older than the last': self._feed.older,
             'forces published': self._output.count,
             'forces limited': self._output.limited,
@@ -280,13 +286,15 @@ class ControllerNode(runtime.ScenarioNode):
 
 
 def _limited(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Array]:
-    """Return the limits and the idle input (m,), as `Limiter` takes them."""
+    """Return the limits and the idle input (m,) for a `Limiter`."""
     found = limits(scenario, options.input_limit, options.input_rate_limit)
     return found, idle_input(scenario.model, options.idle_input)
 
 
-def _trusted(scenario: Scenario, options: ControllerOptions) -> tuple[float, float, Array, Array]:
-    """Return which estimates may be acted upon, as `EstimateGuard` takes it."""
+def _guard_limits(
+    scenario: Scenario, options: ControllerOptions
+) -> tuple[float, float, Array, Array]:
+    """Return the limits of accepted estimates for an `EstimateGuard`."""
     most = one_each('max_std', options.max_std, scenario.model.state.size)
     if options.resume not in ('auto', 'enable'):
         raise ValueError(f"resume: expected auto or enable, got '{options.resume}'")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node says of itself, once a second, on ``/diagnostics``."""
+"""The status of a node on ``/diagnostics``, once a second."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .watcher import WatcherNode
 
 
 class Level(Enum):
-    """How a node is doing."""
+    """The status of a node."""
 
     OK = DiagnosticStatus.OK
     WARN = DiagnosticStatus.WARN
@@ -24,31 +24,31 @@ class Level(Enum):
 SUBSCRIBERS = 'subscribers: '
 PUBLISHERS = 'publishers: '
 
-#: A level, a sentence, and what is behind it.
+#: A level, a sentence, and the values behind it.
 Report = tuple[Level, str, Mapping[str, Any]]
 
 
-#: How often the connections are looked at, and after how many looks there is news anyway.
+#: How often connections are checked, and after how many checks a report is due.
 _LOOK = 0.1
 _LOOKS = 10
-_NOT_OURS = ('/rosout', '/parameter_events', '/diagnostics')
+_EXCLUDED = ('/rosout', '/parameter_events', '/diagnostics')
 
 
 class Diagnostics:
-    """Publishes what ``report`` returns every second, whenever asked, and on new connections.
+    """Publishes the result of ``report`` every second, on request, and on new connections.
 
-    To the report it adds how many subscribers each of the node's topics has, ``subscribers:
-    TOPIC``, how many publishers each topic that it subscribes to, ``publishers: TOPIC``, and which
-    messages did not reach the node, ``undecodable: TOPIC``, ``too long: TOPIC`` and ``lost by the
-    middleware: TOPIC``. A topic that nobody publishes, or with another type or quality of
-    service, is a warning.
+    It adds the number of subscribers of each of the node's topics, ``subscribers: TOPIC``, of
+    publishers of each topic that it subscribes to, ``publishers: TOPIC``, and of messages that
+    did not reach the node, ``undecodable: TOPIC``, ``too long: TOPIC`` and ``lost by the
+    middleware: TOPIC``. A topic without publishers, or with another type or quality of service,
+    is a warning.
     """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
         self._node: WatcherNode = node
         self._report = report
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        #: Which of the node's topics nothing can arrive on.
+        #: The subscriptions of the node that receive nothing.
         self.connections = Connections(node)
         self._connections: dict[str, int] = {}
         self._looks = 0
@@ -68,10 +68,10 @@ class Diagnostics:
             found[f'{SUBSCRIBERS}{publisher.topic_name}'] = publisher.get_subscription_count()
         for subscription in (*self._node.subscriptions, *self._node.watched):
             found[f'{PUBLISHERS}{subscription.topic_name}'] = subscription.get_publisher_count()
-        return {key: count for key, count in found.items() if not key.endswith(_NOT_OURS)}
+        return {key: count for key, count in found.items() if not key.endswith(_EXCLUDED)}
 
     def soon(self) -> None:
-        """Publish with the next look, however often this is asked for until then."""
+        """Publish at the next check, once, however often this is called before."""
         self._looks = _LOOKS
 
     def publish(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimates that a controller may answer: of those that are waiting, the newest."""
+"""The estimates for a controller: the newest of those that are waiting."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from kalman_ros.scenario import Scenario
 from .estimate_guard import EstimateGuard
 from .watcher import waiting
 
-#: Of more waiting estimates the older ones are not decoded.
+#: If more estimates are waiting, the older ones are not decoded.
 _MOST = 50
 
 
 class EstimateFeed:
-    """Decodes estimates, and counts those that are not answered.
+    """Decodes estimates, and counts the skipped ones.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class EstimateFeed:
     scenario
         Names the topic and type of the estimate.
     guard
-        Tells whether an estimate is older than the last.
+        Decides whether an estimate is older than the last.
     """
 
     def __init__(self, node: Any, scenario: Scenario, guard: EstimateGuard) -> None:
@@ -41,7 +41,7 @@ class EstimateFeed:
         self.message_type = self._read.message_type
         #: While the node is active.
         self.subscription: Any = None
-        #: Counts of estimates passed over for newer ones, and of those older than the last.
+        #: Counts of estimates skipped for newer ones, and of those older than the last.
         self.passed = self.older = 0
         #: The last message that could be decoded.
         self._last = b''
@@ -54,7 +54,7 @@ class EstimateFeed:
         data
             The message that woke the node; more may be waiting.
         at
-            When it was received, by a steady clock; None if time may go back.
+            When it was received, on a steady clock; None if time may go back.
         """
         messages = [data, *waiting(self.subscription)]
         topic = self.subscription.topic_name
@@ -75,7 +75,7 @@ class EstimateFeed:
         return leading_frame(self._last) if self._last else configured
 
     def _state_in(self, data: bytes) -> Sample:
-        """Return the estimate in a message, one of no finite state if it lacks a field."""
+        """Return the estimate in a message; its state is not finite if a field is missing."""
         try:
             return self._read(data)
         except (LookupError, ValueError):

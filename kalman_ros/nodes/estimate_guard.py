@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which estimates may be acted upon."""
+"""The checks of an estimate before a controller uses it."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Array, Space, is_finite
 from kalman_ros.linear.kernels import is_definite
 
-#: An older stamp may be that of an estimate that came late, or of a time that began again. It is
-#: the latter when, for N seconds, nothing but older ones were received.
+#: An older stamp is a late estimate or a reset of time. It is a reset if only older ones were
+#: received for this many seconds.
 _PATIENCE = 0.25
-#: By how much rounding may make the smallest eigenvalue of correlations negative; what passed
-#: through float32 is as far off.
+#: The most negative eigenvalue of correlations that rounding explains, including a conversion to
+#: float32.
 _ROUNDING = 1e-6
 
 
 class EstimateGuard:
-    """Says of each estimate why it is not to be acted upon, if so.
+    """Returns why an estimate must not be used, if so.
 
     Parameters
     ----------
     space
         Of the state.
     timeout
-        Seconds by which an estimate may be old; 0 for any.
+        The largest age of an estimate in seconds; 0 for any.
     ahead
         Seconds by which an estimate may be ahead of the clock.
     most
         The largest standard deviation of each state (n,); infinite for any.
     prior
-        The variance of each state (n,) with which an estimator starts.
+        The variance of each state (n,) at the start of an estimator.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class EstimateGuard:
         self._set_known()
 
     def _set_known(self) -> None:
-        """Set the variances (n,) up to which no estimate looks like one of a restart."""
+        """Set the variances (n,) below which no estimate looks like a reset."""
         first = self._prior if self._first is None else self._first
         self._known: Array = 0.5 * np.minimum(self._prior, first)
 
@@ -61,15 +61,15 @@ class EstimateGuard:
         self._variances: Array = np.empty(0)
 
     def is_old(self, time: int | None, at: float | None) -> bool:
-        """Tell whether a newer estimate has been acted upon, so that this one is to be ignored.
+        """Return whether a newer estimate was used, so that this one is ignored.
 
         Parameters
         ----------
         time
             The stamp, in nanoseconds.
         at
-            When it came, in seconds of a clock that never goes back. None where an older stamp
-            means by itself that time began again, as in lockstep and after a jump of the clock.
+            When it was received, in seconds of a clock that never goes back. None where an older
+            stamp always means a reset of time, as in lockstep and after a jump of the clock.
         """
         if time is None or self._newest is None or time >= self._newest:
             self._older_since = None
@@ -85,11 +85,10 @@ class EstimateGuard:
         return False
 
     def reason(self, estimate: Sample, now: int | None) -> str:
-        """Return why not to act upon an estimate that came at ``now``; nothing if all is well.
+        """Return why not to use an estimate received at ``now``; '' if it is valid.
 
-        Times are in nanoseconds; ``now`` is None where the age of a stamp means nothing. Only
-        what is acted upon is what later ones are compared with. A time that began again is told
-        once.
+        Times are in nanoseconds; ``now`` is None where the age of a stamp is meaningless. Later
+        estimates are compared only with those in use. A reset of time is reported once.
         """
         reason = self._reason(estimate, now)
         if not reason:
@@ -102,16 +101,16 @@ class EstimateGuard:
             return f'the time of the estimate went back by {back:.3g} s'
         if not is_finite(estimate.values):
             return 'the estimate is not finite'
-        untimely = self._untimely(estimate.time, now)
+        problem = self._stamp_problem(estimate.time, now)
         P = estimate.covariance
-        if untimely or P is None:
-            return untimely
+        if problem or P is None:
+            return problem
         if not is_covariance(P):
             return 'the covariance of the estimate is not finite or not positive semi-definite'
         restarted = self._restart(P.diagonal())
         return self._doubt(P) or restarted
 
-    def _untimely(self, time: int | None, now: int | None) -> str:
+    def _stamp_problem(self, time: int | None, now: int | None) -> str:
         if time is None or now is None:
             return ''
         age = (now - time) * 1e-9
@@ -120,7 +119,7 @@ class EstimateGuard:
         return f'the estimate is {-age:.3g} s ahead of the clock' if -age > self._ahead else ''
 
     def _restart(self, variances: Array) -> str:
-        """Tell whether what was known well is known no better than at first, all at once."""
+        """Return whether known states became as uncertain as at the start, all at once."""
         before, self._variances = self._variances, variances
         if self._first is None:
             self._first = variances
@@ -128,7 +127,7 @@ class EstimateGuard:
             return ''
         if (variances <= self._known).all():
             return ''
-        # at first: before any reading, and as it was when this one came to know it
+        # at the start: before any reading, and as it was when this state became known
         first = np.array([self._prior, self._first])
         lost = np.any((variances > 0.5 * first) & (before < 0.01 * first), axis=0)
         names = [name for name, is_lost in zip(self._space.names, lost.tolist()) if is_lost]
@@ -147,9 +146,9 @@ class EstimateGuard:
 
 
 def is_covariance(P: Array) -> bool:
-    """Tell whether ``P`` (n, n) is finite and positive semi-definite, but for rounding.
+    """Return whether ``P`` (n, n) is finite and positive semi-definite up to rounding.
 
-    It is judged by its correlations, so that the units of the states do not matter.
+    It is tested by its correlations, so that the units of the states do not matter.
     """
     if not is_finite(P):
         return False

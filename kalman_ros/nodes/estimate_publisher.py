@@ -1,74 +1,106 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an estimator publishes: first what a controller waits for, the rest to those who listen."""
+"""The outputs of an estimator: first the estimate, then, to subscribers, the details."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from std_msgs.msg import MultiArrayDimension
-
-from kalman_ros.codecs.signal_codec import SignalCodec, named
-from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Gaussian, Signal, Space
+from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.correction import Correction
+from kalman_ros.pipeline.datum_file import write_datum
+from kalman_ros.pipeline.estimate_topics import EstimateTopics, InnovationTopic, Topic
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
+from kalman_ros.pipeline.global_topics import GlobalTopics
 from kalman_ros.scenario import Scenario
 
-from .topics import HISTORY, covariance_signal
+from .topics import HISTORY, KEPT
+
+
+def _publisher(node: Any, topic: Topic) -> Any:
+    return node.create_publisher(topic.write.message_type, topic.name, HISTORY)
 
 
 class EstimatePublisher:
     """Publishes a belief on ``estimate``, ``estimate/state`` and ``estimate/covariance``."""
 
-    def __init__(self, node: Any, scenario: Scenario, frame: str, child_frame: str) -> None:
-        space, signal = scenario.model.state, scenario.state
-        self._estimate = WireWriter(SignalCodec(signal, frame, child_frame))
-        state = Signal(f'{signal.topic}/state', '', ())
-        self._state = WireWriter(SignalCodec(named(state, space.names), frame))
-        whole = covariance_signal(signal)
-        self._covariance = WireWriter(_labelled(SignalCodec(whole), space))
-        create = node.create_publisher
-        self._publisher = create(self._estimate.message_type, signal.topic, HISTORY)
-        self._state_publisher = create(self._state.message_type, state.topic, HISTORY)
-        self._covariance_publisher = create(self._covariance.message_type, whole.topic, HISTORY)
-        #: How many beliefs have been published.
+    def __init__(
+        self, node: Any, scenario: Scenario, options: EstimatorOptions, origin: Origin
+    ) -> None:
+        topics = self._topics = EstimateTopics(scenario, options.frame, options.child_frame)
+        self._publisher = _publisher(node, topics.estimate)
+        self._state_publisher = _publisher(node, topics.state)
+        self._covariance_publisher = _publisher(node, topics.covariance)
+        self._globe = GlobalPublisher(node, scenario, options, origin)
+        #: The number of beliefs published.
         self.count = 0
 
     def __call__(self, time: int, belief: Gaussian) -> None:
-        """Publish a ``belief`` that holds at ``time``, in nanoseconds."""
+        """Publish a ``belief`` at ``time``, in nanoseconds."""
         self.count += 1
-        x, P = belief.mean, belief.covariance
-        self._publisher.publish(self._estimate(time, x, P))
+        topics, (x, P) = self._topics, belief
+        self._publisher.publish(topics.estimate.write(time, x, P))
         if self._state_publisher.get_subscription_count():
-            self._state_publisher.publish(self._state(time, x))
+            self._state_publisher.publish(topics.state.write(time, x))
         if self._covariance_publisher.get_subscription_count():
-            self._covariance_publisher.publish(self._covariance(time, P.ravel()))
+            self._covariance_publisher.publish(topics.covariance.write(time, P.ravel()))
+        self._globe(time, belief)
 
 
-def _labelled(codec: SignalCodec, space: Space) -> SignalCodec:
-    """Return the codec of a matrix (n, n), row by row, with its dimensions labelled."""
-    n, names = space.size, ','.join(space.names)
-    codec.message.layout.dim = [
-        MultiArrayDimension(label=names, size=n, stride=stride) for stride in (n * n, n)
-    ]
-    return codec
+class GlobalPublisher:
+    """Publishes the datum once it is known, and the estimate as a fix if that is requested."""
+
+    def __init__(
+        self, node: Any, scenario: Scenario, options: EstimatorOptions, origin: Origin
+    ) -> None:
+        topics = self._topics = GlobalTopics(scenario, options, origin)
+        self._origin, self._file = origin, options.datum_file
+        self._logger = node.get_logger()
+        self._known = False
+        if topics.datum is not None:
+            name, kind = topics.datum.signal.topic, topics.datum.message_type
+            self._datum_publisher = node.create_publisher(kind, name, KEPT)
+        if topics.fix is not None:
+            name, kind = topics.fix.signal.topic, topics.fix.message_type
+            self._fix_publisher = node.create_publisher(kind, name, HISTORY)
+        if origin.plane is not None:
+            self._file = ''  # it is there already
+            self._publish_datum(node.get_clock().now().nanoseconds)
+
+    def __call__(self, time: int, belief: Gaussian) -> None:
+        """Publish a ``belief`` at ``time``, in nanoseconds."""
+        topics = self._topics
+        if self._origin.plane is None or topics.datum is None:
+            return
+        if not self._known:
+            self._publish_datum(time)
+        if topics.fix is not None and self._fix_publisher.get_subscription_count():
+            self._fix_publisher.publish(topics.fix(time, belief))
+
+    def _publish_datum(self, time: int) -> None:
+        self._known = True
+        if self._topics.datum is None or self._origin.plane is None:
+            return
+        where = self._origin.plane.datum
+        self._datum_publisher.publish(self._topics.datum(time))
+        self._logger.info(f'datum: {where}')
+        if self._file:
+            try:
+                write_datum(self._file, where)
+            except OSError as error:
+                self._logger.warning(f"datum_file: '{self._file}': {error.strerror}")
 
 
 class InnovationPublisher:
-    """Publishes a sensor's innovations as named values on ``estimate/innovation/SENSOR``.
+    """Publishes a sensor's innovations on ``estimate/innovation/SENSOR``."""
 
-    Beside each innovation stand its expected standard deviation, ``NAME_std``, and the
-    normalised innovation squared of the reading, ``nis``.
-    """
-
-    def __init__(self, node: Any, signal: Signal) -> None:
-        self._write = WireWriter(SignalCodec(signal))
-        self._publisher = node.create_publisher(self._write.message_type, signal.topic, HISTORY)
+    def __init__(self, node: Any, state: Signal, sensor: str, output: Space) -> None:
+        self._write = InnovationTopic(state, sensor, output)
+        self._publisher = _publisher(node, self._write.topic)
 
     def __call__(self, time: int, correction: Correction) -> None:
-        """Publish what the reading taken at ``time`` said."""
+        """Publish the innovation of the reading taken at ``time`` if the topic has subscribers."""
         if self._publisher.get_subscription_count():
-            std = np.sqrt(correction.innovation_covariance.diagonal())
-            values = np.concatenate((correction.innovation, std, (correction.nis,)))
-            if np.isfinite(values).all():
-                self._publisher.publish(self._write(time, values))
+            message = self._write(time, correction)
+            if message is not None:
+                self._publisher.publish(message)

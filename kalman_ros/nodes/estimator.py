@@ -1,30 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimator: readings and forces in, the state with its covariance out."""
+"""The estimator: readings and inputs in, the state with its covariance out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from std_srvs.srv import Trigger
 
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import Gaussian, Option, Value
-from kalman_ros.estimators import filter_options
-from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
+from kalman_ros.pipeline.fuser import Fused, Fuser
+from kalman_ros.pipeline.fusion import fusion
+from kalman_ros.pipeline.initial_pose import PoseReader
+from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
 
 from . import runtime
+from .channel import InputChannel, SensorChannel
 from .diagnostics import Report
 from .estimate_publisher import EstimatePublisher
 from .estimator_health import Health
 from .estimator_intake import LockstepIntake, RealTimeIntake
-from .fuser import Fuser
-from .fusion import check_start, fusion
-from .idle import idle_input
-from .initial_pose import PoseReader
 from .meters import Latency
-from .options import EstimatorOptions
 from .topics import QUEUE
 
 #: The lowest rate of publication, in Hz, other than none.
@@ -32,37 +31,37 @@ _SLOWEST = 1e-3
 
 
 class EstimatorNode(runtime.ScenarioNode):
-    """Feeds an `OnlineEstimator` from topics and publishes what it believes."""
+    """Feeds an `OnlineEstimator` from topics and publishes its estimates."""
 
     def __init__(self) -> None:
         super().__init__('estimator', EstimatorOptions)
 
     def configure(self) -> None:
-        """Build the filter, and what it reads and publishes."""
+        """Build the filter and its intake, and create the publishers."""
         super().configure()
         scenario, options = self.scenario, self.options
         if 0.0 < options.publish_rate < _SLOWEST:
             expected = f'0 or at least {_SLOWEST:g} Hz'
             raise ValueError(f'publish_rate: expected {expected}, got {options.publish_rate:g}')
-        found = fusion(scenario, options, self.extra)
-        # this also imports what the first step needs, which takes longer than a step
-        check_start(found.filter, scenario)
-        idle = idle_input(scenario.model, options.idle_input)
+        settings = Settings(scenario, options, self.extra)
+        self._online, origin = settings.estimator(), settings.origin()
         seen = observability(scenario)
-        self._online = OnlineEstimator(
-            found.filter, found.sensors, scenario.initial_belief, idle, found.policy
-        )
-        self._publish = EstimatePublisher(self, scenario, options.frame, options.child_frame)
+        self._publish = EstimatePublisher(self, scenario, options, origin)
         self._read_pose = PoseReader(scenario)
         self._latency = Latency()
-        self._fuser = Fuser(self, scenario, self._online)
-        self._health = Health(self._fuser, self._latency, self.get_logger().warning)
-        self.get_logger().info(str(seen))  # now that nothing is refused any more
+        channels = {
+            name: SensorChannel(self, name, source, scenario.state, origin)
+            for name, source in scenario.sensors.items()
+        }
+        input, warn = InputChannel(scenario.input), self.get_logger().warning
+        self._fuser = Fuser(scenario, self._online, channels, input, warn)
+        self._health = Health(self._fuser, self._latency, warn)
+        self.get_logger().info(str(seen))  # after all checks
 
     def activate(self) -> None:
         """Start from the initial belief and subscribe.
 
-        An earlier belief is of no use: the inputs in the meantime are not known.
+        An earlier belief is useless: the inputs in the meantime are unknown.
         """
         self._fuser.reset(self.scenario.initial_belief)
         if self.options.lockstep:
@@ -77,10 +76,15 @@ class EstimatorNode(runtime.ScenarioNode):
         """Publish the belief at ``time``, in nanoseconds."""
         self._publish(time, belief)
 
+    def publish_innovations(self, fused: Sequence[Fused], most: int | None = None) -> None:
+        """Publish the innovations of readings, of more than ``most`` the newest ones."""
+        corrected = self._fuser.judge(fused)
+        for channel, time, _, _, correction in corrected[0 if most is None else -most :]:
+            channel.publish(time, correction)
+
     def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
         """Return the options of the filter."""
-        implementation = str(chosen.get('implementation', 'native'))
-        return filter_options(str(chosen['filter']), implementation)
+        return estimator_extra(chosen)
 
     def _on_initial_pose(self, data: bytes) -> None:
         try:
@@ -99,13 +103,14 @@ class EstimatorNode(runtime.ScenarioNode):
     def prepare(
         self, scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
-        """Change the model's parameters, noise or gates; the belief stays."""
+        """Change the model's parameters, noise or gates; the belief is kept."""
         found = fusion(scenario, options, extra)
-        observability(scenario)  # what no filter can follow is refused
+        if scenario is not self.scenario:
+            observability(scenario)  # what no filter can follow is refused
 
         def apply() -> None:
             self._online.configure(found.filter, found.sensors, found.policy)
-            self._fuser.observability.configure(scenario)
+            self._fuser.configure(scenario)
 
         return apply
 

@@ -7,15 +7,15 @@ from collections.abc import Callable, Set
 from typing import Any
 
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.pipeline.fuser import Fuser
 from kalman_ros.scenario import Scenario
 
 from .diagnostics import Level, Report
-from .fuser import Fuser
 from .meters import Latency
 
 
 class Health:
-    """Reports on a `Fuser`; of several problems, the one nearest to the cause.
+    """Reports on a `Fuser`; of several problems, the one closest to the cause.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Health:
         return (Level.WARN, wrong, values) if wrong else (Level.OK, 'consistent', values)
 
     def _clocks_ahead(self) -> str:
-        """Return which sensors' stamps are ahead of the clock, and warn of new ones."""
+        """Return the sensors whose stamps are ahead of the clock, and warn of new ones."""
         ahead = {name: c.ahead for name, c in self._fuser.channels.items() if c.ahead}
         which = ' and '.join(f'{name} by {lead:.2g} s' for name, lead in ahead.items())
         words = f'stamps are ahead of the clock: {which}' if ahead else ''
@@ -79,7 +79,7 @@ class Health:
         channels = self._fuser.channels
         dropped = [
             f'{count} of {name} {outcome.value}'
-            + (f' ({channels[name].trouble})' if outcome is Outcome.WRONG_SIZE else '')
+            + (f' ({channels[name].trouble})' if outcome.explained else '')
             for name, counts in self._fuser.online.counts.items()
             for outcome, count in counts.items()
             if count

@@ -15,18 +15,15 @@ from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import TimeReference
 
-from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.tick import read_tick
+from kalman_ros.pipeline.fuser import Channel, Fuser, Received
+from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
 from kalman_ros.scenario import Scenario
 
-from .channel import Channel, SensorChannel
-from .fuser import Fuser, Received
 from .meeting import Meeting
 from .meters import Latency
-from .step_assembler import StepAssembler
 from .topics import QUEUE, sensor_queue
 
-#: No clock is published so out of order; less is as good as no jump.
+#: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
 #: The most innovations that are published at once in real time.
 _MOST_INNOVATIONS = 8
@@ -52,7 +49,7 @@ class RealTimeIntake:
         self._node: Any = node
         self._fuser, self._latency = fuser, latency
         self._last_time = -1
-        self._meeting = Meeting(self._hears_input)
+        self._meeting = Meeting(self._input_connected)
         for channel in fuser.channels.values():
             queue = sensor_queue(reliable=self._scenario.sensors[channel.name].reliable)
             _listen(node, channel, partial(self._on_message, channel), queue)
@@ -72,8 +69,8 @@ class RealTimeIntake:
     def _now(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
 
-    def _hears_input(self) -> bool:
-        """Tell whether the input has a publisher, if the state rests until the first input."""
+    def _input_connected(self) -> bool:
+        """Return whether the input has a publisher, if the state rests until the first input."""
         resting = self._node.options.rest_until_input and not self._fuser.inputs.total()
         subscription = self._fuser.input.subscription
         return not resting or subscription is None or subscription.get_publisher_count() > 0
@@ -85,17 +82,18 @@ class RealTimeIntake:
         if first is fuser.input or len(received) > 1:
             received += self._waiting_inputs(first, data)
         now, decoded = self._now() or None, monotonic()
-        corrections = fuser.fuse(received, now)
-        if not corrections or not self._meeting.over:
+        fused = fuser.fuse(received, now)
+        corrected = [each for each in fused if each.correction is not None]
+        if not corrected or not self._meeting.over:
             return
         online = fuser.online
         if online.time is not None and not self._node.options.publish_rate:
             self._node.publish(online.time, online.belief)
             done = monotonic()
             self._latency.add(done - start)
-            for channel, time, _ in corrections:
-                channel.age.add(((now or time) - time) * 1e-9 + done - decoded)
-        fuser.publish_innovations(corrections, _MOST_INNOVATIONS)
+            for each in corrected:
+                each.channel.age.add(((now or each.time) - each.time) * 1e-9 + done - decoded)
+        self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
 
     def _waiting_readings(self, first: Channel, data: bytes) -> Iterator[Received]:
         """Yield the readings that are waiting; ``data``, received on ``first``, may be one."""
@@ -111,9 +109,9 @@ class RealTimeIntake:
                     if reading is None:
                         continue
                     time = reading.time or now
-                    if now:  # simulated time may not have begun
+                    if now:  # simulated time may not have started
                         channel.measure_lead(time, now)
-                    yield Received(time, channel, reading)
+                    yield Received(time, channel, reading, reading.refused)
 
     def _waiting_inputs(self, first: Channel, data: bytes) -> Iterator[Received]:
         """Yield the inputs that are waiting; ``data``, received on ``first``, may be one."""
@@ -132,19 +130,20 @@ class RealTimeIntake:
         if online.time is None:
             return
         time = max(self._now(), online.time)
-        if time != self._last_time:  # simulated time may rest between two ticks of a timer
+        if time != self._last_time:  # simulated time may pause between two ticks of a timer
             self._last_time = time
             self._node.publish(time, online.predicted(time))
 
     def _on_clock_back(self, jump: Any) -> None:
-        """Restart when simulated time goes back, as it does when a bag is replayed."""
+        """Restart when simulated time goes back, as when a bag is replayed."""
         back = -jump.delta.nanoseconds * 1e-9
-        self._node.get_logger().warning(f'the clock went back by {back:.3g} s: restarting')
+        words = f'the clock went back by {back:.3g} s: restarting'
+        self._node.get_logger().warning(words, throttle_duration_sec=1.0)
         self._fuser.restart()
 
 
 class LockstepIntake:
-    """Fuses a step of the plant once every message that its tick names is received.
+    """Passes the messages of the plant and the controller to a `LockstepFuser`.
 
     Parameters
     ----------
@@ -155,55 +154,12 @@ class LockstepIntake:
     """
 
     def __init__(self, node: Any, fuser: Fuser) -> None:
-        self._node: Any = node
-        self._fuser = fuser
-        scenario: Scenario = node.scenario
-        topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
-        driven = bool(scenario.input.fields)
-        self._steps = StepAssembler(topics, answered=driven)
+        steps = LockstepFuser(fuser, node, node.get_logger().info)
         for channel in fuser.channels.values():
-            _listen(node, channel, partial(self._on_reading, channel), QUEUE)
-        if driven:
-            _listen(node, fuser.input, self._on_input, QUEUE)
-        node.create_subscription(TimeReference, 'tick', self._on_tick, QUEUE, raw=True)
-
-    def _on_reading(self, channel: SensorChannel, data: bytes) -> None:
-        source = self._node.scenario.sensors[channel.name]
-        if source.timed.enabled:
-            reading = channel.read(data, source)
-            self._steps.reading(channel.name, reading.time, reading)
-            self._fuse_steps()
-
-    def _on_input(self, data: bytes) -> None:
-        input = self._fuser.read_input(data)
-        if input is not None:
-            self._steps.input(input.time, input.values)
-            self._fuse_steps()
-
-    def _on_tick(self, data: bytes) -> None:
-        time, topics = read_tick(data)
-        asked_again = self._steps.waits_for(time)
-        if self._steps.tick(time, topics):
-            self._node.get_logger().info('time went back: restarting')
-            self._fuser.restart()
-        self._fuse_steps()
-        unanswered = self._steps.unanswered
-        if asked_again and unanswered is not None:
-            # the input that answers it was lost on the way: ask the controller again
-            self._node.publish(unanswered, self._fuser.online.predicted(unanswered))
-
-    def _fuse_steps(self) -> None:
-        fuser = self._fuser
-        for step in self._steps.complete():
-            received = [
-                Received(y.time or step.time, fuser.channels[name], y) for name, y in step.readings
-            ]
-            if step.input is not None:
-                time, u = step.input
-                received.append(Received(time, fuser.input, Sample(time, u, None)))
-            corrections = fuser.fuse(received)
-            self._node.publish(step.time, fuser.online.predicted(step.time))
-            fuser.publish_innovations(corrections)
+            _listen(node, channel, partial(steps.on_reading, channel.name), QUEUE)
+        if fuser.scenario.input.fields:
+            _listen(node, fuser.input, steps.on_input, QUEUE)
+        node.create_subscription(TimeReference, 'tick', steps.on_tick, QUEUE, raw=True)
 
 
 def _listen(node: Any, channel: Any, callback: Any, queue: Any) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter files and arguments that ROS would misread, put right before it reads them."""
+"""Parameter files and arguments that ROS would misread, corrected before it reads them."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from pathlib import Path
 from kalman_ros.scenario.parameter_files import unambiguous
 
 _FILE, _EMPTY = '--params-file', re.compile(r':=\s*\[\s*\]$')
-#: Of rcl's complaint about a list with a word and a truth value in it.
+#: The part of rcl's error about a list with strings and truth values.
 _MIXED = "Value type 'bool'"
 HINT = "ROS reads y, n, yes, no, on and off as true or false: write such words in quotes, 'y'"
 
 
 @contextmanager
 def readable(arguments: Sequence[str]) -> Iterator[list[str]]:
-    """Give arguments for ``rclpy.init`` in which names such as y, and empty lists, are words.
+    """Return arguments for ``rclpy.init`` in which words such as y, and empty lists, are strings.
 
-    ``ros2 param dump`` writes a parameter whose value is the word y without quotes, and ROS reads
-    it back as true; an empty list has no type, and ROS refuses to declare it. Files are not
-    changed: a copy takes the place of one that has such values.
+    ``ros2 param dump`` writes the string y without quotes, and ROS reads it back as true; an empty
+    list has no type, and ROS refuses to declare it. Files are not changed: a corrected copy
+    replaces them.
     """
     found = [_EMPTY.sub(":=['']", argument) for argument in arguments]
     with tempfile.TemporaryDirectory(prefix='kalman_ros_') as folder:
@@ -34,16 +34,16 @@ def readable(arguments: Sequence[str]) -> Iterator[list[str]]:
 
 
 def hint(reason: str) -> str:
-    """Return why rcl refused its arguments, with what to do if a word was no word to it."""
+    """Return why rcl refused its arguments, with a hint if a word was read as a truth value."""
     return f'{reason}; {HINT}' if _MIXED in reason else reason
 
 
 def _copied(path: Path, copy: Path) -> str:
-    """Return the path of a file that ROS reads as it is meant: ``path`` itself, or a copy."""
+    """Return the path of a file that ROS reads correctly: ``path`` itself, or a copy."""
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError):
-        return str(path)  # ROS says what is wrong with it
+        return str(path)  # ROS reports the error
     put_right = unambiguous(text)
     if put_right == text:
         return str(path)

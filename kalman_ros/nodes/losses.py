@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many messages the middleware gave up on their way to a subscription."""
+"""The messages that the middleware lost on their way to a subscription."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Any
 from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
-#: So many writers of a topic are told apart.
+#: The most writers of a topic that are distinguished.
 _MOST = 16
 
 
 class Losses:
-    """Counts what one subscription lost, in two ways of which neither sees all.
+    """Counts the losses of one subscription in two ways, neither of which is complete.
 
-    The middleware counts the gaps that it finds in what arrives. What its full queue then drops
-    it does not count; but messages are numbered by their writers, and where they are taken with
-    their number, gaps show. Both say too little rather than too much, so the larger one counts.
+    The middleware counts gaps in the messages that arrive, but not those that its full queue then
+    drops; writers number their messages, so where they are read with their numbers, gaps show
+    those. Both are lower bounds, so the larger one counts.
 
     Parameters
     ----------
     subscription
-        That of `rclpy`.
+        Of `rclpy`.
     """
 
     def __init__(self, subscription: Any) -> None:
@@ -31,21 +31,21 @@ class Losses:
         self._event: Any = None
         with suppress(UnsupportedEventTypeError), subscription.handle:
             self._event = _rclpy.EventHandle(subscription.handle, kind)
-        #: The last number of each writer; who wrote a message is not known, only its number.
+        #: The last number of each writer; the writer of a message is unknown, only its number.
         self._last: list[int] = []
         self._missing = self._unnumbered = self._count = 0
 
     def unnumbered(self) -> None:
-        """Take note of a message of which the number is not known."""
+        """Record a message without a number."""
         self._unnumbered += 1
 
     def numbered(self, number: int | None) -> None:
-        """Take note of a message with the ``number`` that its writer gave it.
+        """Record a message with the ``number`` that its writer gave it.
 
-        It is taken for one of the writer that had come nearest to it. If it is another's, the
-        sum of the gaps is still right, for the other one's next message is then taken for its.
+        It is assigned to the writer with the closest earlier number. If it is another's, the sum
+        of the gaps is still right, since the other's next message is then assigned to this one.
         """
-        if not number:  # not every middleware tells
+        if not number:  # not every middleware has it
             return
         before = [last for last in self._last if last < number]
         if not before:
@@ -59,7 +59,7 @@ class Losses:
 
     @property
     def count(self) -> int:
-        """How many messages were lost so far, at least."""
+        """The number of lost messages so far, at least."""
         by_middleware = 0
         if self._event is not None:
             with self._event:
@@ -69,7 +69,7 @@ class Losses:
         return self._count
 
     def close(self) -> None:
-        """Give the event back."""
+        """Release the event."""
         if self._event is not None:
             self._event.destroy_when_not_in_use()
             self._event = None

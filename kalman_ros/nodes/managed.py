@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Managed nodes: what exists in which state, and why a transition is refused."""
+"""Managed nodes: entities that exist per state, and reasons why a transition is refused."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from kalman_ros.core.one_line import one_line
+
 from .published import PublishedCounts, counted
 
-#: The most characters of a reason.
-_LONGEST = 500
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
 
 
@@ -25,8 +25,8 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
 
     Publishers, subscriptions, timers and services that are created in `configure` are destroyed
     at cleanup, and those created in `activate` when it is deactivated. So an inactive node
-    receives nothing that it could act upon later, and an active one pays nothing for it. What an
-    executor still has queued for them by then is not delivered.
+    receives nothing to act upon later, and an active one has no overhead. Callbacks that are
+    still queued in an executor by then are not called.
 
     Parameters
     ----------
@@ -35,9 +35,9 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
     """
 
     def __init__(self, name: str) -> None:
-        #: The state that it is in.
+        #: The current state.
         self.phase = UNCONFIGURED
-        #: Why the last transition was refused, in one line; '' if it was not.
+        #: Why the last transition was refused, in one line; '' if it was accepted.
         self.refusal = ''
         self._entering: ExitStack | None = None
         self._lifetimes: list[ExitStack] = []
@@ -49,27 +49,27 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
             automatically_declare_parameters_from_overrides=True,
         )
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
-        #: Of each topic, how many messages it has published.
+        #: The number of messages published, by topic.
         self.published = PublishedCounts(self)
         change_state = self._service_change_state
         change_state.callback = partial(self._on_change_state, change_state.callback)
 
     def configure(self) -> None:
-        """Read and check everything, and create what lasts until cleanup.
+        """Read and check everything, and create the entities that last until cleanup.
 
         Raises
         ------
         ValueError
-            If anything is wrong; the node stays unconfigured.
+            If a parameter is wrong; the node stays unconfigured.
         """
 
     def activate(self) -> None:
-        """Create what lasts until the node is deactivated: whatever makes it act."""
+        """Create the entities that last until the node is deactivated."""
 
     def deactivate(self) -> None:
-        """Publish what is to be published before the node is silent.
+        """Publish the last messages before the node is deactivated.
 
-        It is called however the active state ends, by an error too, before anything is destroyed.
+        It is called however the active state ends, also by an error, before anything is destroyed.
         """
 
     def start(self) -> None:
@@ -78,7 +78,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         Raises
         ------
         Exception
-            What prevented it; ValueError if the parameters did.
+            Its cause; ValueError for wrong parameters.
         """
         self._starting = True
         for transition in (self.trigger_configure, self.trigger_activate):
@@ -88,32 +88,32 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         self._starting = False
 
     def at_the_end(self, undo: Callable[..., object], *arguments: Any) -> None:
-        """Have a function called when the state ends that is being entered, in reverse order."""
+        """Call a function when the state that is being entered ends, in reverse order."""
         assert self._entering is not None
         self._entering.callback(undo, *arguments)
 
     def create_publisher(self, *arguments: Any, **options: Any) -> Any:
-        """Create a publisher that lives as long as the state that is being entered."""
+        """Create a publisher for the state that is being entered."""
         created = counted(super().create_publisher(*arguments, **options))
         return self._until_the_end(created, self.destroy_publisher)
 
     def create_subscription(self, *arguments: Any, **options: Any) -> Any:
-        """Create a subscription that lives as long as the state that is being entered."""
+        """Create a subscription for the state that is being entered."""
         created = super().create_subscription(*arguments, **options)
         return self._until_the_end(created, self.destroy_subscription, _mute)
 
     def create_timer(self, *arguments: Any, **options: Any) -> Any:
-        """Create a timer that lives as long as the state that is being entered."""
+        """Create a timer for the state that is being entered."""
         created = super().create_timer(*arguments, **options)
         return self._until_the_end(created, self.destroy_timer, _mute)
 
     def create_service(self, *arguments: Any, **options: Any) -> Any:
-        """Create a service that lives as long as the state that is being entered."""
+        """Create a service for the state that is being entered."""
         created = super().create_service(*arguments, **options)
         return self._until_the_end(created, self.destroy_service)
 
     def _until_the_end(self, entity: Any, *undo: Callable[[Any], object]) -> Any:
-        # what is created between transitions, by rclpy for one, takes care of itself
+        # entities created between transitions, for example by rclpy, are not tracked
         if self._entering is not None:
             for function in undo:
                 self.at_the_end(function, entity)
@@ -140,22 +140,22 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         return self._attempt(lambda: self._close(FINALIZED))
 
     def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Go back to unconfigured after a transition that broke off."""
+        """Go back to unconfigured after a failed transition."""
         while self._lifetimes:
             self._leave(UNCONFIGURED)
         return TransitionCallbackReturn.SUCCESS
 
     def rest(self) -> None:
-        """Deactivate it if it is active, and destroy what its states have created."""
+        """Deactivate the node if it is active, and destroy the entities of its states."""
         self._close(FINALIZED)
 
     def destroy_node(self) -> None:
-        """Bring it to rest, and give everything back."""
+        """Deactivate, clean up and destroy the node."""
         self.rest()
         super().destroy_node()
 
     def _on_change_state(self, answer: Callable[..., Any], request: Any, response: Any) -> Any:
-        """Say no to a transition that there is not in this state; in rclpy that ends the node."""
+        """Refuse a transition that does not exist in this state; in rclpy that ends the node."""
         try:
             return answer(request, response)
         except Exception as error:
@@ -171,7 +171,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         except Exception as error:
             self._error, self.refusal = error, reason(error)
             if not self._starting:
-                # who starts a node reads its last line, who asks over topics reads its log
+                # users of the command line read the last line, users of services the log
                 self.get_logger().error(self.refusal or ''.join(format_exception(error)))
             kind = TransitionCallbackReturn
             return kind.FAILURE if self.refusal else kind.ERROR
@@ -199,7 +199,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
 
 
 def _mute(entity: Any) -> None:
-    """Have nobody called by what an executor had queued when the entity was destroyed."""
+    """Suppress callbacks that an executor had queued when the entity was destroyed."""
     entity.callback = _do_nothing
 
 
@@ -208,16 +208,8 @@ def _do_nothing(*_: Any) -> None:
 
 
 def reason(error: Exception) -> str:
-    """Return in one line what a user did wrong; '' if the fault is not the user's.
-
-    Of a long one, as that which quotes a long value, the middle is left out.
-    """
-    found = ''.join(map(_printable, _reason(error)))
-    return found if len(found) <= _LONGEST else f'{found[: _LONGEST - 100]} ... {found[-90:]}'
-
-
-def _printable(character: str) -> str:
-    return character if character.isprintable() else ascii(character)[1:-1]
+    """Return in one line what a user did wrong; '' if it is not the user's error."""
+    return one_line(_reason(error))
 
 
 def _reason(error: Exception) -> str:
@@ -225,7 +217,7 @@ def _reason(error: Exception) -> str:
         return str(error)
     if isinstance(error, (ArithmeticError, MemoryError)):
         return f'the parameters give no numbers to compute with: {error or type(error).__name__}'
-    # rcl reports bad names and unreadable parameter files by exceptions of its own
+    # rcl has separate exceptions for bad names and unreadable parameter files
     if type(error).__module__.startswith(('rclpy', '_rclpy', 'rpyutils')):
         return str(error).partition('\n')[0].partition(', at ')[0]
     return ''

@@ -1,27 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first moments of a node in real time, in which it and the others find each other."""
+"""Discovery in real time: a node that starts waits until the others are connected."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic
 
-#: No meeting takes longer, in seconds: whoever is not there by then may never be.
+#: The longest wait, in seconds, for nodes that may never start.
 _LONGEST = 1.0
 
 
 class Meeting:
-    """Tells when a node that has just become active may speak.
+    """Decides when a node that has just become active may publish.
 
-    What comes together finds each other one by one. If a force reaches the estimator and not yet
-    the plant, which rests until its first force, the estimator believes in a motion that there
-    is not; and the other way round. So whoever is new says nothing that others act upon before
-    it and they are connected.
+    Nodes that start together discover each other one by one. If an input reaches the estimator
+    but not yet the plant, which rests until its first input, the estimator predicts a motion that
+    does not happen; and vice versa. So a new node publishes nothing that others act upon until
+    they are connected.
 
     Parameters
     ----------
     met
-        Tells whether those are connected that must be.
+        Returns whether the required nodes are connected.
     """
 
     def __init__(self, met: Callable[[], bool]) -> None:
@@ -31,6 +31,6 @@ class Meeting:
 
     @property
     def over(self) -> bool:
-        """Whether they have met, or have had the time to."""
+        """Whether they are connected, or the wait is over."""
         self._over = self._over or self._met() or monotonic() > self._end
         return self._over

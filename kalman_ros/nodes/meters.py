@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often and how late: what nodes measure of themselves for their diagnostics."""
+"""Rates and latencies that nodes measure for their diagnostics."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from time import monotonic
 
 import numpy as np
 
-#: So many events are looked back on.
+#: The number of recent events.
 _LENGTH = 500
 #: Without an event for N seconds, or three usual intervals, the rate is zero.
 _SILENCE = 2.0
 
 
 class Rate:
-    """How often something happens a second, lately."""
+    """The recent rate of an event."""
 
     def __init__(self) -> None:
         self._times: deque[float] = deque(maxlen=_LENGTH)
 
     def count(self) -> float:
-        """Take note that it happens now; return the time, in seconds of a steady clock."""
+        """Record an event; return the time, in seconds of a steady clock."""
         now = monotonic()
         self._times.append(now)
         return now
@@ -34,7 +34,7 @@ class Rate:
 
     @property
     def value(self) -> float:
-        """Events a second; zero before the second event and after a silence."""
+        """Events per second; zero before the second event and after a silence."""
         if len(self._times) < 2:
             return 0.0
         interval = (self._times[-1] - self._times[0]) / (len(self._times) - 1)
@@ -44,17 +44,17 @@ class Rate:
 
 
 class Latency:
-    """Percentiles of how long something takes, lately."""
+    """Percentiles of recent durations."""
 
     def __init__(self) -> None:
         self._seconds: deque[float] = deque(maxlen=_LENGTH)
 
     def add(self, seconds: float) -> None:
-        """Take one duration in."""
+        """Add one duration."""
         self._seconds.append(seconds)
 
     def __str__(self) -> str:
-        """Return the 50th, 90th and 99th percentile in ms; nothing before the first."""
+        """Return the 50th, 90th and 99th percentile in ms; '' before the first."""
         if not self._seconds:
             return ''
         found = 1e3 * np.percentile(self._seconds, (50, 90, 99))

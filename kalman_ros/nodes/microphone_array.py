@@ -16,6 +16,8 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import read_tick, write_tick
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Value, is_due, is_finite, ratio
+from kalman_ros.pipeline.step_assembler import StepAssembler
+from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.simulation.sound import SimulatedSound, Sound
@@ -25,20 +27,18 @@ from .bearing_detector import BearingDetector
 from .diagnostics import Report
 from .options import MicrophoneArrayOptions
 from .playback import Playback
-from .step_assembler import StepAssembler
-from .throttle import Throttle
 from .topics import QUEUE, on_topic
 
 _TRUTH = 'ground_truth'
-#: In lockstep the ticks of the plant, by a remap, before a bearing is added to them.
+#: In lockstep the plant's ticks, by a remap, before a bearing is added to them.
 _PLANT_TICK = 'plant_tick'
 
 
 class MicrophoneArrayNode(runtime.ScenarioNode):
-    """Publishes the readings of a sensor of kind bearing, from what it hears.
+    """Publishes the readings of a sensor of kind bearing, from sound.
 
-    A frame in which no source is heard, or in which its direction is not clear, gives no
-    reading; ``/diagnostics`` counts them.
+    A frame in which no source is detected, or whose direction is not clear, gives no reading;
+    ``/diagnostics`` counts them.
     """
 
     default_model = 'bearing_tracker'
@@ -47,7 +47,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         super().__init__('microphone_array', MicrophoneArrayOptions)
 
     def configure(self) -> None:
-        """Build what hears, and what it publishes."""
+        """Build the detector and its source of sound, and create the publishers."""
         super().configure()
         options: MicrophoneArrayOptions = self.options
         self._warn = Throttle(self.get_logger().warning)
@@ -60,35 +60,35 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
             recorded = self._recorded = recording.read(Path(options.recording), self._array.size)
         rate = options.sample_rate if recorded is None else recorded.sample_rate
         signal = self._source.signal
-        self._hearing = BearingDetector(signal, self._array, rate, options)
-        self._publisher = self.create_publisher(self._hearing.message_type, signal.topic, QUEUE)
+        self._detector = BearingDetector(signal, self._array, rate, options)
+        self._publisher = self.create_publisher(self._detector.message_type, signal.topic, QUEUE)
         if options.lockstep:
             self._tick_publisher = self.create_publisher(TimeReference, 'tick', QUEUE)
 
     def activate(self) -> None:
-        """Hear the recording from its beginning, or where the plant says that the source is."""
+        """Start the recording, or the simulated source at the plant's position."""
         self._answer: Any = None
         if self._recorded is None:
             self._simulate()
             return
-        interval, samples = 1.0 / self._source.timed.rate, self._hearing.samples
+        interval, samples = 1.0 / self._source.timed.rate, self._detector.samples
         self._playback = Playback(
-            self, self._recorded, interval, samples, self._listened, self._hear
+            self, self._recorded, interval, samples, self._has_subscribers, self._detect
         )
 
     @property
     def _source(self) -> SensorSource:
-        name = self.options.hears_for
+        name = self.options.bearing_sensor
         if name not in self.scenario.sensors:
             known = ', '.join(self.scenario.sensors)
-            raise ValueError(f"hears_for: expected a sensor among ({known}), got '{name}'")
+            raise ValueError(f"bearing_sensor: expected a sensor among ({known}), got '{name}'")
         return self.scenario.sensors[name]
 
-    def _listened(self) -> bool:
+    def _has_subscribers(self) -> bool:
         return bool(self._publisher.get_subscription_count())
 
-    def _hear(self, time: int, frame: Array) -> None:
-        self._answer = self._hearing(time, frame, self.options)
+    def _detect(self, time: int, frame: Array) -> None:
+        self._answer = self._detector(time, frame, self.options)
         self._publish()
 
     def _publish(self) -> None:
@@ -96,7 +96,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
             self._publisher.publish(self._answer)
 
     def _simulate(self) -> None:
-        """Hear the source where the plant says that it is."""
+        """Simulate the source at the plant's position."""
         self._start()
         truth = on_topic(self.scenario.state, _TRUTH)
         self._read_truth = WireReader(SignalCodec(truth))
@@ -110,7 +110,7 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         options = self.options
         low, high = options.band
         sound = Sound(options.sound_level, (low, high), options.microphone_noise)
-        samples, rate = self._hearing.samples, options.sample_rate
+        samples, rate = self._detector.samples, options.sample_rate
         self._sound = SimulatedSound(self._array, rate, samples, sound, options.seed)
         self._first: int | None = None
 
@@ -129,14 +129,14 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         self._process_steps()
 
     def _listen(self, time: int, x: Array) -> None:
-        """Hear what there is to hear in the state ``x``, if a reading is due."""
+        """Publish the bearing of the state ``x``, if a reading is due."""
         if self._first is None:
             self._first = time
         rate = self.scenario.rate
         step = round((time - self._first) * 1e-9 * rate)
         self._answer = None
         if is_due(step, ratio(self._source.timed.rate, rate)):
-            self._hear(time, self._sound(self._sensor.line_of_sight(x)))
+            self._detect(time, self._sound(self._sensor.line_of_sight(x)))
 
     def _on_tick(self, data: bytes) -> None:
         time, topics = read_tick(data)
@@ -145,11 +145,11 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
         self._process_steps()
 
     def _process_steps(self) -> None:
-        """Pass on the ticks whose truth has come, with the bearing if there is one."""
+        """Forward the ticks whose truth is received, with the bearing if there is one."""
         for step in self._steps.complete():
             for _, x in step.readings:
                 self._listen(step.time, x)
-            if not step.readings:  # asked again
+            if not step.readings:  # a repeated tick
                 self._publish()
             topics = step.kept
             if self._answer is not None:
@@ -159,18 +159,18 @@ class MicrophoneArrayNode(runtime.ScenarioNode):
     def prepare(
         self, scenario: Scenario, options: MicrophoneArrayOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
-        """Take what asks more or less of a bearing; it is looked up with every frame."""
+        """Accept other thresholds of a bearing; they are read at every frame."""
         return lambda: None
 
     def report(self) -> Report:
-        """Return what there was to be heard."""
-        return self._hearing.report()
+        """Return the counts of frames, by result."""
+        return self._detector.report()
 
 
 def _bearing(source: SensorSource) -> Bearing:
     sensor = source.sensor
     if not isinstance(sensor, Bearing):
-        raise ValueError(f'hears_for: expected a sensor of kind bearing, got {sensor.name}')
+        raise ValueError(f'bearing_sensor: expected a sensor of kind bearing, got {sensor.name}')
     return sensor
 
 

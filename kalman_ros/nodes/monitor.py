@@ -5,32 +5,37 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from time import monotonic
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Gaussian, Signal, Value
 from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.estimators.error_statistics import Comparison
+from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
+from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import price
 
 from . import runtime
+from .connections import PATIENCE
 from .diagnostics import Level, Report
 from .options import MonitorOptions
 from .pairing import Pairing
-from .throttle import Throttle
-from .topics import WATCH, covariance_signal, innovation_signal, on_topic
+from .topics import WATCH, on_topic
 
-#: Seconds between two looks at what has come.
+#: Seconds between two checks for new messages.
 _PERIOD = 0.02
+#: The share of the last estimates that may be missing from a verdict, and the fewest to judge.
+_MOST_MISSING, _FEWEST = 0.05, 10
 
 
 class MonitorNode(runtime.ScenarioNode):
-    """Listens to everything, says on ``/diagnostics`` how well it goes, and changes nothing."""
+    """Subscribes to everything, reports on ``/diagnostics``, and changes nothing."""
 
     with_law = True
 
@@ -38,10 +43,10 @@ class MonitorNode(runtime.ScenarioNode):
         super().__init__('monitor', MonitorOptions)
 
     def activate(self) -> None:
-        """Begin to compare, and listen."""
+        """Start the comparison and subscribe."""
         scenario = self.scenario
         self._warn = Throttle(self.get_logger().warning)
-        self._compare_anew(*self._fresh(scenario, self.options))
+        self._replace_comparison(*self._fresh(scenario, self.options))
         expect = self.diagnostics.connections.expect
         expect(self._watch(on_topic(scenario.state, 'ground_truth'), self._on_truth))
         expect(self._watch(scenario.state, self._on_estimate))
@@ -66,12 +71,14 @@ class MonitorNode(runtime.ScenarioNode):
         }
         return comparison, nis
 
-    def _compare_anew(self, comparison: Comparison, nis: dict[str, ChiSquareWindow]) -> None:
+    def _replace_comparison(self, comparison: Comparison, nis: dict[str, ChiSquareWindow]) -> None:
         self._comparison, self._nis, self._pairing = comparison, nis, Pairing()
+        #: How many estimates had been compared at the last report that found new ones, and when.
+        self._count, self._compared_at = 0, monotonic()
 
     def _watch(self, signal: Signal, take: Callable[[Sample], None]) -> Any:
-        """Subscribe to a signal; messages that cannot be read are passed over."""
-        read = WireReader(SignalCodec(signal))
+        """Subscribe to a signal; unreadable messages are skipped."""
+        read = WireReader(codec_of(signal))
 
         def on_message(data: bytes) -> None:
             try:
@@ -97,7 +104,7 @@ class MonitorNode(runtime.ScenarioNode):
         self._nis[name].add(float(sample.values[-1]))
 
     def _on_estimate(self, sample: Sample) -> None:
-        """Take the estimate at once, or when its whole covariance has come, if one will."""
+        """Compare the estimate at once, or with its whole covariance, if that is published."""
         n, P = sample.values.size, sample.covariance
         time, x = sample.time or 0, sample.values
         if self._whole.get_publisher_count():
@@ -118,11 +125,12 @@ class MonitorNode(runtime.ScenarioNode):
         self, scenario: Scenario, options: MonitorOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
         """Restart the comparison with the changed model, noise or cost."""
-        return partial(self._compare_anew, *self._fresh(scenario, options))
+        return partial(self._replace_comparison, *self._fresh(scenario, options))
 
     def report(self) -> Report:
-        """Return errors, consistency and cost, and what is outside its bounds."""
+        """Return errors, consistency and cost, and which of them are outside their bounds."""
         comparison, space = self._comparison, self.scenario.model.state
+        comparison.settle()
         miss = 1.0 - self.options.confidence
         values: dict[str, Any] = {'estimates compared': comparison.error.count}
         for name, error in zip(space.names, comparison.error.root):
@@ -146,13 +154,29 @@ class MonitorNode(runtime.ScenarioNode):
             values['cost per second'] = per_second
         if doubtful:
             why = ''
-            if 'NEES' in doubtful:
+            if 'NEES' in doubtful and not np.isnan(comparison.nees.mean):
                 too_sure = comparison.nees.mean > 1.0
                 why = f': the estimator is {"over" if too_sure else "under"}confident'
             return Level.WARN, f'{" and ".join(doubtful)} outside the bounds{why}', values
-        if not comparison.error.count:
-            return Level.WARN, 'no truth and estimate with the same stamp received', values
-        return Level.OK, 'consistent', values
+        incomplete = self._incomplete()
+        return (Level.WARN, incomplete, values) if incomplete else (Level.OK, 'consistent', values)
+
+    def _incomplete(self) -> str:
+        """Return why what was compared is not enough for a verdict; '' if it is."""
+        comparison, now = self._comparison, monotonic()
+        count, compared = comparison.error.count, comparison.compared
+        if count != self._count:
+            self._count, self._compared_at = count, now
+        if not count:
+            return 'no truth and estimate with the same stamp received'
+        missing = len(compared) - sum(compared)
+        if missing > _MOST_MISSING * len(compared):
+            why = 'they are not finite, or no truth with their stamp was received'
+            return f'{missing} of the last {len(compared)} estimates cannot be compared: {why}'
+        if now - self._compared_at > PATIENCE:
+            return f'nothing to compare received for {now - self._compared_at:.0f} s'
+        few = f'{count} estimates compared, at least {_FEWEST} needed'
+        return few if count < _FEWEST else ''
 
 
 def main() -> None:

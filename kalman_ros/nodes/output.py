@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one way onto the input topic: limited by the wall clock, and silent once it is closed."""
+"""The only publisher of the input topic: rate-limited by the wall clock, and closed when idle."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from rclpy.duration import Duration
 from kalman_ros.control.limiter import Limiter
 from kalman_ros.core import Array, is_finite
 
-#: A pause between two inputs counts for no longer than this, in seconds, or one period: after it
+#: A pause between two inputs counts for at most this many seconds, or one period: after it
 #: the input must not jump by all that the rate limit would have allowed meanwhile.
 _LONGEST_PAUSE = 0.1
-#: How long the way to the idle input may take when the output closes, in seconds.
+#: The longest time in seconds to reach the idle input when the output closes.
 _LONGEST_RAMP = 0.5
-#: Between two inputs on that way, no longer than this or one period, in seconds.
+#: The longest interval in seconds between two inputs on that way, or one period.
 _RAMP_STEP = 0.02
-#: How long subscribers have to acknowledge the last input, and to request what they missed, before
-#: the publisher is destroyed. Below the five seconds after which ``ros2 launch`` insists.
+#: How long subscribers may take to acknowledge the last input, and to request what they missed,
+#: before the publisher is destroyed. Below the five seconds after which ``ros2 launch`` insists.
 _DELIVERY = Duration(seconds=2.0)
 
 
 class OutputStage:
     """Publishes inputs within limits; after `close` nothing, until it is opened again.
 
-    Whoever stops acting, for whatever reason, closes it. The input then goes to idle, within the
-    rate limit unless that takes longer than half a second, and the idle input is exactly what is
-    published last. It starts closed.
+    A node that stops acting, for any reason, closes it. The input then goes to idle, within the
+    rate limit unless that takes longer than half a second, and the last message is exactly the
+    idle input. It starts closed.
 
     Parameters
     ----------
     publisher
-        Of the input topic. Nobody else may use it.
+        Of the input topic, used exclusively here.
     write
         Returns the message for a stamp, in nanoseconds, and an input (m,).
     limiter
@@ -42,7 +42,7 @@ class OutputStage:
     period
         Seconds between two inputs.
     simulated
-        Whether stamps are the clock, as in lockstep; else they are not even looked at.
+        Whether stamps define time, as in lockstep; otherwise they are ignored.
     """
 
     def __init__(
@@ -61,17 +61,17 @@ class OutputStage:
         self._at = monotonic()
         #: The stamp of the last input, None before the first.
         self.stamp: int | None = None
-        #: How many inputs have been published.
+        #: The number of inputs published.
         self.count = 0
 
     @property
     def value(self) -> Array:
-        """The input (m,) that was published last; the idle one before the first."""
+        """The last published input (m,); the idle one before the first."""
         return self._limiter.value
 
     @property
     def idle(self) -> Array:
-        """The input (m,) of whoever does not act."""
+        """The input (m,) while no controller acts."""
         return self._limiter.idle
 
     @property
@@ -81,43 +81,43 @@ class OutputStage:
 
     @property
     def listeners(self) -> int:
-        """How many subscribers are connected."""
+        """The number of connected subscribers."""
         return int(self._publisher.get_subscription_count())
 
     @property
     def limited(self) -> int:
-        """How many inputs a limit has changed."""
+        """The number of inputs that a limit has changed."""
         return self._limiter.limited
 
     @property
     def closed(self) -> bool:
-        """Whether nothing is published."""
+        """Whether publishing is disabled."""
         return self._closed
 
     def open(self) -> None:
-        """Publish what is commanded from now on."""
+        """Publish commands from now on."""
         if self._closed:
             self._closed = False
             self._at, self.stamp = monotonic(), None
 
     def command(self, stamp: int, wanted: Array) -> Array:
-        """Publish what is closest to ``wanted`` (m,), to idle if that is not finite; return it."""
+        """Publish the reachable input closest to ``wanted`` (m,), or to idle if not finite."""
         if self._closed:
             return self.value
         if not is_finite(wanted):
             return self.release(stamp)
         self._limiter.toward(wanted, self._elapsed(stamp))
-        return self._say(stamp)
+        return self._publish(stamp)
 
     def release(self, stamp: int) -> Array:
-        """Publish what is closest to the idle input, and return it."""
+        """Publish the reachable input closest to idle, and return it."""
         if self._closed:
             return self.value
         self._limiter.toward_idle(self._elapsed(stamp))
-        return self._say(stamp)
+        return self._publish(stamp)
 
     def close(self, stamp: Callable[[], int]) -> None:
-        """Bring the input to idle and publish nothing after that.
+        """Bring the input to idle and then publish nothing.
 
         Parameters
         ----------
@@ -134,20 +134,20 @@ class OutputStage:
                 self._limiter.toward_idle(min(now - self._at, self._longest))
             else:
                 self._limiter.jump_to_idle()
-            self._say(stamp())
+            self._publish(stamp())
             if not self.at_idle:
                 sleep(step)
 
     def deliver(self) -> None:
-        """Wait until all that was published has arrived, but not for ever.
+        """Wait, for a limited time, until all published messages have arrived.
 
-        To be called before the publisher is destroyed, which takes along what was not delivered.
+        Call it before the publisher is destroyed, which discards undelivered messages.
         """
         if self.count:
             self._publisher.wait_for_all_acked(_DELIVERY)
 
     def _elapsed(self, stamp: int) -> float:
-        """Return the seconds since the last input, as far as they count for the rate limit."""
+        """Return the seconds since the last input that count for the rate limit."""
         if not self._simulated:
             since = monotonic() - self._at
         elif self.stamp is None or stamp < self.stamp:
@@ -156,9 +156,9 @@ class OutputStage:
             since = (stamp - self.stamp) * 1e-9
         return min(since, self._longest)
 
-    def _say(self, stamp: int) -> Array:
+    def _publish(self, stamp: int) -> Array:
         self._publisher.publish(self._write(stamp, self.value))
         self.count += 1
-        # afterwards, so that between two messages there is never less time than was reckoned with
+        # afterwards, so that the time between two messages is never shorter than assumed
         self.stamp, self._at = stamp, monotonic()
         return self.value

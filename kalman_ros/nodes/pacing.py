@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes a simulated plant step: a clock, or the answers of the other nodes."""
+"""When a simulated plant steps: by a clock, or by the answers of the other nodes."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Any
 
 #: Simulated time starts here: ROS takes a stamp of zero for "not set".
 FIRST_STAMP = 1_000_000_000
-#: A plant that is more than N steps early or late resumes from the clock.
+#: A plant that is more than this many steps early or late resumes from the clock.
 MOST_BEHIND = 100
 
 
 class RealTime:
-    """Steps on a steady clock, or on simulated time, and counts the steps that came late.
+    """Steps on a steady clock, or on simulated time, and counts late steps.
 
-    A step is taken when it ends: its input is the one that came during it, as an answer to the
-    readings at its beginning. It counts as missed when it is taken later than the next one
-    should have been. When the clock jumps, or the plant has fallen far behind, it goes on from
-    there, with stamps that are the time again. While simulated time rests, so does the plant.
+    A step is taken at its end: its input is the last one received during it, which responds to the
+    readings at its beginning. It counts as missed when it is taken after the end of the next one.
+    When the clock jumps, or the plant is far behind, it resumes from the clock, with stamps of the
+    current time. While simulated time is paused, so is the plant.
     """
 
     def __init__(self, plant: Any) -> None:
@@ -38,8 +38,8 @@ class RealTime:
             self._next = None
         if self._next is None:
             if plant.elapsed <= plant.run_until and plant.may_begin:
-                # stamps are the time, after a pause too: that for which the timer was set, or
-                # all that follow would be ahead by as much as this call is late
+                # stamps are the time, also after a pause: the time for which the timer was set, or
+                # all that follow would be ahead by the delay of this call
                 late = period - (self._timer.time_until_next_call() or 0)
                 late = min(max(late, 0), period)
                 time: int = plant.get_clock().now().nanoseconds - late
@@ -48,7 +48,7 @@ class RealTime:
                 self._next = now - late + period
             return
         self.missed += max(0, (now - self._next) // period)
-        # the timer itself may be early by a little
+        # the timer itself may be slightly early
         while self._next <= now + period // 2:
             plant.step()
             self._next += period
@@ -61,31 +61,31 @@ class RealTime:
         """Stop; the timer ends with the state of the node."""
 
     def answered(self) -> None:
-        """Take note that the step is answered; the clock does not wait for it."""
+        """Do nothing: the clock does not wait for answers."""
 
     def confirm(self, time: int) -> None:
-        """Take note that all up to ``time`` is recorded; the clock does not wait for it."""
+        """Do nothing: the clock does not wait for the recorder."""
 
     def changed(self) -> None:
-        """Take note of a new ``run_until``; the timer looks at it by itself."""
+        """Do nothing: the timer reads ``run_until`` anyway."""
 
-    #: Nobody is waited for.
+    #: It never waits for other nodes.
     held = False
 
     def trouble(self) -> str:
-        """Return nothing: nobody is waited for."""
+        """Return '': it never waits for other nodes."""
         return ''
 
 
 class Lockstep:
-    """Steps when the input of this step has come; says who did not answer in time.
+    """Steps when the input of this step is received; reports nodes that do not answer in time.
 
-    After half of the timeout it asks again, and listens to the estimate from then on, to know
-    who is silent. Where the answers have no stamp, two answers to one step look like answers to
-    two steps, so after asking again it steps only when no further answer has come for that time.
+    After half of the timeout it asks again, and subscribes to the estimate from then on, to know
+    which node is late. Where answers have no stamp, two answers to one step look like answers to
+    two steps, so after asking again it steps only when no further answer arrives in that time.
 
-    With a ``window`` it never gets further ahead than that of the step which the recorder has
-    confirmed last: writers keep what is younger, so nothing is lost while the recorder gets no
+    With a ``window`` it is never ahead of the step that the recorder confirmed last by more than
+    that: writers keep the messages of these steps, so nothing is lost while the recorder gets no
     processor time.
 
     Parameters
@@ -95,11 +95,11 @@ class Lockstep:
     estimate
         Topic and message type of the estimate.
     timeout
-        Seconds after which to say so, again and again.
+        Seconds after which missing answers are reported, repeatedly.
     window
-        Steps that may go by before the recorder confirms them; 0 if nobody records.
+        Steps that the recorder may lag behind; 0 without a recorder.
     stamped
-        Whether the answers say which step they belong to.
+        Whether answers have the stamp of their step.
     """
 
     first_stamp = FIRST_STAMP
@@ -125,7 +125,7 @@ class Lockstep:
         self._timeout = timeout
         self._asked_at: int | None = None
         self._silent_since: int | None = None
-        self._said = 0
+        self._late = 0
         self._listener: Any = None
         self._estimated = False
         self._timer = plant.create_timer(0.05, self._watch, clock=plant.steady)
@@ -146,23 +146,23 @@ class Lockstep:
 
     @property
     def held(self) -> bool:
-        """Whether only the recorder is waited for."""
+        """Whether only the recorder is missing."""
         return self._held_since is not None
 
     def confirm(self, time: int) -> None:
-        """Take note that all up to the step at ``time`` is recorded."""
-        self._confirmed = time
+        """Record that all up to the step at ``time`` is recorded: published, and not retracted."""
+        self._confirmed = max(self._confirmed, min(time, self._plant.stamp))
         if self._held_since is not None:
             self._resume()
             self._ask()
 
     def close(self) -> None:
-        """Stop listening."""
+        """Destroy the subscription."""
         if self._listener is not None:
             self._plant.destroy_subscription(self._listener)
 
     def answered(self) -> None:
-        """Step, now that all have answered who are waited for."""
+        """Step, now that all required answers are received."""
         plant = self._plant
         if self._asked_at is None or self._held_since is not None:
             return
@@ -179,7 +179,7 @@ class Lockstep:
         self._ask()
 
     def changed(self) -> None:
-        """Go on if ``run_until`` now allows it."""
+        """Resume if ``run_until`` now allows it."""
         if self._asked_at is None and self._matching_since is not None:
             self._ask()
 
@@ -192,7 +192,7 @@ class Lockstep:
             return
         patience = 0.5e9 * self._timeout
         if self._held_since is not None:
-            self._complain(now, self._held_since)
+            self._report_late(now, self._held_since)
         elif self._answered_at is not None:
             if now - self._answered_at >= patience:
                 self._go_on()
@@ -201,14 +201,14 @@ class Lockstep:
                 self._silent_since = self._asked_at
                 topic, kind = self._estimate
                 self._listener = plant.create_subscription(kind, topic, self._on_estimate, 10)
-            self._complain(now, self._silent_since)
+            self._report_late(now, self._silent_since)
             self._asked_again = True
             self._ask()
 
-    def _complain(self, now: int, since: int) -> None:
-        """Say who is waited for ``since`` then, once in each timeout."""
-        if now - since > (self._said + 1) * self._timeout * 1e9:
-            self._said += 1
+    def _report_late(self, now: int, since: int) -> None:
+        """Report, once per timeout, which nodes are late ``since`` then."""
+        if now - since > (self._late + 1) * self._timeout * 1e9:
+            self._late += 1
             self._plant.get_logger().error(self.trouble())
             self._plant.diagnostics.publish()
 
@@ -216,14 +216,14 @@ class Lockstep:
         self._estimated = True
 
     def _resume(self) -> None:
-        if self._said:
+        if self._late:
             self._plant.get_logger().info('lockstep continues')
         self.close()
         self._listener = None
-        self._silent_since, self._said, self._estimated = None, 0, False
+        self._silent_since, self._late, self._estimated = None, 0, False
 
     def _matched(self, now: int) -> bool:
-        """Tell whether all who must answer are there, or at least those who surely must."""
+        """Return whether all nodes that must answer, or at least the certain ones, are there."""
         if not self._plant.endpoints_matched(every_sensor=False):
             self._matching_since = None
             return False
@@ -234,16 +234,16 @@ class Lockstep:
         )
 
     def trouble(self) -> str:
-        """Return who did not answer, or nothing."""
-        if not self._said:
+        """Return which node did not answer, or ''."""
+        if not self._late:
             return ''
         if self._held_since is not None:
             return (
                 f'step {self._plant.steps} is further ahead than lockstep_window allows: the '
-                f'recorder has not confirmed for {self._said * self._timeout:g} s; waiting for it'
+                f'recorder has not confirmed for {self._late * self._timeout:g} s; waiting for it'
             )
         who, what = ('controller', 'force') if self._estimated else ('estimator', 'estimate')
         return (
-            f'no {what} for step {self._plant.steps} within {self._said * self._timeout:g} s: '
+            f'no {what} for step {self._plant.steps} within {self._late * self._timeout:g} s: '
             f'the {who} did not answer; asking again'
         )

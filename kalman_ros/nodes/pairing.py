@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which whole covariance belongs to which estimate: the message that has it has no stamp."""
+"""Matches whole covariances, whose messages have no stamp, with estimates."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian
 
-#: So many of either are kept for what may still come.
+#: The number of unmatched messages kept.
 _KEPT = 1000
 
 
 class Pairing:
-    """Pairs estimates with covariances that agree with the part that the estimate carries.
+    """Pairs estimates with covariances that agree with the part that the estimate contains.
 
-    Either may be lost: what is older than a pair is given up.
+    Either may be lost: messages older than a pair are dropped.
     """
 
     def __init__(self) -> None:
@@ -22,14 +22,14 @@ class Pairing:
         self._wholes: list[Array] = []
 
     def estimate(self, time: int, belief: Gaussian) -> tuple[int, Gaussian] | None:
-        """Take an estimate, whose covariance may have zeros; return the pair that this makes."""
+        """Add an estimate, whose covariance may have zeros; return the resulting pair."""
         self._beliefs.append((time, belief))
         del self._beliefs[:-_KEPT]
         of = next((i for i, P in enumerate(self._wholes) if _agree(belief.covariance, P)), None)
         return None if of is None else self._pair(len(self._beliefs) - 1, of)
 
     def covariance(self, whole: Array) -> tuple[int, Gaussian] | None:
-        """Take a covariance (n, n); return the pair that this makes."""
+        """Add a covariance (n, n); return the resulting pair."""
         self._wholes.append(whole)
         del self._wholes[:-_KEPT]
         beliefs = (belief for _, belief in self._beliefs)
@@ -43,6 +43,6 @@ class Pairing:
 
 
 def _agree(own: Array, whole: Array) -> bool:
-    """Tell whether ``whole`` has what ``own`` has, as far as that is not zero."""
+    """Return whether ``whole`` equals the nonzero part of ``own``."""
     part = own != 0.0
     return np.array_equal(own[part], whole[part])

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options as ROS parameters: declared with description and range, changed as a whole or not."""
+"""Options as ROS parameters: declared with description and range, changed all or none."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence, Set
+from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -14,33 +16,33 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from kalman_ros.core import Option, Value, refuse_unknown
 from kalman_ros.core.registry import names_code
+from kalman_ros.pipeline.settings import OF_RCLPY
 
 from .managed import reason
 
-#: Parameters that rclpy itself reads from the same files.
-_OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 _LIMIT = 1e300
 
 
 def given(node: Node) -> dict[str, Value]:
-    """Return the values of the parameters that there are, but for those of rclpy."""
+    """Return the values of all parameters except rclpy's."""
     return {
         name: parameter.value
         for name, parameter in node.get_parameters_by_prefix('').items()
-        if not name.startswith(_OF_RCLPY)
+        if not name.startswith(OF_RCLPY)
     }
 
 
 def as_declared(node: Node, parameter: Parameter) -> Parameter:
-    """Return a parameter with its value in the type that it has been declared with, if it fits.
+    """Return a parameter with its value in the declared type, if it can be converted.
 
-    ``ros2 param load`` sends numbers such as 1e-05 and inf, and lists with one in them, as words,
-    and an empty list as one of no type.
+    ``ros2 param load`` sends numbers such as 1e-05 and inf, and lists of them, as strings, and an
+    empty list without a type.
     """
     name, value = parameter.name, parameter.value
     if not node.has_parameter(name) or node.describe_parameter(name).dynamic_typing:
@@ -57,7 +59,7 @@ def as_declared(node: Node, parameter: Parameter) -> Parameter:
         value = _number(value)
     try:
         return Parameter(name, value=value)
-    except TypeError:  # a mixture, which no parameter can be
+    except TypeError:  # a mixed list, which is no valid parameter
         return parameter
 
 
@@ -77,7 +79,7 @@ def _is_list(value: Any) -> bool:
 
 
 def _number(value: Any) -> Any:
-    """Return a word as the number that it is, a whole number as one with a fraction."""
+    """Convert a string with a number, and a whole number, to float."""
     if not isinstance(value, (str, int)) or isinstance(value, bool):
         return value
     try:
@@ -87,15 +89,15 @@ def _number(value: Any) -> Any:
 
 
 def free(node: Node, values: Mapping[str, Value]) -> None:
-    """Declare these values instead of all that there are, free to become anything else."""
+    """Declare these values instead of all existing ones, with dynamic types."""
     free = {name: ParameterDescriptor(dynamic_typing=True) for name in values}
     _replace(node, {name: (value, free[name]) for name, value in values.items()})
 
 
 def _replace(node: Node, declared: Mapping[str, tuple[Value, ParameterDescriptor]]) -> None:
-    """Declare values with their descriptors instead of all that there are."""
+    """Declare values with their descriptors instead of all existing ones."""
     for name in given(node):
-        node.describe_parameter(name).read_only = False  # else it could not be taken back
+        node.describe_parameter(name).read_only = False  # else it could not be undeclared
         node.undeclare_parameter(name)
     triples = [(name, value, descriptor) for name, (value, descriptor) in declared.items()]
     node.declare_parameters('', triples, ignore_override=True)
@@ -117,42 +119,88 @@ def _descriptor(option: Option) -> ParameterDescriptor:
 
 
 class CodeNames:
-    """Refuses parameters that name code unless they are as they were at the start of the node.
+    """Refuses changes of parameters that name code after the start of the node.
 
     To import a module is to run it, and anybody in the ROS domain may call a node's services. So
-    what is imported, and which file is opened, is for the start-up parameters alone to say.
+    modules and files are set only by start-up parameters.
     """
 
     def __init__(self, node: Node) -> None:
-        self._trusted = given(node)
+        self._accepted = given(node)
         node.add_on_set_parameters_callback(self._check)
 
-    def trust(self, values: Mapping[str, Value]) -> None:
-        """Accept these values too: what the start-up parameters amount to, with defaults."""
-        self._trusted.update(values)
+    def accept(self, values: Mapping[str, Value]) -> None:
+        """Accept these values too: the start-up parameters with defaults."""
+        self._accepted.update(values)
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for name, value in ((found.name, found.value) for found in parameters):
-            if names_code(name) and value != self._trusted.get(name):
+            if names_code(name) and value != self._accepted.get(name):
                 why = 'names code, which counts only from the start-up parameters'
                 return SetParametersResult(successful=False, reason=f'{name}: it {why}')
         return SetParametersResult(successful=True)
 
 
+def harden(node: Node) -> None:
+    """Let no request to the parameter services of rclpy end the node, or keep it from its work."""
+    for service in node.services:
+        kind = service.srv_name.rpartition('/')[2]
+        if kind == 'set_parameters':
+            service.callback = partial(_answer, partial(set_together, node))
+        elif kind.endswith(('parameters', 'parameters_atomically', 'parameter_types')):
+            service.callback = partial(_answer, service.callback)
+
+
+def _answer(callback: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+    """Answer a request; one that rclpy cannot read, such as one of an unknown type, is refused."""
+    try:
+        return callback(request, response)
+    except (TypeError, ValueError, ParameterException) as error:
+        refused = SetParametersResult(successful=False, reason=str(error))
+        if hasattr(response, 'result'):
+            response.result = refused
+        elif hasattr(response, 'results'):
+            response.results = [refused] * len(request.parameters)
+        return response
+
+
+def set_together(node: Any, request: Any, response: Any) -> Any:
+    """Answer the service ``set_parameters``: all that can be set become one change.
+
+    rclpy sets one parameter after the other, each of which may design filter and gains again; a
+    request with a thousand of them would keep the node from its work for seconds.
+    """
+    wanted = [Parameter.from_parameter_msg(message) for message in request.parameters]
+    times = Counter(parameter.name for parameter in wanted)
+    refusals = {
+        each.name: f'{each.name}: expected once, got {times[each.name]} times'
+        if times[each.name] > 1
+        else node.parameter_error(as_declared(node, each))
+        for each in wanted
+    }
+    result = node.set_parameters_atomically([each for each in wanted if not refusals[each.name]])
+    for each in wanted:
+        why = refusals[each.name]
+        refused = SetParametersResult(successful=False, reason=why)
+        response.results.append(refused if why else result)
+    return response
+
+
 class LiveParameters:
-    """Declares parameters and lets them change: all that are set together, or none.
+    """Declares parameters and applies changes: all of a set, or none.
 
     Parameters
     ----------
     node
-        The node. What it was given before comes back at the end.
+        The node. Its earlier parameters are restored at the end.
     options
-        What each parameter means, by name.
+        The description of each parameter, by name.
     values
         The value of each.
     prepare
-        Builds everything from a full set of values and returns a function that puts it in
-        place. Raising ValueError refuses the change with that reason.
+        Builds what changes from a full set of values and the names of those that differ, and
+        returns a function that puts it in place. Raising ValueError refuses the change with that
+        reason.
     """
 
     def __init__(
@@ -160,7 +208,7 @@ class LiveParameters:
         node: Node,
         options: Mapping[str, Option],
         values: Mapping[str, Value],
-        prepare: Callable[[dict[str, Value]], Callable[[], None]],
+        prepare: Callable[[dict[str, Value], Set[str]], Callable[[], None]],
     ) -> None:
         self._node = node
         self._given = given(node)
@@ -176,15 +224,28 @@ class LiveParameters:
         node.add_post_set_parameters_callback(self._apply)
 
     def close(self) -> None:
-        """Leave only what was given, with what has changed since, free to become anything."""
+        """Restore the earlier parameters, with later changes and dynamic types."""
         node = self._node
         node.remove_pre_set_parameters_callback(self._typed)
         node.remove_on_set_parameters_callback(self._check)
         node.remove_post_set_parameters_callback(self._apply)
         free(node, self._given)
 
+    def parameter_error(self, parameter: Parameter) -> str:
+        """Return why a parameter cannot be set, whatever the others are; '' if it can."""
+        name, value = parameter.name, parameter.value
+        if name.startswith(OF_RCLPY):
+            return ''
+        try:
+            refuse_unknown([name], self._options, 'parameter')
+            self._options[name].check(value)
+        except ValueError as error:
+            return reason(error)
+        fixed = self._node.describe_parameter(name).read_only
+        return f'{name}: it is read-only' if fixed and not is_kept(self._node, parameter) else ''
+
     def _typed(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Turn whole numbers into numbers where those are wanted; leave what is wrong."""
+        """Convert whole numbers to float where needed; keep invalid values."""
         result = []
         for parameter in parameters:
             option = self._options.get(parameter.name)
@@ -199,14 +260,16 @@ class LiveParameters:
         changes: dict[str, Any] = {
             parameter.name: parameter.value
             for parameter in parameters
-            if not parameter.name.startswith(_OF_RCLPY)
+            if not parameter.name.startswith(OF_RCLPY)
         }
         try:
             refuse_unknown(changes, self._options, 'parameter')
             for name, value in changes.items():
                 self._options[name].check(value)
             if changes:
-                self._ready = self._prepare({**self._values, **changes})
+                values = {**self._values, **changes}
+                differing = {name for name in changes if values[name] != self._values[name]}
+                self._ready = self._prepare(values, differing)
         except Exception as error:  # a model of a user's own may raise anything
             why = reason(error) or f'{type(error).__name__}: {error}'
             return SetParametersResult(successful=False, reason=why)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant: the simulated truth, its noisy sensors, and the force that drives it."""
+"""The plant: the simulated truth, its noisy sensors, and its input."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from sensor_msgs.msg import TimeReference
 from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import leading_stamp, message_type, write_stamp
-from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.tick import mention, write_tick
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Option, Signal, Value, one_each
+from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario, sensor_names
 from kalman_ros.simulation.faults import options_of_sensors, settings_of_sensors
 from kalman_ros.simulation.faults.body import BodyFaults
 from kalman_ros.simulation.faults.links import Links
-from kalman_ros.simulation.plant import SimulatedPlant
+from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 from . import runtime
 from .diagnostics import Level, Report
-from .idle import idle_input
 from .managed import ACTIVE
 from .meeting import Meeting
 from .pacing import Lockstep, RealTime
@@ -33,13 +33,13 @@ from .topics import HISTORY, QUEUE, on_topic
 
 
 class PlantNode(runtime.ScenarioNode):
-    """Publishes readings and ground truth; takes a force, holds it, and moves."""
+    """Publishes readings and ground truth; receives an input, holds it, and moves."""
 
     def __init__(self) -> None:
         super().__init__('plant', PlantOptions)
 
     def configure(self) -> None:
-        """Build the simulated plant and what it publishes."""
+        """Build the simulated plant and its publishers."""
         super().configure()
         options: PlantOptions = self.options
         self.run_until = options.run_until
@@ -60,13 +60,13 @@ class PlantNode(runtime.ScenarioNode):
         self._steps_before = 0
 
     def activate(self) -> None:
-        """Go on from where it is, with no force until one comes."""
+        """Continue from the current state, without an input until one is received."""
         self._input.reset()
         self._answers = self._listen()
-        #: In lockstep, for which step each of those that are waited for has answered.
+        #: In lockstep, the last step that each required topic has answered.
         self._answered = dict.fromkeys(self._answers, -1)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        self._meeting = Meeting(self._hears_input)
+        self._meeting = Meeting(self._input_connected)
         self._pacer = self._build_pacer(self.options)
         if self.options.lockstep and self.options.lockstep_window:
             self.create_subscription(TimeReference, 'recorded', self._on_recorded, QUEUE, raw=True)
@@ -76,19 +76,19 @@ class PlantNode(runtime.ScenarioNode):
         """Stop stepping."""
         self._pacer.close()
 
-    def _hears_input(self) -> bool:
-        """Tell whether a force that answers the readings would be heard."""
+    def _input_connected(self) -> bool:
+        """Return whether an input that responds to the readings would be received."""
         # simulated time waits for nobody
         begun = not self._rests or self.get_clock().ros_time_is_active
         return begun or any(found.get_publisher_count() for found in self._answers.values())
 
     @property
     def may_begin(self) -> bool:
-        """Whether it may be seen, for those who would set it in motion are heard."""
+        """Whether it may publish, as the nodes that drive it are connected."""
         return self._meeting.over
 
     def _listen(self) -> dict[str, Any]:
-        """Subscribe to what drives the plant; return the subscriptions that answer each step."""
+        """Subscribe to the inputs; return the subscriptions that answer each step."""
         input, state = self.scenario.input, self.scenario.state
         subscribe = self.create_subscription
         found = {}
@@ -120,18 +120,18 @@ class PlantNode(runtime.ScenarioNode):
             model, scenario.timed, scenario.rate, start, seed, self._input.idle
         )
         self._links.reset()
-        #: Whether it is held at its initial state: nobody has driven it yet, in real time.
+        #: Whether it is held at its initial state: no input yet, in real time.
         self._rests = self._may_rest and bool(scenario.input.fields)
         self._adapting(scenario, self.options, self.extra)()
 
     def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
-        """Return the options of the faults that each sensor may have."""
+        """Return the options of the sensor faults."""
         return options_of_sensors(sensor_names(chosen['sensors']))
 
     def _adapting(
         self, scenario: Scenario, options: PlantOptions, faulty: Mapping[str, Value]
     ) -> Callable[[], None]:
-        """Return what adapts the plant to a scenario; ValueError if that cannot be."""
+        """Return a function that adapts the plant to a scenario; ValueError if impossible."""
         timed, model = scenario.timed, scenario.model
         wrong = settings_of_sensors(timed, faulty)
         gain = one_each('actuator_gain', options.actuator_gain, model.input.size)
@@ -148,7 +148,7 @@ class PlantNode(runtime.ScenarioNode):
         return adapt
 
     def _publisher(self, signal: Signal) -> tuple[WireWriter, Any]:
-        write = WireWriter(SignalCodec(signal, self.options.frame, self.options.child_frame))
+        write = WireWriter(codec_of(signal, self.options.frame, self.options.child_frame))
         return write, self.create_publisher(write.message_type, signal.topic, HISTORY)
 
     @property
@@ -167,7 +167,7 @@ class PlantNode(runtime.ScenarioNode):
         return int(self.origin) + round(self.steps * self.period * 1e9)
 
     def endpoints_matched(self, *, every_sensor: bool) -> bool:
-        """Tell whether an estimator listens and a controller answers."""
+        """Return whether an estimator and a controller are connected."""
         wanted = [self._tick_publisher.get_subscription_count]
         wanted += [subscription.get_publisher_count for subscription in self._answers.values()]
         if every_sensor:
@@ -177,7 +177,7 @@ class PlantNode(runtime.ScenarioNode):
     def publish_step(self) -> None:
         """Publish the readings that are due, the truth, and in lockstep the tick and clock.
 
-        Of a state that is not finite nothing is published any more, until ``~/reset``.
+        After a state that is not finite nothing is published until ``~/reset``.
         """
         if not self._plant.finite:
             return
@@ -200,7 +200,7 @@ class PlantNode(runtime.ScenarioNode):
             publisher.publish(write(time, self._plant.state))
 
     def step(self) -> None:
-        """Move on by one step with the last force; before the first one, only time goes on."""
+        """Advance by one step with the last input; before the first one, only time advances."""
         if self._rests:
             self._plant.rest()
             return
@@ -212,7 +212,7 @@ class PlantNode(runtime.ScenarioNode):
             self.diagnostics.publish()
 
     def _diverged(self) -> str:
-        """Return that the plant has diverged, and what to do; nothing if it has not."""
+        """Return that the plant has diverged, and what to do; '' if it has not."""
         if self._plant.finite:
             return ''
         return 'the plant diverged, its state is not finite: it publishes nothing until ~/reset'
@@ -232,7 +232,7 @@ class PlantNode(runtime.ScenarioNode):
         if force is None:
             return
         if self.options.lockstep and force.time not in (None, self.stamp):
-            return  # it answers another step, for it was asked for twice
+            return  # a repeated answer to another step
         if not self._input.is_set:
             self.get_logger().info(f'first {self.scenario.input.topic} received')
         self._input.hold(force)
@@ -271,7 +271,7 @@ class PlantNode(runtime.ScenarioNode):
         return apply
 
     def report(self) -> Report:
-        """Return how far it is, and who keeps it waiting."""
+        """Return counts, and which nodes are late."""
         values: dict[str, Any] = {
             'steps': self.steps,
             'simulated seconds': self.elapsed,

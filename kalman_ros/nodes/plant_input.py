@@ -48,7 +48,7 @@ class PlantInput:
 
     @property
     def idle_name(self) -> str:
-        """The idle input in words."""
+        """The idle input as text."""
         return "the equilibrium's" if self.idle.any() else 'zero'
 
     def take(self, data: bytes) -> Sample | None:
@@ -57,11 +57,11 @@ class PlantInput:
         return self._finite(data)
 
     def hold(self, force: Sample) -> None:
-        """Hold this input from now on."""
+        """Hold this input."""
         self.force, self._received_at = force.values, self._now()
 
     def disturb(self, data: bytes) -> None:
-        """Hold the disturbance in a message from now on."""
+        """Hold the disturbance in a message."""
         disturbance = self._finite(data)
         if disturbance is not None:
             self.disturbance = disturbance.values

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the plant may be told beside the scenario: how it runs, and what is wrong with its body."""
+"""The options of the plant beside the scenario: pace, actuator and body faults."""
 
 from __future__ import annotations
 
@@ -8,10 +8,18 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from kalman_ros.core import About
+from kalman_ros.pipeline.estimator_options import (
+    Autostart,
+    Frame,
+    IdleInput,
+    Learn,
+    Lockstep,
+    Longest,
+    Priority,
+    Rest,
+)
+from kalman_ros.pipeline.intake import LONGEST
 from kalman_ros.simulation.faults.body import BodyOptions
-
-from .intake import LONGEST
-from .options import Autostart, Frame, IdleInput, Learn, Lockstep, Longest, Priority, Rest
 
 
 @dataclass(frozen=True)
@@ -49,10 +57,8 @@ class PlantOptions(BodyOptions):
     ] = 1e9
     actuator_gain: Annotated[
         Sequence[float],
-        About('what each input is multiplied with before it acts; one for all', live=True),
+        About('factor of each input before it acts; one for all', live=True),
     ] = (1.0,)
-    actuator_delay: Annotated[
-        float, About('how late the input acts', 's', 0.0, 10.0, live=True)
-    ] = 0.0
+    actuator_delay: Annotated[float, About('delay of the input', 's', 0.0, 10.0, live=True)] = 0.0
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording that is heard as though it were sounding now."""
+"""Playback of a recording in real time."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from kalman_ros.core import Array
 
 
 class Playback:
-    """Hands out frames of a recording as time goes on, until it is over.
+    """Returns frames of a recording as time passes, until its end.
 
     Parameters
     ----------
     node
-        What has the clocks.
+        The node with the clocks.
     recorded
-        The sound, which begins as soon as somebody listens.
+        The sound, which starts with the first subscriber.
     interval
         From one frame to the next, in seconds.
     samples
         Of a frame.
-    listened
-        Tells whether anybody does.
-    hear
-        Takes the time of the middle of a frame, in nanoseconds, and the frame (M, samples).
+    subscribed
+        Returns whether there is a subscriber.
+    on_frame
+        Called with the time of the middle of a frame, in nanoseconds, and the frame (M, samples).
     """
 
     def __init__(
@@ -35,19 +35,19 @@ class Playback:
         recorded: Recording,
         interval: float,
         samples: int,
-        listened: Callable[[], bool],
-        hear: Callable[[int, Array], None],
+        subscribed: Callable[[], bool],
+        on_frame: Callable[[int, Array], None],
     ) -> None:
         self._node, self._recorded = node, recorded
-        self._interval, self._samples, self._hear = interval, samples, hear
-        self._listened = listened
+        self._interval, self._samples, self._on_frame = interval, samples, on_frame
+        self._subscribed = subscribed
         self._frames = 0
         self._began = 0
         self._timer = node.create_timer(interval, self._play, clock=node.steady)
 
     def _play(self) -> None:
         if not self._frames:
-            if not self._listened():
+            if not self._subscribed():
                 return
             self._began = self._node.get_clock().now().nanoseconds
         start = self._frames * self._interval
@@ -58,4 +58,4 @@ class Playback:
             return
         self._frames += 1
         middle = start + 0.5 * self._samples / self._recorded.sample_rate
-        self._hear(self._began + round(middle * 1e9), frame)
+        self._on_frame(self._began + round(middle * 1e9), frame)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The processor at once, where the system permits it: what is late is of no use to a loop."""
+"""Real-time scheduling, where the system permits it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _THREADS = Path('/proc/self/task')
 
 
 def take_priority(priority: int) -> bool:
-    """Have all threads of this process, and those to come, go before all that is not real-time.
+    """Give all threads of this process, present and future, real-time priority.
 
     They get Linux's policy SCHED_FIFO (sched(7)), as the controllers of ros2_control do.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many messages a node has published on each topic, for those who must have received all."""
+"""Counts of messages that a node has published, so that receivers can detect losses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SERVICE = 'published'
 
 
 def counted(publisher: Any) -> Any:
-    """Return a publisher that counts what it publishes, in its attribute ``published``."""
+    """Return a publisher that counts messages in its attribute ``published``."""
     publish = publisher.publish
     publisher.published = 0
 

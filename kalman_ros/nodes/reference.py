@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to regulate to: a state on ``reference``, or a pose on ``goal``, as RViz publishes it."""
+"""The set point: a state on ``reference``, or a pose on ``goal``, as RViz publishes it."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ _POSE = 'pose.pose.'
 
 
 class ReferenceReader:
-    """Finds the equilibrium of each reference that comes, and hands it on.
+    """Computes the equilibrium of each received reference.
 
-    Of a pose the velocities are zero, and what a pose does not tell is at the model's own
+    For a pose the velocities are zero, and other states are at the model's
     equilibrium. One in another frame than the estimate's is refused; no frame means the same one.
 
     Parameters
     ----------
     node
-        Subscribes.
+        The node, for its subscriptions.
     scenario
         The system.
     take
         Called with the state (n,) and the input (m,) that holds it.
     frame
-        Returns the frame of the estimate, '' if it is not known.
+        Returns the frame of the estimate, '' if unknown.
     """
 
     def __init__(
@@ -57,19 +57,19 @@ class ReferenceReader:
         state = self._scenario.state
         self._subscribe(on_topic(state, 'reference'), list(range(self._space.size)))
         fields = state.fields
-        told = [index for index, field in enumerate(fields) if field.startswith(_POSE)]
-        if told:
-            own = tuple(f'pose.{fields[index][len(_POSE) :]}' for index in told)
-            self._subscribe(Signal('goal', 'geometry_msgs/PoseStamped', own), told)
+        given = [index for index, field in enumerate(fields) if field.startswith(_POSE)]
+        if given:
+            own = tuple(f'pose.{fields[index][len(_POSE) :]}' for index in given)
+            self._subscribe(Signal('goal', 'geometry_msgs/PoseStamped', own), given)
 
-    def _subscribe(self, signal: Signal, told: list[int]) -> None:
+    def _subscribe(self, signal: Signal, given: list[int]) -> None:
         read = WireReader(SignalCodec(signal))
 
         def on_message(data: bytes) -> None:
             try:
                 values = read(data).values
                 self._check_frame(leading_frame(data))
-                self._on_values(values, told)
+                self._on_values(values, given)
             except (LookupError, ValueError) as error:
                 self._node.get_logger().warning(f'{signal.topic}: {error}; the old one stays')
 
@@ -82,9 +82,9 @@ class ReferenceReader:
         if given and expected and given != expected:
             raise ValueError(f"expected the frame '{expected}' of the estimate, got '{given}'")
 
-    def _on_values(self, values: Array, told: list[int]) -> None:
+    def _on_values(self, values: Array, given: list[int]) -> None:
         state = self._rest.state.copy()
-        state[told] = values
+        state[given] = values
         difference = self._space.subtract(state, self._rest.state)
         if not np.isfinite(difference).all():
             raise ValueError('expected finite numbers')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics that several nodes use alike."""
+"""Topics that several nodes share."""
 
 from __future__ import annotations
 
@@ -7,22 +7,25 @@ from dataclasses import replace
 
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.expand_topic_name import expand_topic_name
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_topic_name import validate_topic_name
 
 from kalman_ros.codecs.messages import message_type
-from kalman_ros.codecs.signal_codec import named
-from kalman_ros.core import Signal, Space
+from kalman_ros.core import Signal
 from kalman_ros.scenario import Scenario
 
-#: Reliable, with room for what comes while a node gets no processor time, a second or so. What
-#: a queue drops, nobody is told of: whoever has too much to read drops it, and counts it.
+#: Reliable, with a depth for about a second without processor time. A queue drops messages
+#: silently; a reader with too much to read drops and counts them itself.
 QUEUE = QoSProfile(depth=5000)
 
-#: For writers: room for what a watcher of lockstep misses in that time. What a writer has dropped
-#: cannot be sent again.
+#: For writers: a depth for what a lockstep recorder misses in that time. A message that a writer
+#: has dropped cannot be sent again.
 HISTORY = QoSProfile(depth=1000)
+
+
+#: For what is published once: later subscribers receive it, too.
+KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def sensor_queue(*, reliable: bool) -> QoSProfile:
@@ -31,20 +34,8 @@ def sensor_queue(*, reliable: bool) -> QoSProfile:
     return QoSProfile(depth=QUEUE.depth, reliability=policy)
 
 
-#: For those who only watch, now and then: what they lose costs the others nothing.
+#: For monitoring: losses have no effect on other nodes.
 WATCH = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-def covariance_signal(state: Signal) -> Signal:
-    """Return where the whole covariance (n, n) of an estimate is, row by row."""
-    fields = tuple(f'data[{index}]' for index in range(len(state.fields) ** 2))
-    return Signal(f'{state.topic}/covariance', 'std_msgs/Float64MultiArray', fields)
-
-
-def innovation_signal(state: Signal, sensor: str, output: Space) -> Signal:
-    """Return where a sensor's innovations are: each, each one's deviation, and their NIS."""
-    names = (*output.names, *(f'{name}_std' for name in output.names), 'nis')
-    return named(Signal(f'{state.topic}/innovation/{sensor}', '', ()), names)
 
 
 def on_topic(signal: Signal, topic: str) -> Signal:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How Fast DDS carries messages between the processes of one machine, and how nodes meet."""
+"""How Fast DDS transports messages between the processes of one machine, and discovery."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pathlib import Path
 from rclpy.utilities import get_rmw_implementation_identifier as rmw
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-#: Names the file of profiles; Fast DDS 2 reads the first, Fast DDS 3 the second.
+#: The variable with the file of profiles; Fast DDS 2 reads the first, Fast DDS 3 the second.
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
-#: Nodes that start together find each other at once; the transport is not touched.
+#: Nodes that start together discover each other at once; the transport is unchanged.
 PROMPT = Path(__file__).with_name('prompt.xml')
 #: The same over UDP on the loopback interface alone.
 LOOPBACK = Path(__file__).with_name('loopback.xml')
@@ -23,13 +23,13 @@ _USERS_FILES = ('DEFAULT_FASTRTPS_PROFILES.xml', 'DEFAULT_FASTDDS_PROFILES.xml')
 
 
 def prefer_sockets() -> None:
-    """Have Fast DDS use UDP and announce this process at once; call it before ``rclpy.init``.
+    """Make Fast DDS use UDP and announce this process at once; call it before ``rclpy.init``.
 
-    Fast DDS prefers shared memory between processes of one machine. A process that is killed
-    leaves it locked, and whoever publishes to the process that replaces it waits for seconds.
-    Messages as small as these are as fast over UDP.
+    Fast DDS prefers shared memory between processes of one machine. A killed process leaves it
+    locked, and publishers to its replacement block for seconds. Messages of this size are as fast
+    over UDP.
 
-    A user who has configured Fast DDS, or who runs another middleware, keeps that as it is.
+    If the user has configured Fast DDS, or runs another middleware, nothing changes.
     """
     named = any(os.environ.get(name) for name in _USERS_VARIABLES)
     if named or any(map(os.path.exists, _USERS_FILES)) or not rmw().startswith('rmw_fastrtps'):
@@ -45,7 +45,7 @@ def loopback() -> dict[str, str]:
     """Return the environment that keeps a process on this machine, over UDP.
 
     Within the range LOCALHOST rmw_fastrtps adds shared memory to any profile. So the range is
-    the system's default, and the profile is what keeps the messages here.
+    the system's default, and the profile keeps the messages here.
     """
     return {RANGE: 'SYSTEM_DEFAULT', **dict.fromkeys(PROFILES, str(LOOPBACK))}
 

@@ -15,12 +15,12 @@ _SIGNALS = ('state', 'input')
 
 
 def wants_help(arguments: Iterable[str]) -> bool:
-    """Tell whether somebody asks for help on a node's command line."""
+    """Return whether a node's command line asks for help."""
     return bool({'-h', '--help'}.intersection(arguments))
 
 
 def usage(node: Any) -> str:
-    """Return the help of a node that is configured: its parameters are those that it would use."""
+    """Return the help of a configured node with the parameters that it uses."""
     name = node.get_name()
     about = (sys.modules[type(node).__module__].__doc__ or '').partition('\n')[0]
     arguments = '--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r FROM:=TO]'
@@ -38,7 +38,7 @@ def usage(node: Any) -> str:
             descriptors = node.describe_parameters(list(same))
             mark = '' if descriptors[0].read_only else '*'
             meanings = dict.fromkeys(each.description for each in descriptors)
-            if key.startswith('SIGNAL.'):  # of the state, and of the input
+            if key.startswith('SIGNAL.'):  # the state and the input
                 meanings = dict.fromkeys(each.rpartition(' of the ')[0] for each in meanings)
             meaning = '; '.join(meanings)
             lines.append(_entry(f'{key}{mark}: {_merged(same)}', meaning))
@@ -46,11 +46,11 @@ def usage(node: Any) -> str:
 
 
 def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
-    """Return what to list, in groups: by its name, the parameters that it stands for.
+    """Return the listed names in groups, each with the parameters that it represents.
 
-    Parameters that every sensor has, or the state and the input, stand for each other.
+    Parameters that all sensors, or state and input, have in common are listed once.
     """
-    listed_sensors = values.get('sensors')  # of a node that is not configured there may be none
+    listed_sensors = values.get('sensors')  # missing on an unconfigured node
     sensors = [str(s) for s in listed_sensors if s] if isinstance(listed_sensors, list) else []
     model, listed, topics, own = ({}, {}, {}, {})  # type: ignore[var-annotated]
     for name, value in values.items():
@@ -74,14 +74,14 @@ def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
 
 
 def _merged(values: Mapping[str, str]) -> str:
-    """Return the value of parameters that stand for each other: one if they are the same."""
+    """Return the value of parameters that are listed together: one if all are equal."""
     if len({*values.values()}) == 1:
         return next(iter(values.values()))
     return '; '.join(f'{name.partition(".")[0]} {text}' for name, text in values.items())
 
 
 def _entry(what: str, meaning: str) -> str:
-    """Return a parameter and what it means, in as few lines as that takes."""
+    """Return a parameter and its description, on as few lines as possible."""
     text = f'{what}  ({meaning})' if meaning else what
     return fill(text, _WIDTH, initial_indent='  ', subsequent_indent=' ' * 6)
 

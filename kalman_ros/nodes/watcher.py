@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics that are read now and then, all that has come at once, instead of message by message."""
+"""Topics that are read in batches, now and then, instead of message by message."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from kalman_ros.codecs.messages import UndecodableError, decode
+from kalman_ros.pipeline.intake import Intake
 
-from .intake import Intake
 from .losses import Losses
 
-#: So many bytes are taken at once, or the next message that makes them more.
+#: At most this many bytes are read at once, plus the message that exceeds them.
 _MOST_BYTES = 16_000_000
 
 
 def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
-    """Call back with the message of type ``kind`` in ``data``; UndecodableError if it is none.
+    """Call back with the message of type ``kind`` in ``data``; UndecodableError if it is invalid.
 
-    A clock before 1970 is none to rclpy, which raises where it takes it in.
+    rclpy raises on a clock before 1970.
     """
     message = decode(data, kind)
     if kind is Clock and message.clock.sec < 0:
@@ -34,18 +34,23 @@ def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
 
 
 def waiting(subscription: Any) -> list[bytes]:
-    """Return what has come of a subscription and nobody has been given yet."""
+    """Return the messages waiting in a subscription."""
+    return [data for data, _ in waiting_with_times(subscription)]
+
+
+def waiting_with_times(subscription: Any) -> list[tuple[bytes, tuple[int, int]]]:
+    """Return the same with when each was received and when published, in nanoseconds."""
     take, kind = subscription.handle.take_message, subscription.msg_type
-    come: list[bytes] = []
+    come: list[tuple[bytes, tuple[int, int]]] = []
     size = 0
-    # no more than its queue holds, for more may come meanwhile, and never end
+    # at most the depth of its queue, since more may arrive meanwhile, without end
     for _ in range(subscription.qos_profile.depth):
         found = take(kind, True)
         if found is None:
             break
         data, info = found
         subscription.losses.numbered(info['publication_sequence_number'])
-        come.append(data)
+        come.append((data, (info['received_timestamp'], info['source_timestamp'])))
         size += len(data)
         if size > _MOST_BYTES:
             break
@@ -53,21 +58,23 @@ def waiting(subscription: Any) -> list[bytes]:
 
 
 class WatcherNode(Node):  # type: ignore[misc]
-    """A node that wakes for time, not for messages, on the topics that it watches.
+    """A node that reads watched topics on a timer instead of waking for each message.
 
-    Who only gathers is in no hurry, and what a message costs is mostly the waking for it.
-    The queues must be deep enough for what comes between two looks.
+    The cost of a message is mostly the wake-up, and a recorder is in no hurry.
+    Queues must be deep enough for the messages between two reads.
 
-    Whatever it subscribes to passes through its `intake`: the middleware hands over bytes, and
-    those that are no message of the topic's type are dropped here.
+    Every subscription passes through its `intake`: the middleware delivers bytes, and
+    invalid messages are dropped here.
     """
 
-    #: The subscriptions that no executor is to wake for.
+    #: When the message that is being passed on was received and published, in nanoseconds.
+    times = 0, 0
+    #: The subscriptions for which the executor does not wake.
     watched: tuple[Any, ...] = ()
 
     @cached_property
     def intake(self) -> Intake:
-        """Drops what cannot be read, of every subscription."""
+        """Drops unreadable messages of every subscription."""
         return Intake(lambda text: self.get_logger().warning(text))
 
     def create_subscription(
@@ -80,13 +87,13 @@ class WatcherNode(Node):  # type: ignore[misc]
         raw: bool = False,
         **options: Any,
     ) -> Any:
-        """Subscribe; what cannot be decoded never comes as far as the callback.
+        """Subscribe; undecodable messages do not reach the callback.
 
-        With ``raw``, the callback decodes, by way of `decode`, and its UndecodableError drops the
+        With ``raw``, the callback decodes, through `decode`, and its UndecodableError drops the
         message.
         """
         take = callback if raw else partial(_decoded, callback, kind)
-        # rclpy itself would decode where nobody can catch what that raises
+        # rclpy itself would decode where its exceptions cannot be caught
         found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
         found.losses = Losses(found)
         found.pass_on = partial(self.intake, found.topic_name, take)
@@ -99,7 +106,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         return found
 
     def account(self) -> dict[str, Any]:
-        """Return how many messages never came as far as a callback, by reason and topic."""
+        """Return the counts of messages that did not reach a callback, by reason and topic."""
         account = self.intake.report()
         for found in (*self.subscriptions, *self.watched):
             if found.losses.count:
@@ -109,29 +116,29 @@ class WatcherNode(Node):  # type: ignore[misc]
 
     @property
     def subscriptions(self) -> Iterator[Any]:
-        """The subscriptions that an executor is to wake for."""
+        """The subscriptions for which the executor wakes."""
         return (found for found in super().subscriptions if found not in self.watched)
 
     def watch(
         self, kind: Any, topic: str, take: Callable[[bytes], None], queue: QoSProfile
     ) -> Any:
-        """Subscribe to the serialised messages of a topic, for `look` to read."""
+        """Subscribe to the serialised messages of a topic, read by `look`."""
         found = self.create_subscription(kind, topic, take, queue, raw=True)
         self.watched = (*self.watched, found)
         return found
 
     def destroy_subscription(self, subscription: Any) -> bool:
-        """Destroy a subscription, whether it is watched or not."""
+        """Destroy a subscription, watched or not."""
         subscription.losses.close()
         self.watched = tuple(found for found in self.watched if found is not subscription)
         return bool(super().destroy_subscription(subscription))
 
     def look(self) -> None:
-        """Give all that has come since the last time to those who take it, topic by topic."""
+        """Pass all messages received since the last call to their readers, topic by topic."""
         for subscription in self.watched:
-            for data in waiting(subscription):
+            for data, self.times in waiting_with_times(subscription):
                 subscription.pass_on(data)
 
     def look_every(self, seconds: float) -> None:
-        """Look again and again."""
+        """Call `look` periodically."""
         self.create_timer(seconds, self.look, clock=RosClock(clock_type=ClockType.STEADY_TIME))

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that a person runs and that are not nodes."""
+"""Programs for people, as opposed to nodes."""

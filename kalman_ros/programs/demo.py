@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The main job: run the loop, and put what was measured beside what theory says."""
+"""Runs the loop, and compares the measurements with theory."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ from kalman_ros.analysis.suspects import suspects
 from kalman_ros.analysis.verdict import judge, least_duration
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.interrupts import deferred
+from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import DEMO, overrides, own_section
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .results import ready
 
-#: In seconds, of a scenario that names none.
+#: The default duration in seconds.
 _DURATION = 60.0
 
 
@@ -35,10 +36,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(
         prog='demo',
-        description='Start plant, estimator, monitor and what else a scenario needs as processes '
-        'of their own, let them run, and compare what was measured with what theory says.',
+        description='Start plant, estimator, monitor and the other nodes of a scenario as '
+        'processes, run them, and compare the measurements with theory.',
         epilog='Exit code: 0 if every check passes, 1 if not, 2 if there is no verdict, because '
-        'it could not be run or the record of it is incomplete.',
+        'it could not be run or its record is incomplete.',
     )
     parser.add_argument(
         'scenario', nargs='?', default=models.DEFAULT,
@@ -54,13 +55,17 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO)'
     )
     parser.add_argument(
+        '--record', nargs='?', const='', metavar='DIR',
+        help='record all topics of the loop (default: DIR is recording in the results)',
+    )  # fmt: skip
+    parser.add_argument(
         '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
         help='a parameter for every node, as with --ros-args; may be repeated',
     )  # fmt: skip
     return parser.parse_args(argv)
 
 
-def gather(
+def perform(
     options: argparse.Namespace, folder: Path, console: Console
 ) -> tuple[Run, Trajectory, float, int]:
     """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
@@ -71,6 +76,7 @@ def gather(
         {**own, **overrides(options.parameters)},
         seed=options.seed,
         lockstep=not options.realtime,
+        recording=folder / 'recording' if options.record == '' else options.record,
     )
     least = least_duration(run.scenario)
     if options.duration is None:
@@ -106,38 +112,37 @@ def main(argv: Sequence[str] | None = None) -> None:
     name = Path(options.scenario).stem
     folder = options.out or Path('out') / name
     try:
-        run, trajectory, wall, missed = gather(options, folder, console)
+        run, trajectory, wall, missed = perform(options, folder, console)
         judgement = judge(run.scenario, trajectory)
     except (ValueError, NodeError, RuntimeError) as error:
-        print(f'demo: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('demo', error)
     checks = judgement.checks
     failed = [check.name for check in checks if check.counts and not check.passed]
 
-    from kalman_ros.report import pictures, tables  # matplotlib loads while nothing waits
+    from kalman_ros.report import run_pictures, run_tables  # loads while nothing waits
 
     mode = 'real time' if options.realtime else 'lockstep'
     title = f'{name}, {mode}, seed {options.seed}: theory and measurement'
-    console.print(tables.checks_table(title, checks))
+    console.print(run_tables.checks_table(title, checks))
     console.print(
         f'{options.duration:g} simulated seconds took {wall:.1f} s, with {missed} of '
         f'{len(trajectory.time)} steps late; the first {judgement.settling_time:.1f} s settle '
         f'and do not count. {judgement.basis}'
     )
-    # the summary last: where it is, all is whole
+    # the summary last: if it exists, the results are complete
     with deferred():
         _write(folder, trajectory)
-        drawn = pictures.draw_all(run.scenario, trajectory, folder)
+        drawn = run_pictures.draw_all(run.scenario, trajectory, folder)
         summary = {
             'scenario': name, 'mode': mode, 'seed': options.seed, 'duration': options.duration,
             'wall': wall, 'missed_steps': missed, 'settling_time': judgement.settling_time,
             'passed': not failed,
-            'checks': tables.checks_json(checks),
+            'checks': run_tables.checks_json(checks),
         }  # fmt: skip
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     files = ', '.join(['summary.json', 'data.npz', *(path.name for path in drawn)])
     console.print(f'In {folder}: {files}')
-    console.print(tables.verdict(checks, judgement.claim))
+    console.print(run_tables.verdict(checks, judgement.claim))
     for sentence in suspects(checks):
         console.print(sentence)
     sys.exit(1 if failed else 0)

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What theory says of a scenario before anything runs: modes, gains, errors, margins."""
+"""The theory of a scenario before anything runs: modes, gains, errors, margins."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,13 @@ from typing import Any
 from rich.console import Console
 
 from kalman_ros import models, scenario
-from kalman_ros.analysis import design, design_warnings
+from kalman_ros.analysis import design_theory, design_warnings
+from kalman_ros.analysis import path as paths
 from kalman_ros.core import refuse_unknown
-from kalman_ros.nodes import names
+from kalman_ros.pipeline import names
+from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import Scenario, shipped
-from kalman_ros.scenario.parameter_files import from_file, overrides
+from kalman_ros.scenario.parameter_files import DEMO, from_file, overrides, own_section
 
 from .results import ready
 
@@ -26,7 +27,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(
         prog='design',
-        description='Print what theory says of a scenario, and draw it. No node is started.',
+        description='Print and draw the theory of a scenario. No node is started.',
         epilog='Exit code: 0 if a design exists, with or without warnings, 2 otherwise.',
     )
     where = parser.add_mutually_exclusive_group()
@@ -39,12 +40,13 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument(
         '--delay', type=float, metavar='S',
-        help='seconds from a reading to the input that answers it; without it margins are of a '
+        help='seconds from a reading to the resulting input; by default margins are of a '
         'loop without delay, and warnings expect one sample',
     )  # fmt: skip
     parser.add_argument(
         '--duration', type=float, metavar='S',
-        help='seconds of the simulated path along which a scenario is judged that is not linear',
+        help='seconds of the simulated path along which a scenario is judged that is not linear '
+        '(default: those of its demo, if that is not too many steps)',
     )  # fmt: skip
     parser.add_argument(
         '--matrices', action='store_true', help='print A, B, C, F, G, Q, R, K, L and P, too'
@@ -60,7 +62,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def believed(path: Path, changes: dict[str, Any]) -> Scenario:
-    """Return the scenario that estimator and controller believe in, by a parameter file.
+    """Return the scenario of estimator and controller from a parameter file.
 
     Raises
     ------
@@ -76,28 +78,39 @@ def believed(path: Path, changes: dict[str, Any]) -> Scenario:
     return scenario.build(values)
 
 
-def check_wiring(built: Scenario) -> tuple[str, ...]:
-    """Check that every signal has fields of its message type, as the nodes do when they start.
+def walk(path: Path, changes: dict[str, Any], seconds: float | None) -> tuple[float, Scenario]:
+    """Return how long the simulated path is, in ``seconds`` if asked for, and of which scenario.
 
-    Returns a note if message types cannot be checked, for lack of ROS.
+    It is that of the demo, whose rate and law serve a long run.
+    """
+    own = own_section(path, DEMO)
+    usual = float(own.pop('duration', 0.0))
+    followed = believed(path, {**own, **changes})
+    return paths.default_seconds(followed, usual) if seconds is None else seconds, followed
+
+
+def check_wiring(built: Scenario) -> tuple[str, ...]:
+    """Check that every signal has fields of its message type, as nodes do at start-up.
+
+    Returns a note if message types cannot be checked without ROS.
 
     Raises
     ------
     ValueError
-        If a type is not installed or has no such field, with the name of the topic.
+        If a type is not installed or has no such field; the message names the topic.
     """
     try:
-        from kalman_ros.codecs.signal_codec import SignalCodec
+        from kalman_ros.codecs.signal_codecs import codec_of
     except ImportError:
         return ('Message types and fields are not checked: no ROS is installed.',)
     for name, source in built.enabled.items():
         try:
-            SignalCodec(source.signal)
+            codec_of(source.signal)
         except ValueError as error:
             raise ValueError(f'{name}: {error}') from None
-    SignalCodec(built.state)
+    codec_of(built.state)
     if built.model.input.size:
-        SignalCodec(built.input)
+        codec_of(built.input)
     return ()
 
 
@@ -107,13 +120,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     console = Console(highlight=False)
     try:
         path = options.params_file or shipped.file(options.scenario)
-        built = believed(path, overrides(options.parameters))
+        changes = overrides(options.parameters)
+        built = believed(path, changes)
         unchecked = check_wiring(built)
-        report = design.report(built, options.delay or 0.0, options.duration)
+        followed = walk(path, changes, options.duration)
+        report = design_theory.report(built, options.delay or 0.0, *followed)
         folder = ready(options.out or Path('out') / path.stem / 'design')
     except (ValueError, RuntimeError, OSError) as error:
-        print(f'design: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('design', error)
     latency = 1.0 / built.rate if options.delay is None else options.delay
     notes, warnings = design_warnings.notes(report), design_warnings.warnings(report, latency)
 

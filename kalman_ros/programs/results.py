@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where commands leave what they found."""
+"""The output folder of a program."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def ready(folder: Path) -> Path:
-    """Return a folder that there is, before what takes long begins.
+    """Create a folder if it is missing, before a long run starts.
 
     Raises
     ------

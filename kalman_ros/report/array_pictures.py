@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of estimates from arrays, where the truth is often not known."""
+"""Pictures of estimates from arrays, usually without the truth."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from kalman_ros.core import Array, Space
 from kalman_ros.simulation.trajectory import Series
 
-from .pictures import SIGMAS
+from .run_pictures import SIGMAS
 from .style import BOUND, ESTIMATE, READING, TRUTH, legend_below, picture
 
 
 class Estimates(Protocol):
-    """What is drawn: beliefs in time, and what was read."""
+    """The content of a picture: beliefs over time, and readings."""
 
     state: Space
     time: Array
@@ -29,7 +29,7 @@ class Estimates(Protocol):
 
 
 def estimates(found: Any, truth: Array | None, path: Path | None) -> Any:
-    """Draw every state with its band, the readings of it, and the truth (N, n) if it is known.
+    """Draw every state with its band, its readings, and the truth (N, n) if known.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def _kind(found: Estimates) -> str:
 
 
 def _readings(axis: Any, found: Estimates, name: str) -> None:
-    """Draw what sensors read of a state as it is: outputs of its name, or a lone number."""
+    """Draw the readings of a directly measured state: outputs of its name, or a lone number."""
     single = found.state.size == 1
     shown = False
     for sensor, series in found.readings.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `design` finds, for JSON."""
+"""The results of `design` for JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kalman_ros.analysis.path import Path
 from kalman_ros.control.margins import DiskMargin, Margin, Margins
 from kalman_ros.control.stability import Mode
 
-from .tables import plain
+from .run_tables import plain
 
 
 def design_json(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a design: where its poles are, what its loops bear, how good its estimate gets."""
+"""Pictures of a design: its poles, the margins of its loops, the accuracy of its estimate."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from kalman_ros.scenario import Scenario
 
 from .style import ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below
 
-#: Poles whose sizes differ by more are drawn on logarithmic axes.
+#: Poles that differ by more than this factor are drawn on logarithmic axes.
 WIDE = 200.0
 
-#: The half plane of what grows.
+#: The unstable half plane.
 GROWTH = '#f6e9e2'
 
-#: The gains that are drawn, in dB.
+#: The range of gains drawn, in dB.
 GAINS = (-45.0, 45.0)
 
-#: Frequencies of a response, as many a picture.
+#: The number of frequencies of a response.
 _POINTS = 800
 
 
@@ -72,7 +72,7 @@ def poles(report: DesignReport, path: Path | None) -> None:
             axis.set_xlim(right=max(3.0 * float(every.real.max()), inner))
         axis.set_xlabel('real part [1/s]')
         axis.set_ylabel('imaginary part [rad/s]')
-        axis.set_title('Poles: what grows is on the right, what settles fast on the left')
+        axis.set_title('Poles: unstable on the right, fast on the left')
         legend_below(figure, axis, markerscale=1.0)
 
 
@@ -83,7 +83,7 @@ def _both(modes: Sequence[Mode]) -> Any:
 
 
 def uncertainty(report: DesignReport, path: Path | None) -> None:
-    """Draw how the error of each state goes from the first belief to its steady state."""
+    """Draw the error of each state from the initial belief to its steady state."""
     space, found = report.scenario.model.state, report.prediction
     columns = 2 if space.size > 1 else 1
     rows = -(-space.size // columns)
@@ -115,7 +115,7 @@ def uncertainty(report: DesignReport, path: Path | None) -> None:
 
 
 def loops(report: DesignReport, path: Path | None) -> None:
-    """Draw Bode and Nyquist plots at each input, of the state and of the estimate fed back."""
+    """Draw Bode and Nyquist plots at each input, for state and estimate feedback."""
     broken = report.regulator.loops if report.regulator else ()
     with canvas(path, (9.5, 4.0 * len(broken) + 0.3)) as figure:
         parts = figure.subfigures(len(broken), 1, squeeze=False)[:, 0]
@@ -159,7 +159,7 @@ def _bode(axes: tuple[Any, Any], loop: Loop, w: Array, colour: str, side: str) -
     turn = np.degrees(np.unwrap(np.angle(L)))
     found = loop.margins or loop.prompt
     lag = found.lag
-    if isfinite(lag.value):  # the whole turns with which the lag ends at -180 degrees
+    if isfinite(lag.value):  # whole turns, such that the lag ends at -180 degrees
         turn -= 180.0 + _at(lag.frequency, w, turn) - np.degrees(lag.value)
     gain.semilogx(w, 20.0 * np.log10(np.abs(L)), color=colour, lw=1.3)
     phase.semilogx(w, turn, color=colour, lw=1.3)
@@ -184,7 +184,7 @@ def _at(frequency: float, w: Array, values: Array) -> float:
 def _bar(
     axis: Any, frequency: float, ends: tuple[float, float], text: str, look: tuple[str, str]
 ) -> None:
-    """Draw a margin from where the loop is to where it would be at the brink."""
+    """Draw a margin from the loop to the stability boundary."""
     colour, side = look
     axis.plot([frequency] * 2, ends, color=colour, lw=2.4, alpha=0.6)
     above = side == 'above'
@@ -196,7 +196,7 @@ def _bar(
 
 
 def _nyquist(plane: Any, loop: Loop, w: Array, colour: str, label: str) -> None:
-    """Draw one loop about -1, and the disk that its margin keeps free."""
+    """Draw one loop about -1, and the disk of its margin."""
     L = loop.broken.response(w)[:, 0, 0]
     for part in (L, L.conj()):
         plane.plot(part.real, part.imag, color=colour, lw=1.3, label=label if part is L else None)
@@ -208,7 +208,7 @@ def _nyquist(plane: Any, loop: Loop, w: Array, colour: str, label: str) -> None:
 
 
 def _frame(gain: Any, phase: Any, plane: Any) -> None:
-    """Label the axes, and draw what loops are compared with: 1, half a turn, and -1."""
+    """Label the axes, and draw the references: 1, half a turn, and -1."""
     gain.axhline(0.0, color=READING, lw=0.8)
     gain.set_ylabel('gain [dB]')
     low, high = gain.get_ylim()
@@ -229,4 +229,4 @@ def _frame(gain: Any, phase: Any, plane: Any) -> None:
     plane.set_ylim(-2.25, 2.25)
     plane.set_xlabel('real part')
     plane.set_ylabel('imaginary part')
-    plane.set_title('Nyquist: disks that the loops keep off -1')
+    plane.set_title('Nyquist: disks about -1 that the loops avoid')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A design for the terminal, and the same numbers for machines."""
+"""A design as text for the terminal."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from kalman_ros.analysis import design_warnings
-from kalman_ros.analysis.design import settling_time
 from kalman_ros.analysis.design_report import DesignReport
+from kalman_ros.analysis.design_theory import settling_time
 from kalman_ros.analysis.input_loops import Loop
 from kalman_ros.analysis.observability import stacked
 from kalman_ros.control.margins import DiskMargin
@@ -23,7 +23,7 @@ from .sheet import Sheet
 
 
 def tables(report: DesignReport) -> Iterator[tuple[str, Sheet]]:
-    """Return the tables of a design with their titles, in the order in which they are read."""
+    """Return the tables of a design with their titles, in reading order."""
     yield 'Modes', _modes(report)
     if report.regulator:
         law = 'u = -K x - K_q q' if report.regulator.feedback.tracked else 'u = -K x'
@@ -36,7 +36,7 @@ def tables(report: DesignReport) -> Iterator[tuple[str, Sheet]]:
 
 
 def structure(report: DesignReport) -> str:
-    """Return in words what the input moves and what the sensors show."""
+    """Return the structure of a design as text: controllable and observable states."""
     seen = report.observability
     along = ' along a simulated path' if report.path else ''
     parts = [f'{seen}{along}{"" if seen.detectable else " (not detectable)"}']
@@ -47,7 +47,7 @@ def structure(report: DesignReport) -> str:
 
 
 def closing(report: DesignReport) -> Iterator[str]:
-    """Return in words what the loop does as a whole."""
+    """Return the performance of the closed loop as text."""
     if report.closed_loop:
         least = report.scenario.law == 'lqr'
         what = 'The least cost that these sensors allow is' if least else 'Its cost is'
@@ -88,7 +88,7 @@ def _mode(mode: Mode) -> tuple[str, ...]:
 
 
 def _regulator_gains(report: DesignReport) -> Sheet:
-    """Return K', and K_q' beside the states that are integrated, with a row a state."""
+    """Return K', and K_q' beside the integrated states, with a row per state."""
     columns = {}
     if report.regulator:
         law, n = report.regulator.feedback, report.scenario.model.state.size
@@ -101,7 +101,7 @@ def _regulator_gains(report: DesignReport) -> Sheet:
 
 
 def _estimator_gains(report: DesignReport) -> Sheet:
-    """Return L with a row a state."""
+    """Return L with a row per state."""
     columns = {}
     for name, L in (report.estimator.gains if report.estimator else {}).items():
         outputs = report.scenario.sensors[name].sensor.output.names
@@ -157,7 +157,7 @@ def _spread(values: Array, places: Sequence[int], n: int) -> Array:
 
 
 def _rounded(column: Array, index: int) -> float:
-    """Return an element, zero where it is only rounding beside the others."""
+    """Return an element, zero if it is rounding relative to the others."""
     value = float(column[index])
     return value if abs(value) > 1e-12 * float(np.max(np.abs(column))) else 0.0
 
@@ -222,7 +222,7 @@ _UNSTABLE = ('[bold red]unstable[/]', '', '', '', '')
 
 
 def _all(disk: DiskMargin | None) -> tuple[str, ...]:
-    """Return how much gain and phase of every input may change, each in its own way."""
+    """Return the allowed simultaneous changes of gain and phase of every input."""
     if disk is None:
         return _UNSTABLE
     phase = degrees(disk.phase)
@@ -249,7 +249,7 @@ def _range(low: float, high: float) -> str:
 
 
 def _turn(lead: float, lag: float) -> str:
-    """Return how far the phase may be ahead, and behind."""
+    """Return the allowed lead and lag of the phase."""
     ends = (
         'any' if end == float('inf') else f'{sign}{end:.3g}'
         for sign, end in zip('+-', (lead, lag))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One look for all pictures: what is true is black, what is believed blue, what is read grey."""
+"""The style of all pictures: truth is black, estimates are blue, readings are grey."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _STYLE = {
 def picture(
     path: Path | None, rows: int, columns: int, size: tuple[float, float]
 ) -> Iterator[tuple[Any, Any]]:
-    """Give a figure and its axes (rows, columns), with time across unless labelled; save it."""
+    """Yield a figure and its axes (rows, columns), with time across unless labelled; save it."""
     with figure_with(path, rows, columns, size, sharex='col') as (figure, axes):
         yield figure, axes
         for axis in axes[-1]:
@@ -47,21 +47,21 @@ def picture(
 def figure_with(
     path: Path | None, rows: int, columns: int, size: tuple[float, float], **options: Any
 ) -> Iterator[tuple[Any, Any]]:
-    """Give a figure and its axes (rows, columns); save it to ``path``."""
+    """Yield a figure and its axes (rows, columns); save it to ``path``."""
     with canvas(path, size) as figure:
         yield figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 @contextmanager
 def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
-    """Give an empty figure; save it to ``path``, or leave it to pyplot for a person to look at."""
+    """Yield an empty figure; save it to ``path``, or leave it to pyplot to show."""
     with mpl.rc_context(_STYLE):
         if path is not None:
             figure = Figure(figsize=size, layout='constrained')
             yield figure
             figure.savefig(path)
         else:
-            from matplotlib import pyplot  # it finds out which windows this machine can open
+            from matplotlib import pyplot  # it detects the display of this machine
 
             yield pyplot.figure(figsize=size, layout='constrained')
 

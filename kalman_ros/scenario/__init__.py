@@ -1,8 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From named values, as parameter files have them, to the objects of one scenario."""
+"""Builds the objects of a scenario from named values, as in parameter files."""
 
-from .building import build, complete
+from .building import assemble, build, complete, rebuild
 from .declarations import options, sensor_names
 from .scenario import Scenario, SensorSource
 
-__all__ = ['Scenario', 'SensorSource', 'build', 'complete', 'options', 'sensor_names']
+__all__ = [
+    'Scenario',
+    'SensorSource',
+    'assemble',
+    'build',
+    'complete',
+    'options',
+    'rebuild',
+    'sensor_names',
+]

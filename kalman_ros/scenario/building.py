@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From named values, as a parameter file has them, to the objects of one scenario.
+"""Builds the objects of a scenario from named values, as in a parameter file.
 
-The same values serve every node, the harness and runs without ROS, so all of them speak of the
-same system.
+Every node, the harness and runs without ROS use the same values, so they all describe the same
+system.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,15 +26,18 @@ from kalman_ros.core import (
     variances,
     vector,
 )
+from kalman_ros.core.geodesy import Place, datum
 from kalman_ros.estimators import FILTERS
 
+from .body_roles import body_of
 from .declarations import model_of, options, sensor_names
+from .lever_arm import LeverArm
 from .model_checks import check_attributes, check_model, check_sensor
 from .parameter_files import section
 from .scenario import Scenario, SensorSource
 from .wiring import system as system_of
 
-#: Where the covariance of a reading may be taken from.
+#: The allowed sources of a reading's covariance.
 POLICIES = ('message', 'configuration', 'larger')
 
 
@@ -46,26 +50,30 @@ def complete(values: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str
 
 
 def build(values: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
-    """Return the scenario of ``values``; what is not given has its default.
+    """Return the scenario of ``values``; missing values have their defaults.
 
-    Without its control law it is one that nobody controls: no law, and no cost.
-
-    Names that a scenario does not know are passed over: they may be a node's own.
+    Without a control law it has neither law nor cost. Unknown names are ignored: they may belong
+    to a node.
 
     Raises
     ------
     ValueError
-        If anything is wrong, with the name of the option at fault.
+        If a value is invalid; the message names its option.
     """
-    full: dict[str, Any] = complete(values, options(values, with_law=with_law))
+    return assemble(complete(values, options(values, with_law=with_law)), with_law=with_law)
+
+
+def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
+    """Return the scenario of a value for each of its `options`, as `complete` returns them."""
     refuse_unknown([full['filter']], FILTERS, 'filter')
     system = system_of(full['model'])
     model = model_of(system, section(full, 'model_parameters'))
     rate = full['rate']
     n, m = model.state.size, model.input.size
     mean = vector('initial_estimate', full['initial_estimate'], n)
+    origin, state = datum(full['datum']), _signal('state', section(full, 'state'), n)
     sources = {
-        name: _source(name, section(full, name), model, rate)
+        name: _source(name, section(full, name), model, rate, state, origin)
         for name in sensor_names(full['sensors'])
     }
     check_model(model, mean)
@@ -74,7 +82,7 @@ def build(values: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
     return Scenario(
         model=model,
         sensors=sources,
-        state=_signal('state', section(full, 'state'), n),
+        state=state,
         input=_signal('input', section(full, 'input'), m) if m else system.input,
         rate=rate,
         initial_state=vector('initial_state', full['initial_state'], n),
@@ -82,8 +90,28 @@ def build(values: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
             mean, variances('initial_std', full['initial_std'], n, exact=True)
         ),
         filter=full['filter'],
+        datum=origin,
         **(_law(full, n, m) if with_law and m else _no_law(n, m)),
     )
+
+
+def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) -> Scenario:
+    """Return the scenario that `assemble` would, given that of before and what has ``changed``.
+
+    Of a change of a sensor only that sensor is rebuilt: a whole scenario takes longer than a step
+    of a fast loop. Without a change the scenario is the same object.
+    """
+    names = {name.partition('.')[0] for name in changed}
+    if not names:
+        return built
+    if not names <= built.sensors.keys():
+        return assemble(full, with_law=bool(built.law))
+    sources = dict(built.sensors)
+    for name in names:
+        given = section(full, name)
+        sources[name] = _source(name, given, built.model, built.rate, built.state, built.datum)
+        check_sensor(name, sources[name].sensor, built.initial_belief.mean)
+    return replace(built, sensors=sources)
 
 
 def _law(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:
@@ -97,22 +125,32 @@ def _no_law(n: int, m: int) -> dict[str, Any]:
     return {**none, 'law': '', 'law_options': {}}
 
 
-def _source(name: str, given: dict[str, Any], model: Model, loop_rate: float) -> SensorSource:
+def _source(
+    name: str,
+    given: dict[str, Any],
+    model: Model,
+    loop_rate: float,
+    state: Signal,
+    origin: Place | None,
+) -> SensorSource:
     own = {key: given.pop(key) for key in ('kind', 'noise', 'rate', 'enabled')}
     policy = given.pop('covariance_from')
     reliable, gate = given.pop('reliable'), given.pop('gate')
     wire = {key: given.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
+    arm = given.pop('mount.translation')
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
         sensor = sensors.build(own['kind'], model.state, own['noise'], given)
         check_attributes(sensor)
+        if any(arm):
+            sensor = LeverArm(sensor, body_of(model.state, state), wire['fields'], arm)
         sensor.name = name
         ratio(own['rate'], loop_rate)
         timed = TimedSensor(sensor, own['rate'], own['enabled'])
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
-    signal = _signal(name, wire, sensor.output.size)
+    signal = replace(_signal(name, wire, sensor.output.size), datum=origin)
     return SensorSource(timed, signal, policy, reliable, gate)
 
 

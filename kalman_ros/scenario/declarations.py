@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which options a scenario has: that depends on its model, its sensors and their kinds."""
+"""The options of a scenario, which depend on its model, its sensors and their kinds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from math import inf
 from typing import Annotated, Any
 
 from kalman_ros import models, sensors
@@ -18,7 +19,7 @@ from kalman_ros.core import (
     build_with,
     options_of,
 )
-from kalman_ros.core.options import nearest
+from kalman_ros.core.named_options import nearest
 from kalman_ros.estimators import FILTERS
 
 from .model_checks import check_equilibrium
@@ -31,6 +32,10 @@ def _shared(
     rate: Annotated[
         float, About('steps of the loop a second', 'Hz', minimum=1e-3, maximum=1e4)
     ] = 100.0,
+    datum: Annotated[
+        Sequence[float],
+        About('origin: latitude, longitude, altitude; .inf: the first fix'),
+    ] = (inf,),
 ) -> None:
     """Carry the options that do not depend on the model."""
 
@@ -41,29 +46,33 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         'kind': (setup.kind, About('kind of sensor, or package.module:Class of your own')),
         'noise': (
             list(setup.noise),
-            About('standard deviation of each coordinate that it reads', live=True),
+            About('standard deviation of each coordinate', live=True),
         ),
         'rate': (setup.rate, About('readings a second', 'Hz', minimum=1e-6, live=True)),
-        'enabled': (setup.enabled, About('whether it is read at all', live=True)),
+        'enabled': (setup.enabled, About('whether the sensor is used', live=True)),
         'topic': (signal.topic, About('topic of the readings')),
         'type': (signal.type, About('message type of the readings')),
         'fields': (list(signal.fields), About('field of the message for each coordinate')),
         'covariance': (
             signal.covariance,
-            About("path of a covariance array in the message; '' for that of the type"),
+            About("path of an array in the message; '': by its type"),
         ),
         'covariance_from': (
             'message',
             About(
-                "noise taken from the 'message' where it carries one, from the "
+                "noise from the 'message' if it has one, from the "
                 "'configuration', or the 'larger' of both",
                 live=True,
             ),
         ),
+        'mount.translation': (
+            [0.0, 0.0, 0.0],
+            About('forward, left, up of the body', 'm'),
+        ),
         'gate': (
             1.0,
             About(
-                'probability with which a good reading passes; 1: no gate',
+                'probability that a valid reading passes; 1: no gate',
                 minimum=0.5,
                 maximum=1.0,
                 live=True,
@@ -71,7 +80,7 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         ),
         'reliable': (
             False,
-            About('subscribe reliably; drivers of real sensors often publish best effort'),
+            About('subscribe reliably, not best effort'),
         ),
     }
     found = {key: Option(f'{name}.{key}', default, about) for key, (default, about) in own.items()}
@@ -99,10 +108,10 @@ def _signal_options(section: str, signal: Signal, meaning: str) -> dict[str, Opt
 
 
 def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Option]:
-    """Return every option of the scenario that ``values`` speaks of, by name.
+    """Return the options of the scenario that ``values`` describe, by name.
 
-    Which there are depends on the model, on the list of sensors and on their kinds; those of the
-    control law may be left out.
+    They depend on the model, on the list of sensors and on their kinds; those of the
+    control law can be omitted.
 
     Raises
     ------
@@ -129,12 +138,12 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
 
             found.update(law.options(system, values))
     vectors = {
-        'initial_state': (system.initial_state, 'state in which the plant starts'),
+        'initial_state': (system.initial_state, 'initial state of the plant'),
         'initial_estimate': (
             system.initial_estimate or built.equilibrium.state.tolist(),
-            'state that the estimator believes in before the first reading',
+            'mean before the first reading',
         ),
-        'initial_std': (system.initial_std, 'standard deviations of that belief'),
+        'initial_std': (system.initial_std, 'initial standard deviations'),
     }
     for name, (default, meaning) in vectors.items():
         found[name] = Option(name, list(default), About(meaning))
@@ -142,13 +151,13 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
 
 
 def _either(names: Iterable[str]) -> str:
-    """Return names in words, with an "or" before the last."""
+    """Return names as text, with an "or" before the last."""
     *others, last = names
     return f'{", ".join(others)} or {last}'
 
 
 def sensor_names(value: Value) -> list[str]:
-    """Return the names in a list of sensors, of which none is there twice."""
+    """Return the names in a list of sensors, which must be unique."""
     names = [str(name) for name in value if name] if isinstance(value, list) else []
     if len({*names}) < len(names):
         raise ValueError(f'sensors: expected each name once, got ({", ".join(names)})')
@@ -156,7 +165,7 @@ def sensor_names(value: Value) -> list[str]:
 
 
 def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
-    """Return what is known of a sensor: from the system, or from the values if it is a new one."""
+    """Return the setup of a sensor: from the system, or from the values if it is a new one."""
     setup = system.sensors.get(name)
     if setup is None:
         missing = [key for key in ('type', 'fields', 'noise') if f'{name}.{key}' not in values]
@@ -172,7 +181,7 @@ def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
 
 
 def _system(values: Mapping[str, Any]) -> tuple[System, Model]:
-    """Return the system that is spoken of, wired by name if its parameters change its states."""
+    """Return the system in use, wired by name if its parameters change its states."""
     model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
     system = system_of(str(model.check(values.get('model', model.default))))
     built = model_of(system, section(values, 'model_parameters'))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control law and the cost of a scenario.
 
-A node that neither controls nor assesses control leaves this part out, so that it does not import
+Nodes that neither control nor assess control omit this part, which avoids importing
 the design of gains.
 """
 
@@ -15,8 +15,8 @@ from kalman_ros.core import About, Option, System, semidefinite
 
 
 def options(system: System, values: Mapping[str, Any]) -> dict[str, Option]:
-    """Return the options of the law that ``values`` choose, and of the cost."""
-    law = Option('law', 'lqr', About(f'how the input answers the state: {", ".join(LAWS)}'))
+    """Return the options of the law chosen by ``values``, and of the cost."""
+    law = Option('law', 'lqr', About(f'control law: {", ".join(LAWS)}'))
     chosen = str(law.check(values.get(law.name, law.default)))
     found = {option.name: option for option in (law, *law_options(chosen))}
     weights = {

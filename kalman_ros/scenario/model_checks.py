@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a model or a sensor, maybe a user's own, returns what it should: asked at the start."""
+"""Start-up checks that a model or sensor, perhaps a user's own, returns valid values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from kalman_ros.core import Array, Model, OperatingPoint, Sensor, Space
 from kalman_ros.models import check_spaces
 
-#: The commonest mistake in a model or a sensor of one's own.
+#: The most common mistake in a user's model or sensor.
 _AT_ONCE = 'of two states at once (x[..., 0], not x[0])'
 
 
@@ -47,7 +47,7 @@ def check_equilibrium(model: Model) -> None:
 
 
 def check_model(model: Model, x: Array) -> None:
-    """Raise ValueError if what a model returns about a state (n,) has not the right shape."""
+    """Raise ValueError if a model returns a wrong shape for a state (n,)."""
     n, u = x.size, model.equilibrium.input
     two, both = np.stack((x, x)), np.stack((u, u))
     _check('model: its derivative', lambda: model.derivative(x, u), (n,))
@@ -57,7 +57,7 @@ def check_model(model: Model, x: Array) -> None:
 
 
 def check_attributes(sensor: Sensor) -> None:
-    """Raise ValueError if a sensor lacks what its constructor is to set."""
+    """Raise ValueError if a sensor lacks an attribute that its constructor must set."""
     for attribute, kind in (('output', Space), ('covariance', np.ndarray)):
         found = getattr(sensor, attribute, None)
         if not isinstance(found, kind):
@@ -66,7 +66,7 @@ def check_attributes(sensor: Sensor) -> None:
 
 
 def check_sensor(name: str, sensor: Sensor, x: Array) -> None:
-    """Raise ValueError if what a sensor returns for a state (n,) has not the right shape."""
+    """Raise ValueError if a sensor returns a wrong shape for a state (n,)."""
     k, n = sensor.output.size, x.size
     two = np.stack((x, x))
     _check(f'{name}.kind: its covariance', lambda: sensor.covariance, (k, k))

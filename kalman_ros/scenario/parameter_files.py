@@ -15,32 +15,32 @@ from yaml.constructor import SafeConstructor
 from yaml.cyaml import CParser
 from yaml.resolver import Resolver
 
-#: The nodes of a loop, and what may stand between plant and estimator.
+#: The nodes of a loop, and those that may stand between plant and estimator.
 NODES = ('estimator', 'controller', 'monitor', 'plant')
 BETWEEN = 'microphone_array'
-#: The program that runs a scenario for people; its section has a duration, and parameters that
-#: every node gets in a demo.
+#: The program that runs a scenario for people; its section has a duration, and parameters for
+#: every node of a demo.
 DEMO = 'demo'
 
 
-#: Words without quotes that are words to PyYAML, and truth values to the YAML of ROS.
+#: Unquoted words that are strings to PyYAML, and truth values to the YAML of ROS.
 _BARE = tuple('yYnN')
 
 
 class _Bare(str):
-    """A word that other readers of YAML, that of ROS for one, take for true or false."""
+    """A string that other YAML readers, such as that of ROS, read as true or false."""
 
 
-#: Files and values that are longer are refused before they are read, those with more values or
-#: deeper ones while they are: a second is enough for any answer.
+#: Longer files and values are refused before parsing, those with more or deeper values during
+#: it: any answer takes at most a second.
 _MOST_BYTES, _MOST_VALUES, _DEEPEST = 1_000_000, 10_000, 20
 
 
 class _Loader(Composer, CParser, SafeConstructor, Resolver):  # type: ignore[misc]
-    """PyYAML's safe loader, which notices such words, and refuses what could take it long.
+    """PyYAML's safe loader, which marks ambiguous words and refuses expensive files.
 
-    It refuses aliases, as the parser of ROS does: a few lines of them make up any number of
-    values. Characters are read by libyaml, as those of ROS are, five times as fast as in Python.
+    Aliases are refused, as in the parser of ROS: a few lines of them can create any number of
+    values. Text is parsed by libyaml, as in ROS, five times as fast as in Python.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -69,12 +69,12 @@ def _refused(why: str, mark: Any) -> yaml.YAMLError:
 
 
 def _load(text: str) -> Any:
-    """Return what a YAML text says: the only place that reads YAML.
+    """Return the value of a YAML text: the only place that reads YAML.
 
     Raises
     ------
     ValueError
-        If it is not YAML, or has more in it than any parameter file; with the line.
+        If it is not YAML, or larger than any parameter file; the message has the line.
     """
     try:
         return yaml.load(text, _Loader)
@@ -98,6 +98,12 @@ def _read(path: Path) -> str:
         raise ValueError(f'not YAML: {error}') from None
 
 
+# the YAML of ROS takes 1e3 for a number, that of PyYAML only 1.0e+3
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float',
+    re.compile(r'^[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$'),
+    list('-+0123456789'),
+)
 _Loader.add_implicit_resolver('!bare', re.compile(r'^[yYnN]$'), list('yYnN'))
 _Loader.add_constructor('!bare', lambda loader, node: _Bare(node.value))
 
@@ -105,7 +111,7 @@ _Loader.add_constructor('!bare', lambda loader, node: _Bare(node.value))
 def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
     """Return the parameters that a ROS parameter file has for a node, flat.
 
-    With several nodes, what a later one is told overrides what those before it are.
+    With several nodes, later ones override earlier ones.
 
     Raises
     ------
@@ -117,7 +123,7 @@ def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
 
 
 def own_section(path: Path | None, node: str) -> dict[str, Any]:
-    """Return what only the section of a node in a ROS parameter file says, flat.
+    """Return the parameters in the section of one node in a ROS parameter file, flat.
 
     Raises
     ------
@@ -134,7 +140,7 @@ def _keys(node: str) -> list[str]:
 def _merged(
     document: Mapping[str, Mapping[str, Any]], path: Path | None, keys: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the parameters of sections, those of the later ones first."""
+    """Return the parameters of sections, later ones first."""
     merged: dict[str, Any] = {}
     for key in keys:
         merged.update(_flat(document.get(key, {}).get('ros__parameters', {})))
@@ -147,10 +153,10 @@ def _merged(
 
 
 def unambiguous(text: str) -> str:
-    """Return the text of a YAML file with the words y and n in quotes, and '' in empty lists.
+    """Return a YAML text with the words y and n in quotes, and '' in empty lists.
 
-    Other readers of YAML, that of ROS for one, take those words for true and false. What is not
-    YAML is returned as it is.
+    Other YAML readers, such as that of ROS, read those words as true and false. Text that is not
+    YAML is returned unchanged.
     """
     edits: list[tuple[int, int, str]] = []
     opened = -1
@@ -170,7 +176,7 @@ def unambiguous(text: str) -> str:
 
 
 def sections(path: Path | None) -> set[str]:
-    """Return the names of the nodes that a ROS parameter file has a section for.
+    """Return the names of the nodes that have a section in a ROS parameter file.
 
     Raises
     ------
@@ -181,7 +187,7 @@ def sections(path: Path | None) -> set[str]:
 
 
 def _document(path: Path | None) -> Mapping[str, Mapping[str, Any]]:
-    """Return the sections of a file by the names that they have there."""
+    """Return the sections of a file by their names there."""
     if path is None:
         return {}
     try:
@@ -213,13 +219,13 @@ def _flat(section: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
 
 
 def section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return those of the ``values`` whose names start with ``name`` and a dot, without these."""
+    """Return the ``values`` whose names start with ``name`` and a dot, without this prefix."""
     start = f'{name}.'
     return {key[len(start) :]: value for key, value in values.items() if key.startswith(start)}
 
 
 def overrides(given: Sequence[str]) -> dict[str, Any]:
-    """Return ``NAME:=VALUE`` arguments as parameters; ValueError if one is none."""
+    """Return ``NAME:=VALUE`` arguments as parameters; ValueError if one is malformed."""
     found = {}
     for text in given:
         name, separator, value = text.partition(':=')
@@ -233,7 +239,7 @@ def overrides(given: Sequence[str]) -> dict[str, Any]:
 
 
 def yaml_value(value: Any) -> str:
-    """Return a parameter's value as the command line of a node takes it."""
+    """Return a parameter's value as a node's command line accepts it."""
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
@@ -244,5 +250,5 @@ def yaml_value(value: Any) -> str:
         return repr(float(value)).replace('inf', '.inf').replace('nan', '.nan')
     if isinstance(value, str):
         quoted = value.replace("'", "''")
-        return f"'{quoted}'"  # else an empty one is nothing, and y is true
+        return f"'{quoted}'"  # unquoted, an empty string is null and y is true
     return str(value)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The regulator that a scenario asks for: what the controller runs and what theory speaks of."""
+"""The regulator of a scenario, shared by the controller and by theory."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def regulator(scenario: Scenario) -> tuple[LqrDesign, Cost]:
 
 
 def feedback(scenario: Scenario) -> Feedback:
-    """Return the gains of the law that a scenario asks for, about its equilibrium.
+    """Return the gains of a scenario's law, about its equilibrium.
 
     Raises
     ------
@@ -79,12 +79,12 @@ def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> Operati
 
 
 def limits(scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf) -> Limits:
-    """Return what the actuators can do; one number stands for every input.
+    """Return the limits of the actuators; one number is used for every input.
 
     Raises
     ------
     ValueError
-        If there are neither one nor as many numbers as inputs, or one is negative.
+        If the number of values is wrong, or one is negative.
     """
     m = scenario.model.input.size
     found = [
@@ -98,7 +98,7 @@ def limits(scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf
 
 
 def price(scenario: Scenario) -> Cost:
-    """Return the cost of one sample of a scenario, whether or not it can be controlled."""
+    """Return the cost of one sample of a scenario, controllable or not."""
     return sampled_cost(*_system(scenario), 1.0 / scenario.rate)
 
 

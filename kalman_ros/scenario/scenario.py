@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scenario: a model, its sensors, its signals and its rate, as all nodes speak of them."""
+"""A scenario: a model, its sensors, its signals and its rate, shared by all nodes."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor, Signal, TimedSensor, Value
+from kalman_ros.core.geodesy import Place
 from kalman_ros.estimators.filter import Plan
 
 
 @dataclass(frozen=True)
 class SensorSource:
-    """A sensor of a scenario with the topic that it is read from."""
+    """A sensor of a scenario with its topic."""
 
     timed: TimedSensor
     signal: Signal
@@ -22,13 +23,13 @@ class SensorSource:
 
     @property
     def sensor(self) -> Sensor:
-        """How the state is seen."""
+        """The sensor model."""
         return self.timed.sensor
 
     def used(self, carried: Array | None) -> Array | None:
-        """Return the covariance (k, k) of a reading; None if the configured one is to be used.
+        """Return the covariance (k, k) to use for a reading; None for the configured one.
 
-        ``carried`` is the one in its message, None if there is none.
+        ``carried`` is the covariance in its message, None if there is none.
         """
         if carried is None or self.covariance_from == 'configuration':
             return None
@@ -53,19 +54,21 @@ class Scenario:
     filter: str
     law: str
     law_options: Mapping[str, Value]
+    #: The origin of satellite fixes in metres; None for the first one.
+    datum: Place | None = None
 
     @property
     def plan(self) -> Plan:
-        """What a filter for this scenario is built for: the model and the sensors that are on."""
+        """The input for building a filter: the model and the enabled sensors."""
         timed = {name: source.timed for name, source in self.enabled.items()}
         return Plan(self.model, timed, self.rate)
 
     @property
     def timed(self) -> dict[str, TimedSensor]:
-        """The sensors with their rates, also those that are off."""
+        """The sensors with their rates, disabled ones included."""
         return {name: source.timed for name, source in self.sensors.items()}
 
     @property
     def enabled(self) -> dict[str, SensorSource]:
-        """The sensors that are on."""
+        """The enabled sensors."""
         return {name: source for name, source in self.sensors.items() if source.timed.enabled}

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameter files of this package: the one source of the wiring of its models."""
+"""The parameter files of this package: the only wiring of its models."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
 
-from kalman_ros.core.options import nearest
+from kalman_ros.core.named_options import nearest
 
 PACKAGE = 'kalman_ros'
 
 
 @lru_cache(maxsize=1)
 def folder() -> Path:
-    """Return the folder of the files: beside the sources, or in an installation's ``share``.
+    """Return the folder of the files: in the sources, or in an installation's ``share``.
 
     Raises
     ------
@@ -34,12 +34,12 @@ def names() -> list[str]:
 
 
 def file(scenario: str | Path) -> Path:
-    """Return the parameter file of a scenario: a name of ours, or the path of a YAML file.
+    """Return the parameter file of a scenario: a shipped name, or the path of a YAML file.
 
     Raises
     ------
     ValueError
-        If there is none, with the names that there are.
+        If there is none; the message lists the known names.
     """
     if str(scenario).endswith(('.yaml', '.yml')):
         path = Path(scenario)

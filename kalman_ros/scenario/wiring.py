@@ -28,7 +28,7 @@ def system(name: str) -> System:
     Raises
     ------
     ValueError
-        If there is none, or it is none of the three.
+        If there is none, or it is not one of the three.
     """
     found = models.find_model(name)
     if isinstance(found, System):
@@ -67,7 +67,7 @@ def _shipped(name: str, build: Callable[..., Model]) -> System:
     )
 
 
-#: What of a sensor's values is its signal.
+#: The values of a sensor that describe its signal.
 _WIRE = {'topic', 'type', 'fields', 'covariance'}
 
 

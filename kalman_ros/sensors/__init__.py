@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One kind of sensor a file. The file's name is the kind, and its ``SENSOR`` builds it.
+"""One kind of sensor per file. The file's name is the kind, and its ``SENSOR`` builds it.
 
-A builder takes the state's space and the standard deviations of the noise, and what else it
-needs as keyword arguments.
+A builder is called with the state's space and the standard deviations of the noise, and with
+its options as keyword arguments.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ def names() -> list[str]:
     return _names(__name__)
 
 
-#: How every kind is built.
+#: The signature of a kind.
 _EXPECTED = 'expected a Sensor that is built by __init__(self, state, noise, OPTION=DEFAULT, ...)'
 
 
 def builder(kind: str) -> Callable[..., Sensor]:
-    """Return what builds sensors of ``kind``: a subclass of `Sensor`, or an annotated function.
+    """Return the builder of sensors of ``kind``: a subclass of `Sensor`, or an annotated function.
 
     Raises
     ------
     ValueError
-        If there is none, or it is something else; it is not called to find out.
+        If there is none, or it is something else; it is not called.
     """
     found: Callable[..., Sensor] = find('kind', kind, __name__, 'SENSOR')
     if not builds(found, Sensor):
@@ -41,7 +41,7 @@ def builder(kind: str) -> Callable[..., Sensor]:
 
 
 def options(kind: str) -> tuple[Option, ...]:
-    """Return the options of a kind of sensor: the keyword arguments of what builds it.
+    """Return the options of a kind of sensor: the keyword arguments of its builder.
 
     Raises
     ------
@@ -64,13 +64,13 @@ def build(kind: str, state: Space, noise: Sequence[float], options: Mapping[str,
     Raises
     ------
     ValueError
-        If the kind is unknown, is not built as sensors are, or refuses its noise or its options.
+        If the kind is unknown, has another signature, or refuses its noise or its options.
     """
     try:
         sensor = build_with(builder(kind), options, state, noise)
     except ValueError:
         raise
-    except Exception as error:  # a class of a user's own may raise anything
+    except Exception as error:  # a user's class may raise anything
         reason = f'{type(error).__name__}: {error}'.partition('\n')[0]
         raise ValueError(f"kind: '{kind}': {_EXPECTED}; {reason}") from error
     if not isinstance(sensor, Sensor):

@@ -1,21 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The direction of something in the plane, and nothing of its distance: a camera, a sonar."""
+"""The bearing of a target in the plane, without its distance: a camera, a sonar."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
+from itertools import pairwise
+from math import erfc, pi, sqrt
 from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Sensor, Space, variances, vector
+from kalman_ros.core import (
+    About,
+    Array,
+    Gaussian,
+    Hypotheses,
+    Sensor,
+    Space,
+    symmetric,
+    variances,
+    vector,
+)
 
-#: Nearer than this, in m, a direction means nothing.
+#: At a shorter distance, in m, a bearing is undefined.
 _NEAREST = 1e-6
-#: Hypotheses of the range reach N standard deviations to both sides of that of the belief, and
-#: the farthest is at most M times as far as the nearest.
-_REACH, _RATIO = 2.5, 20.0
+#: A Gaussian is too wide for a bearing if its standard deviation along the line of sight is more
+#: than this share of the range, for then what passes close is not in it; or if the second-order
+#: term of the predicted angle is more than this share of the noise, as standard deviations.
+_WIDE, _CURVED = 0.25, 0.25
+#: Ranges are looked for at N standard deviations at most, and from this share of the farthest on.
+_REACH, _NEAR = 5.0, 1e-4
+#: Points in the search for ranges, and of the integral over each of them.
+_SEARCHED, _INTEGRATED = 200, 8
+#: The farthest range is M times as far as the nearest, which reaches down to the sensor.
+_RATIO = 20.0
+#: Directions at which the forecast of an angle is worked out.
+_DIRECTIONS = 120
 
 
 class Bearing(Sensor):
@@ -30,7 +50,7 @@ class Bearing(Sensor):
     measures
         The names of the two states that are x and y.
     position
-        Where the sensor stands, x_0 and y_0; the origin for one that x and y are seen from.
+        The position of the sensor, x_0 and y_0; the origin if x and y are relative to it.
     """
 
     def __init__(
@@ -41,7 +61,7 @@ class Bearing(Sensor):
             'x',
             'y',
         ),
-        position: Annotated[Sequence[float], About('x and y of the sensor itself', 'm')] = (
+        position: Annotated[Sequence[float], About('x and y of the sensor', 'm')] = (
             0.0,
             0.0,
         ),
@@ -54,64 +74,144 @@ class Bearing(Sensor):
         self.covariance = variances('noise', noise, 1)
 
     def line_of_sight(self, x: Array) -> Array:
-        """Return the way from the sensor to what it sees (..., 2), in m."""
+        """Return the vector from the sensor to the target (..., 2), in m."""
         return np.asarray(x[..., self._indices] - self._position)
 
     def measure(self, x: Array) -> Array:
-        """Return the direction, from the x axis towards the y axis."""
+        """Return the bearing, from the x axis towards the y axis."""
         dx, dy = np.moveaxis(self.line_of_sight(x), -1, 0)
         return np.asarray(np.arctan2(dy, dx)[..., np.newaxis])
 
     def jacobian(self, x: Array) -> Array:
-        """Return [-dy, dx] / r^2 in the places of x and y."""
-        dx, dy = self.line_of_sight(x)
-        H = np.zeros((1, x.size))
-        H[0, self._indices] = np.array([-dy, dx]) / max(dx**2 + dy**2, _NEAREST**2)
-        return H
+        """Return [-dy, dx] / r^2 in the columns of x and y."""
+        dx, dy = np.moveaxis(self.line_of_sight(x), -1, 0)
+        H = np.zeros((1, x.shape[-1], *dx.shape))
+        H[0, self._indices] = np.array([-dy, dx]) / np.maximum(dx**2 + dy**2, _NEAREST**2)
+        return np.moveaxis(H, (0, 1), (-2, -1))
 
-    def hypotheses(self, belief: Gaussian, y: Array, count: int) -> list[tuple[float, Gaussian]]:
-        """Return ``count`` ranges at which what was seen may be, in the direction of the reading.
+    def hypotheses(self, belief: Gaussian, y: Array, count: int) -> Hypotheses | None:
+        """Return up to ``count`` ranges in the direction of the reading, if one is too coarse.
 
-        They follow each other by one factor, so that each is as uncertain, relative to its
-        range, as the next; only so does an extended filter serve all of them alike (N. Peach,
+        One is where the second-order term of the predicted angle, (P_rr P_tt + P_rt^2) / r^4
+        along and across the line of sight, is not small against the noise (Bar-Shalom, Li and
+        Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section
+        10.3.3), or the belief reaches to the sensor itself. The belief times the likelihood is
+        then integrated over the angle, linearised about the reading, and divided by range, so
+        that each part is as uncertain, relative to its range, as the next (N. Peach,
         Bearings-only tracking using a set of range-parameterised extended Kalman filters, IEE
-        Proc. Control Theory and Applications 142(1), 1995). The belief, cut along the line of
-        sight, says which ranges are likely. At each the angle is fused with the belief's, and
-        weighed by the density of a Gaussian in polar coordinates, linearised about the reading.
+        Proc. Control Theory and Applications 142(1), 1995; for every reading D. Musicki, Bearings
+        only single-sensor target tracking using Gaussian mixtures, Automatica 45(9), 2009).
         """
-        expected = self.line_of_sight(belief.mean)
+        z = self.line_of_sight(belief.mean)
         P = belief.covariance[np.ix_(self._indices, self._indices)]
-        if not np.linalg.eigvalsh(P)[0] > 0.0:
-            return []  # the place is known, or on a line
-        precision = np.linalg.inv(P)
-        along, across = _directions(float(y[0]))
-        sigma = 1.0 / sqrt(along @ precision @ along)
-        r = max(sigma**2 * float(along @ precision @ expected), 0.0)
-        farthest = r + _REACH * sigma
-        edges = np.geomspace(max(r - _REACH * sigma, farthest / _RATIO), farthest, count + 1)
-        logs, parts = [], []
-        for near, far in zip(edges.tolist(), edges[1:].tolist()):
-            distance, width = 0.5 * (near + far), (far - near) / sqrt(12.0)
-            away = expected - distance * along
-            information = distance**2 * (across @ precision @ across) + 1.0 / self.covariance[0, 0]
-            shift = distance * (across @ precision @ away)
-            log = np.log(distance * (far - near)) - 0.5 * np.log(information)
-            logs.append(log - 0.5 * (away @ precision @ away - shift**2 / information))
-            a, c = _directions(float(y[0] + shift / information))
-            shape = width**2 * np.outer(a, a) + distance**2 / information * np.outer(c, c)
-            parts.append(self._placed(belief, distance * a, shape))
-        return list(zip(np.exp(np.array(logs) - max(logs)).tolist(), parts))
+        R = float(self.covariance[0, 0])
+        if not _too_wide(z, P, R) or not np.linalg.eigvalsh(P)[0] > 0.0:
+            return None  # or the place is known, or on a line
+        ray = _Ray(z, P, float(y[0]), R)
+        logs, places = zip(*ray.parts(count))
+        regression = np.linalg.solve(P, belief.covariance[self._indices]).T
+        parts = [self._moved(belief, z, P, regression, place) for place in places]
+        shares, angles = _directions_of(z, P)
+        return Hypotheses(np.array(logs), parts, shares, angles[:, np.newaxis])
 
-    def _placed(self, belief: Gaussian, line_of_sight: Array, covariance: Array) -> Gaussian:
-        """Return the belief with another place, of which nothing else in it tells."""
-        x, P = belief.mean.copy(), belief.covariance.copy()
-        x[self._indices] = self._position + line_of_sight
-        P[self._indices, :] = P[:, self._indices] = 0.0
-        P[np.ix_(self._indices, self._indices)] = covariance
-        return belief._replace(mean=x, covariance=P)
+    @staticmethod
+    def _moved(
+        belief: Gaussian, z: Array, P: Array, regression: Array, place: Gaussian
+    ) -> Gaussian:
+        """Return the belief if the line of sight is ``place`` and not N(z, P)."""
+        mean = belief.mean + regression @ (place.mean - z)
+        change = regression @ (place.covariance - P) @ regression.T
+        return belief._replace(mean=mean, covariance=symmetric(belief.covariance + change))
 
 
-def _directions(theta: float) -> tuple[Array, Array]:
+def _too_wide(z: Array, P: Array, R: float) -> bool:
+    """Return whether an angle of variance ``R`` is not linear over a line of sight N(z, P)."""
+    c, s = z
+    radial, squared = P @ z, float(z @ z)
+    P_rr, P_rt = z @ radial, c * radial[1] - s * radial[0]
+    P_tt = s * s * P[0, 0] - 2.0 * c * s * P[0, 1] + c * c * P[1, 1]
+    wide = P_rr > (_WIDE * squared) ** 2
+    return bool(wide or P_rr * P_tt + P_rt**2 > _CURVED**2 * R * squared**4)
+
+
+class _Ray:
+    """The density of a place N(z, P) and of an angle that is read, over the range.
+
+    Parameters
+    ----------
+    z, P
+        Mean (2,) and covariance (2, 2) of the line of sight.
+    y, R
+        The reading and its variance.
+    """
+
+    def __init__(self, z: Array, P: Array, y: float, R: float) -> None:
+        self._z, self._R = z, R
+        self._precision = np.linalg.inv(P)
+        self._along, self._across = _directions(y)
+        self._farthest = np.hypot(*z) + _REACH * np.sqrt(np.linalg.eigvalsh(P)[1])
+        self._log_scale = -0.5 * (np.linalg.slogdet(2.0 * np.pi * P)[1] + np.log(R))
+
+    def density(self, r: Array) -> tuple[Array, Array, Array]:
+        """Return log p(r, y) at ranges (N,), with mean and variance of the angle less y there."""
+        precision, across = self._precision, self._across
+        away = self._z - r[:, np.newaxis] * self._along
+        information = r**2 * (across @ precision @ across) + 1.0 / self._R
+        shift = r * (away @ precision @ across)
+        least = np.einsum('ri,ij,rj->r', away, precision, away) - shift**2 / information
+        log = self._log_scale + np.log(r) - 0.5 * (np.log(information) + least)
+        return log, shift / information, 1.0 / information
+
+    def parts(self, count: int) -> list[tuple[float, Gaussian]]:
+        """Return the places in up to ``count`` parts of the range, and their log densities."""
+        edges = self._edges(count)
+        found = []
+        for near, far in pairwise(edges):
+            r = near * (far / near) ** ((np.arange(_INTEGRATED) + 0.5) / _INTEGRATED)
+            log, offset, variance = self.density(r)
+            log += np.log(r * np.log(far / near) / _INTEGRATED)
+            w = np.exp(log - log.max())
+            total = w.sum()
+            w /= total
+            points = r[:, np.newaxis] * (self._along + np.multiply.outer(offset, self._across))
+            mean = w @ points
+            d = points - mean
+            spread = w @ (r**2 * variance) * np.multiply.outer(self._across, self._across)
+            place = Gaussian(mean, (w * d.T) @ d + spread)
+            found.append((float(log.max() + np.log(total)), place))
+        return found
+
+    def _edges(self, count: int) -> list[float]:
+        """Return the ranges between parts, over those that are likely."""
+        r = np.geomspace(_NEAR * self._farthest, self._farthest, _SEARCHED)
+        log = self.density(r)[0] + np.log(r)
+        likely = np.flatnonzero(log > log.max() - 0.5 * _REACH**2)
+        near, far = r[max(likely[0] - 1, 0)], r[min(likely[-1] + 1, _SEARCHED - 1)]
+        needed = np.ceil(count * np.log(far / near) / np.log(_RATIO))
+        edges = np.geomspace(max(near, far / _RATIO), far, min(count, int(needed)) + 1)
+        return [float(near), *edges.tolist()[1:]]
+
+
+def _directions_of(z: Array, P: Array) -> tuple[Array, Array]:
+    """Return shares (N,) of directions (N,) of a place N(z, P), which may lie behind, too.
+
+    In coordinates in which P is 1 the direction phi from a mean at distance D has the density
+    exp(-D^2 / 2) / (2 pi) (1 + d Phi(d) / phi(d)), with d = D cos phi: the projected normal
+    distribution (K. Mardia, Statistics of Directional Data, 1972, section 3.4.7).
+    """
+    L = np.linalg.cholesky(P)
+    mean = np.linalg.solve(L, z)
+    D = float(np.hypot(*mean))
+    steps = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS - 0.5
+    phi = 2.0 * pi * steps * min(1.0, 6.0 / D)
+    d = D * np.cos(phi)
+    below = np.array([0.5 * erfc(-each / sqrt(2.0)) for each in d.tolist()])
+    density = np.exp(-0.5 * D**2) + sqrt(2.0 * pi) * d * below * np.exp(0.5 * (d**2 - D**2))
+    x, y = L @ _directions(phi + np.arctan2(mean[1], mean[0]))[0]
+    return density / density.sum(), np.arctan2(y, x)
+
+
+def _directions(theta: float | Array) -> tuple[Array, Array]:
     """Return the unit vectors along and across a line of sight."""
     c, s = np.cos(theta), np.sin(theta)
     return np.array([c, s]), np.array([-s, c])

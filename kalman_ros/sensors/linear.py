@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor that reads any linear combination of the states."""
+"""A sensor of any linear combination of the states."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Linear(Sensor):
     noise
         Standard deviation of each coordinate of y.
     C
-        The measurement matrix (k, n), row by row; as many rows as ``noise`` has numbers.
+        The measurement matrix (k, n), row by row; one row per value of ``noise``.
     names
-        Names of the coordinates of y; numbered if there are too few.
+        Names of the coordinates of y; numbered if missing.
     """
 
     linear = True
@@ -33,7 +33,7 @@ class Linear(Sensor):
         state: Space,
         noise: Sequence[float],
         C: Annotated[Sequence[float], About('measurement matrix, row by row')] = (1.0,),
-        names: Annotated[Sequence[str], About('names of the coordinates that it reads')] = ('',),
+        names: Annotated[Sequence[str], About('names of the measured coordinates')] = ('',),
     ) -> None:
         k = len(noise)
         given = [name for name in names if name]

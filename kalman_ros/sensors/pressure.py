@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A pressure gauge under water: depth, in the unit in which it is read."""
+"""A pressure gauge under water, with readings in Pa."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Pressure(Sensor):
         return np.asarray(self._surface + x.dot(self._jacobian.T))
 
     def jacobian(self, x: Array) -> Array:
-        """Return -rho g in the place of the height."""
+        """Return -rho g in the column of the height."""
         return self._jacobian
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A radar at the origin: range, bearing and range rate of something in the plane."""
+"""A radar at the origin: range, bearing and range rate of a target in the plane."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import About, Array, Sensor, Space, variances
 
-#: Nearer than this, in m, a bearing means nothing.
+#: At a shorter distance, in m, a bearing is undefined.
 _NEAREST = 1e-6
 
 
@@ -58,14 +58,15 @@ class Radar(Sensor):
         px, py, vx, vy = self._motion(x)
         r = np.maximum(np.hypot(px, py), _NEAREST)
         cross = (vx * py - vy * px) / r**3
+        zero = np.zeros_like(r)
         H = np.array(
             [
-                [px / r, py / r, 0.0, 0.0],
-                [-py / r**2, px / r**2, 0.0, 0.0],
+                [px / r, py / r, zero, zero],
+                [-py / r**2, px / r**2, zero, zero],
                 [py * cross, -px * cross, px / r, py / r],
             ]
         )
-        return np.asarray(H @ self._turned(x) @ self._select)
+        return np.asarray(np.moveaxis(H, (0, 1), (-2, -1)) @ self._turned(x) @ self._select)
 
     def _motion(self, x: Array) -> tuple[Array, ...]:
         """Return position and velocity, each (...,)."""
@@ -75,12 +76,14 @@ class Radar(Sensor):
         return px, py, a, b
 
     def _turned(self, x: Array) -> Array:
-        """Return the derivative (4, 4) of position and velocity by the states that tell them."""
+        """Return the derivative (..., 4, 4) of position and velocity by the measured states."""
         turned = np.eye(4)
         if self._by_heading:
-            speed, heading = x[self._indices[2:]]
+            speed, heading = np.moveaxis(x[..., self._indices[2:]], -1, 0)
             c, s = np.cos(heading), np.sin(heading)
-            turned[2:, 2:] = [[c, -speed * s], [s, speed * c]]
+            turned = np.broadcast_to(turned, (*speed.shape, 4, 4)).copy()
+            part = np.array([[c, -speed * s], [s, speed * c]])
+            turned[..., 2:, 2:] = np.moveaxis(part, (0, 1), (-2, -1))
         return turned
 
 

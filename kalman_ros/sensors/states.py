@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor that reads some of the states as they are: GNSS, a tachometer, a joint encoder."""
+"""A sensor of some of the states: GNSS, a tachometer, a joint encoder."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class States(Sensor):
     state
         The space of the state.
     noise
-        Standard deviation of each coordinate read, in its unit.
+        Standard deviation of each coordinate, in its unit.
     measures
-        The names of the states that are read.
+        The names of the measured states.
     """
 
     linear = True
@@ -30,7 +30,7 @@ class States(Sensor):
         self,
         state: Space,
         noise: Sequence[float],
-        measures: Annotated[Sequence[str], About('names of the states that it reads')] = ('',),
+        measures: Annotated[Sequence[str], About('names of the measured states')] = ('',),
     ) -> None:
         self._indices = np.array(state.indices(measures, 'measures'), dtype=np.intp)
         self.output = state.select(measures)
@@ -38,7 +38,7 @@ class States(Sensor):
         self._jacobian = np.asfortranarray(np.eye(state.size)[self._indices])
 
     def measure(self, x: Array) -> Array:
-        """Return the states that are read."""
+        """Return the measured states."""
         return x.take(self._indices, -1)
 
     def jacobian(self, x: Array) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands between the input that a plant is told and the one that acts: a gain and a delay."""
+"""The actuator of a plant: a gain and a delay between the commanded and the acting input."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from kalman_ros.core import Array
 
 
 class Actuator:
-    """Holds inputs over steps, and lets them act with a gain, and late.
+    """Holds inputs over steps, and applies a gain and a delay.
 
-    With a delay of d dt + r, 0 <= r < dt, the input that was told d + 1 steps ago acts for r
-    seconds of a step, and the one after it for the rest; what was told before the first step is
-    ``before``. This is what `kalman_ros.control.delay.sampled_plant` computes with. Where a delay
-    grows, the oldest input still known is held meanwhile.
+    With a delay of d dt + r, 0 <= r < dt, the input commanded d + 1 steps ago acts for r
+    seconds of a step, and the next one for the rest; before the first step it is
+    ``before``. `kalman_ros.control.delay.sampled_plant` uses the same rule. When the delay
+    grows, the oldest known input is held meanwhile.
 
     Parameters
     ----------
@@ -25,18 +25,18 @@ class Actuator:
     delay
         In seconds.
     before
-        The input (m,) before the first step; zero if it is not given.
+        The input (m,) before the first step; zero by default.
     """
 
     def __init__(self, gain: Array, delay: float = 0.0, before: Array | None = None) -> None:
         self.gain, self.delay = gain, delay
-        self._told: list[Array] = [np.zeros_like(gain) if before is None else before]
+        self._commands: list[Array] = [np.zeros_like(gain) if before is None else before]
 
     def __call__(self, u: Array, dt: float) -> Iterator[tuple[float, Array]]:
-        """Yield for how long (s) which input (m,) acts in a step of ``dt`` told ``u`` (m,)."""
+        """Yield each acting input (m,) and its seconds, for a step of ``dt`` commanded ``u``."""
         late, part = divmod(self.delay / dt, 1.0)
         late = int(late)
-        self._told = [*self._told[-late - 1 :], u]
+        self._commands = [*self._commands[-late - 1 :], u]
         if part:
             yield part * dt, self.gain * self._before(late + 1)
         yield (1.0 - part) * dt, self.gain * self._before(late)
@@ -46,5 +46,5 @@ class Actuator:
         self.gain, self.delay = gain, delay
 
     def _before(self, steps: int) -> Array:
-        """Return the command of N steps ago, or the oldest that is known."""
-        return self._told[max(-steps - 1, -len(self._told))]
+        """Return the command of N steps ago, or the oldest known."""
+        return self._commands[max(-steps - 1, -len(self._commands))]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole loop in one process: what lockstep does over topics, without the topics."""
+"""The whole loop in one process: the computation of lockstep without topics."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
 
-from .plant import SimulatedPlant
+from .simulated_plant import SimulatedPlant
 from .trajectory import Innovations, Series, Trajectory
 
 
@@ -42,7 +42,7 @@ def run(
     arrives: Callable[[str, float], bool] = lambda name, time: True,
     answer: Callable[[int, Array], Array] | None = None,
 ) -> Trajectory:
-    """Return what happens when u = u_0 - K (x_hat - x_0) drives the plant of a scenario.
+    """Return the run of a scenario's plant under u = u_0 - K (x_hat - x_0).
 
     Parameters
     ----------
@@ -55,15 +55,15 @@ def run(
     seed
         Of all noise.
     filter
-        The name of the filter; the one that suits the scenario if it is left empty.
+        The name of the filter; if empty, the scenario's default.
     believed
-        The system that the estimator believes in, if it is another one.
+        The system of the estimator, if different.
     command
-        u_0 (m,) at a time in seconds; the input of the equilibrium unless told otherwise.
+        u_0 (m,) at a time in seconds; the equilibrium input by default.
     arrives
-        Whether the reading that a sensor takes at a time reaches the estimator.
+        Whether a reading taken at a time reaches the estimator.
     answer
-        In place of u_0 and K: the input (m,) for a time in nanoseconds and a state (n,).
+        Instead of u_0 and K: the input (m,) for a time in nanoseconds and a state (n,).
     """
     believed = believed or scenario
     timed = {name: source.timed for name, source in scenario.sensors.items()}

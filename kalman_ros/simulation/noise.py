@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise that reproduces: every source has a stream of its own, named, from one seed."""
+"""Reproducible noise: every source has its own named stream, from one seed."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from kalman_ros.core import Array
 def stream(seed: int, name: str) -> np.random.Generator:
     """Return the stream of random numbers of a source.
 
-    It depends on the seed and the source's name alone, so that adding, dropping or changing one
-    source leaves every other as it was.
+    It depends only on the seed and the source's name, so adding, dropping or changing one
+    source does not affect the others.
     """
     sequence = np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()),))
     return np.random.Generator(np.random.PCG64(sequence))
 
 
 class NoiseSource:
-    """Draws from N(0, covariance), from a `stream` of its own."""
+    """Draws from N(0, covariance), from its own `stream`."""
 
     def __init__(self, seed: int, name: str) -> None:
         self._generator = stream(seed, name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What microphones hear of a source that makes a noise: each a little later, and its own hiss."""
+"""The sound at an array of microphones: each has its own delay and noise."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kalman_ros.core import Array
 
 from .noise import stream
 
-#: Nearer than this, in m, no source is to a microphone.
+#: The least distance from a source to a microphone, in m.
 _NEAREST = 0.01
 
 
@@ -36,22 +36,22 @@ class Sound(NamedTuple):
 
 
 class SimulatedSound:
-    """Frames of sound, as they would come from an array in the open.
+    """Frames of sound from an array in the open.
 
-    Waves are spherical: at the distance r from the source the pressure is its level over r, and
-    is there r / c later. For the time of a frame the source stands still where it is now. That
-    leaves out the way of the sound, so bearings lag in truth by its speed across over c.
+    Waves are spherical: at the distance r from the source the pressure is its level over r,
+    delayed by r / c. The source is at rest during a frame, at its current position. The common
+    travel time is neglected, so true bearings lag by the transverse speed over c.
 
     Parameters
     ----------
     array
         The microphones.
     sample_rate
-        Samples a second.
+        Samples per second.
     samples
         Of one frame, N.
     sound
-        What there is to be heard.
+        The source and its surroundings.
     seed
         Of the sound and of the noise.
 
@@ -65,7 +65,7 @@ class SimulatedSound:
         self, array: MicrophoneArray, sample_rate: float, samples: int, sound: Sound, seed: int
     ) -> None:
         self._array, self._samples, self._sound = array, samples, sound
-        # the frame is cut out of a longer piece, so that no delay reaches over its ends
+        # the frame is cut from a longer piece, so that no delay reaches beyond its ends
         longest = array.radius / array.speed_of_sound
         self._margin = ceil(longest * sample_rate) + 1
         whole = samples + 2 * self._margin
@@ -78,7 +78,7 @@ class SimulatedSound:
                 f'band: expected frequencies up to {sample_rate / 2.0:g} Hz, '
                 f'got {low:g} to {high:g} Hz'
             )
-        # white noise loses what is outside the band
+        # white noise loses the power outside the band
         self._scale = sound.level / np.sqrt(share)
         self._source, self._noise = stream(seed, 'sound source'), stream(seed, 'microphones')
 
@@ -86,10 +86,10 @@ class SimulatedSound:
         """Return a frame (M, N) while the source is at ``place`` (2,), in m from the array."""
         offsets = place - self._array.positions
         r = np.maximum(np.hypot(*offsets.T), _NEAREST)[:, np.newaxis]
-        # what all have in common is left out: who starts to listen does not know it
+        # the common delay is omitted, since a receiver does not know it
         later = (r - np.hypot(*place)) / self._array.speed_of_sound
         whole = self._samples + 2 * self._margin
         spectrum = np.fft.rfft(self._scale * self._source.standard_normal(whole)) * self._inside
         waves = spectrum * np.exp(-2j * np.pi * self._frequencies * later) / r
-        heard = np.fft.irfft(waves, whole)[:, self._margin : self._margin + self._samples]
-        return np.asarray(heard + self._sound.noise * self._noise.standard_normal(heard.shape))
+        frame = np.fft.irfft(waves, whole)[:, self._margin : self._margin + self._samples]
+        return np.asarray(frame + self._sound.noise * self._noise.standard_normal(frame.shape))

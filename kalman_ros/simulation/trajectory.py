@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened in a run, whether it went over topics or not."""
+"""The record of a run, over topics or in one process."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class Trajectory:
     time
         Of each step (N,), in seconds since the start.
     truth, estimate
-        The state (N, n), as it was and as it was believed to be after the readings of the step.
+        The true state (N, n), and its estimate after the readings of the step.
     covariance
-        What the estimator said of its error (N, n, n).
+        Of the estimate (N, n, n).
     input
         From each step on (N, m).
     readings, innovations

@@ -4,13 +4,20 @@
 import numpy as np
 import pytest
 
-from kalman_ros.acoustics.array import MicrophoneArray, circle
+from kalman_ros.acoustics.array import MicrophoneArray
 from kalman_ros.acoustics.arrival import DirectionFinder
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.simulation.sound import SimulatedSound, Sound
 
 RATE, SAMPLES, BAND = 16000.0, 1600, (200.0, 3000.0)
 RADIUS = 0.1
+
+
+def circle(count, radius):
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+
+
 ARRAY = MicrophoneArray(circle(6, RADIUS))
 FINDER = DirectionFinder(ARRAY, RATE, SAMPLES, BAND)
 RANGE = 100.0
@@ -135,7 +142,7 @@ def test_a_source_may_be_heard_without_a_direction():
 
 
 def test_a_hum_is_enough():
-    # most bands hear nothing of the sound
+    # most bands contain nothing of the sound
     errors, variances, evidence = found(10.0, band=(900.0, 1000.0))
     assert np.all(evidence > LEAST_EVIDENCE)
     low, high = chi_square_bounds(1.0, 2.0 / RUNS, 1e-3)

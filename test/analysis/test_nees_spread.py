@@ -81,18 +81,21 @@ def test_the_window_of_the_monitor_notices_a_covariance_that_is_wrong(name, scal
     gain = regulator(built)[0].gain if built.law else None
     run = closed_loop.run(built, gain, 10.0, 3)
     window = NeesWindow(built.model.state.size)
-    for error, P in zip(built.model.state.subtract(run.truth, run.estimate), run.covariance):
-        window.add_error(error, scale * P)
+    errors = built.model.state.subtract(run.truth, run.estimate)
+    window.add_errors(errors, scale * run.covariance)
     assert window.inside() is inside
 
 
 def test_the_window_knows_what_is_no_covariance():
     window = NeesWindow(2)
-    window.add_error(np.array([0.0, 1.0]), np.diag([0.0, 1.0]))  # certain, and rightly so
+    right = [0.0, 1.0], np.diag([0.0, 1.0])  # certain, and rightly so
+    window.add_errors(*map(np.array, zip(right)))
     assert window.mean == 0.5 and window.inside()
-    for error, P in (([1.0, 0.0], np.diag([0.0, 1.0])), ([1.0, 0.0], np.diag([1.0, -1.0]))):
+    for wrong in (([1.0, 0.0], np.diag([0.0, 1.0])), ([1.0, 0.0], np.diag([1.0, -1.0]))):
         window = NeesWindow(2)
-        window.add_error(np.array(error), P)
+        window.add_errors(*map(np.array, zip(right, wrong, right)))
+        assert window.count == 3
+        assert np.isinf(list(window._values)).tolist() == [False, True, False]
         assert not window.inside()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A check that fails says what a person might look at."""
+"""A failed check names its likely causes."""
 
 import pytest
 

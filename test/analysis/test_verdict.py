@@ -13,18 +13,21 @@ def failed(built, run):
     return {check.name for check in judge(built, run).checks if not check.passed}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['cart_pole', 'submersible'])
 def test_a_right_loop_passes(name):
     built = scenario.build({'model': name})
     assert not failed(built, closed_loop.run(built, regulator(built)[0].gain, 5.0, 0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['level', 'turn_rate', 'constant_velocity', 'diff_drive'])
 def test_what_nobody_steers_passes(name):
     built = scenario.build({'model': name})
     assert not failed(built, closed_loop.run(built, None, 5.0, 0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('change', 'notices'),
     [

@@ -10,9 +10,9 @@ from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.models import default_model
+from kalman_ros.models import find_model
 
-CHAIN = kr.continuous_model([[0, 1], [0, 0]], [0, 0.1], [0, 1], states=['x', 'v'])
+CHAIN = kr.continuous_model([[0, 1], [0, 0]], [0, 0.1], B=[0, 1], states=['x', 'v'])
 GPS = kr.sensor([1, 0], 0.25, 'gps')
 PRIOR = kr.Gaussian([0, 0], np.eye(2))
 
@@ -52,7 +52,7 @@ def test_filterpy_agrees():
             peer.predict(u=u[k - 1])
         peer.update(z)
         expected.append(peer.x.ravel())
-    for model, times in ((CHAIN, np.arange(40) * 0.1), (kr.discrete_model(F, Q, G), None)):
+    for model, times in ((CHAIN, np.arange(40) * 0.1), (kr.discrete_model(F, Q, G=G), None)):
         found = kr.filter(model, ([1, 0], 0.25), times, y, u, ([0, 0], 1))
         np.testing.assert_allclose(found.mean, expected, rtol=1e-9, atol=1e-12)
 
@@ -234,15 +234,15 @@ def test_consistency():
         ({'times': [0, np.nan, 1]}, 'times: expected finite times'),
         ({'inputs': [[1, 2], [1, 2], [1, 2]]}, r'inputs: expected shape \(N, 1\)'),
         ({'inputs': [1, np.nan, 2]}, 'inputs: expected finite numbers'),
-        ({'inputs': 'push'}, 'inputs: expected numbers, got str'),
-        ({'inputs': {}}, 'inputs: expected numbers, got dict'),
-        ({'initial': ('a', 1.0)}, 'initial mean: expected numbers, got str'),
+        ({'inputs': 'push'}, 'inputs: expected real numbers'),
+        ({'inputs': {}}, 'inputs: expected real numbers'),
+        ({'initial': ('a', 1.0)}, 'initial mean: expected real numbers'),
         ({'sensors': None}, 'sensors: expected a sensor, several by name'),
         ({'sensors': 3}, r'sensors: expected a sensor, a pair \(H, R\)'),
         ({'sensors': ([1, 0, 0], 1.0)}, 'y: expected 2 columns of H, one a state, got 3'),
         ({'sensors': ([1, 0], -1.0)}, 'R: expected a positive definite'),
         ({'sensors': [GPS, GPS]}, 'sensors: expected distinct names, got'),
-        ({'model': [[1]]}, 'model: expected a model or a scenario, got list'),
+        ({'model': [[1]]}, 'model: expected a model or a scenario, got ..1.'),
         ({'model': 'cartpole'}, "scenario: unknown scenario 'cartpole'; did you mean 'cart_pole'"),
         ({'filter': 'efk'}, "unknown filter 'efk'; did you mean 'ekf'"),
         ({'gates': 99.9}, 'gates: expected a probability such as 0.999, got 99.9'),
@@ -261,10 +261,10 @@ def test_mistakes_are_named(change, says):
         (lambda: kr.Gaussian(np.zeros(2), np.eye(3)),
          'covariance: expected 2 x 2 for a mean of 2 numbers, got 3 x 3'),
         (lambda: kr.Gaussian(0.0, 1.0), 'mean: expected a vector, got the number 0.0'),
-        (lambda: KalmanFilter(default_model('cart_pole')),
+        (lambda: KalmanFilter(find_model('cart_pole')()),
          'filter: kf needs a linear model, got CartPole'),
         (lambda: kr.sensor([1, 0], 1.0, ''), "name: expected a word, such as 'gps', got ''"),
-        (lambda: kr.sensor({}, 1.0), 'H: expected numbers, got dict'),
+        (lambda: kr.sensor({}, 1.0), 'H: expected real numbers, in rows of one length, got dict'),
         (lambda: kr.consistency(None), 'estimates: expected those of one run, or a list .*noth'),
         (lambda: kr.consistency([]), 'estimates: expected at least one run, got none'),
         (lambda: kr.continuous_model(lambda x: x, 1.0), 'states: expected names or a number'),
@@ -292,7 +292,7 @@ def test_an_unnamed_sensor():
 
 def test_everything_prints_its_contents():
     assert repr(GPS) == "MatrixSensor 'gps'(reads: gps; covariance: [[0.25]])"
-    assert repr(default_model('cart_pole')) == (
+    assert repr(find_model('cart_pole')()) == (
         'CartPole(state: x [m], v [m/s], theta [rad], omega [rad/s]; input: f [N])'
     )
     assert repr(kr.continuous_model([[-1]], 2)) == (

@@ -9,7 +9,7 @@ import pytest
 import kalman_ros as kr
 
 A, B = [[0, 1], [0, 0]], [[0], [1]]
-CHAIN = kr.continuous_model(A, [0, 1], B, states=['x [m]', 'v [m/s]'])
+CHAIN = kr.continuous_model(A, [0, 1], B=B, states=['x [m]', 'v [m/s]'])
 
 
 def test_lqr_of_the_double_integrator():
@@ -151,10 +151,13 @@ def test_place():
         (lambda: kr.lqr(A), 'B: expected numbers, got nothing'),
         (lambda: kr.lqr([[0, 1]], B, 1, 1), r'A: expected a square matrix, got shape \(1, 2\)'),
         (lambda: kr.lqr(A, [1, 2, 3], 1, 1), r'B: expected 2 rows, one a state, got shape \(3, 1'),
-        (lambda: kr.lqr(A, B, [1, 2, 3], 1), r'Q: expected 2 numbers \(the diagonal\) or 4'),
+        (
+            lambda: kr.lqr(A, B, [1, 2, 3], 1),
+            'Q: expected a 2 x 2 matrix, its diagonal or one',
+        ),
         (lambda: kr.lqr(A, B, 1, -1), 'R: expected a positive definite matrix'),
         (lambda: kr.lqr(A, B, 1, 1, dt=-1), 'dt: expected a positive number of seconds, got -1'),
-        (lambda: kr.lqr('abc', B, 1, 1), 'A: expected numbers, got str'),
+        (lambda: kr.lqr('abc', B, 1, 1), 'A: expected a matrix or a model, got .abc'),
         (lambda: kr.lqr(kr.load('level').model, 1, 1), 'B: expected at least one input'),
         (lambda: kr.lqe(A, [1, 0, 0], 1, 1), 'C: expected 2 columns, one a state'),
         (lambda: kr.lqe(A, [1, 0], 1, 0), 'V: expected a positive definite matrix'),
@@ -163,7 +166,7 @@ def test_place():
         (lambda: kr.place(A, B, {}), 'poles: expected 2 numbers, one a state, got dict'),
         (lambda: kr.place(A, B, np.eye(2)), r'poles: expected 2 numbers, .* got shape \(2, 2\)'),
         (lambda: kr.margins(A, B, np.eye(2)), 'C: expected a row for each of 1 inputs, got 2'),
-        (lambda: kr.discretize(A, B), 'dt: expected a number of seconds, got None'),
+        (lambda: kr.discretize(A, B), 'dt: expected a number of seconds, got nothing'),
         (lambda: kr.discretize(A, B, np.eye(2)), 'dt: expected a number of seconds, got ndarray'),
         (
             lambda: kr.discretize([[800, 1], [0, 700]], B, 2.0),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every field that is written is read back, through the bytes that go over the wire."""
+"""Every field that is written is read back, through the bytes on the wire."""
 
 import os
 import struct
@@ -146,6 +146,25 @@ def test_a_reader_follows_when_names_or_lengths_change():
     )
     np.testing.assert_array_equal(reader(bytes(serialize_message(other))).values, [9.0, 5.0])
     np.testing.assert_array_equal(reader(over_the_wire(one, 3, [1.0, 2.0])).values, [1.0, 2.0])
+
+
+def test_several_publishers_of_one_topic_each_have_a_layout(monkeypatch):
+    """Up to four layouts are kept, so that each is learnt once; of more, the newest."""
+    learnt, learn = [], wire.learn
+    monkeypatch.setattr(wire, 'learn', lambda *given: learnt.append(given) or learn(*given))
+    codecs = [SignalCodec(PLAIN['pose'], 'x' * 8 * k) for k in range(5)]
+    reader = WireReader(codecs[0])
+
+    def read(count):
+        for turn in range(3):
+            for k, codec in enumerate(codecs[:count]):
+                sample = reader(over_the_wire(codec, turn, [float(k), 0.5 * turn]))
+                np.testing.assert_array_equal(sample.values, [k, 0.5 * turn])
+                assert sample.time == turn
+        return len(learnt)
+
+    assert read(4) == 4
+    assert read(5) == 4 + 1 + 2 * 5
 
 
 def test_a_name_or_element_that_is_not_there_is_a_lookup_error():

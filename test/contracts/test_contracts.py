@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from monte_carlo import consistency, truths
 
 from kalman_ros import models, scenario, sensors
 from kalman_ros.analysis.observability import observability
@@ -15,7 +16,6 @@ from kalman_ros.core import Gaussian, Model, Sensor, numerical_jacobian
 from kalman_ros.estimators import FILTERS, build_filter
 from kalman_ros.scenario import wiring
 from kalman_ros.scenario.parameter_files import from_file
-from kalman_ros.simulation.monte_carlo import consistency, truths
 
 CONFIG = Path(__file__).parents[2] / 'config'
 CONFIGS = sorted(CONFIG.glob('*.yaml'))
@@ -53,7 +53,7 @@ def symmetric_positive(P):
 @pytest.mark.parametrize('name', MODELS)
 class TestModel:
     def test_dimensions_match_the_spaces(self, name):
-        model = models.default_model(name)
+        model = models.find_model(name)()
         xs, us = points(model)
         n, m = model.state.size, model.input.size
         assert isinstance(model, Model)
@@ -64,7 +64,7 @@ class TestModel:
         assert model.input_jacobian(xs[0], us[0]).shape == (n, m)
 
     def test_many_points_are_as_one_by_one(self, name):
-        model = models.default_model(name)
+        model = models.find_model(name)()
         xs, us = points(model)
         for function in (model.derivative, lambda x, u: model.step(x, u, 0.02)):
             together = function(xs, us)
@@ -72,7 +72,7 @@ class TestModel:
             np.testing.assert_allclose(together, one_by_one, atol=1e-12)
 
     def test_analytic_jacobians_are_the_numerical_ones(self, name):
-        model = models.default_model(name)
+        model = models.find_model(name)()
         for x, u in zip(*points(model)):
             # those of the base class are numerical
             A, B = Model.state_jacobian(model, x, u), Model.input_jacobian(model, x, u)
@@ -80,14 +80,14 @@ class TestModel:
             np.testing.assert_allclose(model.input_jacobian(x, u), B, atol=1e-6)
 
     def test_a_short_step_follows_the_derivative(self, name):
-        model = models.default_model(name)
+        model = models.find_model(name)()
         xs, us = points(model)
         dt = 1e-6
         slope = model.state.subtract(model.step(xs, us, dt), xs) / dt
         np.testing.assert_allclose(slope, model.derivative(xs, us), rtol=1e-4, atol=1e-4)
 
     def test_noise_is_a_covariance_and_grows_with_time(self, name):
-        model = models.default_model(name)
+        model = models.find_model(name)()
         x, u = (p[0] for p in points(model))
         symmetric_positive(model.noise_density(x))
         short, long = (model.transition(x, u, dt).Q for dt in (0.01, 0.1))
@@ -96,7 +96,7 @@ class TestModel:
         assert np.trace(long) > np.trace(short)
 
     def test_inputs_are_not_changed(self, name):
-        model = models.default_model(name)
+        model = models.find_model(name)()
         xs, us = points(model)
         before = xs.copy(), us.copy()
         model.derivative(xs, us)
@@ -106,13 +106,13 @@ class TestModel:
         np.testing.assert_array_equal(us, before[1])
 
     def test_it_rests_at_its_equilibrium(self, name):
-        model = models.default_model(name)
+        model = models.find_model(name)()
         x, u = model.equilibrium
         np.testing.assert_allclose(model.derivative(x, u), np.zeros(model.state.size), atol=1e-9)
 
     def test_its_sensors_see_what_grows(self, name):
         found = observability(scenario.build({'model': name}))
-        assert {*found.seen, *found.unseen} == {*models.default_model(name).state.names}
+        assert {*found.seen, *found.unseen} == {*models.find_model(name)().state.names}
 
     def test_the_filter_that_it_names_serves_it(self, name):
         built = scenario.build({'model': name})
@@ -120,7 +120,7 @@ class TestModel:
 
     def test_a_model_without_inputs_has_no_options_of_an_input(self, name):
         found = scenario.options({'model': name})
-        there = models.default_model(name).input.size > 0
+        there = models.find_model(name)().input.size > 0
         for option in ('input.topic', 'input.fields', 'state_cost', 'input_cost'):
             assert (option in found) is there
 
@@ -157,7 +157,7 @@ def test_a_parameter_file_is_a_whole_scenario(path):
 class TestSensor:
     def test_dimensions_match_the_space(self, name, sensor):
         found = sensor_of(name, sensor)
-        xs, _ = points(models.default_model(name))
+        xs, _ = points(models.find_model(name)())
         assert isinstance(found, Sensor)
         assert found.measure(xs).shape == (len(xs), found.output.size)
         symmetric_positive(found.covariance)
@@ -165,13 +165,13 @@ class TestSensor:
 
     def test_a_linear_sensor_has_the_same_jacobian_everywhere(self, name, sensor):
         found = sensor_of(name, sensor)
-        first, *others = (found.jacobian(x) for x in points(models.default_model(name))[0])
+        first, *others = (found.jacobian(x) for x in points(models.find_model(name)())[0])
         same = all(np.allclose(first, other) for other in others)
         assert same is found.linear
 
     def test_the_analytic_jacobian_is_the_numerical_one(self, name, sensor):
         found = sensor_of(name, sensor)
-        for x in points(models.default_model(name))[0]:
+        for x in points(models.find_model(name)())[0]:
             expected = numerical_jacobian(found.measure, x, found.output.subtract)
             np.testing.assert_allclose(found.jacobian(x), expected, atol=1e-7)
 

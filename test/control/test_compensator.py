@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from kalman_ros.control.compensator import compensator, current_compensator
-from kalman_ros.control.lqe import Readings, dlqe, lqe
+from kalman_ros.control.lqe import dlqe, lqe
 from kalman_ros.control.lqr import cost, dlqr, lqr
 from kalman_ros.control.performance import stationary_cost
 from kalman_ros.control.separation import LqgLoop, optimal_cost
 from kalman_ros.control.state_space import StateSpace, state_space, static
 from kalman_ros.core import DesignError, Transition
+from kalman_ros.linear.periodic import Readings
 from kalman_ros.linear.placement import place, place_observer
 
 W, V = np.diag([0.3, 0.1, 0.2]), np.diag([0.2, 0.5])

@@ -46,7 +46,7 @@ def regulator(name='lqr', limits=None, blend=0.0, **options):
 
 
 def simulate(regulator, seconds, x=(0.0, 0.0), disturbance=0.0):
-    """Return states and inputs (N, n), (N, m) under a constant force that nobody knows of."""
+    """Return states and inputs (N, n), (N, m) under an unknown constant force."""
     step, x = SYSTEM.sampled(DT), np.array(x)
     states, inputs = [], []
     for _ in range(round(seconds / DT)):

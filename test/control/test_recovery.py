@@ -42,7 +42,7 @@ def test_each_loop_is_stable_with_the_poles_of_both():
 
 
 def test_a_zero_in_the_right_half_plane_stands_in_the_way():
-    wrong_way = np.array([[1.0, -0.5]])  # 1 - s / 2, but for the shift of the poles
+    wrong_way = np.array([[1.0, -0.5]])  # 1 - s / 2, except for the shift of the poles
     designs = recover(state_space(A, B, wrong_way), regulator_gain(), NOISES, [1e2, 1e3, 1e4])
     assert min(design.gap(FREQUENCIES).max() for design in designs) > 0.5
 

@@ -6,11 +6,12 @@ import pytest
 from scipy.linalg import block_diag
 
 from kalman_ros.control.identification import fit
-from kalman_ros.control.lqe import Readings, dlqe
+from kalman_ros.control.lqe import dlqe
 from kalman_ros.control.lqr import cost, sampled_cost, sampled_lqr
 from kalman_ros.control.separation import LqgLoop, optimal_cost
 from kalman_ros.control.state_space import static
 from kalman_ros.core import DesignError, LinearSystem, Space
+from kalman_ros.linear.periodic import Readings
 from kalman_ros.linear.structure import continuous_poles
 
 DT = 0.05

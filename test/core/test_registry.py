@@ -58,7 +58,7 @@ class Impostor:
 
 @pytest.fixture
 def mine(tmp_path, monkeypatch):
-    """Return a module of somebody's own, with things to name in it."""
+    """Return a user's module with objects to name."""
     (tmp_path / 'mine_own.py').write_text(MINE)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, 'mine_own', raising=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sensor reads as often as its rate says, from the first step on."""
+"""A sensor measures at its rate, from the first step on."""
 
 from itertools import pairwise
 

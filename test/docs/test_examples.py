@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The examples of docs/examples run, say what they claim, and are a page long."""
+"""The examples of docs/examples run, print their claims, and are a page long."""
 
 import subprocess
 import sys

@@ -240,16 +240,16 @@ def test_none_counts_for_more_than_half(own, other, enough):
 
 def test_how_long_a_sensor_counts():
     record = Record()
-    assert not record.lives(SECOND)
+    assert not record.is_expected(SECOND)
     record = record.after(SECOND, agrees=True)
-    assert record.lives(10_000 * SECOND)  # nobody knows how slow it is
-    assert not record.lives(62 * SECOND, longest=60 * SECOND)
+    assert record.is_expected(10_000 * SECOND)  # its interval is unknown
+    assert not record.is_expected(62 * SECOND, longest=60 * SECOND)
     slow = record.after(3 * SECOND, agrees=True)
-    assert slow.lives(23 * SECOND)
-    assert not slow.lives(23 * SECOND + 1)
+    assert slow.is_expected(23 * SECOND)
+    assert not slow.is_expected(23 * SECOND + 1)
     fast = record.after(SECOND + 1000, agrees=False)
-    assert fast.lives(2 * SECOND + 1000)
-    assert not fast.lives(2 * SECOND + 1001)
+    assert fast.is_expected(2 * SECOND + 1000)
+    assert not fast.is_expected(2 * SECOND + 1001)
 
 
 def test_a_bearing_along_an_axis_sees_both_coordinates():

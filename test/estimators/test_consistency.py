@@ -9,8 +9,10 @@ from kalman_ros.estimators.consistency import (
     chi_square_bounds,
     chi_square_gate,
     nees,
+    normalised,
 )
 from kalman_ros.estimators.error_statistics import Comparison
+from kalman_ros.sensors.linear import Linear
 
 
 @pytest.mark.parametrize('degrees', [1, 3, 40])
@@ -72,4 +74,44 @@ def test_a_covariance_that_is_too_small_or_none_at_all_is_called_too_sure(factor
     for time in range(100):
         found.truth(time, np.zeros(2))
         found.estimate(time, Gaussian(rng.normal(size=2), factor * np.eye(2)))
+    found.settle()
     assert found.nees.mean > 10.0 and not found.nees.inside()
+
+
+def test_pairs_are_compared_in_any_number_at_once():
+    """Also without a call of `settle`, so that no more of them are kept than a few hundred."""
+    space, rng, found = Space(('a', 'b'), ('', 'rad'), ('b',)), np.random.default_rng(1), []
+    sensor = Linear(space, [1.0, 1.0], [1.0, 0.0, 0.0, 1.0])
+    x, mean, y, u = (rng.normal(scale=3.0, size=(1200, size)) for size in (2, 2, 2, 1))
+    P, weight = np.array([[2.0, 0.3], [0.3, 1.0]]), np.diag([1.0, 2.0, 3.0])
+    for each in (False, True):
+        comparison = Comparison(space, {'y': sensor}, weight, 2000)
+        for time in range(1200):
+            comparison.reading('y', time, y[time])
+            comparison.truth(time, x[time])
+            comparison.estimate(time, Gaussian(mean[time], P))
+            comparison.input(time, u[time])
+            assert sum(map(len, comparison._pairs.values())) < 1500
+            if each:
+                comparison.settle()
+        comparison.settle()
+        roots = comparison.error.root, comparison.raw['y'].root, comparison.fused['y'].root
+        found.append([*np.hstack(roots), comparison.nees.mean, comparison.cost])
+        assert comparison.steps == comparison.error.count == comparison.nees.count == 1200
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-12)
+    z = np.hstack((x, u))
+    np.testing.assert_allclose(found[0][-1], np.sum(z**2 * weight.diagonal()), rtol=1e-12)
+    errors = space.subtract(x, mean)
+    np.testing.assert_allclose(found[0][:2], np.sqrt(np.mean(errors**2, axis=0)), rtol=1e-12)
+
+
+@pytest.mark.parametrize('error', [[0.0, 1.0, -2.0], [0.5, 1.0, -2.0], [0.0, np.nan, 1.0]])
+def test_errors_in_certain_coordinates_count_alike_with_and_without_a_root(error):
+    """A certain coordinate without error counts nothing, with one all; NaN is not taken for 0."""
+    P = np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.5], [0.0, 0.5, 1.0]])
+    z = normalised(np.array(error), P)
+    np.testing.assert_allclose(z @ z, nees(np.array(error), P))
+    rest = np.array(error)[1:] @ np.linalg.solve(P[1:, 1:], np.array(error)[1:])
+    np.testing.assert_allclose(z @ z, np.inf if error[0] else rest)
+    several = normalised(np.array([error, error]), np.array([P, P]))
+    np.testing.assert_array_equal(several, [z, z])

@@ -236,6 +236,13 @@ def test_an_unobservable_mode_that_grows_has_no_steady_state():
             build_filter(kind, plan)
 
 
+def test_an_observer_without_sensors_is_refused():
+    space = Space(('a',), ('',))
+    system = LinearSystem(np.eye(1), np.eye(1), np.eye(1), space, space)
+    with pytest.raises(DesignError, match='filter: luenberger needs at least one enabled sensor'):
+        build_filter('luenberger', Plan(system, {}, 10.0))
+
+
 @pytest.mark.parametrize('kind', ['kf', 'steady_state', 'luenberger'])
 def test_linear_filters_refuse_other_models(kind):
     with pytest.raises(ValueError, match=f'filter: {kind} needs a linear model, got Unicycle'):

@@ -7,7 +7,7 @@ import pytest
 from kalman_ros import scenario
 from kalman_ros.core import Gaussian, Space
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.gaussian_sum import Mixture
+from kalman_ros.estimators.mixture import Mixture, forecast_nis, reduced
 from kalman_ros.sensors.bearing import Bearing
 
 PLANE = Space(('x', 'y', 'v_x', 'v_y'), ('m', 'm', 'm/s', 'm/s'))
@@ -45,34 +45,134 @@ def test_another_covariance_makes_one_gaussian_of_a_mixture():
     np.testing.assert_array_equal(found.mean, np.ones(4))
 
 
-def test_hypotheses_of_a_bearing_are_ranges_in_its_direction():
-    sensor = bearing(position=(5.0, -3.0))
-    prior = PRIOR._replace(mean=np.array([35.0, -3.0, 1.0, 0.0]))
-    weights, parts = zip(*sensor.hypotheses(prior, np.array([0.5]), 10))
-    away = np.array([part.mean[:2] for part in parts]) - [5.0, -3.0]
-    # the reading says 0.5 +- 0.02, the belief 0 +- 1/3
-    variance = 1.0 / (9.0 + 1.0 / 0.02**2)
-    direction = 0.5 * variance / 0.02**2
-    np.testing.assert_allclose(np.arctan2(*away.T[::-1]), direction, atol=0.01)
-    lines = away / np.hypot(*away.T)[:, None]
-    widths = [np.sqrt(u @ p.covariance[:2, :2] @ u) for u, p in zip(lines, parts)]
-    distances = np.hypot(*away.T)
-    np.testing.assert_allclose(widths / distances, widths[0] / distances[0])
-    np.testing.assert_allclose(
-        [np.linalg.det(p.covariance[:2, :2]) for p in parts],
-        (widths * distances) ** 2 * variance,
-        rtol=0.02,
-    )
-    # together they are what the belief and the reading say, and all else is as it was
-    together = Mixture(np.array(weights) / np.sum(weights), parts, PLANE)
-    drawn = np.random.default_rng(0).multivariate_normal(prior.mean, prior.covariance, 400_000)
-    near = np.exp(-0.5 * sensor.output.subtract(sensor.measure(drawn), 0.5)[:, 0] ** 2 / 0.02**2)
-    mean = near @ drawn[:, :2] / near.sum()
-    d = drawn[:, :2] - mean
-    np.testing.assert_allclose(together.mean[:2], mean, atol=0.6)
-    np.testing.assert_allclose(together.covariance[:2, :2], (near * d.T) @ d / near.sum(), atol=12)
-    np.testing.assert_allclose(together.mean[2:], prior.mean[2:], atol=1e-12)
-    np.testing.assert_allclose(together.covariance[2:, 2:], prior.covariance[2:, 2:])
+@pytest.mark.parametrize(
+    ('mean', 'std', 'y'),
+    [
+        ((30.0, 0.0, 1.0, 0.0), (10.0, 10.0, 1.0, 1.0), 0.5),
+        ((3.0, 1.0, 1.0, 0.0), (10.0, 5.0, 1.0, 1.0), 0.3),  # it reaches around the sensor
+        ((-20.0, 0.0, -1.0, 2.0), (8.0, 0.5, 1.0, 1.0), -3.13),
+    ],
+)
+def test_hypotheses_of_a_bearing_are_what_sampling_makes_of_belief_and_reading(mean, std, y):
+    place = np.array([5.0, -3.0])
+    sensor = bearing(noise=0.05, position=place)
+    turned = np.diag(std) @ np.eye(4)[[0, 1, 2, 3]] + 0.4 * np.eye(4)[[2, 3, 0, 1]]
+    prior = Gaussian(np.array(mean) + np.append(place, (0.0, 0.0)), turned @ turned.T)
+    found = sensor.hypotheses(prior, np.array([y]), 8)
+    drawn = np.random.default_rng(0).multivariate_normal(*prior, 200_000)
+    error = sensor.output.subtract(np.array([y]), sensor.measure(drawn))[:, 0]
+    likelihood = np.exp(-0.5 * (error / 0.05) ** 2) / (0.05 * np.sqrt(2.0 * np.pi))
+    weights = np.exp(found.log_weights)
+    assert weights.sum() == pytest.approx(likelihood.mean(), rel=0.04)
+    expected = likelihood @ drawn / likelihood.sum()
+    d = drawn - expected
+    P = (likelihood * d.T) @ d / likelihood.sum()
+    together = Mixture(weights / weights.sum(), found.parts, PLANE)
+    scale = np.sqrt(P.diagonal())
+    np.testing.assert_allclose((together.mean - expected) / scale, 0.0, atol=0.03)
+    np.testing.assert_allclose((together.covariance - P) / np.outer(scale, scale), 0, atol=0.03)
+    # and the forecast is that of the belief alone
+    predicted = sensor.output.mean(sensor.measure(drawn), np.full(len(drawn), 1.0 / len(drawn)))
+    d = sensor.output.subtract(sensor.measure(drawn), predicted)[:, 0]
+    f = sensor.output.subtract(found.forecast, predicted)[:, 0]
+    assert found.shares @ f == pytest.approx(d.mean(), abs=0.03)
+    assert found.shares @ f**2 == pytest.approx(np.mean(d**2), rel=0.05)
+
+
+def test_each_part_of_the_range_is_as_uncertain_relative_to_it_as_the_next():
+    found = bearing().hypotheses(PRIOR, np.array([0.0]), 8)
+    ranges = np.array([part.mean[0] for part in found.parts])
+    ratio = 20.0 ** (1.0 / 8.0)
+    # but for the first, which reaches down to the sensor, and the last, of which little is likely
+    np.testing.assert_allclose((ranges[1:] / ranges[:-1])[1:], ratio, rtol=0.1)
+    widths = np.array([part.std[0] for part in found.parts]) / ranges
+    assert (widths[1:] <= (ratio - 1.0) / np.sqrt(12.0)).all()
+
+
+@pytest.mark.parametrize('rho', [0.0, 0.7])
+def test_a_belief_is_divided_where_the_second_order_term_counts(rho):
+    """Sampling confirms the term, that of a bearing in closed form, and when it is small."""
+    r, along, across = 30.0, 1.5, 0.6
+    P = np.diag([along**2, across**2, 1.0, 1.0])
+    P[0, 1] = P[1, 0] = rho * along * across
+    prior = Gaussian(np.array([r, 0.0, 0.0, 0.0]), P)
+    term = (P[0, 0] * P[1, 1] + P[0, 1] ** 2) / r**4
+    x = np.random.default_rng(0).multivariate_normal(*prior, 400_000)
+    sampled = bearing().measure(x)[:, 0]
+    linear = sampled - x[:, 1] / r
+    assert np.var(linear) == pytest.approx(term, rel=0.05)
+    quarter = np.sqrt(term) / 0.25
+    assert bearing(0.95 * quarter).hypotheses(prior, np.zeros(1), 8) is not None
+    assert bearing(1.05 * quarter).hypotheses(prior, np.zeros(1), 8) is None
+
+
+def test_what_may_lie_behind_the_sensor_is_divided_however_narrow_it_is():
+    narrow = PRIOR._replace(covariance=np.diag([100.0, 1e-6, 1.0, 1.0]))
+    assert bearing().hypotheses(narrow, np.zeros(1), 8) is not None
+    assert bearing().hypotheses(narrow._replace(mean=4 * PRIOR.mean), np.zeros(1), 8) is None
+
+
+def test_a_part_is_divided_again_for_a_sensor_that_it_is_close_to():
+    """Belief and samples of it agree there; of one linearisation they do not."""
+    filter = build_filter('gaussian_sum', scenario.build({'model': 'bearing_tracker'}).plan)
+    target = np.array([12.5, 1.05])
+    prior = Gaussian(np.array([12.0, 1.0, -1.0, 0.0]), np.diag([4.0, 0.5, 0.1, 0.1]) ** 2)
+    drawn = np.random.default_rng(0).multivariate_normal(*prior, 1_000_000)
+    belief, weight = prior, np.ones(len(drawn))
+    for place in ((0.0, 0.0), (10.0, 0.0)):
+        sensor = bearing(position=place)
+        y = sensor.measure(target)
+        single = filter.ekf.correct(belief, y, sensor).posterior
+        before, belief = belief, filter.correct(belief, y, sensor).posterior
+        weight *= np.exp(-0.5 * (sensor.measure(drawn) - y)[:, 0] ** 2 / 0.02**2)
+    assert any(sensor.hypotheses(part, y, 8) for part in before.parts)
+    mean = weight @ drawn / weight.sum()
+    std = np.sqrt(weight @ (drawn - mean) ** 2 / weight.sum())
+    np.testing.assert_allclose((belief.mean - mean)[:2] / std[:2], 0.0, atol=0.15)
+    np.testing.assert_allclose(belief.std[:2], std[:2], rtol=0.15)
+    assert np.abs((single.mean - mean)[:2] / std[:2]).max() > 0.5
+
+
+def test_fewer_parts_have_the_moments_of_all():
+    rng = np.random.default_rng(1)
+    parts = [Gaussian(rng.normal(size=4), np.diag(rng.uniform(0.5, 2.0, 4))) for _ in range(9)]
+    weights = rng.dirichlet(np.ones(9))
+    whole = Mixture(weights, parts, PLANE)
+    fewer = reduced(weights, parts, PLANE, 4)
+    assert len(fewer.parts) == len(fewer.weights) == 4
+    np.testing.assert_allclose(fewer.mean, whole.mean, atol=1e-12)
+    np.testing.assert_allclose(fewer.covariance, whole.covariance, atol=1e-12)
+
+
+def test_parts_that_are_alike_are_merged_and_others_are_kept():
+    near, far = Gaussian(np.zeros(4), np.eye(4)), Gaussian(np.full(4, 9.0), np.eye(4))
+    found = reduced(np.array([0.3, 0.3, 0.4]), [near, far, near], PLANE, 8)
+    np.testing.assert_allclose(sorted(found.weights), [0.3, 0.7])
+    certain = Gaussian(np.zeros(4), np.diag([0.0, 1.0, 1.0, 1.0]))
+    assert len(reduced(np.full(3, 1 / 3), [certain, certain, far], PLANE, 8).parts) == 3
+
+
+def test_the_nis_of_one_gaussian_is_its_square():
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(3, 3))
+    S, innovation = root @ root.T, rng.normal(size=3)
+    found = forecast_nis(np.ones(1), innovation[None], S[None])
+    assert found == pytest.approx(innovation @ np.linalg.solve(S, innovation), rel=1e-9)
+
+
+def test_the_nis_of_a_mixture_is_chi_square_however_far_apart_its_parts_are():
+    rng = np.random.default_rng(3)
+    weights = np.array([0.9, 0.099, 0.001])
+    means = np.array([[0.0, 0.0], [4.0, -3.0], [400.0, 400.0]])
+    roots = np.array([[[1.0, 0.0], [0.5, 0.5]], [[0.1, 0.0], [0.0, 2.0]], np.eye(2)])
+    S = roots @ roots.swapaxes(-1, -2)
+    chosen = rng.choice(3, 2_000, p=weights)
+    y = means[chosen] + np.einsum('rij,rj->ri', roots[chosen], rng.standard_normal((2_000, 2)))
+    found = np.array([forecast_nis(weights, each - means, S) for each in y])
+    assert found.mean() == pytest.approx(2.0, abs=4.0 * np.sqrt(4.0 / 2_000))
+    assert np.mean(found > 9.21) == pytest.approx(0.01, abs=4.0 * np.sqrt(0.01 / 2_000))
+    # one part less, and it fails: what had no place in the forecast is far off
+    assert forecast_nis(np.ones(1), means[2] - means[:1], S[:1]) > 1e4
 
 
 def test_the_weights_find_the_range_when_another_place_is_looked_from():
@@ -85,7 +185,8 @@ def test_the_weights_find_the_range_when_another_place_is_looked_from():
         belief = filter.correct(belief, y, sensor).posterior
     best = belief.parts[np.argmax(belief.weights)]
     assert belief.weights.sum() == pytest.approx(1.0)
-    assert len(belief.parts) <= 2  # on both sides of the edge between two; the others are given up
+    # the others are given up
+    assert all(np.hypot(*(part.mean[:2] - target)) < 3.0 for part in belief.parts)
     assert np.hypot(*(best.mean[:2] - target)) < 1.5
     assert np.hypot(*(belief.mean[:2] - target)) < 1.5
     assert np.sqrt(np.trace(belief.covariance[:2, :2])) < 2.5

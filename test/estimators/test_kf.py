@@ -65,7 +65,7 @@ def test_the_filter_equals_filterpy(seed):
 
 
 def test_a_precise_reading_of_a_vague_state_keeps_the_covariance_definite():
-    system = models.default_model('mass_spring_damper')
+    system = models.find_model('mass_spring_damper')()
     sensor = States(system.state, [1e-7], ('x',))
     belief = Gaussian(np.zeros(2), np.diag([1e8, 1e8]))
     filter = KalmanFilter(system)

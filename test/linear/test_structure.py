@@ -5,7 +5,7 @@ import pytest
 from kalman_ros.linear.structure import controllability, observability
 
 NAMES = ('x', 'v', 'z')
-# a body, and beside it something of its own that grows
+# a body, and an independent growing mode
 A = np.array([[0.0, 1.0, 0.0], [-2.0, -1.0, 0.0], [0.0, 0.0, 0.5]])
 
 

@@ -10,7 +10,7 @@ from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.programs.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
 from kalman_ros.programs.compare.cases import CASES
-from kalman_ros.programs.compare.comparison import study
+from kalman_ros.programs.compare.comparison import measured
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 
@@ -31,7 +31,7 @@ def bound(built, manoeuvre=manoeuvre):
 
 
 def position_errors(built, filter, seed):
-    """Return the error of position at each step of one run, with a prior of its own."""
+    """Return the error of position at each step of one run, with its prior."""
     belief = drawn(np.random.default_rng(seed))
     run = closed_loop.run(
         replace(built, initial_belief=belief),
@@ -95,7 +95,7 @@ def test_a_first_belief_in_quite_another_direction_does_no_harm(seed):
 def test_ranges_side_by_side_keep_what_one_range_loses():
     case, lost, median, sure = CASES['bearings_only'], {}, {}, {}
     for filter in ('ekf', 'ukf', 'gaussian_sum'):
-        found = study(case, 2.0, filter, 60)
+        found = measured(case, 2.0, filter, 60)
         lost[filter], median[filter] = found.lost, np.median(found.final)
         sure[filter] = np.median(found.nees)
     assert lost['gaussian_sum'] <= 1 < lost['ekf']

@@ -57,8 +57,9 @@ def test_without_friction_it_keeps_its_energy():
     np.testing.assert_allclose(energy(x), before, rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('filter', ['ekf', 'ukf'])
-@pytest.mark.parametrize('seed', [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('seed', [0, 1])
 def test_the_loop_recovers_from_a_lean(filter, seed):
     built = scenario.build({'model': 'cart_pole'})
     assert built.initial_state[2] == 0.3

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets that nobody steers: no input, no controller, readings that do not wait."""
+"""Targets without an input or a controller, with unsynchronised readings."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes in this process, with a peer to talk to, in a domain that nobody else has."""
+"""Nodes in this process, with a peer, in a private domain."""
 
 import sys
 import time
@@ -26,7 +26,7 @@ class Pair:
     def publisher(self, kind, topic):
         """Return a publisher of the peer that the node has found."""
         found = self.peer.create_publisher(kind, topic, 1000)
-        self.until(found.get_subscription_count, f'nobody subscribes to {topic}')
+        self.until(found.get_subscription_count, f'no subscriber of {topic}')
         return found
 
     def until(self, condition, complaint):
@@ -47,9 +47,9 @@ def pair(monkeypatch):
     """Return a function that starts a node with parameters, beside a peer."""
     domain, pairs = Domain(), []
 
-    def started(build, **parameters):
+    def started(build, file='', **parameters):
         settings = [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
-        args = ['--ros-args', *settings]
+        args = ['--ros-args', *(['--params-file', file] if file else []), *settings]
         monkeypatch.setattr(sys, 'argv', ['test', *args])
         rclpy.init(args=args, domain_id=domain.id)
         pairs.append(Pair(build))

@@ -114,7 +114,7 @@ def test_an_estimator_that_started_anew_is_told_once():
 
 
 def test_a_new_start_is_told_by_what_an_estimator_starts_with_too():
-    """One that was sure before the controller began to listen may start anew."""
+    """An estimator that was certain before the controller subscribed may restart."""
     watch = trust(most=(np.inf, np.inf), prior=(1.0, 2.0))
     assert watch.reason(estimate(P=1e-4 * np.eye(2)), None) == ''
     assert 'reset: v is' in watch.reason(estimate(P=np.diag([1e-4, 2.0])), None)

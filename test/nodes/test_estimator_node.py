@@ -38,7 +38,7 @@ def record(pair, monkeypatch):
 
 
 def test_readings_that_waited_in_the_wrong_order_are_each_computed_once(pair, monkeypatch):
-    """Each that is taken in late would make all those after it anew."""
+    """Each late one would repeat all those after it."""
     found = pair(EstimatorNode)
     velocity = found.publisher(TwistWithCovarianceStamped, 'velocity')
     online, computed = found.node._online, []

@@ -25,7 +25,7 @@ NODES = {'plant': PlantNode, 'estimator': EstimatorNode, 'controller': Controlle
 
 @pytest.fixture
 def start():
-    """Build a node with arguments, in a domain of its own; the one before it is gone then."""
+    """Build a node with arguments, in a private domain; the one before it is destroyed."""
     domain, built = Domain(), []
 
     def end():
@@ -63,6 +63,7 @@ def dump(node, path):
     path.write_text(yaml.dump(full, default_flow_style=False))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('config', CONFIGS, ids=lambda path: path.stem)
 def test_what_is_dumped_is_loaded(config, start, tmp_path):
     for name in NODES:
@@ -73,7 +74,9 @@ def test_what_is_dumped_is_loaded(config, start, tmp_path):
             continue
         path, before = tmp_path / f'{name}.yaml', given(node)
         dump(node, path)
-        for message in parameter_dict_from_yaml_file(str(path)).values():
+        # as `ros2 param load` does
+        target = [node.get_fully_qualified_name()]
+        for message in parameter_dict_from_yaml_file(str(path), target_nodes=target).values():
             result = node.set_parameters_atomically([Parameter.from_parameter_msg(message)])
             assert result.successful, (message, result.reason)
         assert given(node) == before

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What nodes say of how often and how late."""
+"""Rates and latencies that nodes measure."""
 
 import pytest
 

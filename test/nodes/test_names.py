@@ -12,8 +12,9 @@ from kalman_ros import scenario
 from kalman_ros.control.laws import LAWS, law_options
 from kalman_ros.core import options_of
 from kalman_ros.estimators import FILTERS, filter_options
-from kalman_ros.nodes import names, options
+from kalman_ros.nodes import options
 from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.pipeline import names
 from kalman_ros.simulation import faults
 
 OPTIONS = {

@@ -69,6 +69,16 @@ def test_the_plant_never_gets_further_ahead_than_the_recorder_confirmed():
     assert plant.said[-1] == 15
 
 
+@pytest.mark.parametrize('forged', [0, 2**62])
+def test_a_forged_confirmation_neither_holds_the_plant_back_nor_lets_it_run_ahead(forged):
+    plant, pacer = started(window=10)
+    answer(pacer, 5)
+    pacer.confirm(FIRST_STAMP + round(4 * PERIOD * 1e9))
+    pacer.confirm(forged)
+    answer(pacer, 50)
+    assert plant.said[-1] == (14 if forged == 0 else 15)
+
+
 def test_without_a_recorder_nobody_waits_for_one():
     plant, pacer = started()
     answer(pacer, 5000)

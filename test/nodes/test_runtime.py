@@ -58,7 +58,7 @@ def test_a_node_rests_before_its_executor_waits_for_its_threads(error, monkeypat
 
 
 def test_an_output_that_is_closed_does_not_wait_for_subscribers():
-    """Only whoever destroys the publisher has to; the node would be deaf meanwhile."""
+    """Only the owner of the publisher waits; the node would receive nothing meanwhile."""
     publisher = Witness()
     limiter = Limiter(Limits(np.array([5.0]), np.array([np.inf])), np.zeros(1))
     output = OutputStage(publisher, lambda *_: b'', limiter, 0.01, simulated=False)

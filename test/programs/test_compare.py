@@ -8,6 +8,7 @@ import pytest
 from kalman_ros.programs.compare import program as compare
 
 
+@pytest.mark.slow
 def test_it_prints_a_table_and_writes_its_results(tmp_path, capsys):
     arguments = ['range_bearing', '--runs', '3', '--out', str(tmp_path / 'out')]
     compare.main(arguments)

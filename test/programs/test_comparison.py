@@ -6,14 +6,14 @@ import pytest
 
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.programs.compare.cases import CASES
-from kalman_ros.programs.compare.comparison import study
+from kalman_ros.programs.compare.comparison import measured
 from kalman_ros.simulation.noise import stream
 
 RUNS = 60
 
 
 def both(name, width, runs=RUNS):
-    return [study(CASES[name], width, filter, runs) for filter in ('ekf', 'ukf')]
+    return [measured(CASES[name], width, filter, runs) for filter in ('ekf', 'ukf')]
 
 
 WITHIN = chi_square_bounds(1.0, 2.0 / (2 * 200), 1e-3)
@@ -80,6 +80,6 @@ def test_a_run_whose_error_is_no_number_is_lost():
 
 def test_every_filter_meets_the_same_truth():
     case = CASES['range_bearing']
-    seen = [study(case, 3.0, filter, 2).errors[:, 0] for filter in ('ekf', 'ukf', 'ekf')]
+    seen = [measured(case, 3.0, filter, 2).errors[:, 0] for filter in ('ekf', 'ukf', 'ekf')]
     np.testing.assert_array_equal(seen[0], seen[1])  # before the first reading
     np.testing.assert_array_equal(seen[0], seen[2])

@@ -20,7 +20,7 @@ def test_an_estimator_that_does_not_look_is_found_out(monkeypatch):
     def careless(belief):
         return Gaussian(belief.mean, belief.covariance), 0
 
-    monkeypatch.setattr(online, '_committed', careless)
+    monkeypatch.setattr(online, 'committed', careless)
     with np.errstate(all='ignore'), pytest.raises(BrokenPromiseError, match='seed'):
         for seed in range(100_000, 100_040):
             list(Episode(seed).run())

@@ -8,7 +8,7 @@ from kalman_ros.programs.soak.findings import Delivery, Soak
 
 
 def soak(seconds, growth, deliveries=()):
-    """Return a run with one node that grows by so many bytes a second."""
+    """Return a run with one node that grows by N bytes per second."""
     time = np.arange(1.0, seconds + 1.0)
     nothing = np.zeros(len(time))
     return Soak(

@@ -15,9 +15,10 @@ from kalman_ros import scenario
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.verdict import least_duration
 from kalman_ros.harness import NodeError
-from kalman_ros.programs import demo, study
+from kalman_ros.programs import demo
 from kalman_ros.programs.studies import Findings, close
-from kalman_ros.report.tables import verdict
+from kalman_ros.programs.studies import program as study
+from kalman_ros.report.run_tables import verdict
 from kalman_ros.scenario.parameter_files import from_file, own_section
 
 CONFIGS = sorted((Path(__file__).parents[2] / 'config').glob('*.yaml'))
@@ -35,7 +36,7 @@ def test_a_demo_that_is_incomplete_has_no_verdict(monkeypatch, tmp_path, capsys)
     def incomplete(*_):
         raise NodeError('the record is incomplete: /estimate 477 of 601 messages')
 
-    monkeypatch.setattr(demo, 'gather', incomplete)
+    monkeypatch.setattr(demo, 'perform', incomplete)
     with pytest.raises(SystemExit) as ended:
         demo.main(['level', '--out', str(tmp_path)])
     assert ended.value.code == 2

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from kalman_ros import scenario
-from kalman_ros.analysis.design import report
+from kalman_ros.analysis.design_theory import report
 from kalman_ros.analysis.design_warnings import notes, warnings
 from kalman_ros.report.design_tables import closing, matrices, structure, tables
 from kalman_ros.report.sheet import Sheet
@@ -29,6 +29,7 @@ def plain(cell):
     return cell.replace('\\[', '[').replace('[bold red]', '').replace('[/]', '')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('path', sorted(CONFIG.glob('*.yaml')), ids=lambda p: p.stem)
 def test_nothing_is_cut_at_80_columns(path):
     built = scenario.build(from_file(path, 'estimator', 'controller'))

@@ -4,12 +4,12 @@
 from pathlib import Path
 
 import pytest
+from monte_carlo import consistency
 
 from kalman_ros import scenario
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.scenario.parameter_files import from_file
-from kalman_ros.simulation.monte_carlo import consistency
 
 CONFIGS = sorted((Path(__file__).parents[2] / 'config').glob('*.yaml'))
 RUNS = 200
@@ -17,7 +17,7 @@ RUNS = 200
 STEPS = {'submersible': 25}
 
 
-#: What is not linear takes seconds, and is slow but for one.
+#: Nonlinear ones take seconds, and are slow except one.
 QUICK = ('level', 'nile', 'linear', 'mass_spring_damper', 'mass_spring_damper_2d', 'two_bearings')
 MARKED = [
     pytest.param(path, id=path.stem, marks=() if path.stem in QUICK else pytest.mark.slow)
@@ -33,6 +33,7 @@ def built(path, **options):
     return scenario.build({**values, 'rate': fastest, **options})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('path', MARKED)
 def test_the_error_scatters_as_the_first_belief_and_all_after_it_say(path):
     chosen = built(path)

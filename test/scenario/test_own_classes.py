@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Models and sensors of one's own: what is right loads, what is wrong is named in one line."""
+"""Users' models and sensors: valid ones load, errors are named in one line."""
 
 import sys
 from pathlib import Path

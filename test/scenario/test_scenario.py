@@ -57,7 +57,7 @@ def test_every_option_has_a_meaning():
 
 
 class Own(Sensor):
-    """A sensor of one's own, right but for what a test changes."""
+    """A user's sensor, valid except for the change of a test."""
 
     def __init__(self, state, noise):
         self.output, self.covariance = Space(('y',), ('',)), variances('noise', noise, 1)
@@ -82,7 +82,7 @@ FlatJacobian = own(jacobian=lambda self, x: np.ones(4))
 
 
 class Mass(Model):
-    """A model of one's own, right but for what a test changes."""
+    """A user's model, valid except for the change of a test."""
 
     state, input = Space(('x', 'v'), ('m', 'm/s')), Space(('f',), ('N',))
 

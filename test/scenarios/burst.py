@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A program that publishes so many velocities at a rate; it says how many in all."""
+"""A program that publishes N velocities at a rate, and prints how many."""
 
 import sys
 import time

@@ -98,7 +98,7 @@ def pauses(loop, name):
 
 
 def run(kills, seed=0):
-    """Return the loop after so many kills of nodes at random."""
+    """Return the loop after N kills of random nodes."""
     chance = random.Random(seed)
     with Terminals() as nodes:
         loop = Loop(nodes)

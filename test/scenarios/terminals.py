@@ -14,7 +14,7 @@ from kalman_ros.nodes.transport import PROFILES
 
 
 class Terminals:
-    """Processes of one ROS domain by name, and a node that hears them."""
+    """Processes of one ROS domain by name, and a node that receives their messages."""
 
     def __init__(self, *arguments):
         self.arguments, self.processes = arguments, {}
@@ -39,7 +39,7 @@ class Terminals:
         self._folder.cleanup()
 
     def start(self, name, *arguments):
-        """Start a node with further arguments of its own."""
+        """Start a node with further arguments."""
         command = [str(executables.executable(name)), *self.arguments, *arguments]
         log = Path(self._folder.name) / f'{name}.log'
         self.processes[name] = NodeProcess(name, command, self.environment, log)
@@ -55,13 +55,13 @@ class Terminals:
         return self.processes[name].output()
 
     def spin(self, seconds):
-        """Take in what comes; none of the nodes may have ended."""
+        """Receive messages; none of the nodes may have ended."""
         self._context.spin(seconds)
         for name, process in self.processes.items():
-            assert process.exit_code is None, f'{name}: {process.last_words()}'
+            assert process.exit_code is None, f'{name}: {process.last_line()}'
 
     def wait(self, condition, seconds, trouble):
-        """Take in what comes until ``condition`` holds."""
+        """Receive messages until ``condition`` holds."""
         end = time.monotonic() + seconds
         while not condition():
             assert time.monotonic() < end, trouble()

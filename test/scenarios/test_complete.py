@@ -68,7 +68,11 @@ def test_steps_that_are_asked_for_twice_are_recorded_once(scenario):
         run.advance(0.5)
         run.processes['estimator'].signal(19)
         run.set_parameter('run_until', 1.0)
-        run.wait(lambda: 'no estimate' in run.diagnostics['plant'].message, 10.0, lambda: 'quiet')
+        run.wait(
+            lambda: 'no estimate' in run.diagnostics['plant'].message,
+            10.0,
+            lambda: 'no diagnostics',
+        )
         run.processes['estimator'].signal(18)
         run.advance(0.5)
         assert {topic: list(found) for topic, found in run.recorder.raw.items()} == once
@@ -81,7 +85,7 @@ def test_a_tick_that_names_what_never_comes_does_not_stop_the_loop():
         run.advance(0.5)
         before = run.recorder.raw['estimate'][-1]
         hostile = run.node.create_publisher(TimeReference, 'tick', 10)
-        run.wait(hostile.get_subscription_count, 10.0, lambda: 'nobody listens')
+        run.wait(hostile.get_subscription_count, 10.0, lambda: 'no subscriber')
         tick = TimeReference(source='position')
         tick.header.stamp.sec, tick.header.stamp.nanosec = 1, 505_000_000  # between two steps
         hostile.publish(tick)
@@ -106,13 +110,16 @@ def test_the_monitor_judges_whoever_estimates(scale, says):
         whole = run.node.create_publisher(Float64MultiArray, 'estimate/covariance', 1000)
         for publisher in (*publishers, whole):
             run.wait(lambda p=publisher: p.get_subscription_count() > 1, 10.0, lambda: 'deaf')
-        errors = np.random.default_rng(0).normal(size=200)
-        for step, error in enumerate(errors, start=1):
+        errors = np.random.default_rng(0).normal(size=4000)
+        steps = enumerate(errors, start=1)
+
+        def judged():
+            """Publish one more step, since the first may be lost, and look."""
+            step, error = next(steps)
             for writer, publisher, value in zip(writers, publishers, (0.0, error)):
                 publisher.publish(writer(step * 10_000_000, np.array([value])))
             whole.publish(Float64MultiArray(data=[scale]))
-        run.wait(
-            lambda: says in run.diagnostics['monitor'].message, 15.0,
-            lambda: run.diagnostics['monitor'].message,
-        )  # fmt: skip
+            return says in run.diagnostics['monitor'].message
+
+        run.wait(judged, 15.0, lambda: run.diagnostics['monitor'].message)
         assert (says == 'over') is ('NEES' in run.diagnostics['monitor'].message)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node says when nothing can arrive, and of what arrives and cannot be used."""
+"""What a node reports when nothing can arrive, or messages are unusable."""
 
 import re
 
@@ -28,7 +28,7 @@ def says(run, node, *words):
 
 @pytest.fixture
 def driver():
-    """Make a node of somebody else's in the domain of a run."""
+    """Create a foreign node in the domain of a run."""
     contexts = []
 
     def make(run):
@@ -69,12 +69,12 @@ def test_readings_that_came_and_were_dropped_are_counted_with_field_and_sizes():
     }
     with Run(overrides=overrides, lockstep=False, nodes=('estimator',)) as run:
         publisher = run.node.create_publisher(JointState, 'position', 10)
-        run.wait(publisher.get_subscription_count, 10.0, lambda: 'not heard')
+        run.wait(publisher.get_subscription_count, 10.0, lambda: 'no subscriber')
         message = JointState(position=[1.0, 2.0])
         write_stamp(message.header.stamp, run.node.get_clock().now().nanoseconds)
         said = lambda: run.diagnostics['estimator'].message  # noqa: E731
         trouble = 'position[2]: expected at least 3 numbers, got 2'
-        # the subscription is best effort: what comes before both have met is lost
+        # the subscription is best effort: messages before discovery are lost
         start = 'no reading could be used: '
         wanted = rf'{start}\d+ of position dropped: wrong size \({re.escape(trouble)}\)'
         send = lambda: publisher.publish(message)  # noqa: E731
@@ -87,7 +87,7 @@ def test_a_goal_in_another_frame_than_the_estimate_is_refused_with_both_names():
         goals = run.node.create_publisher(PoseStamped, 'goal', 10)
         estimates = run.node.create_publisher(Odometry, 'estimate', 10)
         for publisher in (goals, estimates):
-            run.wait(publisher.get_subscription_count, 10.0, lambda: 'not heard')
+            run.wait(publisher.get_subscription_count, 10.0, lambda: 'no subscriber')
         goal = PoseStamped()
         goal.header.frame_id, goal.pose.position.x = 'base_link', 2.0
         goals.publish(goal)

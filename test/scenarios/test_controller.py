@@ -21,9 +21,9 @@ from kalman_ros.nodes.options import EstimatorOptions
 
 
 def publish(run, kind, topic, x, y=0.0, v=0.0):
-    """Publish a place and a velocity on ``topic`` once somebody hears it."""
+    """Publish a place and a velocity on ``topic`` once it has a subscriber."""
     publisher = run.node.create_publisher(kind, topic, 10)
-    run.wait(publisher.get_subscription_count, 10.0, lambda: f'nobody hears {topic}')
+    run.wait(publisher.get_subscription_count, 10.0, lambda: f'no subscriber of {topic}')
     message = kind()
     pose = message.pose if kind is PoseStamped else message.pose.pose
     pose.position.x, pose.position.y = x, y
@@ -63,12 +63,12 @@ def test_integral_action_holds_against_a_force_that_nobody_knows_of():
     places = {}
     for law in ('lqr', 'lqi'):
         overrides = {'law': law, 'model_parameters.force_noise': 1e-4}
-        # of the truth: a filter that does not know of the force has an error of its own
+        # of the truth: a filter that does not know the force has another error
         remaps = {'controller': {'estimate': 'ground_truth'}}
         with Run(overrides=overrides, remaps=remaps) as run:
             run.advance(0.5)
             push = run.node.create_publisher(WrenchStamped, 'disturbance', 10)
-            run.wait(push.get_subscription_count, 10.0, lambda: 'nobody hears disturbance')
+            run.wait(push.get_subscription_count, 10.0, lambda: 'no subscriber of disturbance')
             message = WrenchStamped()
             message.wrench.force.x = 1.5
             push.publish(message)
@@ -166,9 +166,9 @@ class Feed:
         self.run, self.forces = run, []
         self._estimates = run.node.create_publisher(Odometry, 'estimate', 10)
         run.node.create_subscription(WrenchStamped, 'force', self.forces.append, 100)
-        run.wait(self._estimates.get_subscription_count, 10.0, lambda: 'nobody hears')
+        run.wait(self._estimates.get_subscription_count, 10.0, lambda: 'no subscriber')
         heard = lambda: int(run.reported('controller', 'subscribers: /force') or 0)  # noqa: E731
-        run.wait(lambda: heard() >= 2, 10.0, lambda: 'the controller is not heard')
+        run.wait(lambda: heard() >= 2, 10.0, lambda: 'the controller has no subscriber')
 
     def send(self, x, age=0.0, variance=1e-4):
         message = Odometry()
@@ -256,7 +256,7 @@ def test_estimates_that_are_older_than_the_last_are_ignored():
         assert all(force.wrench.force.x < -1.0 for force in feed.forces)
         assert len(feed.forces) == 6
         # where the next one had come, too, it was not even looked at
-        keys = ('estimates ignored: older than the last', 'estimates passed over for newer ones')
+        keys = ('estimates ignored: older than the last', 'estimates skipped for newer ones')
         ignored = lambda: sum(int(run.reported('controller', key) or 0) for key in keys)  # noqa: E731
         run.wait(lambda: ignored() == 5, 10.0, ignored)
         assert 'went back' not in run.processes['controller'].output()
@@ -301,7 +301,7 @@ def test_no_force_is_ever_not_finite(largest):
     with alone(predict_latency=True) as run:
         feed = Feed(run)
         references = run.node.create_publisher(Odometry, 'reference', 10)
-        run.wait(references.get_subscription_count, 10.0, lambda: 'nobody hears')
+        run.wait(references.get_subscription_count, 10.0, lambda: 'no subscriber')
         message = Odometry()
         message.pose.pose.position.x = largest
         references.publish(message)

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros import scenario
-from kalman_ros.analysis.design import report
+from kalman_ros.analysis.design_theory import report
 from kalman_ros.harness import executables
 
 ROBOT = Path(__file__).parents[1] / 'packages' / 'pendulum_robot'
@@ -155,7 +155,7 @@ def test_what_is_wrong_is_one_line(arguments, says, tmp_path):
 
 @pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_it_without_a_traceback(number, code, tmp_path):
-    """Sent while the parameter file is read: it is a pipe, which gives nothing until we do."""
+    """Sent while the parameter file is read: it is a pipe, still empty."""
     pipe = tmp_path / 'pipe.yaml'
     os.mkfifo(pipe)
     process = subprocess.Popen(

@@ -26,10 +26,12 @@ class Feed:
         self.estimates = []
         run.node.create_subscription(Odometry, 'estimate', self.estimates.append, 100)
         for publisher in (self.position, self.pose):
-            run.wait(publisher.get_subscription_count, 10.0, lambda: 'the estimator does not hear')
+            run.wait(
+                publisher.get_subscription_count, 10.0, lambda: 'the estimator has not subscribed'
+            )
         # the recorder and this: what is said before is lost
         heard = lambda: int(run.reported('estimator', 'subscribers: /estimate') or 0)  # noqa: E731
-        run.wait(lambda: heard() >= 2, 10.0, lambda: 'the estimator is not heard')
+        run.wait(lambda: heard() >= 2, 10.0, lambda: 'the estimator has no subscriber')
 
     def now(self):
         return self.run.node.get_clock().now().nanoseconds
@@ -109,7 +111,7 @@ def test_initialpose_moves_the_belief_and_a_bad_one_does_not():
         )
         assert pose.covariance[0] < 0.011**2
         feed.send(np.nan, 0.0, feed.pose)
-        run.wait(lambda: 'expected finite' in log(), 5.0, lambda: 'nothing said of a bad pose')
+        run.wait(lambda: 'expected finite' in log(), 5.0, lambda: 'no warning of a bad pose')
         assert abs(feed.answer(40.0).pose.pose.position.x - 40.0) < 0.1
 
 

@@ -29,7 +29,7 @@ BURST = Path(__file__).with_name('burst.py')
 
 
 def undecodable(run):
-    """Return the topics of which a node said that something undecodable came, by node."""
+    """Return the topics on which a node reported undecodable messages, by node."""
     return {
         node: {v.key.split(': ')[1] for v in status.values if v.key.startswith('undecodable: ')}
         for node, status in run.diagnostics.items()
@@ -37,7 +37,7 @@ def undecodable(run):
 
 
 def heard(run):
-    """Return the topics that a node said that it listens to, by node."""
+    """Return the topics that a node reported to subscribe to, by node."""
     return {
         node: {v.key.split(': ')[1] for v in status.values if v.key.startswith('publishers: ')}
         for node, status in run.diagnostics.items()
@@ -96,7 +96,7 @@ def test_a_long_message_is_dropped_and_its_memory_comes_back():
     with Run(overrides=own, lockstep=False, nodes=('estimator',)) as run:
         process = run.processes['estimator']
         publisher = run.node.create_publisher(JointState, 'named', 1)
-        run.wait(publisher.get_subscription_count, 10.0, lambda: 'nobody listens')
+        run.wait(publisher.get_subscription_count, 10.0, lambda: 'no subscriber')
         before = usage(process.pid).resident
         data = bytes(serialize_message(JointState(name=['a', 'b'], position=[0.0] * 1_000_000)))
         dropped = lambda: run.reported('estimator', 'too long: /named')  # noqa: E731
@@ -183,7 +183,7 @@ def test_an_estimator_that_could_never_publish_refuses_to_start(name, value):
 
 @pytest.mark.parametrize('stopped', [0.0, 0.5])
 def test_at_10_khz_every_message_is_accounted_for(stopped):
-    """Published is what became of readings, and what the middleware says that it lost."""
+    """The outcomes of readings and the losses of the middleware add up to those published."""
     with Run(lockstep=False, nodes=('estimator',)) as run:
         burst = subprocess.Popen(
             [sys.executable, str(BURST), '10000', '10000'],

@@ -21,15 +21,15 @@ pytestmark = pytest.mark.real_time
 
 KILLS = 50
 TIMEOUT, PERIOD = 0.3, 0.01
-#: From a reading until the force that answers it is heard, unless the machine is in the way.
+#: From a reading to its force, unless the machine is overloaded.
 ROUND_TRIP = 0.02
-#: So nearly nothing pushes the body but its input that the truth tells what that was.
+#: The input dominates the motion, so the truth shows which input acted.
 OVERRIDES = {'force_timeout': TIMEOUT, 'estimate_timeout': TIMEOUT, 'run_until': 1e6}
 ONLY = {'plant': {'model_parameters.force_noise': 1e-12}}
 
 
 class Loop:
-    """A loop whose nodes are killed and started again, and what is heard of it."""
+    """A loop whose nodes are killed and started again, and its messages."""
 
     def __init__(self, run):
         self.run, self.said, self.logs = run, defaultdict(list), []
@@ -81,7 +81,7 @@ class Loop:
         return seconds
 
     def closed(self, since):
-        """Tell whether a force answers an estimate that is newer than ``since``."""
+        """Return whether a force answers an estimate that is newer than ``since``."""
         stamp, *force = self.forces[-1]
         return stamp > since and any(force) and stamp in self.estimates[-20:]
 
@@ -106,7 +106,7 @@ def without_estimator(loop, delay):
 
 
 def without_plant(loop, delay):
-    """Estimator and controller say that nothing comes; the force is zero."""
+    """Estimator and controller report missing messages; the force is zero."""
     loop.says('controller', 'no estimate received')
     loop.says('estimator', 'no readings of position and velocity received')
     assert not any(loop.forces[-1][1:])

@@ -41,7 +41,7 @@ LIMIT = 20.0  # N/s
 PERIOD = 0.01
 #: Between a signal and the first smaller force.
 PROMPT = 0.05 + PERIOD
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 
 
 @contextmanager
@@ -101,7 +101,7 @@ class Ear:
     def wrong_after(self, start, limit=LIMIT):
         """Return what is wrong with the forces since ``start``, once no more come."""
         idle = lambda: not self.last.any()  # noqa: E731
-        with suppress(NodeError):  # told below
+        with suppress(NodeError):  # reported below
             self.run.wait(idle, 10.0, lambda: '')
         self.run.spin(0.6)
         forces = self.forces(start)
@@ -254,7 +254,7 @@ def test_zero_is_the_last_word_when_a_model_raises(error, monkeypatch, tmp_path)
         ear = Ear(run)
         run.wait(lambda: ear.last[0] < -2.0, 20.0, lambda: f'the force is {ear.last}')
         estimates = run.node.create_publisher(Odometry, 'estimate', 10)
-        run.wait(estimates.get_subscription_count, 10.0, lambda: 'nobody hears')
+        run.wait(estimates.get_subscription_count, 10.0, lambda: 'no subscriber')
         process, message = run.processes.pop('controller'), Odometry()
         start = len(ear.came)
         for _ in range(100):
@@ -276,7 +276,7 @@ def test_a_message_that_cannot_be_decoded_is_dropped():
         ear = Ear(run)
         ear.grows()
         estimates = run.node.create_publisher(Odometry, 'estimate', 100)
-        run.wait(estimates.get_subscription_count, 10.0, lambda: 'nobody hears')
+        run.wait(estimates.get_subscription_count, 10.0, lambda: 'no subscriber')
         key = 'undecodable: /estimate'
         dropped = lambda: int((run.reported('controller', key) or '0').split(',')[0])  # noqa: E731
         send = lambda: estimates.publish(bytes(20))  # noqa: E731
@@ -313,7 +313,7 @@ def test_the_rate_limit_holds_by_the_wall_clock(ahead):
     with alone(input_rate_limit=[10.0]) as run:
         ear = Ear(run)
         estimates = run.node.create_publisher(Odometry, 'estimate', 10)
-        run.wait(estimates.get_subscription_count, 10.0, lambda: 'nobody hears')
+        run.wait(estimates.get_subscription_count, 10.0, lambda: 'no subscriber')
         message, sent = Odometry(), {}
 
         def send(x, offset=0.0):
@@ -340,7 +340,7 @@ def test_a_filter_on_two_topics_is_no_fault():
     with alone(input_rate_limit=[np.inf]) as run:
         ear = Ear(run)
         estimates = run.node.create_publisher(Odometry, 'estimate', 10)
-        run.wait(estimates.get_subscription_count, 10.0, lambda: 'nobody hears')
+        run.wait(estimates.get_subscription_count, 10.0, lambda: 'no subscriber')
         message = Odometry()
         message.pose.pose.position.x = 1.0
         for _ in range(150):
@@ -360,7 +360,7 @@ def test_a_time_that_began_again_is_followed_soon():
     with alone(input_rate_limit=[np.inf], estimate_timeout=5.0) as run:
         ear = Ear(run)
         estimates = run.node.create_publisher(Odometry, 'estimate', 10)
-        run.wait(estimates.get_subscription_count, 10.0, lambda: 'nobody hears')
+        run.wait(estimates.get_subscription_count, 10.0, lambda: 'no subscriber')
         message = Odometry()
 
         def send(x, age):

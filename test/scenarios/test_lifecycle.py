@@ -32,7 +32,7 @@ def topics(run, node, direction):
 
 
 def settles(run, node, direction, wanted):
-    """Wait until what the graph says is ``wanted``."""
+    """Wait until the graph contains ``wanted``."""
     said = lambda: topics(run, node, direction)  # noqa: E731
     run.wait(lambda: said() == wanted, 10.0, lambda: f'{direction}: {said()}, not {wanted}')
 

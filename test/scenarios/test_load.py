@@ -89,12 +89,12 @@ def test_twenty_sensors_at_100_hz():
         assert came == sent[name] > 1000
         assert became == {'fused': came}
     assert silent(stamps, stamps[0], stamps[-1]) < 0.05 * 14.0 + lost
-    # better than any of them is by itself
+    # better than any of them alone
     assert np.std(found.truth - found.estimate, axis=0).max() < 0.2
 
 
 class Flood:
-    """A run with a program that floods the estimator with velocities, and what came of them."""
+    """A run with a program that floods the estimator with velocities, and their outcomes."""
 
     def __init__(self, run, seconds, rate=RATE, lag=0.0):
         self.run = run
@@ -159,9 +159,9 @@ def test_of_a_flood_that_waits_the_oldest_are_dropped():
         flood.wait()
         stamps = fused()
     assert flood.came == sum(flood.became.values())
-    # what the middleware gave up to send again, nobody can count
+    # messages that the middleware gave up resending cannot be counted
     assert 0.9 * flood.sent < flood.came <= flood.sent
-    assert flood.became['dropped: more came than could be taken in'] > 0.3 * RATE
+    assert flood.became['dropped: too many messages waiting'] > 0.3 * RATE
     # what it was doing when it was stopped, and then at once what is new
     gap = np.argmax(np.diff(stamps))
     assert stamps[gap + 1] > again - 20_000_000

@@ -93,7 +93,9 @@ def test_a_plant_that_differs_from_what_is_believed_shows_in_the_nis():
         'velocity.covariance_from': 'configuration'}}) as run:  # fmt: skip
         run.advance(5.0)
         run.wait(
-            lambda: 'NIS of velocity' in run.diagnostics['monitor'].message, 10.0, lambda: 'quiet'
+            lambda: 'NIS of velocity' in run.diagnostics['monitor'].message,
+            10.0,
+            lambda: 'no diagnostics',
         )
         nis = run.trajectory().innovations['velocity'].nis
     assert nis.mean() / 2 > 3.0
@@ -166,7 +168,7 @@ def test_a_nan_reading_is_refused_and_nothing_good_is_lost():
         codec = SignalCodec(run.scenario.sensors['position'].signal)
         publisher = run.node.create_publisher(codec.message_type, 'position', 10)
         run.advance(1.0)
-        run.wait(lambda: publisher.get_subscription_count() > 0, 10.0, lambda: 'not heard')
+        run.wait(lambda: publisher.get_subscription_count() > 0, 10.0, lambda: 'no subscriber')
         for value in (np.nan, np.inf):
             now = run.node.get_clock().now().nanoseconds
             publisher.publish(codec.encode(now, np.array([value, 0.0]), np.eye(2)))

@@ -31,7 +31,7 @@ def test_a_sound_is_tracked_and_found():
         run.wait(lambda: run.reported('microphone_array', 'bearings') == '181', 5.0, lambda: '')
         assert run.diagnostics['microphone_array'].message == 'source detected'
     assert len(loop.time) == 36 * 20 + 1
-    # a bearing every 200 ms, each with a variance of its own, smaller as the robot comes near
+    # a bearing every 200 ms, each with its variance, smaller as the robot comes near
     assert len(heard.stamp) == len(nis) == 36 * 5 + 1
     sigma = np.sqrt(heard.covariance[:, 0, 0])
     assert sigma[:20].mean() > 0.01 > 0.006 > sigma[-20:].mean()
@@ -86,7 +86,7 @@ def test_what_a_bearing_must_be_like_changes_live():
 
 
 def test_asked_again_it_says_the_same():
-    """Nobody answers the plant for a while, which repeats its tick: the bearing comes again."""
+    """Without answers the plant repeats its tick, and the bearing is repeated."""
     with tracker(overrides={'lockstep_timeout': 0.4}) as run:
         run.advance(1.15)  # the next step has a bearing
         run.kill('estimator')
@@ -139,7 +139,10 @@ def test_a_recording_is_heard(tmp_path):
 @pytest.mark.parametrize(
     ('parameters', 'says'),
     [
-        ({'hears_for': 'bearin'}, r"hears_for: expected a sensor among \(bearing\), got 'bearin'"),
+        (
+            {'bearing_sensor': 'bearin'},
+            r"bearing_sensor: expected a sensor among \(bearing\), got 'bearin'",
+        ),
         ({'recording': '/nowhere.wav'}, "recording: cannot read '/nowhere.wav'"),
         ({'microphones': [0.0, 0.0, 1.0, 0.0]}, 'microphones: expected x and y of three or more'),
         ({'band': [200.0]}, 'band: expected 2 numbers, got 1'),

@@ -45,7 +45,8 @@ def test_an_observer_that_does_not_manoeuvre_says_that_it_does_not_know_the_rang
         for _ in range(9):
             run.advance(100.0)
             run.refresh('estimator')
-            if said() == 'the sensors observe x, y, v_x, v_y':
+            # the range; how fast the target moves away shows later
+            if said().startswith('the sensors observe x, y'):
                 break
         else:
             pytest.fail(f'it passed the target and still says: {said()}')

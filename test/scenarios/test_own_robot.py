@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A user's own model and sensors, in a package of its own, with nothing compiled."""
+"""A user's model and sensors, in a separate package, with nothing compiled."""
 
 import os
 import sys

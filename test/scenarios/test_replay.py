@@ -38,7 +38,9 @@ class Player:
     def publish(self, topic, message):
         if topic not in self.publishers:
             publisher = self.run.node.create_publisher(type(message), topic, QUEUE)
-            self.run.wait(publisher.get_subscription_count, 10.0, lambda: f'nobody hears {topic}')
+            self.run.wait(
+                publisher.get_subscription_count, 10.0, lambda: f'no subscriber of {topic}'
+            )
             self.publishers[topic] = publisher
         self.answered = Future()
         self.publishers[topic].publish(message)

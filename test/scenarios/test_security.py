@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes may say and hear, where, and what no file or message can make them do."""
+"""What the nodes may publish and receive, where, and what no file or message can make them do."""
 
 import os
 import subprocess
@@ -86,7 +86,7 @@ def test_a_parameter_file_runs_nothing(tmp_path, program, key):
     assert not made.exists()
 
 
-#: Runs a node and tells of every file that it opens whose name has "evil" in it.
+#: Runs a node and prints every file that it opens with "evil" in its name.
 _AUDITED = """
 import sys
 def tell(event, arguments):

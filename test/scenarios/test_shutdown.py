@@ -59,7 +59,7 @@ def test_a_signal_at_any_moment_of_the_start(number, twice):
             moments = sorted((rng.uniform(0.0, 1.5), name) for name in NODES)
             for moment, name in moments:
                 left = started + moment - time.monotonic()
-                with pytest.raises(subprocess.TimeoutExpired):  # it is there until it is told
+                with pytest.raises(subprocess.TimeoutExpired):  # it runs until it is stopped
                     processes[name].wait(max(left, 0.0))
                 for _ in range(1 + twice):
                     os.killpg(processes[name].pid, number)

@@ -8,7 +8,7 @@ pytest.importorskip('rclpy')
 from importlib import import_module
 
 from kalman_ros.programs import studies
-from kalman_ros.programs.study import claim
+from kalman_ros.programs.studies.program import claim
 
 
 @pytest.mark.parametrize('name', studies.STUDIES)

@@ -33,11 +33,11 @@ class Bag:
             covariance[0] = covariance[7] = 0.01
 
     def connect(self, *publishers_and_listeners):
-        """Wait until each publisher has so many listeners."""
+        """Wait until each publisher has N subscribers."""
         for publisher, count in publishers_and_listeners:
             run = self.run
             enough = lambda: publisher.get_subscription_count() >= count  # noqa: B023, E731
-            run.wait(enough, 10.0, lambda: f'{publisher.topic} is not heard')  # noqa: B023
+            run.wait(enough, 10.0, lambda: f'{publisher.topic} has no subscriber')  # noqa: B023
 
     def tick(self, *, readings=True):
         """Let the clock go on by a period, with a reading of each."""
@@ -85,7 +85,7 @@ def finite(run):
 
 
 def latencies(run):
-    """Return every latency that the nodes tell of, in ms."""
+    """Return every latency that the nodes report, in ms."""
     found = []
     for status in run.diagnostics.values():
         found += [v.value for v in status.values if '50 / 90 / 99 %' in v.key and v.value]

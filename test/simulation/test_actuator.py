@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The actuator does what the theory of sampled plants with a delay says."""
+"""The actuator agrees with the theory of sampled plants with a delay."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import pytest
 from kalman_ros.control.delay import sampled_plant
 from kalman_ros.core import LinearSystem, Space
 from kalman_ros.simulation.actuator import Actuator
-from kalman_ros.simulation.plant import SimulatedPlant
+from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 A, B = np.array([[0.0, 1.0], [-2.0, 0.3]]), np.array([[0.0], [1.5]])
 STATE, INPUT = Space(('x', 'v'), ('m', 'm/s')), Space(('u',), ('N',))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The loop without ROS does what theory says, and theory notices when it does not."""
+"""The loop without ROS agrees with theory, and theory notices when it does not."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_a_right_loop_passes(system, theory, seed):
 )
 def test_a_plant_other_than_believed_fails(system, theory, change, notices):
     real = scenario.build(change)
-    # what the readings say of themselves is what the estimator was told
+    # the covariances of the readings are those of the estimator
     run = closed_loop.run(real, theory.feedback.gain, 40.0, 0, believed=system)
     failed = {check.name for check in verdicts.checks(system, theory, run) if not check.passed}
     assert notices in failed
@@ -64,6 +64,7 @@ def test_a_run_that_is_too_short_is_not_judged(system, theory):
         verdicts.checks(system, theory, run)
 
 
+@pytest.mark.slow
 def test_it_regulates_about_the_equilibrium():
     # the submersible rests with thrusters on, and five newtons are far from none
     built = scenario.build({'model': 'submersible', 'initial_state': [0.0] * 6})

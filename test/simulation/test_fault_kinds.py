@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each fault as statistics, and faults together: order, windows, streams of their own."""
+"""Each fault as statistics, and faults together: order, windows, separate streams."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from kalman_ros.simulation import faults
 from kalman_ros.simulation.faults.body import BodyFaults, BodyOptions
 from kalman_ros.simulation.faults.fault import Fault
 from kalman_ros.simulation.faults.links import Links
-from kalman_ros.simulation.plant import SimulatedPlant
+from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 DT = 10_000_000  # ns
 SPACE = Space(('x', 'v'), ('m', 'm/s'))
@@ -39,7 +39,7 @@ def send(settings, count=N, seed=0, values=None, change=lambda step, links: None
 
 
 def happened(count, probability, of=N):
-    """Tell whether a count is what a probability makes likely, with one chance in 10^4 to err."""
+    """Return whether a count is likely at a probability, with one chance in 10^4 to err."""
     return binomtest(count, of, probability).pvalue > 1e-4
 
 
@@ -58,7 +58,7 @@ def test_without_faults_everything_goes_through_as_it_is():
 def test_dropout(probability):
     found = send({'dropout': probability})
     assert happened(N - len(found), probability)
-    # each by itself: a loss says nothing of the next one
+    # independent: a loss does not affect the next one
     there = np.zeros(N, dtype=bool)
     there[[stamp for _, stamp, _ in found]] = True
     both = int((~there[1:] & ~there[:-1]).sum())
@@ -202,7 +202,7 @@ def test_outside_its_window_no_fault_acts_on_the_way(settings):
     assert direct == [*range(10), *range(20, 40)]
 
 
-#: Draws of each are told apart by what they leave.
+#: Draws of each are distinguished by their effect.
 MARKS = {
     'dropout': {'dropout': 0.3},
     'burst_loss': {'burst_loss': 0.1},

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speed as ratios to peers that are measured in the same run."""
+"""Speed as ratios to peers measured in the same run."""

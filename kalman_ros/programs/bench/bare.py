@@ -1,25 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bare rclpy node with the topics of the estimator, which answers each velocity with nothing.
 
-A program of its own, which imports no more than such a node must: what the estimator is measured
-against.
+A separate program, which imports only what such a node needs: the reference of the estimator.
 """
 
 import signal
 
 import rclpy
-from geometry_msgs.msg import (
-    PoseWithCovarianceStamped,
-    TwistWithCovarianceStamped,
-    WrenchStamped,
-)
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.task import Future
 
 
 def main() -> None:
-    """Relay until a signal comes."""
+    """Relay until a signal arrives."""
     stop = Future()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set_result(None))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `bench` measures; each group of benchmarks is a module with a context that gives them."""
+"""A benchmark of `bench`; each group is a module with a context that yields them."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 #: Measures once and returns seconds per unit of work.
-Contestant = Callable[[], float]
+Timing = Callable[[], float]
 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Two who do the same work, and the largest ratio of ours to theirs that is good."""
+    """Two implementations of the same work, and the largest acceptable ratio of their times."""
 
     name: str
     goal: float
-    ours: Contestant
-    peer: Contestant
+    ours: Timing
+    peer: Timing

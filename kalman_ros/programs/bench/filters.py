@@ -21,18 +21,18 @@ from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.sensors.states import States
 
-from .benchmark import Benchmark, Contestant
+from .benchmark import Benchmark, Timing
 
-#: Steps a measurement.
+#: Steps per measurement.
 _STEPS = 300
 _DT = 0.01
-#: Filter, states, readings, and the share of filterpy's time that is good enough.
+#: Filter, states, readings, and the acceptable share of filterpy's time.
 _CASES = (('kf', 4, 2, 0.5), ('ekf', 4, 2, 0.5), ('ukf', 4, 2, 0.2), ('ukf', 15, 6, 0.125))
 
 
 @contextmanager
 def benchmarks() -> Iterator[list[Benchmark]]:
-    """Give one benchmark a filter and size."""
+    """Yield one benchmark per filter and size."""
     yield [_benchmark(*case) for case in _CASES]
 
 
@@ -47,7 +47,7 @@ def _benchmark(kind: str, n: int, k: int, goal: float) -> Benchmark:
     return Benchmark(name, goal, _ours(kind, system, sensor, y), _peer(kind, system, sensor, y))
 
 
-def _timed(step: Callable[[], None]) -> Contestant:
+def _timed(step: Callable[[], None]) -> Timing:
     def measure() -> float:
         start = time.perf_counter()
         for _ in range(_STEPS):
@@ -57,7 +57,7 @@ def _timed(step: Callable[[], None]) -> Contestant:
     return measure
 
 
-def _ours(kind: str, system: LinearSystem, sensor: States, y: Array) -> Contestant:
+def _ours(kind: str, system: LinearSystem, sensor: States, y: Array) -> Timing:
     plan = Plan(system, {'y': TimedSensor(sensor, 1.0 / _DT)}, 1.0 / _DT)
     filter, u = build_filter(kind, plan), np.zeros(1)
     n = system.state.size
@@ -70,7 +70,7 @@ def _ours(kind: str, system: LinearSystem, sensor: States, y: Array) -> Contesta
     return _timed(step)
 
 
-def _peer(kind: str, system: LinearSystem, sensor: States, y: Array) -> Contestant:
+def _peer(kind: str, system: LinearSystem, sensor: States, y: Array) -> Timing:
     n, k = system.state.size, sensor.output.size
     sampled, H = system.sampled(_DT), sensor.jacobian(np.zeros(n))
     peer: Any

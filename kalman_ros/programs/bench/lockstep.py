@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A step of the whole loop, monitor and recorder listening, against bare rclpy."""
+"""A step of the whole loop, with monitor and recorder, against bare rclpy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .ring import Ring
 
 @contextmanager
 def benchmarks() -> Iterator[list[Benchmark]]:
-    """Give the benchmark, with the nodes of both running side by side, one idle at a time."""
+    """Yield the benchmark, with the nodes of both running, one idle at a time."""
     with Run() as run, Ring() as ring:
         run.advance(1.0)
         ring.rounds(100)
@@ -23,7 +23,7 @@ def benchmarks() -> Iterator[list[Benchmark]]:
         def ours() -> float:
             start = time.perf_counter()
             run.advance(5.0)
-            # what the harness waits for at the end is no part of a step
+            # the harness's final wait is not part of a step
             return (time.perf_counter() - start - run.drained) / (5.0 * run.scenario.rate)
 
         # 60 s at 100 Hz under 8 s, where the ring alone would take 3.5 s

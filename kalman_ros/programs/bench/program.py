@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast it is, as ratios to peers measured in the same run."""
+"""Speed as ratios to peers measured in the same run."""
 
 from __future__ import annotations
 
@@ -13,22 +13,29 @@ from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from kalman_ros.core import refuse_unknown
 from kalman_ros.harness import NodeError
+from kalman_ros.programs.refusal import refuse
+from kalman_ros.report.run_tables import plain_table
 
 from .benchmark import Benchmark
 
 #: The groups of benchmarks, by their modules.
-GROUPS = {'filters': 'filters', 'estimator': 'relay', 'lockstep': 'lockstep'}
+GROUPS = {
+    'filters': 'filters',
+    'estimator': 'relay',
+    'lockstep': 'lockstep',
+    'replay': 'replays',
+    'record': 'recording_cost',
+}
 
 
 @dataclass(frozen=True)
 class Result:
-    """The median times of a benchmark in seconds, and the ratio that is good enough."""
+    """The median times of a benchmark in seconds, and the acceptable ratio."""
 
     name: str
     ours: float
@@ -38,7 +45,7 @@ class Result:
 
 
 def compete(benchmark: Benchmark, rounds: int) -> Result:
-    """Let two contestants take turns, so that the machine's moods strike both alike."""
+    """Measure both alternately, so that the machine's load affects both."""
     pairs = [(benchmark.ours(), benchmark.peer()) for _ in range(rounds)]
     mine, theirs = (statistics.median(times) for times in zip(*pairs))
     ratio = statistics.median(a / b for a, b in pairs)
@@ -47,10 +54,7 @@ def compete(benchmark: Benchmark, rounds: int) -> Result:
 
 def results_table(results: Sequence[Result]) -> Table:
     """Return the results for people; a ratio that misses its goal is red."""
-    table = Table(box=box.HORIZONTALS, show_edge=False, padding=(0, 1, 0, 0))
-    table.add_column('', no_wrap=True)
-    for column in ('ours', 'peer', 'ratio', 'goal'):
-        table.add_column(column, justify='right')
+    table = plain_table('', ('ours', 'peer', 'ratio', 'goal'))
     for result in results:
         colour = 'green' if result.ratio <= result.goal else 'red'
         table.add_row(
@@ -80,8 +84,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                     console.print(f'{benchmark.name} ...', style='dim')
                     results.append(compete(benchmark, options.rounds))
     except (ValueError, NodeError, RuntimeError, ModuleNotFoundError) as error:
-        print(f'bench: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('bench', error)
     console.print(results_table(results))
     console.print(f'{platform.machine()}, Python {platform.python_version()}, medians')
     if options.json is not None:

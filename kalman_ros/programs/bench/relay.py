@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimator as a process: how soon it is ready and how soon it answers, against bare rclpy."""
+"""The estimator as a process: time to start and time to answer, against bare rclpy."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from kalman_ros.nodes.topics import QUEUE
 from . import bare
 from .benchmark import Benchmark
 
-#: Readings a measurement: without a break, and with one as on a robot, in seconds.
+#: Readings per measurement; and a break between readings as on a robot, in seconds.
 _READINGS, _SPACED = 1000, 300
 _BREAK = 0.002
 #: How much later than a bare node the estimator may be ready, in seconds.
@@ -35,7 +35,7 @@ _HEAD_START = 0.4
 
 @contextmanager
 def benchmarks() -> Iterator[list[Benchmark]]:
-    """Give the benchmarks; what they start is gone at the end."""
+    """Yield the benchmarks; their processes end afterwards."""
     estimator = [str(executable('estimator'))]
     relay = [sys.executable, bare.__file__]
     with Respondent(estimator) as ours, Respondent(relay) as peer:
@@ -77,8 +77,8 @@ class Respondent:
         )
         self._done, self._stamp = Future(), 0
         self._start()
-        self._until(lambda: self._answered(0.1))  # it may not have found us yet
-        self.answer()  # what is done for the first time takes longer
+        self._until(lambda: self._answered(0.1))  # until it is connected
+        self.answer()  # the first answer takes longer
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -96,7 +96,7 @@ class Respondent:
         end = time.monotonic() + 20.0
         while not condition():
             if time.monotonic() > end:
-                raise RuntimeError(f'{self._command[0]}: {self._process.last_words()}')
+                raise RuntimeError(f'{self._command[0]}: {self._process.last_line()}')
             self._context.spin(0.002)
 
     def restart(self) -> float:
@@ -118,7 +118,7 @@ class Respondent:
         time.sleep(pause)
         start = time.perf_counter()
         if not self._answered(5.0):
-            raise RuntimeError(f'no estimate: {self._process.last_words()}')
+            raise RuntimeError(f'no estimate: {self._process.last_line()}')
         return time.perf_counter() - start
 
     def _answered(self, patience: float) -> bool:
@@ -129,6 +129,6 @@ class Respondent:
         return self._context.spin(patience, self._done)
 
     def _came(self, data: bytes) -> None:
-        # an answer to an earlier question may be on its way still
+        # an earlier answer may still arrive
         if leading_stamp(data) == self._stamp and not self._done.done():
             self._done.set_result(None)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Three bare rclpy processes that pass messages round: what the transport alone costs.
+"""Three bare rclpy processes that pass messages round: the cost of the transport alone.
 
 The same message types as the loop (a velocity, an odometry, a wrench), the same executor,
-messages reused in place, and no mathematics. Run as a program this is one of the two relays.
+messages
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import rclpy
@@ -27,7 +26,7 @@ from kalman_ros.nodes.interruption import Interruption
 from kalman_ros.nodes.topics import QUEUE
 from kalman_ros.nodes.transport import prefer_sockets
 
-#: Nobody keeps a ring going for longer, in seconds.
+#: The most seconds that a ring runs.
 _LONGEST = 3600.0
 HOPS: list[tuple[Any, str]] = [
     (TwistWithCovarianceStamped, 'ring_velocity'),
@@ -39,14 +38,14 @@ HOPS: list[tuple[Any, str]] = [
 def relay(number: int) -> Any:
     """Return the node that answers each message of hop ``number`` with one of the next."""
     node = rclpy.create_node(f'relay{number}')
-    (heard, source), (said, target) = HOPS[number], HOPS[number + 1]
-    publisher, message = node.create_publisher(said, target, QUEUE), said()
+    (incoming, source), (outgoing, target) = HOPS[number], HOPS[number + 1]
+    publisher, message = node.create_publisher(outgoing, target, QUEUE), outgoing()
 
     def answer(received: Any) -> None:
         message.header.stamp = received.header.stamp
         publisher.publish(message)
 
-    node.create_subscription(heard, source, answer, QUEUE)
+    node.create_subscription(incoming, source, answer, QUEUE)
     return node
 
 
@@ -73,12 +72,7 @@ class Ring:
         self._done = Future()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for process in self._relays:
             process.stop()
         self._context.close()
@@ -92,7 +86,7 @@ class Ring:
             self._done.set_result(None)
 
     def rounds(self, count: int) -> float:
-        """Return the seconds that a message takes once round, averaged over ``count``.
+        """Return the seconds of a message once round, averaged over ``count``.
 
         Raises
         ------
@@ -100,7 +94,7 @@ class Ring:
             If a message gets lost.
         """
         if not self._round(1, patience=1.0):
-            for _ in range(20):  # the relays have just started; what is not heard is sent again
+            for _ in range(20):  # repeat until the new relays are connected
                 if self._round(1, patience=1.0):
                     break
         start = time.perf_counter()

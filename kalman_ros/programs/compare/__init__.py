@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filters side by side on nonlinear problems."""
+"""A comparison of filters on nonlinear problems."""

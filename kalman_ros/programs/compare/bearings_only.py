@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bearings only: Leong, Arulampalam, Lamahewa and Abhayapala (2014), the moderate scenario.
 
-A target at 5 km, which keeps its course, is followed for 32 minutes by its direction. The own
-ship keeps its course until step 12 and turns in four equal steps from 13 to 16.
+A target at 5 km on a constant course is tracked for 32 minutes by its bearing. The own ship keeps
+its course until step 12 and turns in four equal steps from 13 to 16.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def manoeuvre(time: float) -> Array:
 
 
 def prior(distance: float, bearing: float, speed: float, course: float, width: float) -> Gaussian:
-    """Return the belief that a distance, a bearing, a speed and a course make.
+    """Return the belief from a distance, a bearing, a speed and a course.
 
-    ``width`` is how far off all but the bearing may be, relative to what was published.
+    ``width`` is the uncertainty of all but the bearing, relative to the published one.
     """
     line = np.array([np.cos(bearing), np.sin(bearing)])
     across = np.array([-line[1], line[0]])
@@ -63,7 +63,7 @@ def prior(distance: float, bearing: float, speed: float, course: float, width: f
 
 
 def moderate(width: float = 1.0) -> Scenario:
-    """Return the scenario, with a first belief that is right."""
+    """Return the scenario, with a correct initial belief."""
     start = np.concatenate((TARGET, velocity(_SPEED, _COURSE) - own_velocity(0)))
     built = scenario.build(
         {
@@ -80,7 +80,7 @@ def moderate(width: float = 1.0) -> Scenario:
 
 
 def drawn(rng: np.random.Generator, width: float = 1.0) -> Gaussian:
-    """Return a first belief as far off as it says that it may be."""
+    """Return an initial belief with an error drawn from its covariance."""
     distance, bearing = _true()
     return prior(
         max(distance + width * SIGMA_RANGE * rng.normal(), _NEAREST),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where filters have a hard time: not linear, and at first as uncertain as one likes."""
+"""Hard cases for filters: nonlinear, with any initial uncertainty."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from . import bearings_only
 
 @dataclass(frozen=True)
 class Case:
-    """A problem, as uncertain at first as one likes.
+    """A problem with any initial uncertainty.
 
     Parameters
     ----------
     name
         For people.
     start
-        Returns, for a width and random numbers, a scenario with its truth and its first belief;
-        the one is as far from the other as that says.
+        Returns, for a width and random numbers, a scenario with its truth and its initial belief,
+        which differ by that uncertainty.
     widths
-        How uncertain the first belief is, relative to the scenario's own, and in words.
+        The initial uncertainties, relative to the scenario's, and as text.
     seconds
         The length of a run.
     measured
         The names of the states whose error counts, together, in ``unit``.
     lost
-        A run whose error is larger at the end has lost track.
+        A run with a larger error at the end has lost track.
     command
         The input at a time.
     """
@@ -50,7 +50,7 @@ class Case:
 
 
 def _drawn(values: Mapping[str, Any]) -> Callable[[float, np.random.Generator], Scenario]:
-    """Return a start whose truth is drawn from the first belief."""
+    """Return a start whose truth is drawn from the initial belief."""
     built = scenario.build(values)
 
     def start(width: float, rng: np.random.Generator) -> Scenario:
@@ -62,7 +62,7 @@ def _drawn(values: Mapping[str, Any]) -> Callable[[float, np.random.Generator], 
 
 
 def _moderate(width: float, rng: np.random.Generator) -> Scenario:
-    """Return the published scenario, whose truth stays and whose belief is drawn."""
+    """Return the published scenario with its truth and a drawn belief."""
     belief = bearings_only.drawn(rng, width)
     return replace(bearings_only.moderate(), initial_belief=belief)
 
@@ -87,7 +87,7 @@ CASES = {
                 'rate': 10.0,
                 'sensors': ['radar'],
                 'radar.rate': 5.0,
-                # a good range, a poor bearing, and no range rate to speak of
+                # an accurate range, an inaccurate bearing, and nearly no range rate
                 'radar.noise': [0.3, 0.2, 1000.0],
                 'initial_estimate': [30.0, 0.0, 0.0, 0.0],
                 'initial_std': [1.0, 1.0, 0.3, 0.3],
@@ -105,7 +105,7 @@ CASES = {
             {
                 'model': 'cart_pole',
                 'rate': 25.0,
-                # the angle is seen by what the pole does to the cart alone
+                # the angle is observed only by its effect on the cart
                 'joint_states.measures': ['x'],
                 'joint_states.fields': ['position[cart]'],
                 'joint_states.noise': [0.005],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filters side by side on the same truths and readings: errors, consistency, lost tracks, time."""
+"""Filters on the same truths and readings: errors, consistency, lost tracks, time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ROUNDS, _STEPS = 7, 50
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a case with one width and one filter.
+    """The result of a case with one width and one filter.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ class Result:
 
     @property
     def lost(self) -> int:
-        """How many runs have lost track at the end."""
+        """The number of runs that have lost track at the end."""
         return int(np.count_nonzero(~(self.final <= self.case.lost)))
 
     def summary(self) -> dict[str, Any]:
-        """Return the numbers that the runs come down to."""
+        """Return the summary of the runs."""
         return {
             'case': self.case.name,
             'uncertainty': self.case.widths[self.width],
@@ -73,12 +73,12 @@ class Result:
         }
 
 
-def study(
+def measured(
     case: Case, width: float, filter: str, runs: int, progress: Callable[[], None] = lambda: None
 ) -> Result:
     """Return the results of ``runs`` runs, with the seeds 0, 1, ...
 
-    A seed has the same truth, first belief and noise for every filter. ``progress`` is called
+    A seed gives every filter the same truth, initial belief and noise. ``progress`` is called
     after each run.
     """
     errors, consistency = [], []
@@ -91,7 +91,7 @@ def study(
             seed,
             filter=filter,
             command=case.command,
-            arrives=lambda _, time: time > 0.0,  # the first belief has what was read before
+            arrives=lambda _, time: time > 0.0,  # the initial belief contains earlier readings
         )
         space = built.model.state
         error = space.subtract(run.truth, run.estimate)
@@ -103,7 +103,7 @@ def study(
 
 
 def _seconds_per_step(case: Case, width: float, filter: str) -> float:
-    """Return how long a prediction and a correction take, from the first belief."""
+    """Return the time of a prediction and a correction, from the initial belief."""
     built = case.start(width, stream(0, 'start'))
     estimator, belief = build_filter(filter, built.plan), built.initial_belief
     u, dt = built.model.equilibrium.input, built.plan.dt

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table and the picture of filters side by side."""
+"""The table and the picture of a comparison."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _COLOURS = (INPUT, ESTIMATE, TRUTH, READING)
 _COLUMNS = ('error', '95 %', 'ANEES', 'NEES', 'lost', 'us')
 
 
-def study_table(results: Sequence[Result]) -> Table:
+def comparison_table(results: Sequence[Result]) -> Table:
     """Return what became of each case.
 
-    The columns are the median and the 95th percentile of the error at the end, the mean and the
+    The columns are the median and the 95th percentile of the final error, the mean and the
     median of the NEES of a run over its degrees, how many runs lost track, and microseconds for
     a prediction and a correction.
     """
     table = Table(box=box.HORIZONTALS, show_edge=False, padding=(0, 1, 0, 0))
-    # where it is narrow, words go on below; of a number no digit may be missing
+    # on a narrow terminal words are folded, but no digit of a number is cut
     table.add_column('uncertain at first by', overflow='fold')
     table.add_column('filter', overflow='fold')
     for column in _COLUMNS:
@@ -51,7 +51,7 @@ def study_table(results: Sequence[Result]) -> Table:
     return table
 
 
-def study_picture(results: Sequence[Result], path: Path) -> None:
+def comparison_picture(results: Sequence[Result], path: Path) -> None:
     """Draw the median and the 95th percentile of the error in time: a case a column."""
     cases = list(dict.fromkeys(result.case.name for result in results))
     filters = list(dict.fromkeys(result.filter for result in results))

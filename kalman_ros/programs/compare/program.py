@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Filters side by side on problems that are not linear, the more uncertain the worse."""
+"""Filters compared on nonlinear problems of increasing uncertainty."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import platform
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,10 +14,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from kalman_ros.core import refuse_unknown
 from kalman_ros.estimators import FILTERS
+from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
 from .cases import CASES
-from .comparison import Result, study
+from .comparison import Result, measured
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -57,7 +57,7 @@ def compare(options: argparse.Namespace, console: Console) -> list[Result]:
         results = []
         for case, width, filter in asked:
             bar.update(task, description=f'{case.name}, {case.widths[width]}: {filter}')
-            results.append(study(case, width, filter, options.runs, lambda: bar.advance(task)))
+            results.append(measured(case, width, filter, options.runs, lambda: bar.advance(task)))
     return results
 
 
@@ -68,15 +68,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         results = compare(options, console)
     except ValueError as error:
-        print(f'compare: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('compare', error)
 
-    from . import pictures as report  # matplotlib loads while nothing waits
+    from . import pictures  # matplotlib loads while nothing waits
 
-    console.print(report.study_table(results))
+    console.print(pictures.comparison_table(results))
     machine = f'{platform.machine()}, Python {platform.python_version()}'
     console.print(f'{machine}, {options.runs} runs each, with the seeds 0, 1, ...')
     summary = {'machine': machine, 'results': [result.summary() for result in results]}
     (options.out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
-    report.study_picture(results, options.out / 'errors.png')
+    pictures.comparison_picture(results, options.out / 'errors.png')
     console.print(f'In {options.out}: summary.json, errors.png')

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fault matrix: what goes wrong, and what can be promised nevertheless.
+"""The fault matrix: faults, and the promises that hold nevertheless.
 
-All cases are of the scenario ``mass_spring_damper_2d``, whose position is read at 20 Hz with a
-standard deviation of 0.05 m, and whose velocity at 100 Hz with 0.5 m/s.
+All cases use the scenario ``mass_spring_damper_2d``, with positions at 20 Hz and a standard
+deviation of 0.05 m, and velocities at 100 Hz and 0.5 m/s.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from enum import Enum
 from kalman_ros.core import Value
 
 SCENARIO = 'mass_spring_damper_2d'
-#: Where positions stand in the state, by which errors are measured.
+#: The positions in the state, by which errors are measured.
 POSITIONS = [0, 2]
 
 
 class Promise(Enum):
-    """What a filter can do about a fault that it was not told of."""
+    """How a filter must handle a fault that it does not model."""
 
     COVERED = 'the covariance covers the error'
     WARNED = 'the error is bounded, and the innovations give it away'
@@ -48,15 +48,15 @@ class Case:
     name
         For people.
     promise
-        What holds.
+        The promise.
     plant
-        The parameters of the plant while it lasts; what has a window acts within the schedule's.
+        The parameters of the plant during the fault; options with a window use the schedule's.
     estimator
         The parameters of the estimator.
     bound
         The largest error of a position, in m, that is allowed.
     pose
-        Where the estimator is told to begin, with a standard deviation of a millimetre.
+        A position to which the estimator is reset, with a standard deviation of a millimetre.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Case:
 
     @property
     def lasts(self) -> bool:
-        """Whether its fault is there from beginning to end, for it has no window."""
+        """Whether its fault has no window, and so lasts for the whole run."""
         return any(name.startswith(_LASTING) for name in self.plant)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run under faults shows: how wrong, how honest, and how soon it is well again."""
+"""The results of a run under faults: errors, consistency and recovery."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from kalman_ros.simulation.trajectory import Trajectory
 
 from .cases import POSITIONS, Case, Promise, Schedule
 
-#: A consistent filter's normalised error is below the quantile of this probability so often.
+#: A consistent filter's normalised error is below the quantile of this probability.
 QUANTILE = 0.99
-#: The least share that a consistent filter shows. Errors last from step to step, so that the
-#: share of a short run scatters: of 600 without a fault, 3 s each, none showed less than 0.88.
+#: The least share for a consistent filter. Errors are correlated from step to step, so the
+#: share of a short run scatters: of 600 without a fault, 3 s each, none was below 0.88.
 LEAST_COVERAGE = 0.85
 #: A stable loop ends within this share of its largest distance from the origin. It starts at 1 m.
-_CALMED = 0.75
+_SHRUNK = 0.75
 
 
 @dataclass(frozen=True)
 class Counts:
-    """What became of readings, or how many of them there were."""
+    """The outcomes of readings, and their number."""
 
     published: int
     came: int
@@ -34,36 +34,36 @@ class Counts:
 
     @property
     def add_up(self) -> bool:
-        """Whether every reading that was published came, and was counted once."""
+        """Whether every published reading was received, and counted once."""
         accounted = self.fused + self.rejected + self.dropped
         return self.published == self.came == accounted
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What one case did to one filter.
+    """The result of one case with one filter.
 
     Parameters
     ----------
     fault, filter, promise
-        What it is.
+        The case.
     max_error
         The largest error of a position since the fault began, in m.
     bound
-        How large it may be; the loop may go this far beyond where it starts, too.
+        The largest allowed error; the loop may go this far beyond its start, too.
     coverage
         The share of steps since the fault began whose normalised error is below its quantile.
     counts
         Of all readings.
     recovery
         Seconds from the end of the fault until all errors are within 3 standard deviations for
-        good; None if that is not seen, or the fault does not end.
+        good; None if that does not happen, or the fault does not end.
     warned
         Whether the estimator gave a warning on ``/diagnostics`` at the end.
     farthest, last
         The largest distance from the origin, and the largest in the last tenth, in m.
     finite
-        Whether all that estimator and controller published is finite.
+        Whether all values from estimator and controller are finite.
     """
 
     fault: str
@@ -81,7 +81,7 @@ class Finding:
 
     @property
     def broken(self) -> list[str]:
-        """What was promised and does not hold."""
+        """The broken promises."""
         promises = {
             'a number published is not finite': self.finite,
             f'counts do not add up: {self.counts}': self.counts.add_up,
@@ -90,7 +90,7 @@ class Finding:
             ),
             f'the loop went as far as {self.farthest:.3g} m': self.farthest <= 1.0 + self.bound,
             f'the loop is {self.last:.3g} m off in the end, of {self.farthest:.3g} m': (
-                self.last <= _CALMED * self.farthest
+                self.last <= _SHRUNK * self.farthest
             ),
             f'the covariance covers only {self.coverage:.3f}': (
                 self.promise is not Promise.COVERED or self.coverage >= LEAST_COVERAGE
@@ -100,12 +100,12 @@ class Finding:
         return [what for what, holds in promises.items() if not holds]
 
     def summary(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the finding for JSON."""
         return {**asdict(self), 'promise': self.promise.name.lower(), 'broken': self.broken}
 
 
 def recovery(run: Trajectory, end: float) -> float | None:
-    """Return how long after ``end`` (s) errors stay within 3 deviations; None if they do not."""
+    """Return the seconds after ``end`` until errors stay within 3 deviations, or None."""
     error = np.abs(run.estimate - run.truth)
     std = np.sqrt(np.diagonal(run.covariance, axis1=1, axis2=2))
     outside = np.flatnonzero((error > 3.0 * std).any(axis=1))
@@ -126,7 +126,7 @@ def finding(
     warned: bool,
     finite: bool,
 ) -> Finding:
-    """Return what a run shows of a case, with its time counted from the start of the case."""
+    """Return the finding of a case from its run, with time counted from its start."""
     begins = 0.0 if case.lasts or case.pose else schedule.start
     ends = 0.0 if case.pose else schedule.end
     since = run.time >= begins

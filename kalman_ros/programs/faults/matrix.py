@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Puts one filter through the cases of the fault matrix, on the nodes in lockstep."""
+"""Runs one filter through the fault matrix, on the nodes in lockstep."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from .cases import Case, Schedule
 from .findings import Counts, Finding, finding
 
 _NODES = ('estimator', 'controller', 'plant')
-_VARIANCE = 1e-6  # of a pose that it is sure of
+_VARIANCE = 1e-6  # of a reset pose
 _FATES = ('fused', 'rejected', 'dropped')
 
 
 @dataclass(frozen=True)
 class _Account:
-    """How many messages came on each topic so far, and what plant and estimator counted."""
+    """The numbers of messages on each topic so far, and the counts of plant and estimator."""
 
     messages: dict[str, int]
     published: int
@@ -39,9 +39,9 @@ class _Account:
 
 
 class FaultMatrix:
-    """The loop with one filter, which is put through one case after another.
+    """The loop with one filter, which runs one case after another.
 
-    Each begins at the initial state with the same noise, so what differs is the fault.
+    Each starts at the initial state with the same noise, so only the fault differs.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class FaultMatrix:
         self._run = Run(fault_cases.SCENARIO, {'filter': filter}, seed=seed, nodes=_NODES)
         sensors = self._run.scenario.sensors
         self._decoded: dict[str, Any] = {}
-        # what was set at some time, by node, with what it usually is
+        # parameters changed so far, by node, with their defaults
         self._restored: dict[str, dict[str, Value]] = {'plant': {}, 'estimator': {}}
         self._topics = {name: source.signal.topic for name, source in sensors.items()}
         known = [*scenario.options({}).values(), *options_of(PlantOptions)]
@@ -66,7 +66,7 @@ class FaultMatrix:
         self._usual = {o.name: o.default for o in (*known, *options_of(EstimatorOptions))}
 
     def findings(self, cases: Sequence[Case], done: Callable[[], None]) -> list[Finding]:
-        """Return what each case does to the filter; ``done`` is called after each."""
+        """Return the finding of each case; ``done`` is called after each."""
         starts, warnings = [], []
         with self._run as run:
             self._pose = run.node.create_publisher(PoseWithCovarianceStamped, 'initialpose', 1)
@@ -94,7 +94,7 @@ class FaultMatrix:
         ]
 
     def _go_through(self, case: Case) -> None:
-        """Put the faults of a case in place of those of the last one, and run it."""
+        """Replace the faults of the last case by those of a case, and run it."""
         run = self._run
         plant = {**case.plant, **case.windows(self.schedule)}
         for node, values in {'plant': plant, 'estimator': case.estimator}.items():
@@ -108,31 +108,31 @@ class FaultMatrix:
         run.advance(self.schedule.stop)
 
     def _start_from(self, x: float, y: float) -> None:
-        """Have the estimator begin there, and sure of it."""
+        """Reset the estimator to a wrong position with a small covariance."""
         pose = PoseWithCovarianceStamped()
         pose.pose.pose.position.x, pose.pose.pose.position.y = x, y
         pose.pose.covariance[0] = pose.pose.covariance[7] = _VARIANCE
         log = self._run.processes['estimator'].output
-        said = log().count('initialpose')
+        before = log().count('initialpose')
         self._run.wait(
             self._pose.get_subscription_count, 10.0, lambda: 'initialpose has no subscribers'
         )
         self._pose.publish(pose)
         self._run.wait(
-            lambda: log().count('initialpose') > said, 10.0, lambda: 'initialpose was not taken'
+            lambda: log().count('initialpose') > before, 10.0, lambda: 'initialpose was not taken'
         )
 
     def _account(self) -> _Account:
-        """Take stock, when all that was published has been recorded."""
+        """Count messages, after all published ones are recorded."""
         run = self._run
         run.refresh('plant', 'estimator')
-        sent = self._said('plant')
+        sent = self._reported('plant')
         run.wait(lambda: self._recorded(sent['readings']), 20.0, lambda: 'messages are missing')
         messages = {topic: len(raw) for topic, raw in run.recorder.raw.items()}
-        return _Account(messages, sent['readings'], self._said('estimator'))
+        return _Account(messages, sent['readings'], self._reported('estimator'))
 
-    def _said(self, node: str) -> Counter[str]:
-        """Return what a node has counted of the readings of all sensors."""
+    def _reported(self, node: str) -> Counter[str]:
+        """Return a node's counts of the readings of all sensors."""
         found: Counter[str] = Counter()
         for value in self._run.diagnostics[node].values:
             sensor, _, what = value.key.partition(': ')
@@ -141,7 +141,7 @@ class FaultMatrix:
         return found
 
     def _recorded(self, readings: int) -> bool:
-        """Tell whether ``readings`` readings, and the answers to every step, are received."""
+        """Return whether ``readings`` readings, and the answers to every step, are received."""
         raw, scenario = self._run.recorder.raw, self._run.scenario
         state = scenario.state.topic
         answers = (state, f'{state}/covariance', scenario.input.topic)
@@ -157,7 +157,7 @@ class FaultMatrix:
         return Counts(after.published - before.published, since.pop('readings'), **since)
 
     def _finite(self, before: _Account, after: _Account) -> bool:
-        """Tell whether all that estimator, controller and ground truth said is finite."""
+        """Return whether all values from estimator, controller and ground truth are finite."""
         return all(
             np.isfinite(self._numbers(topic)[before.messages[topic] : after.messages[topic]]).all()
             for topic in after.messages

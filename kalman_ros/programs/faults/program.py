@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Puts filters through the fault matrix on the real nodes and says which promises hold."""
+"""Runs filters through the fault matrix on the real nodes and checks the promises."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from kalman_ros.core import refuse_unknown
 from kalman_ros.estimators import FILTERS
 from kalman_ros.harness import NodeError
+from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
 from .cases import CASES, SCENARIO, SHORT, Schedule
@@ -30,7 +31,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the parsed command line."""
     parser = argparse.ArgumentParser(prog='faults', description=__doc__)
     parser.add_argument('--filters', nargs='+', default=['kf', 'ekf', 'ukf'], metavar='FILTER')
-    parser.add_argument('--only', default='', metavar='TEXT', help='faults with it in their name')
+    parser.add_argument('--only', default='', metavar='TEXT', help='faults with TEXT in the name')
     parser.add_argument('--seed', type=int, default=1, help='of all noise (default: %(default)d)')
     parser.add_argument('--short', action='store_true', help='runs as short as those of the tests')
     parser.add_argument(
@@ -44,7 +45,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def faults(options: argparse.Namespace, schedule: Schedule, console: Console) -> list[Finding]:
-    """Return what every fault does to every filter, fault by fault."""
+    """Return the finding of every fault and filter, fault by fault."""
     refuse_unknown(options.filters, FILTERS, 'filter')
     cases = [case for case in CASES if options.only in case.name]
     if not cases:
@@ -71,8 +72,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         findings = faults(options, schedule, console)
     except (ValueError, NodeError, RuntimeError) as error:
-        print(f'faults: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('faults', error)
     wall = time.monotonic() - start
     _report(options, schedule, findings, wall, console)
     broken = [found for found in findings if found.broken]
@@ -92,7 +92,7 @@ def _report(
     wall: float,
     console: Console,
 ) -> None:
-    """Print and write what was found."""
+    """Print and write the findings."""
     from .tables import fault_page, fault_table
 
     console.print(fault_table(findings))

@@ -8,7 +8,7 @@ from itertools import groupby
 
 from rich.table import Table
 
-from kalman_ros.report.tables import plain_table
+from kalman_ros.report.run_tables import plain_table
 
 from .findings import Finding
 
@@ -26,7 +26,7 @@ _COLUMNS = (
 
 
 def fault_table(findings: Sequence[Finding]) -> Table:
-    """Return a table of what every fault did to every filter."""
+    """Return a table of all faults and filters."""
     table = plain_table('', ('error', 'covered', 'in = f. + rej. + dropped', 'recovery', ''))
     table.columns[0].no_wrap = False
     for found, filters in _alike(findings):
@@ -53,7 +53,7 @@ def fault_page(findings: Sequence[Finding], command: str, machine: str, about: s
         '',
         *_LEGEND,
         '',
-        f'Of {len(findings)} runs {broken or "none"} broke what is promised.',
+        f'Of {len(findings)} runs {broken or "none"} broke a promise.',
         '',
         f'| fault | promise | {" | ".join(_COLUMNS)} |',
         f'|---|---|---|{"--:|" * (len(_COLUMNS) - 1)}',
@@ -67,27 +67,27 @@ def fault_page(findings: Sequence[Finding], command: str, machine: str, about: s
 
 
 _LEGEND = (
-    'Of each run is promised: the loop is stable, nothing that estimator or controller publish',
-    'is NaN or infinite, and of the readings that came in, as many as were published, each was',
-    'fused, rejected or dropped. Beyond that:',
+    'Every run promises: the loop is stable, no value from estimator or controller is NaN or',
+    'infinite, and every published reading is received and either fused, rejected or dropped.',
+    'Beyond that:',
     '',
-    '* *covered*: the covariance covers the error, for the fault takes readings away, delays,',
-    '  repeats or spoils them in a way that is seen.',
-    '* *warned*: no filter that was not told of the fault can cover it, but its innovations give',
-    '  it away: there is a warning on `/diagnostics`. The error is bounded.',
-    '* *bounded*: too small, or too well hidden, for a warning in this time; bounded, too.',
+    '* *covered*: the covariance covers the error, since the filter can see that readings are',
+    '  missing, late, repeated or invalid.',
+    '* *warned*: no filter can cover an unknown fault like this, but its innovations show it:',
+    '  there is a warning on `/diagnostics`. The error is bounded.',
+    '* *bounded*: the error is bounded; the fault is too small or hidden for a warning.',
     '',
     'Max error is the largest error of a position, coverage the share of steps whose normalised',
     'error (NEES) is below its 99 % quantile, both since the fault began. Recovery is the time',
     'from the end of the fault until every error is within 3 standard deviations for good; a',
     'consistent filter leaves them by chance, too: see *none*. A dash: the fault does not end.',
-    'The same noise is in all runs, and filters that show the same numbers share a line: on a',
+    'All runs have the same noise, and filters with the same numbers share a line: on a',
     'linear system KF, EKF and UKF are the same filter.',
 )
 
 
 def _alike(findings: Sequence[Finding]) -> Iterator[tuple[Finding, str]]:
-    """Yield the findings of each fault, one for all filters that show the same numbers."""
+    """Yield the findings of each fault, one for all filters with the same numbers."""
     for _, same in groupby(findings, lambda found: (found.fault, found.broken, _cells(found))):
         first, *others = same
         yield first, ', '.join(found.filter for found in (first, *others))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimators under hostile input: random models, stamps, readings and covariances of any kind.
+"""Estimators under hostile input: random models, stamps, readings and covariances.
 
-What comes out is checked after every item: a finite mean, a covariance that is one, and an
-account in which every reading appears once.
+The output is checked after every item: a finite mean, a valid covariance, and every reading
+counted exactly once.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.sensors.linear import Linear
 
-#: Items that one estimator is given.
+#: Items per estimator.
 _ITEMS = 200
 _RATE = 50.0
-#: How often each of the filters is taken; the design of a fixed gain takes long.
+#: The frequency of each filter; the design of a fixed gain is slow.
 _SHARES = {
     'kf': 0.3,
     'ekf': 0.2,
@@ -45,7 +45,7 @@ _SECOND = 1_000_000_000
 
 
 class BrokenPromiseError(AssertionError):
-    """An estimator broke a promise; the message says which, and with which seed."""
+    """An estimator broke a promise; the message has the promise and the seed."""
 
 
 class _Swing(Model):
@@ -67,12 +67,12 @@ class _Swing(Model):
 
 
 class Episode:
-    """One random estimator, and the items that it is given one by one.
+    """One random estimator, and its items.
 
     Parameters
     ----------
     seed
-        Of everything in it.
+        Of everything random.
     """
 
     def __init__(self, seed: int) -> None:
@@ -101,7 +101,7 @@ class Episode:
         self._time = _SECOND
 
     def run(self) -> Iterator[None]:
-        """Give the items, and check after each; BrokenPromiseError for the first that fails."""
+        """Yield the items, and check after each; BrokenPromiseError at the first failure."""
         for number in range(_ITEMS):
             try:
                 self._give()
@@ -130,7 +130,7 @@ class Episode:
         self._sent[name] += 1
 
     def _stamp(self) -> int:
-        """Return a stamp that mostly goes forward, and else anything."""
+        """Return a stamp that mostly increases, and sometimes is arbitrary."""
         rng, kind = self._rng, self._rng.random()
         if kind < 0.7:
             self._time += 20_000_000 * int(rng.integers(0, 4))
@@ -145,7 +145,7 @@ class Episode:
         return self._time
 
     def _trouble(self) -> str:
-        """Return which promise is broken, or nothing."""
+        """Return the broken promise, or ''."""
         estimator = self._estimator
         beliefs = [estimator.belief]
         if estimator.time is not None:
@@ -185,7 +185,7 @@ def _sensor(rng: np.random.Generator, model: Model) -> Sensor:
 
 
 def _filter(rng: np.random.Generator, plan: Plan) -> tuple[str, Filter]:
-    """Return a filter that can serve the plan; the extended one can serve any."""
+    """Return a filter that supports the plan; the extended one supports any."""
     name = str(rng.choice(list(_SHARES), p=list(_SHARES.values())))
     try:
         return name, build_filter(name, plan)

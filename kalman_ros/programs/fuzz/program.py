@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feeds random estimators with hostile input and stops at the first promise that is broken."""
+"""Runs random estimators on hostile input until the first broken promise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .engine import BrokenPromiseError, Episode
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run episodes until there were enough steps; exit 1 if one breaks a promise."""
+    """Run episodes up to a number of steps; exit 1 if one breaks a promise."""
     parser = argparse.ArgumentParser(prog='fuzz', description=__doc__)
     parser.add_argument('--steps', type=int, default=100_000, help='default: 100 000')
     parser.add_argument('--seed', type=int, default=0, help='of the first episode (default: 0)')

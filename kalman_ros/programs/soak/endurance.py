@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A long run of the loop in real time, with faults on, and what is seen of it each second."""
+"""A long run of the loop in real time, with faults, observed each second."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .machine import Withheld, usage
 
 SCENARIO = 'mass_spring_damper_2d'
 RATE = 200.0
-#: Of everything a little, all the time.
+#: A little of everything, all the time.
 FAULTS = {
     'dropout': 0.05,
     'burst_loss': 0.005,
@@ -32,12 +32,12 @@ FAULTS = {
     'gate': 0.999,
 }
 _FATES = ('fused', 'rejected', 'dropped')
-#: After N seconds without a change no message is under way.
-_QUIET = 1.5
+#: Without a change for this many seconds no message is in transit.
+_PAUSE = 1.5
 
 
 class Endurance:
-    """The four nodes in real time, and what is seen of them.
+    """The four nodes in real time, and their statistics.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Endurance:
             run.node.create_subscription(
                 kind, scenario.input.topic, self._on_force, HISTORY, raw=True
             )
-            # before the first step: what is missed from then on must have a reason
+            # before the first step: steps missed from then on must have a reason
             self._withheld = Withheld([run.processes['plant'].pid])
             run.set_parameter('run_until', 1e9)
             start = self._clock()
@@ -92,7 +92,7 @@ class Endurance:
         self._ages.append(self._clock() - leading_stamp(data) * 1e-9)
 
     def _look(self, time: float) -> None:
-        """Take note of all, and forget what has come."""
+        """Record all counts, and drop the messages."""
         run = self._run
         ages = np.array(self._ages or [np.nan])
         missed = int(run.reported('plant', 'missed steps') or 0)
@@ -109,17 +109,17 @@ class Endurance:
         run.recorder.forget()
 
     def _end(self) -> None:
-        """Let what is under way arrive: nobody publishes any more, the controller included."""
+        """Wait for messages in transit: no node publishes any more, the controller included."""
         run = self._run
         run.set_parameter('estimate_timeout', 0.0, 'controller')
         run.set_parameter('run_until', 0.0)
         before: Any = None
         while before != (now := self._counts()):
             before = now
-            run.spin(_QUIET)
+            run.spin(_PAUSE)
 
     def _counts(self) -> dict[tuple[str, str], int]:
-        """Return all whole numbers that the nodes say of themselves, by node and name."""
+        """Return all whole numbers in the diagnostics of the nodes, by node and name."""
         return {
             (node, value.key): int(value.value)
             for node in self._run.processes
@@ -152,7 +152,7 @@ class Endurance:
     def _deliveries(self, counts: dict[tuple[str, str], int]) -> list[Delivery]:
         estimate, force = self._run.scenario.state.topic, self._run.scenario.input.topic
         published = counts['controller', 'forces published']
-        taken = ('estimates answered', 'estimates passed over for newer ones')
+        taken = ('estimates answered', 'estimates skipped for newer ones')
         found = [
             self._delivery(topic, 'estimator', counts['plant', key], counts['estimator', key])
             for name, topic in self._sensors.items()
@@ -173,12 +173,12 @@ class Endurance:
         ]
 
     def _delivery(self, topic: str, receiver: str, published: int, received: int) -> Delivery:
-        heard = f'{PUBLISHERS}{self._run.node.resolve_topic_name(topic)}'
-        publishers = int(self._run.reported(receiver, heard) or 1)
+        key = f'{PUBLISHERS}{self._run.node.resolve_topic_name(topic)}'
+        publishers = int(self._run.reported(receiver, key) or 1)
         return Delivery(topic, receiver, published, received, publishers)
 
     def _readings(self, counts: dict[tuple[str, str], int]) -> tuple[int, int, int, int]:
-        """Return how many readings came, and how many had each fate."""
+        """Return the number of readings, and of each outcome."""
 
         def total(what: str) -> int:
             starts = tuple(f'{name}: {what}' for name in self._sensors)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a long run in real time shows: memory, deadlines, messages and latency."""
+"""The results of a long run in real time: memory, deadlines, messages and latency."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from kalman_ros.core import Array
 
 #: Without a leak a slope is outside its interval in one case of N.
 _ODDS = 1000.0
-#: In bytes a second: 17 MB a day.
+#: In bytes per second: 17 MB a day.
 _GROWTH = 200.0
-#: In bytes: heaps and queues may come to their size after the warm-up, once.
+#: In bytes: heaps and queues may grow once after the warm-up.
 _SETTLING = 0.25e6
 #: Memory is averaged over N stretches, long enough to be nearly independent.
 _STRETCHES = 20
-#: What has come and gone by then was still being set up, in seconds, but for short runs.
+#: The warm-up in seconds, except for short runs.
 _WARM_UP = 60.0
-#: Runs shorter than this, in seconds, do not tell whether memory grows for good.
+#: Runs shorter than this, in seconds, cannot show a leak.
 LEAST_MEMORY = 360.0
-#: Looks at the nodes over which the cause of a missed deadline is sought: its own, and the one
-#: before, for a node says what it missed a second later.
+#: The number of checks over which the cause of a missed deadline is sought: its own, and the
+#: one before, since a node reports misses a second later.
 _LOOKS = 2
 
 
 class Slope(NamedTuple):
-    """How fast something grows, a second, and the interval that holds the true slope."""
+    """The growth of a quantity per second, and the interval that contains the true slope."""
 
     value: float
     low: float
@@ -41,7 +41,7 @@ class Slope(NamedTuple):
 def slope(time: Array, y: Array) -> Slope:
     """Return the slope of ``y`` (N,) over ``time`` (N,), by least squares over stretches.
 
-    Memory is not white: means over stretches, not single values, are what scatters about a line.
+    Memory is correlated: means over stretches scatter about a line, single values do not.
     """
     t, y = (
         np.array([part.mean() for part in np.array_split(values, min(_STRETCHES, len(values)))])
@@ -57,9 +57,9 @@ def slope(time: Array, y: Array) -> Slope:
 
 
 class Delivery(NamedTuple):
-    """How many messages of a topic one node published, and another received.
+    """The number of messages of a topic published by one node, and received by another.
 
-    ``publishers`` is how many publishers the receiver has found on the topic.
+    ``publishers`` is the number of publishers that the receiver has found on the topic.
     """
 
     topic: str
@@ -70,7 +70,7 @@ class Delivery(NamedTuple):
 
     @property
     def fault(self) -> str:
-        """What is wrong with it; '' if as many were received as published."""
+        """The problem; '' if as many were received as published."""
         if self.published == self.received:
             return ''
         counts = f'{self.published} published, the {self.receiver} received {self.received}'
@@ -87,22 +87,22 @@ class Delivery(NamedTuple):
 
 @dataclass(frozen=True)
 class Soak:
-    """A long run, looked at once a second.
+    """A long run, checked once a second.
 
     Parameters
     ----------
     rate
-        Steps of the loop a second.
+        Steps of the loop per second.
     time
-        Of each look (N,), in s.
+        Of each check (N,), in s.
     resident
         Memory of each node (N,), in bytes.
     missed
-        Steps that came too late so far (N,).
+        Late steps so far (N,).
     withheld
         Seconds for which, so far, the machine kept the plant from running (N,).
     median, tail
-        Of the times from a reading until the force that answers it is here, since the look
+        Of the times from a reading until the resulting input is received, since the check
         before: the median and the 99th percentile (N,), in s.
     latency
         The 50th, 90th and 99th percentile of all of them, in s.
@@ -111,7 +111,7 @@ class Soak:
     not_finite
         The topics with a NaN or an infinity.
     readings
-        How many readings came, were fused, rejected and dropped.
+        The number of readings received, fused, rejected and dropped.
     """
 
     rate: float
@@ -128,32 +128,32 @@ class Soak:
 
     @property
     def warm(self) -> Any:
-        """Which looks are after the warm-up (N,)."""
+        """Which checks are after the warm-up (N,)."""
         return self.time >= min(_WARM_UP, self.time[-1] / 3.0)
 
     @cached_property
     def growth(self) -> dict[str, Slope]:
-        """How fast the memory of each node grows after the warm-up, in bytes a second."""
+        """The growth of each node's memory after the warm-up, in bytes per second."""
         warm = self.warm
         return {name: slope(self.time[warm], y[warm]) for name, y in self.resident.items()}
 
     @property
     def judges_memory(self) -> bool:
-        """Whether the run was long enough to tell growth from the beginning."""
+        """Whether the run was long enough to detect a leak."""
         time = self.time[self.warm]
         return bool(time[0] >= _WARM_UP and time[-1] - time[0] >= LEAST_MEMORY - _WARM_UP)
 
     @property
     def allowed_growth(self) -> float:
-        """How fast memory may grow after the warm-up, in bytes a second."""
+        """The allowed growth of memory after the warm-up, in bytes per second."""
         time = self.time[self.warm]
         return _GROWTH + _SETTLING / float(time[-1] - time[0])
 
     @property
     def unexplained(self) -> int:
-        """Missed steps for which the machine did not keep the plant waiting long enough.
+        """Missed steps for which the machine did not delay the plant long enough.
 
-        A plant that misses N steps was kept from running for N periods, at least.
+        A plant that misses N steps was delayed for at least N periods.
         """
         missed = np.diff(self.missed, prepend=0.0)
         withheld = self.withheld - np.concatenate((np.zeros(_LOOKS), self.withheld[:-_LOOKS]))
@@ -161,7 +161,7 @@ class Soak:
 
     @property
     def broken(self) -> list[str]:
-        """What was promised and does not hold."""
+        """The broken promises."""
         found = [
             f'the memory of the {name} grows by {each.value:.0f} bytes a second, '
             f'by {each.low:.0f} at least; {self.allowed_growth:.0f} are allowed'
@@ -180,19 +180,19 @@ class Soak:
 
     @property
     def promises(self) -> int:
-        """How many promises were looked at; each that is broken is once in `broken`."""
+        """The number of promises checked; each broken one occurs once in `broken`."""
         memory = len(self.resident) if self.judges_memory else 0
         always = len(('deadlines', 'finite', 'readings'))
         return memory + len(self.deliveries) + always
 
     @property
     def verdict(self) -> str:
-        """How many of the promises hold, in words."""
+        """PASS or FAIL with the number of promises that hold."""
         count = f'{self.promises - len(self.broken)} of {self.promises} promises'
         return f'FAIL, {count} hold' if self.broken else f'PASS, {count}: Every promise holds.'
 
     def summary(self) -> dict[str, Any]:
-        """Return it for JSON, without what was seen second by second."""
+        """Return it for JSON, without the series."""
         came, fused, rejected, dropped = self.readings
         return {
             'seconds': float(self.time[-1]),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the machine did to a process, as Linux tells it: memory given, processor time withheld."""
+"""Resource use of a process on Linux: memory, and processor time withheld from it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _STEAL = 7
 
 
 class Usage(NamedTuple):
-    """What a process has had so far.
+    """The resources of a process so far.
 
     Parameters
     ----------
     resident
-        Memory that it occupies now, in bytes.
+        Memory in use, in bytes.
     delayed
-        Time for which its threads could have run and were made to wait, in seconds.
+        Time for which its threads were ready to run but had to wait, in seconds.
     """
 
     resident: int
@@ -32,7 +32,7 @@ class Usage(NamedTuple):
 
 
 def usage(pid: int, threads: Collection[str] = ()) -> Usage:
-    """Return what a process has had; ProcessLookupError if there is none.
+    """Return the resources of a process; ProcessLookupError if there is none.
 
     Delays are those of all its threads, or of its first and of those with the names ``threads``.
     """
@@ -52,14 +52,14 @@ def usage(pid: int, threads: Collection[str] = ()) -> Usage:
 
 
 class Withheld:
-    """For how long, since it was made, the machine has kept processes from running.
+    """The time for which the machine has kept processes from running, since its creation.
 
     Parameters
     ----------
     pids
         The processes; those that end no longer count.
     threads
-        As in `usage`: for what is done by one thread after another, the others do not matter.
+        As in `usage`: other threads do not matter.
     """
 
     def __init__(self, pids: Iterable[int], threads: Collection[str] = ()) -> None:
@@ -68,7 +68,7 @@ class Withheld:
         self._stolen = _stolen()
 
     def __call__(self) -> float:
-        """Return the sum over the processes, in seconds, with what the host gave to others."""
+        """Return the sum over the processes, in seconds, including time stolen by the host."""
         waited = _stolen() - self._stolen
         for pid, before in self._before.items():
             with suppress(ProcessLookupError):
@@ -77,6 +77,6 @@ class Withheld:
 
 
 def _stolen() -> float:
-    """Return the seconds for which this machine's own host gave its processors to others."""
+    """Return the seconds for which the host gave this machine's processors to others."""
     line = (_PROC / 'stat').read_text().partition('\n')[0]
     return int(line.split()[1 + _STEAL]) * _TICK

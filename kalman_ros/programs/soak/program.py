@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lets the loop run for long in real time, with faults on, and says whether it holds out."""
+"""Runs the loop for long in real time, with faults, and checks its promises."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from kalman_ros.harness import NodeError
+from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
 from .endurance import FAULTS, RATE, SCENARIO, Endurance
 from .findings import Soak
 
-#: Shorter runs do not tell growth from the beginning.
+#: Shorter runs cannot show a leak.
 _LEAST = 0.3
 
 
@@ -45,7 +46,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def soak(options: argparse.Namespace, console: Console) -> Soak:
-    """Run the nodes for the duration asked for, and return the findings."""
+    """Run the nodes for the requested duration, and return the findings."""
     ready(options.out)
     columns = TextColumn('{task.description}'), BarColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console) as bar:
@@ -63,8 +64,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         found = soak(options, console)
     except (ValueError, NodeError, RuntimeError, ProcessLookupError) as error:
-        print(f'soak: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('soak', error)
     _report(options, found, console)
     for what in found.broken:
         console.print(f'[bold red]broken:[/] {what}')
@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def _report(options: argparse.Namespace, found: Soak, console: Console) -> None:
     """Print and write what was found."""
-    from .report import draw_soak, soak_page, soak_table
+    from .pictures import draw_soak, soak_page, soak_table
 
     console.print(soak_table(found))
     machine = f'{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}'

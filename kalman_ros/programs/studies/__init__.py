@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The claims of the LQG argument, one a file, each measured on the real nodes.
+"""The claims of the LQG argument, one per file, each measured on the real nodes.
 
 A study is a module with a docstring, whose first line is its claim, and a function
-``study(size)``: at size 1 the whole study, at less a shorter one, for tests.
+``study(size)``: at size 1 the whole study, below 1 a shorter one, for tests.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.analysis.checks import Check
+from kalman_ros.analysis.checks import MISS, Check
+from kalman_ros.control.separation import Expectation
+from kalman_ros.estimators.consistency import chi_square_bounds
 
 #: In the order of the argument.
 STUDIES = (
@@ -35,16 +37,16 @@ STUDIES = (
 
 @dataclass(frozen=True)
 class Findings:
-    """What a study measured.
+    """The results of a study.
 
     Parameters
     ----------
     checks
-        Measured numbers beside predicted ones.
+        Measured and predicted numbers.
     draw
         Draws the picture to a path.
     data
-        What else goes into ``summary.json``.
+        Further contents of ``summary.json``.
     """
 
     checks: Sequence[Check]
@@ -59,5 +61,22 @@ def close(name: str, unit: str, expected: float, measured: float, tolerance: flo
 
 
 def between(name: str, unit: str, low: float, measured: float, high: float) -> Check:
-    """Return the comparison of a number with bounds, of which theory says no more."""
+    """Return the comparison of a number with bounds, without a prediction."""
     return Check(name, unit, np.nan, measured, low, high, bool(low <= measured <= high))
+
+
+def mean_square(
+    name: str,
+    unit: str,
+    expected: Expectation,
+    measured: float,
+    miss: float = MISS,
+    *,
+    root: bool = False,
+) -> Check:
+    """Return the comparison of a mean square, or its root, with its scatter over runs."""
+    low, high = chi_square_bounds(expected.mean, expected.std**2, miss)
+    passed = bool(low <= measured <= high)
+    numbers = np.array([expected.mean, measured, low, high])
+    mean, value, low, high = (np.sqrt(numbers) if root else numbers).tolist()
+    return Check(name, unit, mean, value, low, high, passed)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No other gains cost less than those of LQG, and it costs what theory says.
+"""No other gains cost less than LQG; the cost is as predicted.
 
 The regulator is designed for another weight of the input, then the estimator for another process
-noise; the price stays the same. All meet the same noise, so that small differences show. Many
-runs are made in one process; runs over topics are shown to be equal to theirs.
+noise; the true cost is unchanged. All runs have the same noise, so that small differences show.
+Most runs use one process; some are repeated over topics, with equal results.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from .systems import linear
 FACTORS = (1 / 30, 1.0, 30.0)
 RATE = 20.0
 SECONDS, SETTLED = 25.0, 5.0
-#: What a `Run` over topics is compared with bears rounding, but no more.
+#: The allowed difference from a `Run` over topics, due to rounding.
 SAME = 1e-9
 
 
 @dataclass(frozen=True)
 class Variant:
-    """Gains for a system that is not quite the real one, and what they cost."""
+    """Gains designed for a modified system, and their cost."""
 
     kind: str
     factor: float
@@ -71,7 +71,7 @@ def study(size: float = 1.0) -> Findings:
 
 
 def system(K: float = 1.0, L: float = 1.0) -> dict[str, Any]:
-    """Return an oscillator whose regulator or estimator is designed for something else."""
+    """Return an oscillator whose regulator or estimator is designed for another system."""
     return linear(
         {'position': 'm', 'velocity': 'm/s'}, [[0, 1], [-1, 0]], [[0], [1]], [0, L], [[1, 0]],
         [0.5], rate=RATE, reading__rate=RATE, state_cost=[4.0, 1.0], input_cost=[0.5 * K],
@@ -89,7 +89,7 @@ def expected_cost(real: Scenario, believed: Scenario) -> float:
 
 
 def least_cost(real: Scenario) -> float:
-    """Return what the best gains cost per second, tr(S Q) + tr(K'(R + G'S G) K P), over dt."""
+    """Return the optimal cost per second, tr(S Q) + tr(K'(R + G'S G) K P), over dt."""
     design, weights = regulator(real)
     loop = theory(real).loop
     sample = optimal_cost(loop.step, design.gain, design.cost_to_go, weights, loop.posterior)
@@ -108,7 +108,7 @@ def _cost(real: Scenario, run: Trajectory) -> float:
 
 
 def _gap(expected: Trajectory, kind: str, factor: float) -> float:
-    """Return how far a run over topics is from one in a single process."""
+    """Return the difference of a run over topics from one in a single process."""
     node = {'K': 'controller', 'L': 'estimator'}[kind]
     only: Mapping[str, Any] = {node: system(**{kind: factor})}
     with Run(system(), only=only, seed=0, nodes=('estimator', 'controller', 'plant')) as run:
@@ -119,7 +119,7 @@ def _gap(expected: Trajectory, kind: str, factor: float) -> float:
 
 
 def _checks(real: Scenario, variants: Sequence[Variant]) -> list[Any]:
-    """Compare means with theory; what more others cost is judged run by run, so noise cancels."""
+    """Compare mean costs with theory; differences are tested run by run, so noise cancels."""
     checks = []
     best = variants[FACTORS.index(1.0)]
     n = len(best.costs)
@@ -135,7 +135,7 @@ def _checks(real: Scenario, variants: Sequence[Variant]) -> list[Any]:
         if found.factor == 1.0:
             continue
         more = found.costs - best.costs
-        # 4.5 standard errors of these very differences: a right one fails in 1e-4 with 40 runs
+        # 4.5 standard errors of the differences: a correct one fails in 1e-4 with 40 runs
         tolerance = 4.5 * float(more.std(ddof=1) / np.sqrt(n))
         expected = found.expected - best.expected
         name = f'{found.kind} for x{found.factor:g}: costs more by'

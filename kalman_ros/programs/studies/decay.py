@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a loop costs on its way from a start to rest, and how far a little noise scatters that."""
+"""The cost of a loop from a start to rest, and its scatter by small noise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kalman_ros.core import Array, Transition
 
 from .stationary import SIGMAS
 
-#: What rounding adds to a sum of thousands of products, relative to it.
+#: The relative rounding error of a sum of thousands of products.
 ROUNDING = 1e-9
 
 
@@ -20,8 +20,8 @@ def price(
 ) -> tuple[float, float]:
     """Return the sum over ``steps`` samples of the cost of u = -K x, and its tolerance.
 
-    From x on to the end of time it is x'X x, with X from the Lyapunov equation; the part after
-    the last sample is taken off. Process noise w adds 2 x'X w at each x, to first order.
+    The infinite sum from x is x'X x, with X from the Lyapunov equation; the part after
+    the last sample is subtracted. Process noise w adds 2 x'X w at each x, to first order.
     """
     M = step.F - step.G @ gain
     stacked = np.vstack((np.eye(len(M)), -gain))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Least squares on one reading, (C'C)^-1 C'y, is no observer, and where it works it is noisy.
+"""Least squares on one reading is no substitute for an observer.
 
-Of a cart only the place is read: C'C is singular and y says nothing of the velocity, which an
-observer finds over time. Of two currents two sums are read: C can be inverted, and the inverse
-hands on all of the sensors' noise, which a filter does not.
+Of a cart only the position is measured: C'C is singular and y does not contain the velocity,
+which an observer estimates over time. Of two currents two sums are measured: C can be inverted,
+and the inverse passes on all sensor noise, which a filter does not.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .systems import CART_READING, cart, plant
 DT, NOISE = 0.02, 0.1
 CART = cart([0.0, 0.1], NOISE, 1.0 / DT, enabled=False)
 CURRENTS = {'model': 'current_sensors', 'rate': 1.0 / DT, 'currents.rate': 1.0 / DT}
-#: What each sensor reads of (i_m, i_t), and how well: as the model has it.
+#: The coefficients of each sensor for (i_m, i_t), and its noise: as in the model.
 CURRENTS_READING = np.array([[1.0, 1.0], [0.0, 1.0]])
 CURRENTS_NOISE = np.diag([0.5**2, 0.3**2])
 #: Seconds in which a filter forgets its start: over ten time constants of the slower one.
@@ -50,7 +50,7 @@ class Watched:
 
 
 def study(size: float = 1.0) -> Findings:
-    """Watch a cart and two currents for 46 s each."""
+    """Run a cart and two currents for 46 s each."""
     place, currents = _watch(CART, size), _watch(CURRENTS, size)
     checks = [*_place_checks(place), *_current_checks(currents)]
     return Findings(checks, lambda path: _draw(place, currents, path))
@@ -67,7 +67,7 @@ def _watch(parameters: dict[str, Any], size: float) -> Watched:
 
 
 def _inverted(C: Array, readings: Array) -> Array:
-    """Return the state (N, n) with the least squares at each reading, of these the smallest."""
+    """Return the minimum-norm least-squares state (N, n) of each reading."""
     return np.asarray(readings @ np.linalg.pinv(C).T)
 
 
@@ -79,7 +79,7 @@ def _filtered(step: Transition, C: Array, R: Array) -> Stationary:
 def _difference_error(step: Transition, variance: float) -> Stationary:
     """Return the error of the difference quotient, (y - y_before) / dt - v, as coordinate 0.
 
-    Of the noises it has (w_x + r - r_before) / dt - w_v; coordinate 1 remembers r.
+    In terms of the noises it is (w_x + r - r_before) / dt - w_v; coordinate 1 stores r.
     """
     through = np.array([[1.0 / DT, -1.0, 1.0 / DT], [0.0, 0.0, 1.0]])
     noises = np.zeros((3, 3))
@@ -88,7 +88,7 @@ def _difference_error(step: Transition, variance: float) -> Stationary:
 
 
 def _place_checks(cart: Watched) -> list[Check]:
-    """Return what one reading of the place tells, and what readings over time do."""
+    """Compare the states determined by one reading with those determined over time."""
     system = plant(CART)
     step, C, R = system.sampled(DT), CART_READING, np.array([[NOISE**2]])
     rank = float(np.linalg.matrix_rank(C.T @ C))

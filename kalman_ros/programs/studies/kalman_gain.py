@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where readings are bad the filter trusts its model, where the model is bad the readings.
+"""The Kalman gain depends on the ratio of the noises alone.
 
-Five levels that drift back to zero, side by side in one filter; none moves another, so each has
-the gain it would have alone. From the first to the last, readings get worse beside the noise
-that drives the level. Gains are taken from topics: how far the estimate jumps for an innovation.
+Five levels that decay to zero, in one filter; they are independent, so each has the gain that it
+would have alone. From the first to the last, readings get worse relative to the process noise.
+Gains are measured from topics, as the jump of the estimate over the innovation.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ DT, SETTLED = 0.05, 20.0
 DECAY, DENSITY = 0.5, 1.0
 #: Variance of a reading over the variance Q that the noise adds in a step.
 RATIOS = np.array([1e-3, 1e-1, 1e1, 1e3, 1e5])
-#: How far a gain is from its limit by then, relatively: errors decay at least as the level does.
+#: The relative distance of a gain from its limit by then: errors decay at least like the level.
 CONVERGED = float(np.exp(-2.0 * DECAY * SETTLED))
 
 
 def levels(deviations: Sequence[float], **others: Any) -> dict[str, Any]:
-    """Return the parameters of levels read with such standard deviations."""
+    """Return the parameters of levels with these standard deviations of the readings."""
     each = np.eye(len(deviations))
     states = {f'x{index}': '' for index in range(len(each))}
     density = np.full(len(each), DENSITY)
@@ -49,7 +49,7 @@ READING = np.eye(1)
 
 
 def study(size: float = 1.0) -> Findings:
-    """Watch the levels for 200 s."""
+    """Run the levels for 200 s."""
     R = RATIOS * STEP.Q[0, 0]
     with Run(levels(np.sqrt(R).tolist(), enabled=False)) as run:
         run.advance(SETTLED + 180.0 * size)
@@ -65,7 +65,7 @@ def study(size: float = 1.0) -> Findings:
 
 
 def _gains(run: Trajectory) -> Array:
-    """Return what an innovation moves each estimate by, as least squares has it."""
+    """Return the least-squares ratio of each estimate's jump to its innovation."""
     innovations = run.innovations['reading']
     _, rows, columns = np.intersect1d(
         np.round(run.time[1:] / DT), np.round(innovations.time / DT), return_indices=True
@@ -84,7 +84,7 @@ def _design(ratio: float) -> LqeDesign:
 
 
 def _checks(ratio: float, gain: float, variance: float, error: Array) -> list[Check]:
-    """Return the gain, the variance the filter tells and the errors it makes, beside theory."""
+    """Compare the gain, the reported variance and the errors with theory."""
     design, at = _design(ratio), f'R/Q = {ratio:g}'
     L, P = float(design.gain[0, 0]), float(design.covariance[0, 0])
     recursion = estimation_error(STEP, READING, ratio * STEP.Q, design.gain)
@@ -96,7 +96,7 @@ def _checks(ratio: float, gain: float, variance: float, error: Array) -> list[Ch
 
 
 def _limits(variances: Array, R: Array) -> list[Check]:
-    """Return how near the ends of the sweep are to the readings, and to the model, alone.
+    """Compare the ends of the sweep with the readings alone, and with the model alone.
 
     With P- at least Q, 1 - P/R = R / (P- + R) is below R/Q. The other way, a reading takes at
     most P_0^2 / R off the variance P_0 of the model alone, and the model forgets 1 - F^2 of
@@ -121,7 +121,7 @@ def _draw(gains: Array, squares: Array, path: Path) -> None:
         gain.semilogx(ratios, [each.gain[0, 0] for each in designs], color=TRUTH)
         gain.semilogx(RATIOS, gains, 'o', color=ESTIMATE)
         gain.set_ylabel('gain L [1]')
-        gain.set_title('How far a reading is followed')
+        gain.set_title('The weight of a reading')
         variance.loglog(
             ratios, [each.covariance[0, 0] for each in designs], color=TRUTH, label='by Riccati'
         )
@@ -130,7 +130,7 @@ def _draw(gains: Array, squares: Array, path: Path) -> None:
         variance.axhline(alone, ls=':', color=INPUT, label='model alone')
         variance.set_ylim(squares[0] / 2.0, 3.0 * alone)
         variance.set_ylabel('variance of the error [1]')
-        variance.set_title('What is left of the error')
+        variance.set_title('The remaining error')
         for axis in (gain, variance):
-            axis.set_xlabel('R/Q: model trusted more to the right [1]')
+            axis.set_xlabel('R/Q: model weighs more to the right [1]')
         variance.legend(loc='lower right')

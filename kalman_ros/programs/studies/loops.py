@@ -1,47 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sampled loops of a scenario with one sensor, broken at the input of the plant.
 
-In lockstep the input that answers the readings of a step acts from that step on to the next, so
-the loop has no delay of its own.
+In lockstep the input computed from the readings of a step acts from that step to the next, so
+the loop has no delay.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import block_diag, solve_discrete_lyapunov
+from scipy.linalg import block_diag
 
 from kalman_ros.analysis.checks import schedule
 from kalman_ros.control.compensator import current_compensator
 from kalman_ros.control.delay import sampled_plant
-from kalman_ros.control.lqe import LqeDesign, Readings, dlqe
+from kalman_ros.control.lqe import LqeDesign, dlqe
 from kalman_ros.control.separation import Expectation
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array, LinearSystem, linearize
+from kalman_ros.linear.periodic import Readings
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback
 
+from .stationary import Stationary
+
 
 def lqr_loop(scenario: Scenario, delay: float = 0.0) -> StateSpace:
-    """Return the loop of the regulator that knows the state."""
+    """Return the loop of the regulator with a known state."""
     return sampled_plant(_system(scenario), feedback(scenario).gain, 1.0 / scenario.rate, delay)
 
 
 def lqg_loop(
     scenario: Scenario, delay: float = 0.0, believed: Scenario | None = None
 ) -> StateSpace:
-    """Return the loop of regulator and estimator, which may have been told other noise."""
+    """Return the loop of regulator and estimator, which may assume other noise."""
     C = _readings(scenario).C
     late = sampled_plant(_system(scenario), C, 1.0 / scenario.rate, delay)
     return controller(scenario, believed) @ late
 
 
 def _readings(scenario: Scenario) -> Readings:
-    """Return what the one sensor of a scenario reads at every step."""
+    """Return the measurement of a scenario's only sensor at every step."""
     return schedule(scenario, scenario.model.equilibrium.state)[0]
 
 
 def controller(scenario: Scenario, believed: Scenario | None = None) -> StateSpace:
-    """Return what answers the readings with the input: estimator and regulator in one."""
+    """Return the system from the readings to the input: estimator and regulator."""
     plant = sampled_plant(_system(scenario), _readings(scenario).C, 1.0 / scenario.rate)
     return current_compensator(
         plant, feedback(scenario).system(1.0 / scenario.rate), estimator(believed or scenario)
@@ -62,10 +65,10 @@ def growth(loop: StateSpace) -> float:
 def average(
     scenario: Scenario, weight: Array, steps: int, believed: Scenario | None = None
 ) -> Expectation:
-    """Return what to expect of the mean of z'M z, z = (x, u), over steps in steady state.
+    """Return the expected mean of z'M z, z = (x, u), over steps in steady state.
 
-    Unlike `LqgLoop.average` it holds for an estimator that was told other noise, which is not
-    optimal. The noise of the reading counts as a state, since it goes straight on to the input.
+    Unlike `LqgLoop.average` it applies to an estimator that assumes other noise, which is not
+    optimal. The noise of the reading counts as a state, since it acts directly on the input.
 
     Parameters
     ----------
@@ -76,7 +79,7 @@ def average(
     steps
         The number of steps averaged over.
     believed
-        What the estimator was told, if it is something else.
+        The system assumed by the estimator, if different.
     """
     step, readings = _system(scenario).sampled(1.0 / scenario.rate), _readings(scenario)
     F, G, C = step.F, step.G, readings.C
@@ -89,14 +92,8 @@ def average(
         np.hstack((H.B @ C, H.A, H.B)),
         np.zeros((k, n + h + k)),
     ))  # fmt: skip
-    lagged = solve_discrete_lyapunov(M, block_diag(step.Q, np.zeros((h, h)), readings.R))
-    M_z = outputs.T @ weight @ outputs
-    mean, total = float(np.trace(M_z @ lagged)), 0.0
-    for lag in range(steps):
-        share = 1.0 if lag == 0 else 2.0 * (1.0 - lag / steps)
-        total += share * float(np.trace(M_z @ lagged @ M_z @ lagged.T))
-        lagged = M @ lagged
-    return Expectation(mean, float(np.sqrt(2.0 * total / steps)))
+    noise = block_diag(step.Q, np.zeros((h, h)), readings.R)
+    return Stationary(M, noise).average(outputs.T @ weight @ outputs, steps)
 
 
 def _system(scenario: Scenario) -> LinearSystem:

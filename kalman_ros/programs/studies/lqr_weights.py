@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weights trade error for energy along a curve that no other feedback gets below.
+"""Weights trade error for energy on a curve that none can beat.
 
-Identical carts are let go side by side, as one system with one regulator. Their weights of the
-input differ; since no cart moves another, the regulator of all is the regulator of each. Three
+Identical carts start together, as one system with one regulator. Their weights of the
+input differ; since they are independent, the regulator of all is the regulator of each. Three
 more carts, one after the other, have their poles placed instead.
 """
 
@@ -27,11 +27,11 @@ from .systems import cart, carts, plant
 
 #: Weights R of u^2 beside a weight 1 of x^2.
 WEIGHTS = (0.001, 0.01, 0.1, 1.0, 10.0)
-#: Poles in 1/s that somebody might ask for: sluggish and swinging, one slow, both fast.
+#: Plausible poles in 1/s: slow and oscillating, one slow, both fast.
 PLACED = ((-0.5 + 2.0j, -0.5 - 2.0j), (-0.7, -5.0), (-4.0, -6.0))
 START = np.array([1.0, 0.0])
 DT, DURATION = 0.02, 20.0
-#: Process noise, for the tolerances to have a reason; noise of the reading, which nobody uses.
+#: Process noise, which sets the tolerances; noise of the reading, which is unused.
 CART = ([1e-12, 1e-12], 0.01, 1.0 / DT)
 PLANT = plant(cart(*CART))
 #: Of x^2 and of u^2 over a sample, as the input is held.
@@ -44,7 +44,7 @@ ON_TRUTH = {'controller': {'estimate': 'ground_truth'}}
 
 @dataclass(frozen=True)
 class Point:
-    """What a gain costs: the integrals of x^2 and u^2, with their theory and tolerances."""
+    """The cost of a gain: the integrals of x^2 and u^2, with their theory and tolerances."""
 
     name: str
     measured: Array
@@ -57,7 +57,7 @@ class Point:
 
     @property
     def checks(self) -> list[Check]:
-        """Both integrals beside their theory."""
+        """Both integrals compared with theory."""
         names = (('x^2', 'm^2 s'), ('u^2', 'm^2/s^3'))
         return [
             close(f'{name}, {self.name}', unit, *numbers)
@@ -66,13 +66,13 @@ class Point:
 
 
 def study(size: float = 1.0) -> Findings:
-    """Let the carts go for 20 s each."""
+    """Run the carts for 20 s each."""
     curve = _weighed()
     placed = [_placed(poles) for poles in PLACED[: max(1, round(len(PLACED) * size))]]
     points = [*curve, *placed]
     checks = [check for point in points for check in point.checks]
     for point in placed:
-        # the least cost there is, by Riccati's equation, for the weight most in its favour
+        # the least cost by Riccati's equation, for the weight most favourable to the point
         excess = min(point.cost(R) / _least(R) for R in WEIGHTS)
         checks.append(between(f'cost / least, {point.name}', '', 1.0, excess, np.inf))
     own = [min(points, key=lambda p: p.cost(R)) is point for R, point in zip(WEIGHTS, curve)]
@@ -84,7 +84,7 @@ def study(size: float = 1.0) -> Findings:
 
 
 def _weighed() -> list[Point]:
-    """Return what each weight costs, from one run."""
+    """Return the cost of each weight, from one run."""
     count = len(WEIGHTS)
     weights: dict[str, Any] = {'state_cost': [1.0, 0.0] * count, 'input_cost': [*WEIGHTS]}
     start = START.tolist() * count
@@ -99,7 +99,7 @@ def _weighed() -> list[Point]:
 
 
 def _placed(poles: tuple[complex, complex]) -> Point:
-    """Return what poles cost, from a run."""
+    """Return the cost of poles, from a run."""
     real, imaginary = np.real(poles).tolist(), np.imag(poles).tolist()
     law = {'law': 'placement', 'regulator_poles': real, 'regulator_frequencies': imaginary}
     with Run(cart(*CART, initial_state=START.tolist(), **law), remaps=ON_TRUTH) as run:
@@ -114,19 +114,19 @@ def _optimal(weight: float) -> LqrDesign:
 
 
 def _least(weight: float) -> float:
-    """Return the cost of the best input that there is, x'S x."""
+    """Return the least possible cost, x'S x."""
     return float(START @ _optimal(weight).cost_to_go @ START)
 
 
 def _point(name: str, gain: Array, z: Array) -> Point:
-    """Return the integrals along recorded z = (x, u) (N, 3), beside those of a gain."""
+    """Return the integrals along recorded z = (x, u) (N, 3), and those predicted for a gain."""
     measured = [float(np.einsum('ki,ij,kj->', z, each.weight, z)) for each in INTEGRALS]
     expected, tolerance = _theory(gain, len(z))
     return Point(name, np.array(measured), expected, tolerance)
 
 
 def _theory(gain: Array, steps: int) -> tuple[Array, Array]:
-    """Return the integrals that a gain makes of x^2 and of u^2, and their tolerances."""
+    """Return the integrals of x^2 and of u^2 under a gain, and their tolerances."""
     step = PLANT.sampled(DT)
     expected, tolerance = zip(*(price(step, gain, each, START, steps) for each in INTEGRALS))
     return np.array(expected), np.array(tolerance)
@@ -157,5 +157,5 @@ def _draw(curve: list[Point], placed: list[Point], path: Path) -> None:
         axis.minorticks_off()
         axis.set_xlabel('input: integral of u² [m²/s³]')
         axis.set_ylabel('state: integral of x² [m² s]')
-        axis.set_title('No feedback gets into the grey')
+        axis.set_title('No feedback reaches the grey area')
         axis.legend(loc='upper right')

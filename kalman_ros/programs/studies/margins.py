@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gain and delay at the plant's input bring the loop to the brink just where theory says.
+"""The loop loses stability exactly at the computed margins.
 
-An unstable pendulum is held by the regulator, once with the true state and once with that of the
-estimator. The plant's actuator is then given more gain, less gain, or a delay, which nobody else
-is told of. Noise is so small that growth or decay can be read from the states themselves.
+An unstable pendulum is held by the regulator, once with the true state and once with the
+estimate. The plant's actuator is then given more gain, less gain, or a delay, unknown to the
+other nodes. Noise is so small that growth or decay can be read from the states directly.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from .loops import growth, lqg_loop, lqr_loop
 from .stability_boundary import Trial, root, stability_boundary
 from .systems import linear
 
-#: The noise is this much weaker than that for which the estimator is right; its gain is the same.
-QUIET = 1e-10
+#: The noise is smaller than the estimator's by this factor; its gain is the same.
+SMALL = 1e-10
 LOOPS = {'LQR': lqr_loop, 'LQG': lqg_loop}
-#: Where the search for each begins, and its steps.
+#: The start of each search, and its factor.
 SEARCHES = {
     'gain, up': ('actuator_gain', 1.0, 1.5),
     'gain, down': ('actuator_gain', 1.0, 1 / 1.5),
@@ -34,10 +34,10 @@ SEARCHES = {
 
 
 def study(size: float = 1.0) -> Findings:
-    """Search the six brinks; a trial lasts 8 s, or 6 s at a small size."""
+    """Search the six boundaries; a trial lasts 8 s, or 6 s at a small size."""
     system = linear(
-        {'angle': 'rad', 'rate': 'rad/s'}, [[0, 1], [4, 0]], [[0], [1]], [0, QUIET**2], [[1, 0]],
-        [0.1 * QUIET], rate=20.0, reading__rate=20.0, state_cost=[10.0, 1.0],
+        {'angle': 'rad', 'rate': 'rad/s'}, [[0, 1], [4, 0]], [[0], [1]], [0, SMALL**2], [[1, 0]],
+        [0.1 * SMALL], rate=20.0, reading__rate=20.0, state_cost=[10.0, 1.0],
         initial_state=[0.1, 0.0], filter='steady_state',
     )  # fmt: skip
     seconds = 8.0 if size >= 1.0 else 6.0
@@ -47,7 +47,7 @@ def study(size: float = 1.0) -> Findings:
         remaps = {'controller': {'estimate': 'ground_truth'}} if name == 'LQR' else {}
         with Run(system, nodes=('estimator', 'controller', 'plant'), remaps=remaps) as run:
             for search, (parameter, start, factor) in SEARCHES.items():
-                run.set_parameter('actuator_gain', [1.0])  # as the search before left it
+                run.set_parameter('actuator_gain', [1.0])  # reset after the last search
                 predicted = predict(system, name)[search]
                 found, trials[name, search] = stability_boundary(
                     run, parameter, start, factor, seconds
@@ -61,8 +61,8 @@ def study(size: float = 1.0) -> Findings:
 def predict(system: dict[str, Any], name: str) -> dict[str, float]:
     """Return the margins of a loop.
 
-    The delay is where the sampled loop with that very delay is at the brink: one that is no whole
-    number of samples also smooths the input, which the delay margin of a fixed loop leaves out.
+    The delay is where the sampled loop with exactly that delay is at the boundary: a fractional
+    delay also smooths the input, which the delay margin of a fixed loop ignores.
     """
     scenario, loop = scenarios.build(system), LOOPS[name]
     known = margins(loop(scenario))
@@ -88,7 +88,7 @@ def _draw(checks: Sequence[Check], trials: dict[tuple[str, str], list[Trial]], p
         sizes.set_yscale('log')
         sizes.set_ylim(1e-6, 1e2)
         sizes.set_ylabel('norm of the state (log)')
-        sizes.set_title('LQG, its input made late')
+        sizes.set_title('LQG with delayed input')
         for check, found_in in zip(checks, trials.values()):
             of = sorted(found_in, key=lambda found: found.value)
             across = [found.value / check.expected for found in of]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A fast observer forgets its start sooner and shakes more; Kalman's gain errs least.
+"""Fast observers are noisier; Kalman's gain has the least error.
 
-A cart is pushed at random, its place is read, and observers of several speeds start a hundred
-metres away from it. How they come near is fitted to their errors; how they shake is what is left.
+A cart is pushed at random, its position is measured, and observers of several speeds start 100 m
+away from it. The decay is fitted to their errors; the noise is the remaining error.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ CART = ([0.0, 0.1], NOISE, 1.0 / DT)
 PLANT = plant(cart(*CART))
 STEP = PLANT.sampled(DT)
 START = np.array([100.0, 0.0])
-#: So little is left of the start when the noise is looked at.
+#: The remaining share of the start when the noise is evaluated.
 FORGOTTEN = 1e-6
 
 
 @dataclass(frozen=True)
 class Observer:
-    """An observer's gain (2, 1), what it should do, and what it did: its errors (N, 2)."""
+    """An observer's gain (2, 1), with its theory and its measured errors (N, 2)."""
 
     name: str
     gain: Array
@@ -48,18 +48,18 @@ class Observer:
 
     @property
     def pole(self) -> complex:
-        """The slowest pole of the error that the gain makes, in 1/s."""
+        """The slowest pole of the error with this gain, in 1/s."""
         poles = continuous_poles(eigenvalues(self.theory.matrix), DT)
         return complex(poles[np.argmax(poles.real)])
 
     @property
     def settled(self) -> Array:
-        """The errors after the start is forgotten."""
+        """The errors after the start has decayed."""
         return self.error[round(np.log(FORGOTTEN) / self.pole.real / DT) :]
 
 
 def study(size: float = 1.0) -> Findings:
-    """Watch the cart for 45 s with each observer."""
+    """Run the cart for 45 s with each observer."""
     duration = 15.0 + 30.0 * size
     speeds = sorted(SPEEDS[: max(2, round(len(SPEEDS) * size))])
     kalman = _run(
@@ -99,7 +99,7 @@ def _theory(gain: Array) -> Stationary:
 
 
 def _checks(observer: Observer) -> list[Check]:
-    """Return how fast the start is forgotten, and the errors that stay."""
+    """Return the decay of the start, and the remaining errors."""
     fitted = fit(observer.error[:-1], observer.error[1:])
     index = int(np.argmax(np.abs(fitted.poles)))
     pole = continuous_poles(fitted.poles, DT)[index]
@@ -115,9 +115,9 @@ def _checks(observer: Observer) -> list[Check]:
 
 
 def _excess(observer: Observer, kalman: Observer) -> Check:
-    """Return by how much an observer's mean squared error of x is above that of Kalman's gain.
+    """Compare the excess of an observer's mean squared error of x over that of Kalman's gain.
 
-    Both errors come from the same noise, so they make one recursion, e and e_K, and the
+    Both errors have the same noise, so they form one recursion, e and e_K, and the
     difference of their squares scatters less than each.
     """
     count = min(len(observer.settled), len(kalman.settled))
@@ -159,6 +159,6 @@ def _draw(kalman: Observer, observers: Mapping[float, Observer], path: Path) -> 
         noise.set_yticks([0.03, 0.05, 0.1, 0.2], ['0.03', '0.05', '0.1', '0.2'])
         noise.minorticks_off()
         noise.set_xlabel('p [1/s], with poles at -p and -2 p')
-        noise.set_ylabel('RMS error of x after that [m]')
-        noise.set_title('Shaking ever after')
+        noise.set_ylabel('RMS error of x [m]')
+        noise.set_title('The remaining noise')
         noise.legend(loc='upper right')

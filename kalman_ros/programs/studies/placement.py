@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poles lie where one puts them, and the further out, the more energy that takes.
+"""Poles can be placed freely; faster ones need more energy.
 
-A cart is let go a metre from where it should be, each time with faster poles. Its closed loop is
-fitted to what the plant says of itself, and the force squared is summed up.
+A cart starts a metre from its set point, each time with faster poles. Its closed loop is fitted
+to the plant's ground truth, and the squared force is integrated.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ START = np.array([1.0, 0.0])
 
 
 def study(size: float = 1.0) -> Findings:
-    """Let the cart go at each speed, for as long as it takes."""
+    """Run the cart with each set of poles."""
     checks, runs, energies = [], {}, {}
     for speed in sorted(SPEEDS[: max(2, round(len(SPEEDS) * size))]):
         found, speed_checks, energies[speed] = _at(speed)
@@ -49,7 +49,7 @@ def _at(speed: float) -> tuple[Trajectory, list[Check], tuple[float, float]]:
         'regulator_poles': [asked.real] * 2,
         'regulator_frequencies': [asked.imag, -asked.imag],
     }
-    # the noise is there for the tolerances to have a reason: its steps are a tenth of a micrometre
+    # the noise determines the tolerances: its steps are a tenth of a micrometre
     system = cart([1e-12, 1e-12], 0.01, 1.0 / DT, initial_state=START.tolist(), **options)
     with Run(system, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
         run.advance(12.0 / speed)
@@ -84,7 +84,7 @@ def _draw(
             places.plot(run.time, run.truth[:, 0], color=colour, label=f'{speed:g}')
         places.set_xlim(0.0, 8.0)
         places.set_ylabel('x [m]')
-        places.set_title('Let go at 1 m')
+        places.set_title('Started at 1 m')
         places.legend(title='s [1/s]', loc='upper right')
         speeds = np.array(list(energies))
         expected, measured = np.array(list(energies.values())).T
@@ -94,5 +94,5 @@ def _draw(
         energy.minorticks_off()
         energy.set_xlabel('s [1/s], with poles at s (-1 ± j)')
         energy.set_ylabel('integral of u² [m²/s³]')
-        energy.set_title('What it takes')
+        energy.set_title('Energy')
         energy.legend(loc='upper left')

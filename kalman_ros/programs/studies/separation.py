@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The regulator does not disturb the estimator, nor the estimator the regulator.
+"""Regulator and estimator do not affect each other's poles.
 
-(a) Other regulators leave the trajectory of the estimation error as it was, to the last digits.
-(b) Other estimators, or the truth itself, put in place by a remap alone, leave the regulator's
-poles where they were. (c) The closed loop of plant, observer and feedback has the poles of
+(a) Other regulators leave the trajectory of the estimation error unchanged, to the last digits.
+(b) Other estimators, or the truth itself, connected by a remap alone, leave the regulator's
+poles unchanged. (c) The closed loop of plant, observer and feedback has the poles of
 A - B K and those of A - L C, together.
 """
 
@@ -30,13 +30,13 @@ from . import Findings, between, close
 
 #: One axis; both sensors read at every step, so that the observer's gain is one matrix.
 _SYSTEM = {'position.rate': 100.0, 'initial_state': [1.0, 0.0]}
-#: So little noise that the poles of a run can be read off to five digits.
-_QUIET = {
+#: Noise so small that the poles of a run can be determined to five digits.
+_NO_NOISE = {
     'model_parameters.force_noise': 1e-16,
     'position.noise': [1e-8],
     'velocity.noise': [1e-8],
 }
-#: What the controller listens to in (b), as remaps of its estimate.
+#: The source of the controller in (b), as remaps of its estimate.
 _SOURCES = {'Kalman': None, 'Luenberger': 'observer/estimate', 'truth': 'ground_truth'}
 
 
@@ -90,7 +90,7 @@ def _regulator(name: str, topic: str | None, seconds: float) -> list[Check]:
     step = scenario.model.transition(*scenario.model.equilibrium, 1.0 / scenario.rate)
     x, e = loop.truth, loop.truth - believed
     exact = np.hstack((step.F - step.G @ K, step.G @ K))
-    used = 2 if name == 'truth' else 4  # of the truth there is no error to tell apart
+    used = 2 if name == 'truth' else 4  # the truth has no error
     found = fit(np.hstack((x, e))[:-1, :used], x[1:])
     distance = found.distance(exact[:, :used], step.Q) / (2 * used)
     low, high = chi_square_bounds(1.0, 1.0 / used, MISS)
@@ -108,7 +108,7 @@ def _regulator(name: str, topic: str | None, seconds: float) -> list[Check]:
 def _all_poles() -> tuple[ComplexArray, ComplexArray]:
     """Return the poles of the recorded loop in 1/s, each beside the predicted one, in order."""
     overrides = {
-        **_QUIET, 'filter': 'luenberger', 'observer_poles': [-6.0, -9.0],
+        **_NO_NOISE, 'filter': 'luenberger', 'observer_poles': [-6.0, -9.0],
         'initial_estimate': [0.3, -0.5],
     }  # fmt: skip
     with Run('mass_spring_damper', {**_SYSTEM, **overrides}) as run:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mode decays, stays or grows as its eigenvalue is negative, zero or positive.
+"""Modes decay, stay or grow by the sign of their eigenvalue.
 
-Three modes side by side, left to themselves: the force is switched off. The rates are those of
-the logarithm of what the plant says of itself.
+Three independent modes without an input. The rates are those of the logarithm of the plant's
+ground truth.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RATES = {'decays': -0.8, 'stays': 0.0, 'grows': 0.4}
 
 
 def study(size: float = 1.0) -> Findings:
-    """Let the three modes go for 8 s."""
+    """Run the three modes for 8 s."""
     A = np.diag(list(RATES.values()))
     system = linear(
         dict.fromkeys(RATES, ''), A, np.eye(3), np.full(3, 1e-12), np.eye(3), [0.01] * 3,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Brings a running loop to the brink of instability with one parameter of its plant."""
+"""Finds the stability boundary of a running loop with one parameter of its plant."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from std_srvs.srv import Trigger
 from kalman_ros.core import Array
 from kalman_ros.harness import Run
 
-#: The brink is found to this, relative to it.
+#: The relative accuracy of the boundary.
 PRECISION = 3e-3
-#: A ladder ends after N rungs: a loop that is stable there has no boundary to speak of.
+#: The most steps of a search: a loop that is stable beyond has no boundary in practice.
 _MOST_RUNGS = 20
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What a loop did with one value of the parameter, from the plant's initial state on.
+    """The behaviour of a loop with one value of the parameter, from the plant's initial state.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Trial:
     time, size
         Since the start (N,) in seconds, and the norm of the state (N,).
     rate
-        At which its slowest mode grew, in 1/s.
+        The growth of its slowest mode, in 1/s.
     """
 
     value: float
@@ -40,7 +40,7 @@ class Trial:
 
 
 def trial(run: Run, parameter: str, value: float, seconds: float) -> Trial:
-    """Put the plant of a quiet run back to its initial state and see what becomes of it."""
+    """Reset the plant of a nearly noise-free run and measure its growth."""
     run.set_parameter(parameter, [value] if parameter == 'actuator_gain' else value)
     for node in ('plant', 'estimator'):
         _reset(run, node)
@@ -57,10 +57,10 @@ def trial(run: Run, parameter: str, value: float, seconds: float) -> Trial:
 def stability_boundary(
     run: Run, parameter: str, start: float, factor: float, seconds: float
 ) -> tuple[float, list[Trial]]:
-    """Return the value at which a loop, stable at ``start``, just grows, and all trials.
+    """Return the value at which a loop, stable at ``start``, becomes unstable, and all trials.
 
-    The value goes up, or down, by ``factor`` until a trial grows, and then between the last two
-    to where the rate is zero.
+    The value changes by ``factor`` until a trial grows, and is then refined between the last two
+    to a rate of zero.
 
     Raises
     ------
@@ -76,14 +76,14 @@ def stability_boundary(
     ladder = [start * factor**rung for rung in range(_MOST_RUNGS)]
     rung = next((index for index, value in enumerate(ladder) if rate(value) >= 0.0), 0)
     if not rung:
-        raise RuntimeError(f'{parameter}: no brink from {start:g} to {trials[-1].value:g}')
+        raise RuntimeError(f'{parameter}: no boundary from {start:g} to {trials[-1].value:g}')
     known = {found.value: found.rate for found in trials}
     low, high = ladder[rung - 1], ladder[rung]
     return root(lambda value: known.get(value) or rate(value), low, high), trials
 
 
 def root(rate: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a rate is zero, to `PRECISION`."""
+    """Return the value with rate zero, to `PRECISION`."""
     return float(brentq(rate, low, high, xtol=PRECISION * min(low, high), rtol=PRECISION))
 
 
@@ -98,8 +98,8 @@ def _reset(run: Run, node: str) -> None:
 def _rate(states: Array, dt: float) -> float:
     """Return the growth of the slowest pair of modes, once it is all that is left.
 
-    Every coordinate then obeys x'' = a x' + b x from step to step with the same a and b. Each
-    step counts alike, however large it is.
+    Every coordinate then obeys x'' = a x' + b x from step to step with the same a and b. Every
+    step counts equally, whatever its size.
     """
     first, second, third = states[:-2], states[1:-1], states[2:]
     weight = 1.0 / np.linalg.norm(second, axis=1, keepdims=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to expect of averages along a stationary recursion, and how far they scatter."""
+"""Expected averages along a stationary recursion, and their scatter."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from scipy.linalg import solve_discrete_lyapunov
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.separation import Expectation
 from kalman_ros.core import Array, Transition
-from kalman_ros.estimators.consistency import chi_square_bounds
 
-#: A right system leaves the bounds of one check with this probability.
+from . import mean_square
+
+#: The probability that a correct system leaves the bounds of one check.
 MISS = 1e-5
 #: The same as a distance, in standard deviations of a normal variable.
 SIGMAS = 4.4
@@ -33,7 +34,7 @@ class Stationary:
         return np.asarray(solve_discrete_lyapunov(self.matrix, self.noise))
 
     def average(self, weight: Array, steps: int) -> Expectation:
-        """Return what to expect of the average of z'W z over ``steps`` steps.
+        """Return the expected average of z'W z over ``steps`` steps.
 
         Its variance is the sum over pairs of steps of cov(z'W z, y'W y) = 2 tr(W C W C'), where
         C = cov(z, y) is M^lag times the covariance.
@@ -49,11 +50,8 @@ class Stationary:
         """Return the comparison of the RMS of recorded ``values`` (N,) with that of z[index]."""
         weight = np.zeros_like(self.matrix)
         weight[index, index] = 1.0
-        expected = self.average(weight, len(values))
-        low, high = chi_square_bounds(expected.mean, expected.std**2, MISS)
-        measured = float(np.mean(values**2))
-        mean, value, least, most = np.sqrt([expected.mean, measured, low, high]).tolist()
-        return Check(name, unit, mean, value, least, most, low <= measured <= high)
+        expected, square = self.average(weight, len(values)), float(np.mean(values**2))
+        return mean_square(name, unit, expected, square, MISS, root=True)
 
 
 def estimation_error(step: Transition, C: Array, R: Array, gain: Array) -> Stationary:
@@ -63,5 +61,5 @@ def estimation_error(step: Transition, C: Array, R: Array, gain: Array) -> Stati
 
 
 def white(covariance: Array) -> Stationary:
-    """Return what does not remember: z' = n."""
+    """Return a recursion without memory: z' = n."""
     return Stationary(np.zeros_like(covariance), covariance)

@@ -65,7 +65,7 @@ def linear(
         'state.type': 'sensor_msgs/JointState',
         'state.fields': [f'position[{name}]' for name in names],
         'input.topic': 'command',
-        # with a stamp, so that an answer is known from one to a step that was asked for again
+        # with a stamp, so that repeated answers can be recognised
         'input.type': 'sensor_msgs/JointState',
         'input.fields': [f'effort[{name}]' for name in inputs],
         'state_cost': [1.0] * n,
@@ -78,7 +78,7 @@ def linear(
 
 
 def cart(density: Sequence[float], noise: float, rate: float, **others: Any) -> dict[str, Any]:
-    """Return a cart on a rail that is pushed with an acceleration u; its place is read.
+    """Return a cart on a rail with the acceleration u as its input; its position is measured.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def cart(density: Sequence[float], noise: float, rate: float, **others: Any) -> 
 def carts(
     count: int, density: Sequence[float], noise: float, rate: float, **others: Any
 ) -> dict[str, Any]:
-    """Return as many carts side by side, none of which moves another; see `cart`."""
+    """Return several independent carts; see `cart`."""
     each = np.eye(count)
     states = {
         f'{name}{index}': unit for index in range(count) for name, unit in CART_STATES.items()
@@ -116,7 +116,7 @@ def carts(
 
 
 def plant(parameters: Mapping[str, Any]) -> LinearSystem:
-    """Return the linear system that parameters speak of, for its theory."""
+    """Return the linear system of parameters, for its theory."""
     model = build(parameters).model
     return linearize(model, *model.equilibrium)
 

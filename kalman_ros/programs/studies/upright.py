@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The weights say what matters: upright before depth, or depth before upright.
+"""The weights set priorities: upright before depth, or not.
 
-The submersible is let go tilted and too deep, twice, with the same thrusters and another state
-cost. How long each displacement lasts is the integral of its square, relative to that of the
-start, and follows from the gain by a Lyapunov equation.
+The submersible starts tilted and too deep, twice, with the same thrusters and another state
+cost. The duration of each displacement is the integral of its square, relative to that of the
+start, and is predicted from the gain by a Lyapunov equation.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ WEIGHTS: Mapping[str, list[float]] = {
     'depth first': [1.0, 1000.0, 1.0, 1.0, 10.0, 1.0],
 }
 START = np.array([0.0, -0.05, 0.0125, 0.0, 0.0, 0.0])
-#: Where each displacement is in the state.
+#: The index of each displacement in the state.
 PLACES = {'depth': 1, 'pitch': 2}
 DT, DURATION = 0.02, 30.0
-#: What is not linear, products of velocities and of pitch, is less than this share of what is,
-#: from a start as small as this; drag is linear here.
+#: Nonlinear terms, products of velocities and of pitch, are less than this share of the linear
+#: ones for a start as small as this; drag is linear here.
 BENT = 0.03
 
 
 @dataclass(frozen=True)
 class Descent:
-    """What weights made of the start: the path, and how long each displacement lasted."""
+    """The result of a set of weights: the path, and the duration of each displacement."""
 
     truth: Array
     input: Array
@@ -54,7 +54,7 @@ class Descent:
 
 
 def study(size: float = 1.0) -> Findings:
-    """Let it go for 30 s with each cost, and for less where the study is to be short."""
+    """Run for 30 s with each cost, and for less where the study is short."""
     duration = max(10.0, DURATION * size)
     found = {name: _run(weights, duration) for name, weights in WEIGHTS.items()}
     checks = []

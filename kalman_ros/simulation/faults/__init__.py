@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may go wrong with a plant's sensors, its actuator and its body."""
+"""Faults of a plant's sensors, its actuator and its body."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .fault import Fault, Window, window
 from .transit import BurstLoss, Delay, Dropout, Duplication, Jitter, Reordering
 from .values import Bias, Drift, Freeze, NotANumber, Outliers, RandomWalk
 
-#: In the order in which they act: first on what a sensor says, then on its way. All that a new
-#: one needs is a class and its name here.
+#: In the order in which they act: first on the values, then on the transport. A new one needs
+#: only a class and its name here.
 FAULTS: tuple[type[Fault], ...] = (
     Bias,
     Drift,
@@ -37,7 +37,7 @@ _WINDOW = options_of(window)
 
 
 def fault_options() -> tuple[Option, ...]:
-    """Return the options of all faults that a sensor may have, without the sensor's name."""
+    """Return the options of all sensor faults, without the sensor's name."""
     return (*_WINDOW, *(option for found in _OPTIONS.values() for option in found))
 
 
@@ -51,12 +51,12 @@ def options_of_sensors(names: Iterable[str]) -> Iterator[Option]:
 def settings_of_sensors(
     sensors: Mapping[str, TimedSensor], values: Mapping[str, Value]
 ) -> dict[str, dict[str, Value]]:
-    """Return what ``values`` say of the faults of each sensor.
+    """Return the fault settings in ``values``, by sensor.
 
     Raises
     ------
     ValueError
-        If the faults of a sensor cannot be, with the name of the option.
+        If the faults of a sensor are invalid; the message names the option.
     """
     found = {}
     for name, timed in sensors.items():
@@ -75,12 +75,12 @@ def settings_of(kind: type[Fault], values: Mapping[str, Value]) -> dict[str, Val
 
 
 def window_of(values: Mapping[str, Any]) -> Window:
-    """Return when the faults of a sensor act."""
+    """Return the time window in which the faults of a sensor act."""
     return window(**{o.name: values[o.name] for o in _WINDOW if o.name in values})
 
 
 def check(timed: TimedSensor, values: Mapping[str, Value]) -> None:
-    """Raise ValueError, with the name of the option, if the faults of a sensor cannot be."""
+    """Raise ValueError, naming the option, if the faults of a sensor are invalid."""
     window_of(values)
     for kind in FAULTS:
         settings = settings_of(kind, values)

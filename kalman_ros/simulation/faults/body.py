@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of the actuator, and what pushes the body that nobody told the estimator of."""
+"""Faults of the actuator, and disturbances unknown to the estimator."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .fault import window
 
 @dataclass(frozen=True)
 class BodyOptions:
-    """What may be set to go wrong where the input acts; nothing does unless it is."""
+    """The options of faults at the input; all are off by default."""
 
     actuator_loss: Annotated[
         float,
@@ -30,15 +30,15 @@ class BodyOptions:
     ] = 0.0
     actuator_dead_zone: Annotated[
         Sequence[float],
-        About('how much of each input has no effect, either way; one for all', '', 0.0, live=True),
+        About('half width of the dead zone of each input; one for all', '', 0.0, live=True),
     ] = (0.0,)
     disturbance_constant: Annotated[
         Sequence[float],
-        About('constant that adds to each input as it acts; one for all', live=True),
+        About('constant disturbance of each input; one for all', live=True),
     ] = (0.0,)
     disturbance_amplitude: Annotated[
         Sequence[float],
-        About('amplitude of a sine that adds to each input; one for all', live=True),
+        About('amplitude of a sine added to each input; one for all', live=True),
     ] = (0.0,)
     disturbance_frequency: Annotated[
         float, About('frequency of that sine', 'Hz', minimum=0.0, live=True)
@@ -46,7 +46,7 @@ class BodyOptions:
     disturbance_noise: Annotated[
         Sequence[float],
         About(
-            'spectral density, in squared units of input by s, of white noise that adds to each; '
+            'spectral density, in squared units of input by s, of white noise added to each; '
             'one for all',
             minimum=0.0,
             live=True,
@@ -55,7 +55,7 @@ class BodyOptions:
     fault_window: Annotated[
         Sequence[float],
         About(
-            'when dead zone, loss and disturbances act: from the first until before the second, '
+            'start and end of dead zone, loss and disturbances, in seconds '
             'since the start or ~/reset',
             's',
             minimum=0.0,
@@ -64,7 +64,7 @@ class BodyOptions:
     ] = (0.0, inf)
 
 
-#: The options that switch something on.
+#: The options that enable a fault.
 _STRENGTHS = (
     'actuator_loss',
     'actuator_dead_zone',
@@ -75,17 +75,17 @@ _STRENGTHS = (
 
 
 class BodyFaults:
-    """What goes wrong where m inputs act: a command is lost or has no effect, something pushes.
+    """The faults at m inputs: lost commands, dead zone and disturbances.
 
     Raises
     ------
     ValueError
-        If the options are not for this number of inputs.
+        If the options do not match this number of inputs.
     """
 
     def __init__(self, options: BodyOptions, size: int) -> None:
         set_to = {name: getattr(options, name) for name in _STRENGTHS}
-        #: The faults that are on, and how they are set.
+        #: The faults that are on, with their settings.
         self.on = [f'{name}: {value}' for name, value in set_to.items() if np.any(value)]
         self._loss = set_to.pop('actuator_loss')
         each = {name: one_each(name, value, size) for name, value in set_to.items()}
@@ -97,7 +97,7 @@ class BodyFaults:
         self._window = window(options.fault_window)
 
     def act(self, time: float) -> bool:
-        """Tell whether anything goes wrong at a time, in seconds."""
+        """Return whether any fault acts at a time, in seconds."""
         return bool(self.on) and time in self._window
 
     def lose(self, random: np.random.Generator) -> bool:
@@ -105,11 +105,11 @@ class BodyFaults:
         return self._loss > 0.0 and bool(random.random() < self._loss)
 
     def moved(self, u: Array) -> Array:
-        """Return what is left of an input (m,) beyond the dead zone."""
+        """Return the part of an input (m,) beyond the dead zone."""
         return np.asarray(u - np.clip(u, -self._dead, self._dead))
 
     def push(self, time: float, dt: float, random: np.random.Generator) -> Array:
-        """Return what adds to the input (m,) during a step of ``dt`` from ``time`` on.
+        """Return the disturbance (m,) of the input during a step of ``dt`` from ``time`` on.
 
         White noise of density V has the variance V / dt when it is held for a step.
         """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fault of a sensor is: a map from readings on their way to readings on their way."""
+"""The interface of sensor faults: a map from readings in transit to readings in transit."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from kalman_ros.core import About, Array, TimedSensor
 
 
 class Reading(NamedTuple):
-    """A reading on its way from a sensor to its topic. Times are in nanoseconds.
+    """A reading in transit from a sensor to its topic. Times are in nanoseconds.
 
     Parameters
     ----------
     time
-        When it was taken, in the time of the plant.
+        When it was taken, in plant time.
     stamp
-        What its message says of that.
+        The stamp of its message.
     values
-        What it reads (k,).
+        The values (k,).
     arrivals
-        When each copy of it arrives, in the time of the plant; empty if it is lost.
+        When each copy arrives, in plant time; empty if it is lost.
     """
 
     time: int
@@ -36,15 +36,15 @@ class Reading(NamedTuple):
 
 
 class Fault(ABC):
-    """One thing that may go wrong with the readings of a sensor.
+    """One kind of sensor fault.
 
-    It sees every reading once, in the order in which they are taken, also those that are lost:
-    so none shifts the random numbers of another. A subclass is a dataclass, whose fields are its
-    options; it is off while the first of them is zero.
+    It processes every reading once, in the order in which they are taken, lost ones included,
+    so that no fault shifts the random numbers of another. A subclass is a dataclass whose fields
+    are its options; it is off while the first of them is zero.
     """
 
     def of(self, timed: TimedSensor, random: np.random.Generator) -> Fault:
-        """Return it, as that of a sensor, with random numbers of its own.
+        """Return the fault for a sensor, with an independent random stream.
 
         Raises
         ------
@@ -55,21 +55,21 @@ class Fault(ABC):
         self.begin()
         return self
 
-    def begin(self) -> None:  # noqa: B027, most need nothing
-        """Take up what it needs to know of its sensor, and how it starts; nothing by default."""
+    def begin(self) -> None:  # noqa: B027, most do not need it
+        """Initialise from the sensor; nothing by default."""
 
     @abstractmethod
     def __call__(self, reading: Reading) -> Reading:
-        """Return what becomes of a reading."""
+        """Return the reading after the fault."""
 
     def happens(self, probability: float) -> bool:
-        """Draw whether something of this ``probability`` happens."""
+        """Draw an event of this ``probability``."""
         return bool(self.random.random() < probability)
 
 
 @dataclass(frozen=True)
 class Window:
-    """When faults act: from ``start`` until before ``end``, in seconds."""
+    """When faults act: from ``start`` up to, but not at, ``end``, in seconds."""
 
     start: float
     end: float
@@ -82,14 +82,14 @@ def window(
     fault_window: Annotated[
         Sequence[float],
         About(
-            'when faults act: from the first until before the second, since the start or ~/reset',
+            'start and end of the faults, in seconds since the start or ~/reset',
             's',
             minimum=0.0,
             live=True,
         ),
     ] = (0.0, inf),
 ) -> Window:
-    """Return when faults act; ValueError if that is no window."""
+    """Return when faults act; ValueError if the window is invalid."""
     if len(fault_window) != 2 or not fault_window[0] < fault_window[1]:
         raise ValueError(f'fault_window: expected a start before an end, got {[*fault_window]}')
     return Window(*fault_window)

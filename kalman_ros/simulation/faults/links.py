@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is between the sensors of a plant and their topics: faults, and readings under way."""
+"""The links from the sensors of a plant to their topics: faults, and readings in transit."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from kalman_ros.simulation.noise import stream
 from . import FAULTS, settings_of, window_of
 from .fault import Fault, Reading
 
-#: A reading that is due by N nanoseconds after a step arrives at it: times are rounded.
+#: A reading due up to this many nanoseconds after a step arrives at it: times are rounded.
 _ROUNDING = 1000
 
 
 class Arrival(NamedTuple):
-    """A reading that arrives: of which sensor, its stamp in nanoseconds, its values (k,)."""
+    """A reading that arrives: its sensor, its stamp in nanoseconds, its values (k,)."""
 
     name: str
     stamp: int
@@ -30,7 +30,7 @@ class Arrival(NamedTuple):
 
 
 class Link:
-    """The way of the readings of one sensor."""
+    """The link of one sensor."""
 
     def __init__(self, name: str, seed: int) -> None:
         self._name, self._seed = name, seed
@@ -42,18 +42,18 @@ class Link:
 
     @property
     def idle(self) -> bool:
-        """Whether readings go through as they are, and none is under way."""
+        """Whether readings pass unchanged, and none is in transit."""
         return not self._faults and not self._under_way
 
     @property
     def faults(self) -> Iterator[str]:
-        """The faults that are on, and how they are set."""
+        """The faults that are on, with their settings."""
         for settings in self._settings.values():
             name, value = next(iter(settings.items()))
             yield f'{self._name}.{name}: {value}'
 
     def configure(self, timed: TimedSensor, values: Mapping[str, Value]) -> None:
-        """Have these faults from now on; one whose settings are as they were just goes on."""
+        """Replace the faults; one with unchanged settings continues."""
         self._wrap, self._window = timed.sensor.output.wrap, window_of(values)
         for kind in FAULTS:
             settings = settings_of(kind, values)
@@ -64,17 +64,17 @@ class Link:
                 self._settings[kind] = settings
                 self._faults[kind] = build_with(kind, settings).of(timed, self._stream(kind))
         for fault in self._faults.values():
-            fault.timed = timed  # of another noise or rate, maybe
+            fault.timed = timed  # its noise or rate may have changed
 
     def _stream(self, kind: type[Fault]) -> np.random.Generator:
         name = f'fault {self._name} {kind.__name__}'
         return self._streams.setdefault(kind, stream(self._seed, name))
 
     def send(self, time: int, stamp: int, y: Array) -> None:
-        """Take in a reading, taken at ``time`` (ns)."""
+        """Send a reading taken at ``time`` (ns)."""
         reading = Reading(time, stamp, y, (time,))
         if time * 1e-9 in self._window:
-            # in the order in which they act, whichever was switched on first
+            # in the order in which they act, not in which they were enabled
             for kind in FAULTS:
                 if kind in self._faults:
                     reading = self._faults[kind](reading)
@@ -83,14 +83,14 @@ class Link:
             heappush(self._under_way, (arrival, next(self._number), reading))
 
     def arriving(self, time: int) -> Iterator[Arrival]:
-        """Yield what has arrived by ``time`` (ns), in that order."""
+        """Yield the arrivals up to ``time`` (ns), in order."""
         while self._under_way and self._under_way[0][0] <= time + _ROUNDING:
             _, _, reading = heappop(self._under_way)
             yield Arrival(self._name, reading.stamp, reading.values)
 
 
 class Links:
-    """The ways of the readings of all sensors.
+    """The links of all sensors.
 
     Parameters
     ----------
@@ -100,12 +100,12 @@ class Links:
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
-        #: How many readings have arrived, by sensor.
+        #: The number of readings that arrived, by sensor.
         self.arrived: Counter[str] = Counter()
         self.reset()
 
     def reset(self) -> None:
-        """Reset: no faults, and nothing under way. Counts are kept."""
+        """Remove all faults and readings in transit. Counts are kept."""
         self._links: dict[str, Link] = {}
         self._at: int | None = None
         self._arrivals: list[Arrival] = []
@@ -113,7 +113,7 @@ class Links:
     def configure(
         self, sensors: Mapping[str, TimedSensor], faults: Mapping[str, Mapping[str, Value]]
     ) -> None:
-        """Have these faults, by sensor, from now on."""
+        """Replace the faults, by sensor."""
         for name, timed in sensors.items():
             link = self._links.setdefault(name, Link(name, self._seed))
             link.configure(timed, faults.get(name, {}))
@@ -124,16 +124,16 @@ class Links:
         return [fault for link in self._links.values() for fault in link.faults]
 
     def __call__(self, time: int, stamp: int, readings: Mapping[str, Array]) -> list[Arrival]:
-        """Return what arrives at a step; asked again, the same.
+        """Return the arrivals at a step; a repeated call returns the same.
 
         Parameters
         ----------
         time
             Of the step, in nanoseconds since the plant started.
         stamp
-            What messages say of that.
+            The stamp of their messages.
         readings
-            Those that are taken at this step, by sensor.
+            The readings taken at this step, by sensor.
         """
         if time != self._at:
             self._at, self._arrivals = time, list(self._arriving(time, stamp, readings))

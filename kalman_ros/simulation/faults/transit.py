@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults on the way of a reading: lost, late, out of order, or twice."""
+"""Transport faults: readings lost, late, out of order, or duplicated."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from .fault import Fault, Reading
 
 @dataclass
 class Dropout(Fault):
-    """Lost now and then, each by itself."""
+    """Independent losses."""
 
     dropout: Annotated[
         float, About('probability that a reading is lost', '', 0.0, 1.0, live=True)
     ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it, or lost."""
+        """Return the reading, or lose it."""
         return reading._replace(arrivals=()) if self.happens(self.dropout) else reading
 
 
 @dataclass
 class BurstLoss(Fault):
-    """Lost in bursts: a Markov chain of a good and a bad state, in which all is lost.
+    """Losses in bursts: a Markov chain of a good and a bad state, in which all readings are lost.
 
     E. N. Gilbert, Capacity of a burst-noise channel, Bell System Technical Journal 39 (1960),
     with no loss in the good state. Of all readings p / (p + 1/L) are lost, where bursts begin
@@ -38,15 +38,15 @@ class BurstLoss(Fault):
         About('probability that a burst of losses begins at a reading', '', 0, 1, live=True),
     ] = 0.0
     burst_length: Annotated[
-        float, About('how many readings a burst takes on average', '', 1.0, live=True)
+        float, About('average length of a burst in readings', '', 1.0, live=True)
     ] = 10.0
 
     def begin(self) -> None:
-        """Begin in the good state."""
+        """Start in the good state."""
         self._bad = False
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it, or lost while a burst goes on."""
+        """Return the reading, or lose it during a burst."""
         changes = self.happens(1.0 / self.burst_length if self._bad else self.burst_loss)
         self._bad ^= changes
         return reading._replace(arrivals=()) if self._bad else reading
@@ -54,62 +54,62 @@ class BurstLoss(Fault):
 
 @dataclass
 class Delay(Fault):
-    """Late by a constant."""
+    """A constant delay."""
 
     delay: Annotated[
-        float, About('how late readings come, with their own stamp', 's', 0.0, 10.0, live=True)
+        float, About('delay of the readings, which keep their stamps', 's', 0.0, 10.0, live=True)
     ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it later."""
+        """Return the reading delayed."""
         return later(reading, self.delay)
 
 
 @dataclass
 class Jitter(Fault):
-    """Late by a random time; one reading may overtake another."""
+    """A random delay; one reading may overtake another."""
 
     jitter: Annotated[
         float,
-        About('readings come late by up to this, evenly distributed', 's', 0, 10, live=True),
+        About('largest delay of the readings, uniformly distributed', 's', 0, 10, live=True),
     ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it later."""
+        """Return the reading delayed."""
         return later(reading, self.random.uniform(0.0, self.jitter))
 
 
 @dataclass
 class Reordering(Fault):
-    """Now and then a reading comes after the one that follows it."""
+    """A reading sometimes arrives after its successor."""
 
     reordering: Annotated[
         float,
-        About('probability that a reading comes after its successor', '', 0, 1, live=True),
+        About('probability that a reading arrives after its successor', '', 0, 1, live=True),
     ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it, or held back until between the next and the one after."""
+        """Return the reading, or delay it until between the next two."""
         held = 1.5 / self.timed.rate
         return later(reading, held) if self.happens(self.reordering) else reading
 
 
 @dataclass
 class Duplication(Fault):
-    """Now and then twice."""
+    """A reading sometimes arrives twice."""
 
     duplication: Annotated[
-        float, About('probability that a reading comes twice', '', 0.0, 1.0, live=True)
+        float, About('probability that a reading arrives twice', '', 0.0, 1.0, live=True)
     ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it, or two of it."""
+        """Return the reading once or twice."""
         if not self.happens(self.duplication):
             return reading
         return reading._replace(arrivals=2 * reading.arrivals)
 
 
 def later(reading: Reading, seconds: float) -> Reading:
-    """Return a reading all of whose copies come so much later."""
+    """Return a reading with all copies delayed by ``seconds``."""
     shift = round(seconds * 1e9)
     return reading._replace(arrivals=tuple(time + shift for time in reading.arrivals))

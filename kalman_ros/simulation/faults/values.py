@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of what a sensor says."""
+"""Faults of the values of a sensor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .fault import Fault, Reading
 
 @dataclass
 class Bias(Fault):
-    """Off by a constant."""
+    """A constant error."""
 
     bias: Annotated[
         Sequence[float],
@@ -24,28 +24,28 @@ class Bias(Fault):
     ] = (0.0,)
 
     def begin(self) -> None:
-        """Take one number for all."""
+        """Expand one number to all coordinates."""
         self._bias = one_each('bias', self.bias, self.timed.sensor.output.size)
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it with the bias."""
+        """Return the reading with the bias."""
         return reading._replace(values=reading.values + self._bias)
 
 
 class Creep(Fault):
-    """Off by what grows from reading to reading; it begins at zero."""
+    """An error that grows from zero, reading by reading."""
 
     def begin(self) -> None:
-        """Begin at zero."""
+        """Start at zero."""
         self._offset: Array = np.zeros(self.timed.sensor.output.size)
         self._last: int | None = None
 
     def growth(self, dt: float) -> Array:
-        """Return by how much more (k,) it is off after ``dt`` seconds."""
+        """Return the growth (k,) of the error in ``dt`` seconds."""
         raise NotImplementedError
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it with what has come together since the first."""
+        """Return the reading with the accumulated error."""
         if self._last is not None:
             self._offset = self._offset + self.growth((reading.time - self._last) * 1e-9)
         self._last = reading.time
@@ -54,31 +54,31 @@ class Creep(Fault):
 
 @dataclass
 class Drift(Creep):
-    """Off by a ramp."""
+    """An error that grows linearly."""
 
     drift: Annotated[
         Sequence[float],
-        About('growth of the error of each coordinate a second; one for all', live=True),
+        About('growth rate of the error of each coordinate; one for all', live=True),
     ] = (0.0,)
 
     def begin(self) -> None:
-        """Take one number for all."""
+        """Expand one number to all coordinates."""
         super().begin()
         self._slope = one_each('drift', self.drift, self.timed.sensor.output.size)
 
     def growth(self, dt: float) -> Array:
-        """Return it in proportion to time."""
+        """Return a growth proportional to time."""
         return self._slope * dt
 
 
 @dataclass
 class RandomWalk(Creep):
-    """Off by a random walk."""
+    """An error that is a random walk."""
 
     random_walk: Annotated[
         Sequence[float],
         About(
-            'standard deviation of what the error of each coordinate walks in a second; '
+            'standard deviation of the random walk of each coordinate after one second; '
             'one for all',
             minimum=0.0,
             live=True,
@@ -86,29 +86,29 @@ class RandomWalk(Creep):
     ] = (0.0,)
 
     def begin(self) -> None:
-        """Take one number for all."""
+        """Expand one number to all coordinates."""
         super().begin()
         self._std = one_each('random_walk', self.random_walk, self.timed.sensor.output.size)
 
     def growth(self, dt: float) -> Array:
-        """Return a step of variance in proportion to time."""
+        """Return a step with variance proportional to time."""
         return np.asarray(self._std * np.sqrt(dt) * self.random.standard_normal(self._std.size))
 
 
 @dataclass
 class Outliers(Fault):
-    """Now and then far off."""
+    """Occasional large errors."""
 
     outliers: Annotated[
         float, About('probability that a reading is far off', '', 0.0, 1.0, live=True)
     ] = 0.0
     outlier_size: Annotated[
         float,
-        About('how far, in standard deviations of its noise; either way', '', 0.0, live=True),
+        About('size, in standard deviations of the noise, of either sign', '', 0.0, live=True),
     ] = 20.0
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it, or far off, each coordinate either way."""
+        """Return the reading, or an outlier with independent signs."""
         std = np.sqrt(self.timed.sensor.covariance.diagonal())
         signs = self.random.choice((-1.0, 1.0), std.size)
         if not self.happens(self.outliers):
@@ -125,11 +125,11 @@ class Freeze(Fault):
     ] = False
 
     def begin(self) -> None:
-        """Begin unstuck."""
+        """Start unstuck."""
         self._stuck: Array | None = None
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it with the value of the first."""
+        """Return the reading with the value of the first."""
         if self._stuck is None:
             self._stuck = reading.values
         return reading._replace(values=self._stuck)
@@ -137,14 +137,14 @@ class Freeze(Fault):
 
 @dataclass
 class NotANumber(Fault):
-    """Now and then no number at all."""
+    """Occasional NaN."""
 
     nan: Annotated[
         float, About('probability that a reading is not a number', '', 0.0, 1.0, live=True)
     ] = 0.0
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return it, or NaN in every coordinate."""
+        """Return the reading, or NaN in every coordinate."""
         if not self.happens(self.nan):
             return reading
         return reading._replace(values=np.full(reading.values.size, np.nan))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A model of one's own: a damped pendulum that hangs, turned by a motor."""
+"""A user's model: a damped pendulum that hangs, turned by a motor."""
 
 from typing import Annotated
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The distance to a radio beacon: a sensor of one's own, written from CONTRIBUTING alone."""
+"""The distance to a radio beacon: a user's sensor, written from CONTRIBUTING alone."""
 
 from typing import Annotated
 

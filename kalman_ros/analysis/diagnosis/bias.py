@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Offsets of readings: constant, since a time, growing, or wandering."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .evidence import Evidence
+from .examination import CHANCE, Examination
+from .finding import Curve, Figure, Finding
+from .hypotheses import edges
+from .responses import Fit, Responses
+
+#: What one more number that is fitted must gain, about log N of a recording.
+_COST = 10.0
+#: The kinds of courses, and by how much a simpler one is preferred.
+_KINDS = {'constant': 1.1, 'ramp': 1.05, 'step': 1.0, 'walk': 0.9}
+#: Intensities of random walks that are tried, relative to the variance that the data allow.
+_INTENSITIES = np.geomspace(1e-4, 1e4, 33)
+
+
+@dataclass(frozen=True)
+class Course:
+    """The course of something over the pieces of a recording, and how much it explains.
+
+    ``kind`` is 'constant', 'step', 'ramp' or 'walk', ``values`` (B,) are by piece, ``began`` is
+    the piece in which a step begins.
+    """
+
+    kind: str
+    values: Array
+    gain: float
+    fit: Fit | None = None
+    began: int = 0
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the offset of each sensor: a bias, a drift or a random walk of some coordinates."""
+    found = []
+    limits = edges(case.passage)
+    for name in case.evidence.sensors:
+        size = case.evidence.scenario.sensors[name].sensor.output.size
+        groups = {i: case.responses.columns('offset', name, str(i)) for i in range(size)}
+        courses = courses_of(case.responses, groups)
+        if courses:
+            found.append(_finding(case, name, courses, limits))
+    return found
+
+
+def courses_of(
+    responses: Responses, groups: Mapping[int, Sequence[int]], cost: float = _COST
+) -> dict[int, Course]:
+    """Return the courses of several coordinates, by index, of those that explain anything.
+
+    They are of one kind: the one that explains most by the fewest numbers. A walk is a random
+    effect with the covariance min(t, s) times an intensity, whose likelihood counts what its
+    freedom costs (N. Laird and J. Ware, Random-Effects Models for Longitudinal Data, Biometrics
+    38(4), 1982); the others are single numbers.
+    """
+    best: dict[int, Course] = {}
+    most = 0.0
+    for kind, favour in _KINDS.items():
+        courses = {
+            index: _of_kind(responses, columns, kind, cost)
+            for index, columns in groups.items()
+            if columns
+        }
+        courses = {i: course for i, course in courses.items() if course.gain > CHANCE}
+        total = favour * sum(course.gain for course in courses.values())
+        if total > most:
+            best, most = courses, total
+    return best
+
+
+def _of_kind(responses: Responses, columns: Sequence[int], kind: str, cost: float) -> Course:
+    """Return the best course of a kind through the pieces of one coordinate."""
+    if kind == 'walk':
+        walk = _walk(responses, columns)
+        return replace(walk, gain=walk.gain - cost)
+    B = len(columns)
+    bases: list[tuple[int, Array]]
+    if kind == 'ramp':
+        bases = [(0, np.arange(0.5, B)[:, None])]
+    else:
+        begins = range(1, B) if kind == 'step' else (0,)
+        bases = [(j, (np.arange(B) >= j).astype(float)[:, None]) for j in begins]
+    dues = cost + (2.0 * np.log(max(B, 2)) if kind == 'step' else 0.0)
+    best = Course(kind, np.zeros(B), -np.inf)
+    for began, basis in bases:
+        fit = responses.fit(basis, columns)
+        if fit.gain - dues > best.gain:
+            best = Course(kind, basis @ fit.size, fit.gain - dues, fit, began)
+    return best
+
+
+def _walk(responses: Responses, columns: Sequence[int]) -> Course:
+    """Return the likeliest random walk."""
+    g = responses.gradient[list(columns)]
+    M = responses.information[np.ix_(columns, columns)]
+    t = np.arange(len(columns)) + 1.0
+    root = np.linalg.cholesky(np.minimum.outer(t, t))
+    values, vectors = np.linalg.eigh(root.T @ M @ root)
+    values = np.maximum(values, 0.0)
+    turned = vectors.T @ root.T @ g
+    scale = 1.0 / max(float(values.mean()), 1e-300)
+    gains = [
+        float(np.sum(q * turned**2 / (1.0 + q * values) - np.log1p(q * values)))
+        for q in scale * _INTENSITIES
+    ]
+    best = int(np.argmax(gains))
+    q = scale * _INTENSITIES[best]
+    path = root @ (vectors @ (q * turned / (1.0 + q * values)))
+    return Course('walk', path, gains[best])
+
+
+def _finding(case: Examination, name: str, courses: dict[int, Course], limits: Array) -> Finding:
+    evidence, record = case.evidence, case.evidence.sensors[name]
+    space = evidence.scenario.sensors[name].sensor.output
+    leading = max(courses.values(), key=lambda course: course.gain)
+    kind = {'ramp': 'drift', 'walk': 'random walk'}.get(leading.kind, 'bias')
+    words = ', '.join(
+        f'{space.label(space.names[index])} {_words(course, limits)}'
+        for index, course in courses.items()
+    )
+    middles = 0.5 * (limits[1:] + limits[:-1]) - limits[0]
+    curves = tuple(
+        Curve(space.label(space.names[index]), middles, course.values)
+        for index, course in courses.items()
+    )
+    gain = sum(course.gain for course in courses.values())
+
+    def mended() -> Evidence:
+        value = record.value.copy()
+        for index, course in courses.items():
+            pieces = np.clip(np.searchsorted(limits, record.stamp, 'right') - 1, 0, None)
+            value[:, index] -= course.values[np.minimum(pieces, len(course.values) - 1)]
+        return evidence.with_sensor(name, replace(record, value=value))
+
+    return Finding(
+        kind, name,
+        f'readings of {name} are off: {words}. No parameter takes a bias away: calibrate it, or '
+        'add it to the states of the model.',
+        gain**0.5, gain=gain,
+        figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
+    )  # fmt: skip
+
+
+def _words(course: Course, limits: Array) -> str:
+    if course.kind == 'walk':
+        return f'wanders between {course.values.min():+.3g} and {course.values.max():+.3g}'
+    if course.kind == 'ramp':
+        rate = course.values[-1] / (limits[-1] - limits[0])
+        return f'drifts by {rate:+.3g} a second'
+    std = float(course.fit.std[0]) if course.fit else 0.0
+    since = f' from t = {limits[course.began] - limits[0]:.3g} s on' if course.began else ''
+    return f'by {course.values[-1]:+.3g} +- {std:.1g}{since}'

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of the model that the data contradict."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from .examination import CHANCE, Examination
+from .finding import Finding
+from .hypotheses import value_of
+
+#: Changes below this, relative, are no finding.
+_RELEVANT = 0.03
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the parameters whose change explains the innovations, each by a regression.
+
+    One Newton step of the likelihood (Gupta and Mehra, 1974); the replay that proves it shows how
+    far it carries.
+    """
+    found = []
+    for column in case.responses.columns('parameter'):
+        name = case.responses.labels[column][1]
+        fit = case.responses.alone(column)
+        if fit.gain < CHANCE or not np.isfinite(fit.size[0]):
+            continue
+        value, step = value_of(case.evidence, name), float(fit.size[0])
+        if abs(step) < _RELEVANT * max(abs(value), 1e-9):
+            continue
+        change = {f'model_parameters.{name}': float(f'{value + step:.3g}')}
+        try:
+            case.evidence.adopting(change)
+        except ValueError:
+            continue
+        found.append(
+            Finding(
+                'parameter',
+                name,
+                f'the data contradict {name}: {value + step:.3g} +- {fit.std[0]:.1g} fits, '
+                f'{value:g} is configured.',
+                fit.gain**0.5,
+                change,
+                gain=fit.gain,
+                mended=partial(case.evidence.adopting, change),
+            )
+        )
+    return found

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The diagnosis: what explains most is found first, corrected, and the rest is looked at again.
+
+First what stamps and values show without a filter, then a forward selection by likelihood: of all
+hypotheses the one whose correction reduces -2 log likelihood most, the simpler one where two
+explain nearly the same, until what is left is chance. So a delay is found before the noise that
+would hide it, and what only follows from a fault is gone once the fault is corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from . import (
+    bias,
+    contradicted_parameters,
+    first_belief,
+    frozen,
+    gates,
+    gross,
+    inputs,
+    lateness,
+    message_covariances,
+    mounting,
+    noise_levels,
+    outliers,
+    quantisation,
+    rate,
+    stamps,
+    units,
+    unobserved_states,
+)
+from .evidence import Evidence, improvement, misfit
+from .examination import CHANCE, Examination
+from .finding import Finding
+from .passage import explained
+
+Detector = Callable[[Examination], list[Finding]]
+
+#: What shows without a filter.
+PLAIN: Sequence[Detector] = (
+    stamps.find, message_covariances.find, lateness.find, rate.find, frozen.find,
+    quantisation.find,
+)  # fmt: skip
+#: What a filter's innovations show.
+FITTED: Sequence[Detector] = (
+    units.find, mounting.find, outliers.find, lateness.hidden, bias.find, inputs.find,
+    contradicted_parameters.find, first_belief.find, noise_levels.find,
+)  # fmt: skip
+#: How much simpler a cause is than others that explain as much: its gain is multiplied by this.
+SIMPLER = {
+    'unit': 1.1, 'sign': 1.1, 'swapped': 1.1, 'rotated': 1.05, 'outliers': 1.1, 'bias': 1.02,
+    'noise too small': 0.9, 'noise too large': 0.9,
+    'process noise too small': 0.85, 'process noise too large': 0.85, 'random walk': 0.95,
+    'parameter': 0.9, 'scale': 0.25, 'input gain': 1.02, 'input sign': 1.1,
+}  # fmt: skip
+#: No more causes than this are looked for, and no more than these are tried for one.
+_ROUNDS, _TRIED = 6, 5
+#: Other candidates are tried if they promise this part of the best reduction.
+_CLOSE = 0.4
+#: A gain below this part of all numbers read is of no account, whatever its significance.
+_RELEVANT = 0.002
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What was found, ranked, and notes that are no faults; misfit before and after it all."""
+
+    findings: tuple[Finding, ...]
+    notes: tuple[Finding, ...]
+    before: float
+    after: float
+
+
+def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda what: None) -> Diagnosis:
+    """Return what is wrong with a recording and its parameters.
+
+    Parameters
+    ----------
+    evidence
+        The recording, and what the estimator made of it.
+    progress
+        Called with what is looked at.
+    """
+    before = misfit(evidence)
+    progress('stamps, rates and values')
+    found, mended = _plain(evidence)
+    case = Examination(mended, strict=False)
+    if not case.passage.events:
+        return Diagnosis(tuple(found), (), before, before)
+    notes = tuple(unobserved_states.find(case))
+    found += gates.find(case)
+    for number in range(_ROUNDS):
+        progress(f'causes of the misfit, {number + 1}')
+        best = _best(case, found)
+        if best is None:
+            break
+        finding, case = best
+        found.append(finding)
+    progress('proofs')
+    proven = [_proven(evidence, finding) for finding in found]
+    return Diagnosis(_ranked(proven), notes, before, case.passage.misfit)
+
+
+def _plain(evidence: Evidence) -> tuple[list[Finding], Evidence]:
+    """Return what shows without a filter, with what its correction gains, and all corrected."""
+    found: list[Finding] = []
+    case = Examination(evidence, strict=False)
+    for detector in PLAIN:
+        while new := [f for f in detector(case) if not any(same(f, old) for old in found)]:
+            finding = new[0]
+            if finding.mended is not None:
+                after = Examination(finding.mended(), strict=False)
+                gain = max(0.0, explained(case.passage, after.passage))
+                finding, case = replace(finding, gain=gain), after
+            found.append(finding)
+    return found, case.evidence
+
+
+def same(one: Finding, other: Finding) -> bool:
+    """Return whether two findings have the same kind and subject."""
+    return (one.kind, one.subject) == (other.kind, other.subject)
+
+
+def _best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examination] | None:
+    """Return the finding that explains most, with what it really gains, and the case after it."""
+    numbers = sum(len(e) for e in case.passage.whitened)
+    least = max(CHANCE, _RELEVANT * numbers)
+    promised = [finding for detector in FITTED for finding in detector(case)]
+    promised.sort(key=_promise, reverse=True)
+    tried: list[tuple[Finding, Examination]] = []
+    # what passes have shown first: where a filter is lost, regressions promise anything
+    for finding in [*gross.find(case), *promised][:_TRIED]:
+        known_already = any(same(finding, other) for other in (*known, *(f for f, _ in tried)))
+        if finding.gain <= least or known_already:
+            continue
+        if tried and _promise(finding) < _CLOSE * max(_promise(other) for other, _ in tried):
+            break
+        after = Examination(finding.mended()) if finding.mended else case
+        try:
+            gain = explained(case.passage, after.passage) - finding.dues
+        except np.linalg.LinAlgError:
+            continue
+        if gain > least:
+            tried.append((replace(finding, gain=gain), after))
+    if not tried:
+        return None
+    finding, after = max(tried, key=lambda each: _promise(each[0]))
+    alike = [
+        (other.kind, other.subject)
+        for other, _ in tried
+        if other.gain > 0.85 * finding.gain and not same(other, finding)
+    ]
+    return replace(finding, same_as=(*finding.same_as, *alike)), after
+
+
+def _promise(finding: Finding) -> float:
+    return finding.gain * SIMPLER.get(finding.kind, 1.0)
+
+
+def _proven(evidence: Evidence, finding: Finding) -> Finding:
+    """Return a finding with what a replay with its change alone gains."""
+    if not finding.change:
+        return finding
+    try:
+        after = evidence.rerun(finding.change)
+    except ValueError:
+        return replace(finding, change={})
+    return replace(finding, proof=improvement(evidence, after))
+
+
+def _ranked(found: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return findings with their shares, those that explain most first; then the plain ones."""
+    total = sum(max(0.0, finding.gain) for finding in found)
+    shared = [
+        replace(finding, share=max(0.0, finding.gain) / total if total > 0.0 else 0.0)
+        for finding in found
+    ]
+    return tuple(sorted(shared, key=lambda f: -_promise(f)))

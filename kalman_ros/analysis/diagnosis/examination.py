@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Evidence with what all kinds of findings need of it, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .evidence import Evidence
+from .hypotheses import columns, value_of, varied
+from .noise_scores import NoiseScores, noise_scores
+from .passage import Passage, passage
+from .responses import Responses, responses
+
+#: A gain of -2 log likelihood below this is chance. Some 200 hypotheses are tested; of each the
+#: gain is chi-square with one degree of freedom, and above 30 with a probability of 4e-8.
+CHANCE = 30.0
+
+
+@dataclass(frozen=True)
+class Examination:
+    """Evidence, the pass of a filter over it, and how its innovations respond to faults.
+
+    Unless it is ``strict``, the pass of a filter that fails ends there.
+    """
+
+    evidence: Evidence
+    strict: bool = True
+
+    @cached_property
+    def passage(self) -> Passage:
+        """The pass in the order of stamps."""
+        return passage(self.evidence, strict=self.strict)
+
+    @cached_property
+    def responses(self) -> Responses:
+        """The regression of the innovations on every additive fault."""
+        found = self.passage
+        return responses(found, columns(self.evidence, found, self.tones))
+
+    @cached_property
+    def scores(self) -> NoiseScores:
+        """The scores of every noise variance."""
+        noise = {
+            name: np.median(self.evidence.sensors[name].covariance, axis=0).diagonal()
+            for name in dict.fromkeys(event.sensor for event in self.passage.events)
+        }
+        return noise_scores(self.passage, noise, self.densities)
+
+    @cached_property
+    def densities(self) -> dict[str, Array]:
+        """By parameter of process noise, the spectral density (n, n) that it adds."""
+        model, x = self.evidence.scenario.model, self.passage.events[-1].x
+        found = {}
+        for name, other, size in varied(self.evidence):
+            change = (other.noise_density(x) - model.noise_density(x)) / size
+            if 'noise' in name and np.any(change):
+                found[name] = change * value_of(self.evidence, name)
+        return found
+
+    @cached_property
+    def tones(self) -> Array | None:
+        """Of each input, the frequency (Hz) at which the state is pushed most; None without."""
+        m = self.evidence.scenario.model.input.size
+        times = np.array([event.time for event in self.passage.events])
+        if not m or len(times) < 100 or times[-1] <= times[0]:
+            return None
+        rate = min(self.evidence.scenario.rate, 40.0)
+        bins = ((times - times[0]) * rate).astype(int)
+        series = np.zeros((bins[-1] + 1, m))
+        np.add.at(series, bins, np.array([self._push(i) for i in range(len(times))]))
+        padded = 4 * len(series)  # finer than the resolution, so that no peak falls between
+        power = np.abs(np.fft.rfft(series - series.mean(axis=0), padded, axis=0))
+        grid = np.fft.rfftfreq(padded, 1.0 / rate)
+        return np.asarray(grid[np.argmax(np.where(grid[:, None] > 0.05, power, 0.0), axis=0)])
+
+    def _push(self, index: int) -> Array:
+        """Return the inputs (m,) that an event's correction amounts to, along their effect."""
+        event = self.passage.events[index]
+        B = self.evidence.scenario.model.input_jacobian(event.x, event.u)
+        return np.asarray(np.linalg.pinv(B) @ (event.K @ event.innovation))

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A first belief that was surer than it should have been."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .examination import CHANCE, Examination
+from .finding import Finding
+from .responses import fitted
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return whether the first belief was wrong by more than it claimed."""
+    columns = case.responses.columns('first')
+    if not columns:
+        return []
+    fit = fitted(
+        case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
+    )
+    if fit.gain < CHANCE + 2.0 * len(columns):
+        return []
+    belief, space = case.evidence.scenario.initial_belief, case.evidence.scenario.model.state
+    seen = np.abs(fit.size) > 3.0 * fit.std
+    if not seen.any():
+        return []
+    wrong = np.where(seen, np.abs(fit.size), 0.0)
+    worst = int(np.argmax(wrong))
+    std = belief.std * np.maximum(1.0, 1.2 * wrong)
+    if wrong[worst] < 1.5:
+        return []
+    change = {'initial_std': [float(f'{each:.3g}') for each in std]}
+    return [
+        Finding(
+            'first belief too narrow',
+            'initial_std',
+            f'at the start {space.names[worst]} was {wrong[worst]:.3g} standard deviations from '
+            f'initial_estimate ({belief.mean[worst]:g} +- {belief.std[worst]:.3g}): widen '
+            'initial_std, or start from the first reading (initialize: reading).',
+            fit.gain**0.5,
+            change,
+            gain=fit.gain,
+            mended=lambda: case.evidence.adopting(change),
+        )
+    ]

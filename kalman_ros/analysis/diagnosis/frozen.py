@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values that stand still under new stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .evidence import Evidence, SensorRecord
+from .examination import Examination
+from .finding import Curve, Figure, Finding
+
+#: A value that is repeated this often, for this long (s), is frozen.
+_REPEATED, _FROZEN = 10, 0.5
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the sensors that repeat one value for long."""
+    return [
+        finding
+        for name, record in case.evidence.sensors.items()
+        if len(record) > _REPEATED
+        for finding in _frozen(case.evidence, name, record)
+    ]
+
+
+def _frozen(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+    stuck = repeats(record)
+    if stuck is None:
+        return
+    seconds = float(np.ptp(record.stamp[stuck]))
+    begin = float(record.stamp[stuck][0]) - evidence.start
+    figure = Figure(
+        f'{name}: its values', 'time [s]', name,
+        tuple(Curve(label, record.stamp - evidence.start, column)
+              for label, column in zip(evidence.scenario.sensors[name].sensor.output.names,
+                                       record.value.T)),
+    )  # fmt: skip
+    keep = np.setdiff1d(np.arange(len(record)), stuck[1:])
+    yield Finding(
+        'frozen', name,
+        f'{name} repeats one value for {seconds:.3g} s from t = {begin:.3g} s on '
+        f'({len(stuck)} readings) under new stamps: its driver repeats what it last had.',
+        inf, figure=figure, mended=lambda: evidence.with_sensor(name, record.select(keep)),
+    )  # fmt: skip
+
+
+def repeats(record: SensorRecord) -> Array | None:
+    """Return the indices of readings of the longest frozen value; None if there is none."""
+    same = (np.diff(record.value, axis=0) == 0.0).all(axis=1)
+    breaks = np.flatnonzero(np.concatenate(([True], ~same, [True])))
+    lengths = np.diff(breaks)
+    longest = int(np.argmax(lengths))
+    run = np.arange(breaks[longest], breaks[longest + 1])
+    usual = float(np.median(lengths))
+    enough = len(run) >= max(_REPEATED, 10.0 * usual) or len(run) == len(record) > _REPEATED
+    return run if enough and np.ptp(record.stamp[run]) >= _FROZEN else None

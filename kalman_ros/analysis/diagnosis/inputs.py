@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inputs that act otherwise than believed: gain, sign, delay, dead zone, disturbances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .bias import courses_of
+from .evidence import Evidence
+from .examination import CHANCE, Examination
+from .finding import Curve, Figure, Finding
+from .hypotheses import edges, held
+from .responses import Fit
+
+#: Gains within this of 1 are no finding.
+_RELEVANT = 0.05
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return what is wrong with each input."""
+    found = []
+    for index, name in enumerate(case.evidence.scenario.model.input.names):
+        if case.responses.columns('gain', name):
+            found += [*_gain(case, name, index), *_late(case, name, index)]
+            found += _dead(case, name, index)
+    return [*found, *_disturbed(case), *_tones(case)]
+
+
+def _with(evidence: Evidence, index: int, column: Array) -> Evidence:
+    """Return the evidence with other values (N,) of an input."""
+    value = evidence.inputs.value.copy()
+    value[:, index] = column
+    return replace(evidence, inputs=replace(evidence.inputs, value=value))
+
+
+def _gain(case: Examination, name: str, index: int) -> list[Finding]:
+    fit = case.responses.alone(case.responses.columns('gain', name)[0])
+    gain, std = 1.0 + float(fit.size[0]), float(fit.std[0])
+    if fit.gain < CHANCE or abs(gain - 1.0) < _RELEVANT:
+        return []
+    u = case.evidence.inputs.value[:, index]
+    kind = 'input sign' if gain < -0.3 else 'input gain'
+    what = 'with the wrong sign' if gain < -0.3 else f'at {gain:.3g} +- {std:.1g} of its command'
+    return [
+        Finding(
+            kind,
+            name,
+            f'the input {name} acts {what}.',
+            fit.gain**0.5,
+            gain=fit.gain,
+            mended=lambda: _with(case.evidence, index, gain * u),
+        )
+    ]
+
+
+def _late(case: Examination, name: str, index: int) -> list[Finding]:
+    """Return a delay: the lag at which what acts is what was commanded, or lost commands.
+
+    A command that is lost with the probability p leaves the one before in effect, on average
+    the mixture (1 - p) u_k + p u_{k-1}: a lag of one sample with the weight p.
+    """
+    labels = case.responses.columns('lag', name)
+    fits = {int(case.responses.labels[c][2]): case.responses.alone(c) for c in labels}
+    lag, fit = max(fits.items(), key=lambda item: item[1].gain)
+    weight = float(fit.size[0])
+    if fit.gain < CHANCE or weight <= 0.0:
+        return []
+    evidence, dt = case.evidence, 1.0 / case.evidence.scenario.rate
+    stamps, u = evidence.inputs.stamp, evidence.inputs.value[:, index]
+    before = held(stamps, u, stamps - lag * dt + 2e-6)
+    late = weight * lag * dt
+    return [
+        Finding(
+            'input delay',
+            name,
+            f'the input {name} acts {late:.3g} s after its command on average: a delay of the '
+            f'actuator, or commands that are lost while the one before stays in effect.',
+            fit.gain**0.5,
+            gain=fit.gain,
+            mended=lambda: _with(evidence, index, u + min(weight, 1.0) * (before - u)),
+        )
+    ]
+
+
+def _dead(case: Examination, name: str, index: int) -> list[Finding]:
+    labels = case.responses.columns('dead', name)
+    fits: dict[float, Fit] = {
+        float(case.responses.labels[c][2]): case.responses.alone(c) for c in labels
+    }
+    if not fits:
+        return []
+    size, fit = max(fits.items(), key=lambda item: item[1].gain)
+    weight = float(fit.size[0])
+    if fit.gain < CHANCE or weight < 0.3:
+        return []
+    zone = weight * size
+    u = case.evidence.inputs.value[:, index]
+    return [
+        Finding(
+            'dead zone',
+            name,
+            f'the first {zone:.3g} of the input {name}, either way, has no effect: a dead zone, '
+            'as of a motor with static friction.',
+            fit.gain**0.5,
+            gain=fit.gain,
+            mended=lambda: _with(case.evidence, index, u - np.clip(u, -zone, zone)),
+        )
+    ]
+
+
+def _disturbed(case: Examination) -> list[Finding]:
+    """Return what adds to the inputs: a constant, or what grows or wanders."""
+    evidence, limits = case.evidence, edges(case.passage)
+    names = evidence.scenario.model.input.names
+    groups = {i: case.responses.columns('push', name) for i, name in enumerate(names)}
+    courses = courses_of(case.responses, groups)
+    if not courses:
+        return []
+    pieces = np.searchsorted(limits, evidence.inputs.stamp, 'right') - 1
+    value, words = evidence.inputs.value.copy(), []
+    for index, course in courses.items():
+        value[:, index] += course.values[np.clip(pieces, 0, len(course.values) - 1)]
+        low, high = course.values.min(), course.values.max()
+        size = f'{low:+.3g}' if course.kind == 'constant' else f'{low:+.3g} to {high:+.3g}'
+        words.append(f'{size} to {names[index]}')
+    mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
+    gain = sum(course.gain for course in courses.values())
+    middles = 0.5 * (limits[1:] + limits[:-1]) - limits[0]
+    curves = tuple(Curve(names[i], middles, course.values) for i, course in courses.items())
+    return [
+        Finding(
+            'disturbance',
+            names[next(iter(courses))],
+            f'something adds {", ".join(words)}: a slope, wind, a bias of the actuator, or an '
+            'input that the model does not have.',
+            gain**0.5,
+            gain=gain,
+            figure=Figure('What adds to the input', 'time [s]', 'input', curves),
+            mended=lambda: mended,
+        )
+    ]
+
+
+def _tones(case: Examination) -> list[Finding]:
+    """Return sines that add to the inputs."""
+    evidence = case.evidence
+    stamps, value = evidence.inputs.stamp, evidence.inputs.value.copy()
+    gain, words, first = 0.0, [], ''
+    for index, name in enumerate(evidence.scenario.model.input.names):
+        columns = case.responses.columns('tone', name)
+        fit = case.responses.fit(np.eye(2), columns) if columns else None
+        if fit is None or fit.gain < CHANCE + 20.0:
+            continue
+        frequency = float(case.responses.labels[columns[0]][2])
+        turn = 2.0 * np.pi * frequency * (stamps + 0.5 / evidence.scenario.rate)
+        value[:, index] += fit.size[0] * np.sin(turn) + fit.size[1] * np.cos(turn)
+        gain, first = gain + fit.gain, first or name
+        words.append(f'{np.hypot(*fit.size):.3g} at {frequency:.3g} Hz to {name}')
+    mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
+    return (
+        [
+            Finding(
+                'disturbance',
+                first,
+                f'a sine adds {", ".join(words)}: a vibration, or an input that the '
+                'model does not have.',
+                gain**0.5,
+                gain=gain,
+                mended=lambda: mended,
+            )
+        ]
+        if words
+        else []
+    )

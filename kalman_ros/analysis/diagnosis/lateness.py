@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How late readings are received, and how evenly; and stamps that are late themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from math import inf
+
+import numpy as np
+
+from kalman_ros.estimators.outcome import Outcome
+
+from .evidence import Evidence, SensorRecord
+from .examination import CHANCE, Examination
+from .finding import Finding
+from .stamps import latency, picture, slope
+
+#: Delays and jitter below this do no harm (s).
+_HARMLESS = 0.02
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the delays and jitter of each sensor on its way to the recorder."""
+    found = []
+    for name, record in case.evidence.sensors.items():
+        if len(record) > 2:
+            found += [*_late(case.evidence, name, record)]
+    return found
+
+
+def _late(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+    late = latency(record)
+    late = late[late != 0.0]
+    if not len(late):
+        return
+    low, middle, high = np.quantile(late, (0.1, 0.5, 0.9))
+    window = float(evidence.parameters.get('window', 1.0))
+    old = int((record.outcome == Outcome.TOO_OLD.name).sum())
+    loss = f'; {old} were dropped as older than the window of {window:g} s' if old else ''
+    needed = round(float(1.2 * late.max()) + 0.05, 2)
+    change = {'window': needed} if needed > window else {}
+    if high - low > max(_HARMLESS, 0.5 * middle):
+        yield Finding(
+            'jitter', name,
+            f'readings of {name} are received {late.min():.3g} to {late.max():.3g} s after their '
+            f'stamp, half of them before {middle:.3g} s{loss}.',
+            inf, change, figure=picture(name, record, 'latency'),
+        )  # fmt: skip
+    elif low > _HARMLESS:
+        yield Finding(
+            'delay', name,
+            f'readings of {name} are received {middle:.3g} s after their stamp{loss}. Their '
+            'stamps are right, so a window of the estimator above that loses nothing.',
+            inf, change, figure=picture(name, record, 'latency'),
+        )  # fmt: skip
+
+
+def hidden(case: Examination) -> list[Finding]:
+    """Return sensors whose readings are older, or newer, than their stamps claim.
+
+    The reading h(x(t + tau)) is h(x) + tau d h(x)/dt to first order: tau is regressed.
+    """
+    found = []
+    for name, record in case.evidence.sensors.items():
+        for column in case.responses.columns('stamp', name):
+            fit = case.responses.alone(column)
+            tau = float(fit.size[0])
+            if fit.gain < CHANCE or not 0.002 < abs(tau) < 1.0:
+                continue
+            rate = slope(record.received, latency(record))
+            if abs(rate) > 1e-3:
+                continue
+            found.append(
+                Finding(
+                    'stamps late' if tau < 0.0 else 'stamps early',
+                    name,
+                    f'readings of {name} fit the state {abs(tau):.3g} +- {fit.std[0]:.1g} s '
+                    f'{"before" if tau < 0.0 else "after"} their stamps: they are stamped '
+                    f'{"on receipt, not when they are taken" if tau < 0 else "too early"}. Stamp '
+                    'them when they are taken.',
+                    fit.gain**0.5,
+                    gain=fit.gain,
+                    figure=picture(name, record, 'latency'),
+                    mended=partial(_restamped, case.evidence, name, tau),
+                )
+            )
+    return found
+
+
+def _restamped(evidence: Evidence, name: str, tau: float) -> Evidence:
+    """Return the evidence with the stamps of a sensor ``tau`` seconds later."""
+    record = evidence.sensors[name]
+    return evidence.with_sensor(name, replace(record, stamp=record.stamp + tau))

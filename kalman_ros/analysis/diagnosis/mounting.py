@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Axes of a vector reading: swapped, of another frame, or turned by a mounting."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from math import degrees
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .examination import CHANCE, Examination
+from .finding import Curve, Figure, Finding
+from .responses import fitted
+from .units import mixed, mixing, replaced
+
+#: Rotations below this (rad) are no finding, and those this near to a quarter turn are one.
+_SMALL, _NEAR = 0.03, 0.1
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return sensors whose readings fit once their axes are exchanged or turned."""
+    found = []
+    for name in case.evidence.sensors:
+        space = case.evidence.scenario.sensors[name].sensor.output
+        if space.size < 2 or not case.responses.columns('mix', name):
+            continue
+        found += [*_swaps(case, name, space.size)]
+        if len(set(space.units)) == 1:
+            found += [*_rotations(case, name, space.size)]
+    return found
+
+
+def _gain(case: Examination, name: str, M: Array) -> float:
+    return replaced(case, name, M)[0]
+
+
+def _swaps(case: Examination, name: str, size: int) -> list[Finding]:
+    """Return the best exchange of axes, with or without signs, if one explains anything."""
+    best, best_gain = None, CHANCE
+    for order in permutations(range(size)):
+        if order == tuple(range(size)):
+            continue
+        gain = _gain(case, name, np.eye(size)[list(order)])
+        if gain > best_gain:
+            best, best_gain = order, gain
+    if best is None:
+        return []
+    return [exchanged(case, name, best, best_gain)]
+
+
+def exchanged(case: Examination, name: str, order: tuple[int, ...], gain: float) -> Finding:
+    """Return the finding that the axes of a sensor are read in another order."""
+    names = case.evidence.scenario.sensors[name].sensor.output.names
+    M = np.eye(len(order))[list(order)]
+    what = ', '.join(f'{names[i]} is read as {names[j]}' for i, j in enumerate(order) if i != j)
+    fields = case.evidence.scenario.sensors[name].signal.fields
+    change = {f'{name}.fields': [fields[j] for j in order]} if fields else {}
+    return Finding(
+        'swapped', name, f'axes of {name} are swapped: {what}. Exchange its fields.',
+        gain**0.5, change, gain=gain, figure=_picture(case, name, M),
+        mended=lambda: mixed(case.evidence, name, M),
+    )  # fmt: skip
+
+
+def _rotations(case: Examination, name: str, size: int) -> list[Finding]:
+    """Return the best rotation of the first two axes or, of three, about any axis."""
+    M = _best_rotation(case, name, size)
+    gain = _gain(case, name, M)
+    angle = float(np.arctan2(M[1, 0], M[0, 0])) if size == 2 else _angle(M)
+    if gain < CHANCE or abs(angle) < _SMALL:
+        return []
+    quarter = abs(abs(angle) - 0.5 * np.pi) < _NEAR
+    why = (
+        ' A quarter turn is what east-north-up leaves in place of north-east-down.'
+        if quarter
+        else ''
+    )
+    left = case.passage.misfit - gain
+    return [
+        Finding(
+            'rotated',
+            name,
+            f'readings of {name} fit once turned by {degrees(angle):+.3g} deg: it is mounted '
+            f'askew, or its frame is another one.{why} Misfit {case.passage.misfit:.4g} becomes '
+            f'{left:.4g}.',
+            gain**0.5,
+            mixing(case.evidence, name, M),
+            gain=gain,
+            figure=_picture(case, name, M),
+            mended=lambda: mixed(case.evidence, name, M),
+        )
+    ]
+
+
+def _angle(M: Array) -> float:
+    return float(np.arccos(np.clip(0.5 * (np.trace(M) - 1.0), -1.0, 1.0)))
+
+
+def _best_rotation(case: Examination, name: str, size: int) -> Array:
+    """Return the rotation that gains most: by a grid in the plane, else the nearest to the fit.
+
+    The rotation nearest to a matrix is that of its polar decomposition (P. Schoenemann, A
+    Generalized Solution of the Orthogonal Procrustes Problem, Psychometrika 31(1), 1966).
+    """
+    if size == 2:
+        angles = np.linspace(-np.pi, np.pi, 721)
+        turns = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
+        return max(turns, key=lambda M: _gain(case, name, M))
+    columns = case.responses.columns('mix', name)
+    fit = fitted(
+        case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
+    )
+    U, _, V = np.linalg.svd(np.eye(size) - fit.size.reshape(size, size))
+    return np.asarray(U @ np.diag([*np.ones(size - 1), np.linalg.det(U @ V)]) @ V)
+
+
+def _picture(case: Examination, name: str, M: Array) -> Figure:
+    record = case.evidence.sensors[name]
+    names = case.evidence.scenario.sensors[name].sensor.output.names
+    mended = record.value @ M.T
+    curves = (
+        Curve('as read', record.value[:, 0], record.value[:, 1], 'dots'),
+        Curve('corrected', mended[:, 0], mended[:, 1], 'dots'),
+    )
+    return Figure(f'{name}: its axes', names[0], names[1], curves)

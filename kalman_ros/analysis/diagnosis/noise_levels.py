@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise of sensors and of the process that is declared too small or too large."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import exp
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .evidence import Evidence
+from .examination import CHANCE, Examination
+from .finding import Curve, Figure, Finding
+from .hypotheses import value_of
+from .refilter import misfits
+
+#: A variance is suspected beyond N deviations of its score.
+_SUSPECT = 5.0
+#: Logarithms of factors of a variance that are tried, and how they are refined.
+_FACTORS = np.array([-6.0, -4.0, -2.5, -1.2, -0.5, 0.5, 1.2, 2.5, 4.0, 6.0, 9.0])
+_FINER = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
+#: Standard deviations that differ by less than this factor are no finding.
+_RELEVANT = 1.2
+#: No more variances than these are tried in a round: those with the largest scores.
+_TRIED = 4
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the variances, of readings and of the process, that the data contradict.
+
+    A suspect has a large derivative of the likelihood; the factor comes from the
+    likelihood itself, with the filter run again for each candidate (R. Mehra, On the
+    Identification of Variances and Adaptive Kalman Filtering, IEEE Trans. Automatic Control
+    15(2), 1970, for what innovations reveal of both).
+    """
+    scores = case.scores
+    suspects = {}
+    for group in _groups(scores.labels):
+        score = scores.gradient[list(group)].sum()
+        information = scores.information[np.ix_(group, group)].sum()
+        suspects[group] = abs(float(score)) / np.sqrt(max(float(information), 1e-12))
+    worst = sorted(suspects, key=lambda group: -suspects[group])[:_TRIED]
+    worst = [group for group in worst if suspects[group] > _SUSPECT]
+    found = []
+    for group, log, gain, spread in _searched(case, worst) if worst else ():
+        if gain > CHANCE and abs(log) > 2.0 * np.log(_RELEVANT):
+            label = scores.labels[group[0]]
+            factor = exp(0.5 * log)
+            if len(label) == 2:
+                indices = [int(scores.labels[i][1]) for i in group]
+                found.append(_of_sensor(case, label[0], indices, factor, gain, spread))
+            else:
+                found += _of_process(case, label[0], factor, gain, spread)
+    return found
+
+
+def _groups(labels: Sequence[tuple[str, ...]]) -> list[tuple[int, ...]]:
+    """Return each variance alone, and those of all coordinates of a sensor together."""
+    groups: list[tuple[int, ...]] = [(i,) for i in range(len(labels))]
+    for name in dict.fromkeys(label[0] for label in labels if len(label) == 2):
+        whole = tuple(i for i, label in enumerate(labels) if label[0] == name and len(label) == 2)
+        if len(whole) > 1:
+            groups.append(whole)
+    return groups
+
+
+def _searched(
+    case: Examination, suspects: Sequence[tuple[int, ...]]
+) -> list[tuple[tuple[int, ...], float, float, float]]:
+    """Return of each suspect the best logarithm of a factor, its gain, and its deviation."""
+    labels, p = case.scores.labels, len(case.scores.labels)
+
+    def tried(logs: dict[tuple[int, ...], Array]) -> dict[tuple[int, ...], Array]:
+        rows = [(group, log) for group, many in logs.items() for log in many.tolist()]
+        candidates = np.zeros((len(rows) + 1, p))
+        for row, (group, log) in enumerate(rows):
+            candidates[row, list(group)] = log
+        values = misfits(case.passage, labels, candidates, case.densities)
+        gains = iter(values[-1] - values[:-1])
+        return {group: np.array([next(gains) for _ in many]) for group, many in logs.items()}
+
+    coarse = tried(dict.fromkeys(suspects, _FACTORS))
+    finer = {group: _FACTORS[np.argmax(gains)] + _FINER for group, gains in coarse.items()}
+    found = []
+    for group, gains in tried(finer).items():
+        logs, best = finer[group], int(np.argmax(gains))
+        bend = np.polyfit(logs, gains, 2)[0]
+        spread = float(1.0 / np.sqrt(max(-bend, 1e-6)))
+        found.append((group, float(logs[best]), float(gains[best]), spread))
+    return found
+
+
+def _words(factor: float, spread: float) -> tuple[str, str]:
+    way = 'small' if factor > 1.0 else 'large'
+    size = factor if factor > 1.0 else 1.0 / factor
+    low, high = size * exp(-min(spread, 3.0)), size * exp(min(spread, 3.0))
+    return way, f'by a factor of {size:.3g} ({low:.3g} to {high:.3g}, 95 %)'
+
+
+def _of_sensor(
+    case: Examination, name: str, indices: list[int], factor: float, gain: float, spread: float
+) -> Finding:
+    evidence, record = case.evidence, case.evidence.sensors[name]
+    space = evidence.scenario.sensors[name].sensor.output
+    way, size = _words(factor, spread)
+    std = np.sqrt(np.median(record.covariance, axis=0).diagonal())
+    scale = np.ones(space.size)
+    scale[indices] = factor
+    change: dict[str, Any] = {f'{name}.noise': [float(f'{each:.3g}') for each in scale * std]}
+    configured = np.sqrt(evidence.scenario.sensors[name].sensor.covariance.diagonal())
+    if not np.allclose(std, configured, rtol=1e-3):
+        change[f'{name}.covariance_from'] = 'configuration'
+    covariance = record.covariance * scale[:, None] * scale[None, :]
+    subject = f'{name}.{space.names[indices[0]]}' if len(indices) == 1 else name
+    words = ', '.join(f'{space.label(space.names[i])} {std[i] * factor:.3g}' for i in indices)
+    return Finding(
+        f'noise too {way}', subject,
+        f'the declared noise of {subject} is too {way} {size}: standard deviations that fit are '
+        f'{words}.',
+        gain**0.5, change, gain=gain, figure=innovations(case, name, indices[0]),
+        mended=lambda: _renoised(evidence, name, covariance),
+    )  # fmt: skip
+
+
+def _renoised(evidence: Evidence, name: str, covariance: Array) -> Evidence:
+    record = replace(evidence.sensors[name], covariance=covariance)
+    return evidence.with_sensor(name, record)
+
+
+def _of_process(
+    case: Examination, name: str, factor: float, gain: float, spread: float
+) -> list[Finding]:
+    way, size = _words(factor, spread)
+    value = value_of(case.evidence, name)
+    change = {f'model_parameters.{name}': float(f'{value * factor**2:.3g}')}
+    try:
+        mended = case.evidence.adopting(change)
+    except ValueError:
+        return []
+    finding = Finding(
+        f'process noise too {way}', name,
+        f'the process noise {name}, {value:g}, is too {way}, its root {size}: '
+        f'{value * factor**2:.3g} fits.',
+        gain**0.5, change, gain=gain, mended=lambda: mended,
+        figure=innovations(case, case.passage.events[0].sensor, 0),
+    )  # fmt: skip
+    return [finding]
+
+
+def innovations(case: Examination, name: str, index: int) -> Figure:
+    """Return the innovations of a coordinate with their bounds."""
+    events = [case.passage.events[i] for i in case.passage.of(name)]
+    when = np.array([event.time for event in events]) - case.evidence.start
+    values = np.array([event.innovation[index] for event in events])
+    bound = 2.0 * np.sqrt(np.array([event.S[index, index] for event in events]))
+    label = case.evidence.scenario.sensors[name].sensor.output.names[index]
+    curves = (
+        Curve('innovation', when, values, 'dots'),
+        Curve('2 sigma', when, bound, 'bound'),
+        Curve('', when, -bound, 'bound'),
+    )
+    return Figure(f'{name}: innovations of {label}', 'time [s]', label, curves)

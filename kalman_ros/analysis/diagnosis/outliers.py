@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Readings now and then far off."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import gammainccinv
+
+from kalman_ros.core import Array
+
+from .examination import CHANCE, Examination
+from .finding import Curve, Figure, Finding
+from .passage import DROPPED, gated
+
+#: Outliers are so rare under the declared noise, a reading; and more than this share are none.
+_RARE, _MOST = 1e-6, 0.25
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the sensors of which a few readings are far off and the others are not.
+
+    What is far is judged by the median of the normalised innovations squared, which outliers
+    hardly move (F. Hampel, The Influence Curve and its Role in Robust Estimation, J. American
+    Statistical Association 69, 1974).
+    """
+    found = []
+    for name in case.evidence.sensors:
+        finding = _of(case, name)
+        if finding is not None:
+            found.append(finding)
+    return found
+
+
+def _of(case: Examination, name: str) -> Finding | None:
+    events = case.passage.of(name)
+    if len(events) < 20:
+        return None
+    k = len(case.passage.whitened[events[0]])
+    squares = np.array([case.passage.whitened[i] @ case.passage.whitened[i] for i in events])
+    typical = max(1.0, float(np.median(squares) / (2.0 * gammainccinv(k / 2.0, 0.5))))
+    limit = typical * 2.0 * float(gammainccinv(k / 2.0, _RARE))
+    if not (squares > limit).any():
+        return None
+    far = gated(case.evidence, name, limit)
+    share = len(far) / len(events)
+    indices = np.array([case.passage.events[i].index for i in events])
+    gain = float(np.sum(squares[np.isin(indices, far)] - k - DROPPED))
+    rest = squares[~np.isin(indices, far)]
+    gain += float(np.sum(rest[rest > limit] - k))
+    if not 0.0 < share <= _MOST or gain < CHANCE:
+        return None
+    record = case.evidence.sensors[name]
+    size = float(np.sqrt(np.median(squares[np.isin(indices, far)]) / k))
+    keep = np.setdiff1d(np.arange(len(record)), far)
+    gate = case.evidence.scenario.sensors[name].gate
+    change = {f'{name}.gate': 0.9999} if gate >= 1.0 else {}
+    return Finding(
+        'outliers', name,
+        f'{len(far)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers, '
+        f'some {size:.2g} standard deviations off. A gate rejects them.',
+        gain**0.5, change, gain=gain, figure=_picture(case, name, events, squares, limit),
+        mended=lambda: case.evidence.with_sensor(name, record.select(keep)),
+    )  # fmt: skip
+
+
+def _picture(case: Examination, name: str, events: Array, squares: Array, limit: float) -> Figure:
+    times = np.array([case.passage.events[i].time for i in events]) - case.evidence.start
+    curves = (
+        Curve('NIS', times, squares, 'dots'),
+        Curve('limit', times[[0, -1]], np.full(2, limit), 'bound'),
+    )
+    return Figure(f'{name}: normalised innovations squared', 'time [s]', 'NIS', curves)

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One pass of an extended Kalman filter in the order of stamps, with its linearisation kept.
+
+The estimator's own replay has what it did; this has what a filter makes of the readings once
+they are in order, and by which matrices: that is what the responses of innovations to faults are
+computed from (`responses`).
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+from math import log, pi
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, DiscreteLinearSystem, LinearSystem, Model, is_finite
+from kalman_ros.estimators.filter import parts
+from kalman_ros.linear.kernels import corrected, gain, joseph, sandwich, weighed
+
+from .evidence import Evidence, SensorRecord
+
+LOG_2_PI = log(2.0 * pi)
+#: A step is as long as the model allows if it is longer only by the rounding of stamps.
+_ROUNDING = 1e-6
+#: Innovations beyond this many of their standard deviations count as this many.
+_FAR = 1e6
+
+
+@dataclass(frozen=True)
+class Event:
+    """A reading in its place: what led to it, and how it was taken in.
+
+    Parameters
+    ----------
+    sensor, index
+        Whose it is, and which of its record.
+    time
+        Its stamp in seconds.
+    steps
+        The transition F (n, n) from the event before, its Q (n, n), and its length in seconds.
+    x, P, u
+        The prediction (n,), its covariance (n, n), and the input (m,) that led to it.
+    H, K, S, innovation
+        The sensor's Jacobian, the gain (zero if it was not fused), innovation covariance and
+        innovation.
+    white, log
+        L^-1 (k, k) with S = L L', and log |2 pi S|.
+    """
+
+    sensor: str
+    index: int
+    time: float
+    F: Array
+    Q: Array
+    dt: float
+    x: Array
+    P: Array
+    u: Array
+    H: Array
+    K: Array
+    S: Array
+    innovation: Array
+    white: Array
+    log: float
+
+
+@dataclass(frozen=True)
+class Passage:
+    """All events in the order of stamps, and whitened innovations e = L^-1 nu with S = L L'."""
+
+    events: list[Event]
+    whitened: list[Array]
+
+    @property
+    def misfit(self) -> float:
+        """The sum of e'e + log |2 pi S|, which is -2 log likelihood."""
+        squares = sum(float(e.dot(e)) for e in self.whitened)
+        return squares + sum(event.log for event in self.events)
+
+    @cached_property
+    def _indices(self) -> dict[str, list[int]]:
+        found = defaultdict[str, list[int]](list)
+        for index, event in enumerate(self.events):
+            found[event.sensor].append(index)
+        return found
+
+    def of(self, sensor: str) -> Array:
+        """Return the indices of a sensor's events."""
+        return np.array(self._indices.get(sensor, []), dtype=int)
+
+
+def passage(
+    evidence: Evidence,
+    until: float = np.inf,
+    gate: tuple[str, float, list[int]] | None = None,
+    strict: bool = True,
+) -> Passage:
+    """Return what an extended filter makes of the usable readings, up to a stamp (s).
+
+    Duplicates, what is not finite and what has no positive covariance are left out. A ``gate``
+    (sensor, largest NIS, list) leaves out what is beyond it, and lists the indices.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the estimate is not finite; unless it is ``strict``, the pass ends there instead.
+    """
+    scenario = evidence.scenario
+    sensors = {name: source.sensor for name, source in scenario.sensors.items()}
+    walk = _Walk(evidence)
+    events: list[Event] = []
+    whitened: list[Array] = []
+    for time, name, index in _in_order(evidence, until):
+        F, Q, dt = walk.to(time)
+        sensor, record = sensors[name], evidence.sensors[name]
+        x, P, R = walk.x, walk.P, record.covariance[index]
+        if not is_finite(x):
+            if strict:
+                raise np.linalg.LinAlgError('the estimate is not finite')
+            break
+        H = np.asfortranarray(sensor.jacobian(x))
+        innovation = sensor.output.subtract(record.value[index], sensor.measure(x))
+        K, S = gain(P, H, R)
+        if gate and name == gate[0] and weighed(S, innovation) > gate[1]:
+            gate[2].append(index)
+            walk.skip(F, Q, dt)
+            continue
+        walk.x = scenario.model.state.wrap(corrected(x, K, innovation))
+        walk.P = joseph(K, H, P, R)
+        white, size = whitener(S)
+        events.append(
+            Event(name, index, time, F, Q, dt, x, P, walk.u, H, K, S, innovation, white, size)
+        )
+        whitened.append(np.clip(white @ innovation, -_FAR, _FAR))
+    return Passage(events, whitened)
+
+
+def whitener(S: Array) -> tuple[Array, float]:
+    """Return L^-1 (k, k) with S = L L', and log |2 pi S|.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If S is not positive definite.
+    """
+    if len(S) == 1 and S[0, 0] > 0.0:
+        return S**-0.5, LOG_2_PI + log(S[0, 0])
+    L = np.linalg.cholesky(S)
+    return np.linalg.inv(L), len(S) * LOG_2_PI + 2.0 * float(np.log(L.diagonal()).sum())
+
+
+def gated(evidence: Evidence, name: str, limit: float) -> Array:
+    """Return the indices of the readings of a sensor that a gate rejects, at this NIS."""
+    far: list[int] = []
+    passage(evidence, gate=(name, limit, far), strict=False)
+    return np.array(far, dtype=int)
+
+
+def usable(record: SensorRecord) -> Any:
+    """Return the mask (N,) of the readings that a filter can take: finite, with a covariance."""
+    finite: Any = np.isfinite(record.value).all(axis=1) & np.isfinite(record.stamp)
+    sound: Any = np.isfinite(record.covariance).all(axis=(1, 2))
+    lowest = np.linalg.eigvalsh(np.where(sound[:, None, None], record.covariance, 0.0))[:, 0]
+    return finite & sound & (lowest > 0.0)
+
+
+def _in_order(evidence: Evidence, until: float) -> list[tuple[float, str, int]]:
+    """Return the usable readings by stamp, those of one stamp in the order of the sensors."""
+    found = []
+    for order, name in enumerate(evidence.scenario.enabled):
+        record = evidence.sensors.get(name)
+        if record is None or not len(record):
+            continue
+        indices = np.flatnonzero(usable(record) & (record.stamp <= until))
+        stamps, first = np.unique(np.round(record.stamp[indices], 9), return_index=True)
+        found += [(t, order, name, int(indices[i])) for t, i in zip(stamps.tolist(), first)]
+    return [(time, name, index) for time, _, name, index in sorted(found)]
+
+
+class _Walk:
+    """The belief on its way through time, with the inputs held in between."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self._model = evidence.scenario.model
+        self.x, self.P = evidence.scenario.initial_belief
+        inputs = evidence.inputs
+        order = np.argsort(inputs.stamp, kind='stable')
+        self._times: list[float] = [*np.round(inputs.stamp[order], 9).tolist(), np.inf]
+        self._inputs = inputs.value[order]
+        self._next, self._time = 0, -np.inf
+        self._skipped: tuple[Array, Array, float] | None = None
+        self._resting = bool(evidence.parameters.get('rest_until_input')) and len(order) > 0
+        self.u: Array = np.zeros(self._model.input.size)
+
+    def skip(self, F: Array, Q: Array, dt: float) -> None:
+        """Count the step to a reading that is left out as part of the next one."""
+        self._skipped = F, Q, dt
+
+    def to(self, time: float) -> tuple[Array, Array, float]:
+        """Go on to ``time`` (s); return F, Q and the length of that step."""
+        n, begin = self.x.size, self._time
+        F, Q, before = self._skipped or (np.eye(n), np.zeros((n, n)), 0.0)
+        self._skipped = None
+        while self._times[self._next] < time:
+            at = self._times[self._next]
+            F, Q = self._moved(at, F, Q)
+            self.u, self._resting = self._inputs[self._next], False
+            self._next += 1
+        F, Q = self._moved(time, F, Q)
+        return F, Q, before + (time - begin if np.isfinite(begin) else 0.0)
+
+    def _moved(self, time: float, F: Array, Q: Array) -> tuple[Array, Array]:
+        dt = time - self._time
+        if np.isfinite(dt) and dt > 0.0 and not self._resting:
+            count = parts(self._model, dt * (1.0 - _ROUNDING))
+            for _ in range(count):
+                A, W = transition(self._model, self.x, self.u, dt / count)
+                self.x = self._model.step(self.x, self.u, dt / count)
+                self.P = sandwich(A, self.P, W)
+                F, Q = A @ F, A @ Q @ A.T + W
+        self._time = max(self._time, time)
+        return F, Q
+
+
+def transition(model: Model, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
+    """Return F and Q (n, n) of a short step: exact where linear, else to second order in dt."""
+    if isinstance(model, (LinearSystem, DiscreteLinearSystem)) or not hasattr(model, 'derivative'):
+        step = model.transition(x, u, dt)
+        return step.F, step.Q
+    A, W = model.state_jacobian(x, u), model.noise_density(x)
+    AW = A @ W
+    F = np.eye(len(A)) + dt * A + (0.5 * dt * dt) * (A @ A)
+    third = A @ (AW + AW.T)
+    Q = dt * W + (0.5 * dt * dt) * (AW + AW.T) + (dt**3 / 6.0) * (third + third.T)
+    return np.asfortranarray(F), np.asfortranarray(Q)
+
+
+def explained(before: Passage, after: Passage) -> float:
+    """Return by how much the misfit is smaller after a correction.
+
+    Readings that were left out by it count as far as they were worse than expected.
+    """
+
+    def each(found: Passage) -> dict[tuple[str, int], tuple[float, float, int]]:
+        terms = {}
+        for event, e in zip(found.events, found.whitened):
+            terms[event.sensor, event.index] = (float(e.dot(e)), event.log, len(e))
+        return terms
+
+    first, second = each(before), each(after)
+    gain = 0.0
+    for key, (square, size, k) in first.items():
+        if key in second:
+            gain += square + size - second[key][0] - second[key][1]
+        else:
+            gain += square - k - DROPPED
+    return gain
+
+
+#: What it costs to leave a reading out, in -2 log likelihood: as one at some 3 sigma.
+DROPPED = 10.0

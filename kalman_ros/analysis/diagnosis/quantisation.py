@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Readings in steps: few bits, or a display's rounding."""
+
+from __future__ import annotations
+
+from functools import partial
+from math import inf
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .examination import Examination
+from .finding import Curve, Figure, Finding
+
+#: Steps below this part of the declared standard deviation do no harm.
+_HARMLESS = 0.5
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the coordinates whose values are multiples of a step that is not small.
+
+    Rounding to a step q adds the variance q^2 / 12 (B. Widrow, Statistical Analysis of
+    Amplitude-Quantized Sampled-Data Systems, Trans. AIEE 79(2), 1961).
+    """
+    found = []
+    for name, record in case.evidence.sensors.items():
+        source = case.evidence.scenario.sensors[name]
+        finite = record.value[np.isfinite(record.value).all(axis=1)]
+        for index, label in enumerate(source.sensor.output.names):
+            std = float(np.sqrt(source.sensor.covariance[index, index]))
+            step = grid(finite[:, index])
+            if step is None or step < _HARMLESS * std:
+                continue
+            noise = np.sqrt(source.sensor.covariance.diagonal())
+            noise[index] = np.hypot(std, step / np.sqrt(12.0))
+            change = {f'{name}.noise': [float(f'{each:.3g}') for each in noise]}
+            shown = record.stamp - case.evidence.start, record.value[:, index]
+            found.append(
+                Finding(
+                    'quantised',
+                    f'{name}.{label}',
+                    f'{name}.{label} has steps of {step:.3g}, {step / std:.2g} times its '
+                    f'declared noise: rounding adds {step / np.sqrt(12.0):.2g} to it.',
+                    inf,
+                    change,
+                    figure=Figure(
+                        f'{name}: steps of {label}',
+                        'time [s]',
+                        label,
+                        (Curve(label, *shown, 'dots'),),
+                    ),
+                    mended=partial(case.evidence.adopting, change),
+                )
+            )
+    return found
+
+
+def grid(values: Array) -> float | None:
+    """Return the step that all values are multiples of; None if they have none of account."""
+    levels = np.unique(values)
+    if not 3 <= len(levels) <= 0.6 * len(values):
+        return None
+    gaps = np.diff(levels)
+    step = float(gaps[gaps > 1e-9 * max(1.0, float(np.abs(levels).max()))].min(initial=inf))
+    if not np.isfinite(step):
+        return None
+    multiples = gaps / step
+    return step if np.abs(multiples - np.round(multiples)).max() < 0.01 else None

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rate of readings: losses, bursts of losses, and what is not a number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf
+
+import numpy as np
+
+from .evidence import SensorRecord
+from .examination import Examination
+from .finding import Curve, Figure, Finding
+
+#: Losses below this share, and rates that differ by less, are no finding.
+_LOST, _DIFFERENT = 0.01, 0.1
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return what is wrong with the rate of each sensor, and what is not a number."""
+    found = []
+    for name, record in case.evidence.sensors.items():
+        rate = case.evidence.scenario.sensors[name].timed.rate
+        if not len(record):
+            if name in case.evidence.scenario.enabled:
+                found.append(
+                    Finding('no readings', name, f'no reading of {name} was received.', inf)
+                )
+            continue
+        found += [*_numbers(name, record), *_losses(name, record, rate)]
+    return found
+
+
+def _numbers(name: str, record: SensorRecord) -> Iterator[Finding]:
+    """Yield readings that are no numbers; every filter leaves them out."""
+    count = int((~np.isfinite(record.value).all(axis=1)).sum())
+    if count:
+        yield Finding(
+            'not a number', name,
+            f'{count} of {len(record)} readings of {name} '
+            f'({100.0 * count / len(record):.2g} %) are not finite: they are dropped. Its driver '
+            'has no value to report, or divides by zero.',
+            inf,
+        )  # fmt: skip
+
+
+def _losses(name: str, record: SensorRecord, declared: float) -> Iterator[Finding]:
+    stamps = np.unique(np.round(record.stamp[record.stamp != record.received], 6))
+    gaps = np.diff(stamps)
+    if len(gaps) < 5:
+        return
+    usual = float(np.median(gaps))
+    if abs(usual * declared - 1.0) > _DIFFERENT:
+        yield Finding(
+            'rate', name,
+            f'{name} is read {1.0 / usual:.4g} times a second, where {name}.rate is {declared:g}.',
+            inf, {f'{name}.rate': float(f'{1.0 / usual:.3g}')},
+        )  # fmt: skip
+    missing = np.round(gaps / usual).astype(int) - 1
+    lost = int(missing[missing > 0].sum())
+    share = lost / (lost + len(stamps))
+    if share < _LOST:
+        return
+    length = float(missing[missing > 0].mean())
+    burst = length > 2.0 / (1.0 - share) and missing.max() > 3
+    figure = Figure(
+        f'{name}: time between readings', 'time [s]', 'gap [s]',
+        (Curve('gap', stamps[1:] - stamps[0], gaps, 'dots'),),
+    )  # fmt: skip
+    yield Finding(
+        'losses in bursts' if burst else 'losses', name,
+        f'{100.0 * share:.2g} % of the readings of {name} are missing, '
+        f'{length:.2g} in a row on average, the longest gap {gaps.max():.3g} s. '
+        + ('Look at its link: wireless, a full queue, or a driver that stalls.' if burst else
+           'Look at its queue and its quality of service.'),
+        inf, figure=figure,
+    )  # fmt: skip

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The likelihood of innovations under other noise, many candidates at once.
+
+The filter is linearised where its pass was: with its predictions x and posteriors x + K nu as the
+path, another filter's deviation d from it follows
+
+    d <- F d,  nu' = nu - H d,  d <- d + K' nu' - K nu,
+
+with a separate Riccati recursion for K'. So all candidates share one walk over the events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .passage import Event, Passage
+
+#: Candidates are compared on the last N events.
+MOST = 1200
+
+
+def misfits(
+    found: Passage,
+    labels: Sequence[tuple[str, ...]],
+    candidates: Array,
+    densities: Mapping[str, Array],
+    most: int = MOST,
+) -> Array:
+    """Return the misfit of each candidate (C,), as the sum over all events.
+
+    Parameters
+    ----------
+    found
+        The pass of the filter as it is.
+    labels
+        (sensor, coordinate) or (parameter,), one a variance.
+    candidates
+        Logarithms of factors of these variances (C, p).
+    densities
+        By parameter, the spectral density (n, n) that it adds now.
+    most
+        Candidates are compared on the last N events.
+    """
+    events = found.events[-most:]
+    walk = _Walk(events[0].P, labels, candidates, densities)
+    for event in events:
+        walk.take(event)
+    return walk.misfit * (len(found.events) / len(events))
+
+
+class _Walk:
+    """All candidates on their way through the events."""
+
+    def __init__(
+        self,
+        P: Array,
+        labels: Sequence[tuple[str, ...]],
+        candidates: Array,
+        densities: Mapping[str, Array],
+    ) -> None:
+        C, n = len(candidates), len(P)
+        self.misfit = np.zeros(C)
+        self._P, self._d = np.broadcast_to(P, (C, n, n)).copy(), np.zeros((C, n))
+        self._labels, self._candidates = labels, candidates
+        self._extra = np.zeros((C, n, n))
+        for index, label in enumerate(labels):
+            if len(label) == 1:
+                factor = np.exp(candidates[:, index]) - 1.0
+                self._extra += factor[:, None, None] * densities[label[0]]
+        self._scales: dict[str, Array] = {}
+        self._begun = False
+
+    def take(self, event: Event) -> None:
+        """Go on to an event."""
+        F, H = event.F, event.H
+        if self._begun:
+            self._P = F @ self._P @ F.T + (event.Q + event.dt * self._extra)
+            self._d = self._d @ F.T
+        self._begun = True
+        scale = self._scale(event)
+        R = event.S - H @ event.P @ H.T
+        R = R * scale[:, :, None] * scale[:, None, :]
+        PH = self._P @ H.T
+        S = H @ PH + R
+        inverse = np.linalg.inv(S)
+        nu = event.innovation - self._d @ H.T
+        self.misfit += np.einsum('ci,cij,cj->c', nu, inverse, nu)
+        self.misfit += np.linalg.slogdet(2.0 * np.pi * S)[1]
+        K = PH @ inverse
+        self._d = self._d + np.einsum('cij,cj->ci', K, nu) - event.K @ event.innovation
+        A = np.eye(len(F)) - K @ H  # the form of Bucy and Joseph, which stays definite
+        self._P = A @ self._P @ A.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
+
+    def _scale(self, event: Event) -> Array:
+        """Return by what the standard deviations of a sensor's coordinates grow (C, k)."""
+        if event.sensor not in self._scales:
+            scale = np.ones((len(self._candidates), len(event.S)))
+            for index, label in enumerate(self._labels):
+                if len(label) == 2 and label[0] == event.sensor:
+                    scale[:, int(label[1])] = np.exp(0.5 * self._candidates[:, index])
+            self._scales[event.sensor] = scale
+        return self._scales[event.sensor]

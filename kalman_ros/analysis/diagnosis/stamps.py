@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stamps that cannot be right: zero, duplicated, backward, or of another clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .evidence import Evidence, SensorRecord
+from .examination import CHANCE, Examination
+from .finding import Curve, Figure, Finding
+from .passage import explained, passage
+
+#: A stamp may be ahead of the recorder by this (s), and behind by that, before its clock is
+#: suspected.
+_AHEAD, _BEHIND = 0.005, 0.02
+#: A stamp is that of receipt by chance less often than this.
+_UNSTAMPED = 3
+#: A clock that drifts by less than this over the recording (s) does no harm.
+_DRIFTED = 0.005
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return what is wrong with the stamps of each sensor."""
+    found = []
+    for name, record in case.evidence.sensors.items():
+        if len(record) > 2:
+            found += [*_zero(case.evidence, name, record), *_repeated(case.evidence, name, record)]
+            found += [*_backward(case.evidence, name, record), *_clock(case, name, record)]
+    return found
+
+
+def latency(record: SensorRecord) -> Array:
+    """Return how much later than its stamp each reading was received (N,), in seconds."""
+    return np.asarray(record.received - record.stamp)
+
+
+def slope(x: Array, y: Array) -> float:
+    """Return the slope of a line through points: the median over pairs (Theil and Sen).
+
+    P. K. Sen, Estimates of the Regression Coefficient Based on Kendall's Tau, J. American
+    Statistical Association 63, 1968; of pairs that are half of the points apart.
+    """
+    half = len(x) // 2
+    run = x[half : 2 * half] - x[:half]
+    apart = np.abs(run) > 0.0
+    rises = (y[half : 2 * half] - y[:half])[apart] / run[apart]
+    return float(np.median(rises)) if len(rises) else 0.0
+
+
+def picture(name: str, record: SensorRecord, title: str) -> Figure:
+    """Return the latency of a sensor over time."""
+    when = record.received - record.received[0]
+    curve = Curve('received - stamp', when, latency(record), 'dots')
+    return Figure(f'{name}: {title}', 'time [s]', 'received - stamp [s]', (curve,))
+
+
+def _zero(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+    zero = record.stamp == record.received
+    if zero.sum() >= _UNSTAMPED:
+        usual = latency(record)[~zero]
+        late = float(np.median(usual)) if len(usual) else 1e-9
+        stamp = np.where(zero, record.received - late, record.stamp)
+        yield Finding(
+            'stamps zero', name,
+            f'{zero.sum()} of {len(record)} stamps of {name} are zero: its driver does not stamp '
+            'them, so they are taken for the time of receipt. Stamp them where they are read.',
+            inf, figure=picture(name, record, 'stamps that are zero'),
+            mended=lambda: evidence.with_sensor(name, replace(record, stamp=stamp)),
+        )  # fmt: skip
+
+
+def _repeated(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+    real = record.stamp != record.received
+    _, first = np.unique(record.stamp[real], return_index=True)
+    count = int(real.sum()) - len(first)
+    if count:
+        kept = np.sort(np.concatenate((np.flatnonzero(real)[first], np.flatnonzero(~real))))
+        yield Finding(
+            'stamps duplicated', name,
+            f'{count} of {len(record)} readings of {name} have the stamp of another one '
+            f'({100.0 * count / len(record):.2g} %): they are dropped as duplicates. Look for two '
+            'publishers of this topic, or a relay that repeats.',
+            inf, figure=picture(name, record, 'latency'),
+            mended=lambda: evidence.with_sensor(name, record.select(kept)),
+        )  # fmt: skip
+
+
+def _backward(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+    real = record.stamp[record.stamp != record.received]
+    back = np.diff(real)
+    count, usual = int((back < 0.0).sum()), np.median(np.abs(back)) if len(back) else 0.0
+    jitter = np.ptp(np.quantile(latency(record), (0.1, 0.9)))
+    if count and jitter < usual:  # else jitter is what turns them round
+        order = np.argsort(record.stamp, kind='stable')
+        yield Finding(
+            'stamps backward', name,
+            f'{count} of {len(record)} readings of {name} are stamped before the one received '
+            f'before them, by up to {-back.min():.3g} s: they are out of order. The estimator '
+            'takes them in their place while they are within its window.',
+            inf, figure=picture(name, record, 'latency'),
+            mended=lambda: evidence.with_sensor(name, record.select(order)),
+        )  # fmt: skip
+
+
+def _clock(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
+    """Yield an offset or a drift of the clock that stamps, against the recorder's."""
+    evidence, late = case.evidence, latency(record)
+    real = record.stamp != record.received
+    late, received = late[real], record.received[real]
+    if len(late) < 3:
+        return
+    rate = slope(received, late)
+    drifted = rate * np.ptp(received)
+    level = float(np.median(late - rate * (received - received[0])))
+    spread = float(np.ptp(np.quantile(late - rate * received, (0.05, 0.95))))
+    fit = level + rate * (record.received - received[0])
+    mended = evidence.with_sensor(name, replace(record, stamp=record.stamp + fit))
+    figure = picture(name, record, 'its clock against the recorder')
+    if abs(drifted) > max(_DRIFTED, spread):
+        yield Finding(
+            'clock drift', name,
+            f'the clock that stamps {name} drifts by {1e6 * -rate:+.0f} ppm against the recorder, '
+            f'{drifted:+.3g} s over the recording. Synchronise it (chrony, PTP), or stamp on '
+            'receipt.',
+            inf, figure=figure, mended=lambda: mended,
+        )  # fmt: skip
+    elif level < -_AHEAD or (level > _BEHIND and _suits(case, mended)):
+        way = 'ahead of' if level < 0.0 else 'behind'
+        yield Finding(
+            'clock offset', name,
+            f'stamps of {name} are {abs(level):.3g} s {way} the recorder'
+            f'{_others(evidence, name)}. Synchronise the clocks, or stamp on receipt.',
+            inf, figure=figure, mended=lambda: mended,
+        )  # fmt: skip
+
+
+def _suits(case: Examination, mended: Evidence) -> bool:
+    """Return whether the readings fit the others better with these stamps."""
+    return explained(case.passage, passage(mended)) > CHANCE
+
+
+def _others(evidence: Evidence, name: str) -> str:
+    late = {
+        other: float(np.median(latency(record)))
+        for other, record in evidence.sensors.items()
+        if other != name and len(record)
+    }
+    words = ', '.join(f'{other} {value:+.3g} s' for other, value in late.items())
+    return f' (received - stamp of others: {words})' if words else ''

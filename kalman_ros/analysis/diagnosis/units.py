@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Readings in another unit, of another scale, or with the wrong sign."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log, pi
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array
+from kalman_ros.scenario.parameter_files import section
+from kalman_ros.sensors import options
+
+from .evidence import Evidence
+from .examination import CHANCE, Examination
+from .finding import Curve, Figure, Finding
+
+#: What a reading is multiplied by to be in SI units, and what it is in then.
+UNITS = {
+    pi / 180.0: 'degrees',
+    180.0 / pi: 'radians, where degrees are expected',
+    1.0 / 3.6: 'km/h',
+    3.6: 'm/s, where km/h are expected',
+    1e-3: 'thousandths (mm, mm/s)',
+    1e3: 'thousands (km)',
+    1e-2: 'hundredths (cm, cm/s)',
+    1e2: 'hundreds',
+    0.3048: 'feet',
+    1.0 / 0.3048: 'metres, where feet are expected',
+    0.44704: 'miles an hour',
+    9.80665: 'g',
+    1.0 / 9.80665: 'm/s^2, where g are expected',
+    2.0 * pi / 60.0: 'revolutions a minute',
+    2.0 * pi: 'turns',
+}
+#: A unit that the fit does not name must explain this part of the misfit.
+_EXPLAINED = 0.5
+#: Two scales are one within this, relative, and scales within it of 1 are no finding.
+_CLOSE, _RELEVANT = 0.05, 0.05
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the sensors, and coordinates of one, that fit once multiplied by a factor."""
+    found = []
+    for name in case.evidence.sensors:
+        space = case.evidence.scenario.sensors[name].sensor.output
+        groups: list[tuple[int, ...]] = [(index,) for index in range(space.size)]
+        if len(set(space.units)) == 1 < space.size:
+            groups.append(tuple(range(space.size)))
+        for group in groups:
+            columns = [case.responses.columns('mix', name, str(i), str(i)) for i in group]
+            if not all(columns):
+                continue
+            basis = np.ones((len(group), 1))
+            fit = case.responses.fit(basis, [column for each in columns for column in each])
+            factor, std = 1.0 - float(fit.size[0]), float(fit.std[0])
+            relevant = abs(factor - 1.0) > max(_RELEVANT, 4.0 * std)
+            if fit.gain > CHANCE * _inflation(case, name) and relevant:
+                factor, std = _likeliest(case, name, group, factor, std)
+                found.append(scaled(case, name, group, factor, std, fit.gain))
+    return found
+
+
+def _inflation(case: Examination, name: str) -> float:
+    """Return by how much innovations squared are larger than expected, outliers aside."""
+    squares = [case.passage.whitened[i] @ case.passage.whitened[i] for i in case.passage.of(name)]
+    size = case.evidence.scenario.sensors[name].sensor.output.size
+    return max(1.0, float(np.median(squares)) / size) if squares else 1.0
+
+
+def _likeliest(
+    case: Examination, name: str, group: tuple[int, ...], factor: float, std: float
+) -> tuple[float, float]:
+    """Return the likelier of the fitted factor and those of units and of a wrong sign.
+
+    Where readings are far off, the prediction that the factor is fitted to is far off as well.
+    """
+
+    def gain(trial: float) -> float:
+        return replaced(case, name, scaling(case, name, group, trial))[0]
+
+    if abs(factor) < 1e-6:
+        factor = 1e-6
+    best = max((-1.0, *UNITS), key=gain)
+    excess = sum(float(e @ e) - len(e) for e in case.passage.whitened)
+    likelier = gain(best) > max(gain(factor), _EXPLAINED * excess)
+    return (best, 0.0) if likelier else (factor, std)
+
+
+def scaling(case: Examination, name: str, group: tuple[int, ...], factor: float) -> Array:
+    """Return the matrix (k, k) that multiplies some coordinates by a factor."""
+    M = np.eye(case.evidence.scenario.sensors[name].sensor.output.size)
+    M[group, group] = factor
+    return M
+
+
+def replaced(case: Examination, name: str, M: Array) -> tuple[float, float]:
+    """Return the gain if the readings y of a sensor become M y, to first order, and its dues.
+
+    The density of y is that of M y times |det M|, so that to make readings small is no gain: dues
+    are -2 log |det M| for each reading.
+    """
+    columns = case.responses.columns('read', name)
+    size = (np.eye(len(M)) - M).ravel()
+    information = case.responses.information[np.ix_(columns, columns)]
+    gain = float(2.0 * size @ case.responses.gradient[columns] - size @ information @ size)
+    dues = -2.0 * len(case.passage.of(name)) * float(np.linalg.slogdet(M)[1])
+    return gain - dues, dues
+
+
+def scaled(
+    case: Examination, name: str, group: tuple[int, ...], factor: float, std: float, gain: float
+) -> Finding:
+    """Return the finding that some coordinates must be multiplied by a ``factor``."""
+    evidence = case.evidence
+    space, index = evidence.scenario.sensors[name].sensor.output, group[0]
+    label = f'{name}.{space.names[index]}' if len(group) == 1 else name
+    kind, factor, why = _named(factor, std)
+    M = scaling(case, name, group, factor)
+    exact, dues = replaced(case, name, M)
+    record = evidence.sensors[name]
+    when = record.stamp - evidence.start
+    curves = (
+        Curve('as read', when, record.value[:, index], 'dots'),
+        Curve(f'times {factor:.4g}', when, factor * record.value[:, index], 'line'),
+    )
+    return Finding(
+        kind, label, f'readings of {label} fit the model once multiplied by {factor:.4g}{why}.',
+        gain**0.5, mixing(evidence, name, M), gain=max(gain, exact), dues=dues,
+        figure=Figure(f'{label}: scale', 'time [s]', space.names[index], curves),
+        mended=lambda: mixed(evidence, name, M),
+    )  # fmt: skip
+
+
+def _named(factor: float, std: float) -> tuple[str, float, str]:
+    """Return the kind of a factor, the one of a unit or a sign if it is near, and why."""
+    if factor < 0.0:
+        if abs(factor + 1.0) < max(0.35, 4.0 * std):
+            return 'sign', -1.0, ': they have the wrong sign'
+        return 'sign', factor, f' +- {std:.1g}: they have the wrong sign, and another scale'
+    near = min(UNITS, key=lambda unit: abs(log(factor / unit)))
+    close = max(_CLOSE, min(4.0 * std / factor, 0.25))
+    if factor > 0.0 and abs(log(factor / near)) < close:
+        return 'unit', near, f': they are in {UNITS[near]}'
+    return 'scale', factor, f' +- {std:.1g}: their scale is wrong'
+
+
+def mixed(evidence: Evidence, name: str, M: Array) -> Evidence:
+    """Return the evidence with the readings y of a sensor replaced by M y."""
+    record = evidence.sensors[name]
+    return evidence.with_sensor(name, replace(record, value=record.value @ M.T))
+
+
+def mixing(evidence: Evidence, name: str, M: Array) -> dict[str, Any]:
+    """Return the parameters by which a linear sensor reads M^-1 C x; empty if there are none.
+
+    The noise stays that of the right unit: it is multiplied in the same way.
+    """
+    scenario, given = evidence.scenario, section(evidence.parameters, name)
+    sensor = scenario.sensors[name].sensor
+    if not sensor.linear or sensor.output.angles or abs(np.linalg.det(M)) < 1e-12:
+        return {}
+    inverse = np.linalg.inv(M)
+    C = inverse @ sensor.jacobian(np.zeros(scenario.model.state.size))
+    noise = np.sqrt(np.maximum((inverse @ sensor.covariance @ inverse.T).diagonal(), 0.0))
+    own = {option.name for option in options(str(given.get('kind', 'states')))}
+    removed = own.intersection(given) - {option.name for option in options('linear')}
+    return {
+        **{f'{name}.{key}': None for key in sorted(removed)},
+        f'{name}.kind': 'linear',
+        f'{name}.C': [float(f'{each:.6g}') for each in C.ravel()],
+        f'{name}.names': list(sensor.output.names),
+        f'{name}.noise': [float(f'{each:.4g}') for each in noise],
+    }

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gains that print their properties and act as matrices in arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from kalman_ros.control.lqe import LqeDesign
+from kalman_ros.control.margins import Margins, loop_at_a_time
+from kalman_ros.control.state_space import StateSpace
+from kalman_ros.core import Array
+from kalman_ros.linear.structure import ComplexArray, is_stable
+
+from . import text
+from .accept import Plant
+from .known_names import KnownNames
+
+
+class _Gain(KnownNames, NDArrayOperatorsMixin):
+    """A result whose ``matrix`` takes its place in arithmetic: ``A - B @ gain``, ``-gain @ x``."""
+
+    @property
+    def matrix(self) -> Array:
+        """The gain."""
+        raise NotImplementedError
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return np.array(self.matrix, dtype=dtype)
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        plain = [item.matrix if isinstance(item, _Gain) else item for item in inputs]
+        return getattr(ufunc, method)(*plain, **options)
+
+    def __iter__(self) -> Iterator[Any]:
+        raise NotImplementedError
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return a part by its position in unpacking; of two indices, that of the matrix."""
+        return self.matrix[key] if isinstance(key, tuple) else tuple(self)[key]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StateFeedback(_Gain):
+    """u = -K x. ``K, S, poles = gain`` unpacks it, and in arithmetic it is K.
+
+    Parameters
+    ----------
+    plant
+        The system that the gain controls.
+    gain
+        K (m, n).
+    poles
+        Eigenvalues of A - B K (n,), or of F - G K if sampled.
+    cost_to_go
+        S (n, n): the least cost from x on is x'S x. None if the gain minimises no cost.
+    """
+
+    plant: Plant
+    gain: Array
+    poles: ComplexArray
+    cost_to_go: Array | None = None
+
+    @property
+    def matrix(self) -> Array:
+        """K."""
+        return self.gain
+
+    @property
+    def dt(self) -> float | None:
+        """Seconds for which an input is held; None in continuous time."""
+        return self.plant.dt
+
+    @cached_property
+    def margins(self) -> LoopMargins:
+        """The margins at each input, with the other inputs' loops closed.
+
+        Raises
+        ------
+        DesignError
+            If the closed loop is not stable.
+        """
+        m = len(self.gain)
+        loop = StateSpace(self.plant.A, self.plant.B, self.gain, np.zeros((m, m)), self.dt)
+        return LoopMargins(loop_at_a_time(loop))
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.gain, self.cost_to_go, self.poles))
+
+    def __repr__(self) -> str:
+        plant, sampled = self.plant, self.dt is not None
+        how = f', the input held for {self.dt:g} s' if sampled else ', in continuous time'
+        lines = [f'State feedback u = -K x{how}']
+        lines += text.matrix([f'K {u}' for u in plant.inputs], plant.states, self.gain)
+        lines += text.sentence(f'poles [{"z" if sampled else "1/s"}] {text.poles(self.poles)}')
+        if self.cost_to_go is not None:
+            lines += text.matrix([f'S {x}' for x in plant.states], plant.states, self.cost_to_go)
+        if is_stable(plant.A - plant.B @ self.gain, sampled=sampled):
+            for name, at in zip(plant.inputs, self.margins):
+                lines += text.sentence(f'margins at {name}: {at}')
+        else:
+            lines += ['the closed loop is not stable']
+        return '\n'.join(lines)
+
+
+class LoopMargins(tuple[Margins, ...]):
+    """The margins at each input, in order; they print one per line."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return '\n'.join(f'input {index}: {at}' for index, at in enumerate(self))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observer(_Gain, LqeDesign):
+    """The steady-state Kalman filter. ``L, P, poles = gain`` unpacks it as python-control does.
+
+    In arithmetic it is the predictor's gain, so that F - L C has the poles.
+
+    Parameters
+    ----------
+    gain, predictor_gain, covariance, prior, poles
+        As of `LqeDesign`.
+    states
+        Their names.
+    dt
+        Seconds between readings; None in continuous time.
+    """
+
+    states: tuple[str, ...] = ()
+    dt: float | None = None
+
+    @property
+    def matrix(self) -> Array:
+        """The predictor's gain."""
+        return self.predictor_gain
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.predictor_gain, self.prior, self.poles))
+
+    def __repr__(self) -> str:
+        sampled = self.dt is not None
+        law = 'x += L (y - C x)' if sampled else 'dx/dt = A x + B u + L (y - C x)'
+        how = f', a reading every {self.dt:g} s' if sampled else ', in continuous time'
+        readings = [f'y{index}' for index in range(self.gain.shape[1])]
+        lines = [f'Steady-state Kalman filter {law}{how}']
+        lines += text.matrix([f'L {x}' for x in self.states], readings, self.gain)
+        lines += text.sentence(f'poles [{"z" if sampled else "1/s"}] {text.poles(self.poles)}')
+        std = np.sqrt(self.covariance.diagonal()).tolist()
+        errors = ', '.join(f'{x} {text.number(s)}' for x, s in zip(self.states, std))
+        return '\n'.join([*lines, *text.sentence(f'standard deviation of the error: {errors}')])
+
+
+class Sampled(NamedTuple):
+    """x' = F x + G u + w, w ~ N(0, Q): F (n, n), G (n, m), Q (n, n), in samples of ``dt``."""
+
+    F: Array
+    G: Array
+    Q: Array
+    dt: float
+
+    def __repr__(self) -> str:
+        n, m = self.G.shape
+        x, u = [f'x{i}' for i in range(n)], [f'u{i}' for i in range(m)]
+        lines = [f"x' = F x + G u + w, w ~ N(0, Q), in samples of {self.dt:g} s"]
+        for name, values, head in (('F', self.F, x), ('G', self.G, u), ('Q', self.Q, x)):
+            if values.size:
+                lines += text.matrix([f'{name} {row}' for row in x], head, values)
+        return '\n'.join(lines)

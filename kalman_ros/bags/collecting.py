@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Collects the results of a replay: in memory as arrays, and on disk as a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf, nan
+from typing import Any
+
+import numpy as np
+from rclpy.serialization import serialize_message
+
+from kalman_ros.codecs.messages import full_type
+from kalman_ros.codecs.padding import without_padding
+from kalman_ros.core import Array, Gaussian
+from kalman_ros.core.geodesy import Origin
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.pipeline.estimate_topics import EstimateTopics, InnovationTopic, Topic
+from kalman_ros.pipeline.fuser import Fused
+from kalman_ros.pipeline.global_topics import GlobalTopics
+from kalman_ros.pipeline.settings import Settings
+from kalman_ros.scenario import SensorSource
+
+from .columns import Rows
+from .recording_writer import RecordingWriter
+from .replayed import Beliefs, Inputs, SensorReplay
+
+_OUTCOMES = tuple(Outcome)
+_CODES = {outcome: float(code) for code, outcome in enumerate(_OUTCOMES)}
+#: Messages are handed to the system after each N beliefs.
+_FLUSH = 2000
+
+
+def seconds(time: int, start: int) -> float:
+    """Return ``time`` in seconds from ``start``; both are in nanoseconds."""
+    return (time - start) * 1e-9
+
+
+class SensorColumns:
+    """What became of the readings of one sensor."""
+
+    def __init__(self, source: SensorSource) -> None:
+        k = source.sensor.output.size
+        self._rows = Rows(
+            numbers=(4,), value=(k,), covariance=(k, k), innovation=(k,), expected=(k, k)
+        )
+        self._configured: Array = source.sensor.covariance
+
+    def add(self, fused: Fused, received: float, stamp: float) -> None:
+        """Take a reading."""
+        _, _, sample, outcome, correction = fused
+        own = self._configured if sample.covariance is None else sample.covariance
+        code = _CODES[outcome]
+        if correction is None:
+            numbers = np.array((received, stamp, code, nan))
+            self._rows.append(numbers, sample.values, own, None, None)
+            return
+        numbers = np.array((received, stamp, code, correction.nis))
+        v, S = correction.innovation, correction.innovation_covariance
+        self._rows.append(numbers, sample.values, own, v, S)
+
+    def result(self, counts: dict[Outcome, int], undecodable: int) -> SensorReplay:
+        """Return all of it."""
+        found = self._rows.columns()
+        received, stamp, code, nis = found['numbers'].T
+        names = np.array([outcome.name for outcome in _OUTCOMES])
+        return SensorReplay(
+            received=received,
+            stamp=stamp,
+            value=found['value'],
+            covariance=found['covariance'],
+            outcome=names[code.astype(int)],
+            innovation=found['innovation'],
+            innovation_covariance=found['expected'],
+            nis=nis,
+            counts=counts,
+            undecodable=undecodable,
+        )
+
+
+class BeliefColumns:
+    """Beliefs in time."""
+
+    def __init__(self, size: int) -> None:
+        self._rows = Rows(time=(1,), mean=(size,), covariance=(size, size))
+
+    def add(self, time: float, belief: Gaussian) -> None:
+        """Take a belief at a time in seconds."""
+        self._rows.append(np.array((time,)), belief.mean, belief.covariance)
+
+    def result(self) -> Beliefs:
+        """Return all of them."""
+        found = self._rows.columns()
+        return Beliefs(found['time'][:, 0], found['mean'], found['covariance'])
+
+
+class InputColumns:
+    """Inputs in time."""
+
+    def __init__(self, size: int) -> None:
+        self._rows = Rows(times=(2,), value=(size,))
+
+    def add(self, received: float, stamp: float, u: Array) -> None:
+        """Take an input."""
+        self._rows.append(np.array((received, stamp)), u)
+
+    def result(self) -> Inputs:
+        """Return all of them."""
+        found = self._rows.columns()
+        received, stamp = found['times'].T
+        return Inputs(received, stamp, found['value'])
+
+
+class EstimateRecording:
+    """Writes the topics that the estimator publishes into a recording.
+
+    Parameters
+    ----------
+    writer
+        Of the recording.
+    settings
+        Of the estimator.
+    resolve
+        Returns the full name of a topic.
+    origin
+        The datum of satellite fixes.
+    """
+
+    def __init__(
+        self,
+        writer: RecordingWriter,
+        settings: Settings,
+        resolve: Callable[[str], str],
+        origin: Origin,
+    ) -> None:
+        scenario, options = settings.scenario, settings.options
+        self._writer, self._resolve = writer, resolve
+        topics = self._topics = EstimateTopics(scenario, options.frame, options.child_frame)
+        self._innovations = {
+            name: InnovationTopic(scenario.state, name, source.sensor.output)
+            for name, source in scenario.enabled.items()
+        }
+        self._globe = GlobalTopics(scenario, options, origin)
+        for signal in self._globe.signals:
+            writer.add(resolve(signal.topic), full_type(signal.type))
+        found = [topics.estimate, topics.state, topics.covariance]
+        for topic in (*found, *(each.topic for each in self._innovations.values())):
+            writer.add(resolve(topic.name), full_type(topic.signal.type))
+
+    def publish(self, received: int, time: int, belief: Gaussian) -> None:
+        """Write a belief at ``time``, by a message ``received`` then; both in nanoseconds."""
+        topics, (x, P) = self._topics, belief
+        self._write(topics.estimate, received, topics.estimate.write(time, x, P))
+        self._write(topics.state, received, topics.state.write(time, x))
+        self._write(topics.covariance, received, topics.covariance.write(time, P.ravel()))
+        for signal, message in self._globe(time, belief):
+            self._write_on(signal.topic, received, message)
+        if self._writer.waiting > _FLUSH:
+            self._writer.flush()
+
+    def publish_innovation(self, received: int, fused: Fused) -> None:
+        """Write the innovation of a reading, if it has one that is finite."""
+        if fused.correction is not None and fused.correction.nis < inf:
+            write = self._innovations[fused.channel.name]
+            message = write(fused.time, fused.correction)
+            if message is not None:
+                self._write(write.topic, received, message)
+
+    def _write(self, topic: Topic, received: int, message: Any) -> None:
+        self._write_on(topic.name, received, message)
+
+    def _write_on(self, topic: str, received: int, message: Any) -> None:
+        self._writer.write(self._resolve(topic), received, _serialised(message))
+
+
+def _serialised(message: Any) -> bytes:
+    """Return a message as it is on the wire, with zeros for padding."""
+    if isinstance(message, bytes):
+        return message
+    try:
+        return without_padding(bytes(serialize_message(message)), message)
+    except NotImplementedError:
+        return bytes(serialize_message(message))
+
+
+def add_all(
+    fused: Sequence[Fused], into: dict[str, SensorColumns], received: int, start: int
+) -> None:
+    """Take the readings that were fused together."""
+    for each in fused:
+        into[each.channel.name].add(each, seconds(received, start), seconds(each.time, start))

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of numbers that grow, on disk beyond a size, so that long recordings fit in memory."""
+
+from __future__ import annotations
+
+from tempfile import TemporaryFile
+from typing import IO, Any
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+#: The most bytes in memory.
+_MOST = 1 << 26
+
+
+class Rows:
+    """Rows of several fields, appended one by one.
+
+    Parameters
+    ----------
+    fields
+        The shape of each by its name, in the order in which `append` takes them.
+    """
+
+    def __init__(self, **fields: tuple[int, ...]) -> None:
+        self._fields = fields
+        self._sizes = [int(np.prod(shape)) for shape in fields.values()]
+        self._nothing = [np.full(size, np.nan).tobytes() for size in self._sizes]
+        self._rows = bytearray()
+        self._file: IO[bytes] | None = None
+        self._count = 0
+
+    def append(self, *values: Array | None) -> None:
+        """Append a row; a field is NaN where its value is None, or has another size."""
+        self._rows += b''.join(
+            [
+                nothing if value is None or value.size != size else value.tobytes()
+                for value, size, nothing in zip(values, self._sizes, self._nothing)
+            ]
+        )
+        self._count += 1
+        if len(self._rows) > _MOST:
+            self._file = self._file or TemporaryFile(prefix='kalman_ros_')  # noqa: SIM115
+            self._file.write(self._rows)
+            self._rows.clear()
+
+    def columns(self) -> dict[str, Array]:
+        """Return each field (N, ...) by its name; no row may follow."""
+        width = sum(self._sizes)
+        found: Any = np.frombuffer(self._rows)
+        if self._file is not None:
+            self._file.write(self._rows)
+            self._file.flush()
+            found = np.memmap(self._file, float, 'r')
+        table = found.reshape(self._count, width)
+        ends = np.cumsum(self._sizes)
+        return {
+            name: table[:, end - size : end].reshape(self._count, *shape)
+            for (name, shape), size, end in zip(self._fields.items(), self._sizes, ends)
+        }

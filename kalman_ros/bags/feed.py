@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Feeds an estimator with recorded messages, by the classes that its node uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from kalman_ros.codecs.messages import UndecodableError, full_type, message_type, nanoseconds
+from kalman_ros.codecs.messages import decode as decoded
+from kalman_ros.codecs.wire import learn_layouts
+from kalman_ros.core import Gaussian
+from kalman_ros.pipeline.fuser import Fused, Fuser, Received
+from kalman_ros.pipeline.initial_pose import PoseReader
+from kalman_ros.pipeline.intake import Intake
+from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
+from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
+from kalman_ros.pipeline.settings import Settings
+
+from .blocks import Message
+from .collecting import (
+    BeliefColumns,
+    EstimateRecording,
+    InputColumns,
+    SensorColumns,
+    add_all,
+    seconds,
+)
+from .reading import Bag
+
+TICK, CLOCK, POSE = 'tick', '/clock', 'initialpose'
+TICK_TYPE, CLOCK_TYPE = 'sensor_msgs/msg/TimeReference', 'rosgraph_msgs/msg/Clock'
+#: A simulated clock that goes back by less, in nanoseconds, has not been set back.
+_BACK = 100_000_000
+
+
+class Feed:
+    """Takes the messages of a recording one by one, as the node would receive them.
+
+    A recording with ticks is one of lockstep: a step is fused when it is complete. Otherwise each
+    reading is fused when it is received, at the time of the recording, or of ``/clock`` if the
+    parameters say that time is simulated.
+
+    Parameters
+    ----------
+    settings
+        Of the estimator.
+    bag
+        The recording.
+    resolve
+        Returns the full name of a topic.
+
+    Raises
+    ------
+    ValueError
+        If the recording lacks a topic, or has it with another type.
+    """
+
+    def __init__(self, settings: Settings, bag: Bag, resolve: Callable[[str], str]) -> None:
+        self.lockstep = bag.topics.get(resolve(TICK)) == {TICK_TYPE}
+        self.settings = settings = settings.in_lockstep(self.lockstep)
+        learn_layouts(on=settings.options.learn_layouts)
+        scenario = settings.scenario
+        self.online = settings.estimator()
+        self.origin = settings.origin()
+        channels = {
+            name: SensorReader(name, each, self.origin) for name, each in scenario.sensors.items()
+        }
+        input = InputReader(scenario.input)
+        self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None)
+        self._intake = Intake(lambda _: None)
+        self._intake.longest = settings.options.max_message_size
+        self._read_pose = PoseReader(scenario)
+        self._resolve = resolve
+        #: Sentences on what the recording lacks.
+        self.notes: list[str] = []
+        #: What takes the messages of each topic, by its full name.
+        self._take: dict[str, Callable[[bytes], object]] = {}
+        self._wire(bag)
+        #: The time at which a message is received, in nanoseconds.
+        self._now = 0
+        self._simulated = CLOCK in self._take
+        #: What all times are counted from, in nanoseconds; None before it is known.
+        self.start: int | None = None if self.lockstep else bag.start
+        self._period = round(1e9 / settings.options.publish_rate) if self._publishes else 0
+        self._due: int | None = None
+        self.sensors = {name: SensorColumns(each) for name, each in scenario.enabled.items()}
+        self.beliefs = BeliefColumns(scenario.model.state.size)
+        self.inputs = InputColumns(scenario.model.input.size)
+        #: Where the estimator's topics are written to, if they are.
+        self.recording: EstimateRecording | None = None
+        self._received = 0
+
+    @property
+    def _publishes(self) -> bool:
+        """Whether estimates are published at a rate, and not at each reading."""
+        return self.settings.options.publish_rate > 0.0 and not self.lockstep
+
+    @property
+    def topics(self) -> list[str]:
+        """The full names of the topics that are used."""
+        return [*self._take]
+
+    def _wire(self, bag: Bag) -> None:
+        """Find the topics that are needed in the recording."""
+        scenario, resolve = self.settings.scenario, self._resolve
+        steps = LockstepFuser(self.fuser, self, lambda _: None)
+        for name, source in scenario.enabled.items():
+            topic = resolve(source.signal.topic)
+            bag.check(topic, full_type(source.signal.type), f'sensor {name}')
+            on_reading = partial(steps.on_reading, name) if self.lockstep else None
+            self._take[topic] = on_reading or partial(self._on_reading, name)
+        if scenario.input.fields:
+            topic = resolve(scenario.input.topic)
+            if topic in bag.topics or self.lockstep:
+                bag.check(topic, full_type(scenario.input.type), 'input')
+                self._take[topic] = self._on_input
+                self._on_lockstep_input = steps.on_input
+            else:
+                self.notes.append(f'The recording has no input {topic}: it is taken to be idle.')
+        if self.lockstep:
+            self._take[resolve(TICK)] = steps.on_tick
+        elif self.settings.simulated_time:
+            bag.check(CLOCK, CLOCK_TYPE, 'use_sim_time')
+            self._take[CLOCK] = self._on_clock
+        pose = full_type('geometry_msgs/PoseWithCovarianceStamped')
+        if bag.topics.get(resolve(POSE)) == {pose}:
+            self._take[resolve(POSE)] = self._on_pose
+
+    def __call__(self, message: Message) -> None:
+        """Take the next message."""
+        self._received = message.time
+        if not self._simulated:
+            self._now = message.time
+        if self._period:
+            self._publish_until(self._now)
+        self._intake(message.topic, self._take[message.topic], message.data)
+
+    def undecodable(self, name: str) -> int:
+        """Return how many messages of a sensor were dropped before they were decoded."""
+        topic = self._resolve(self.settings.scenario.sensors[name].signal.topic)
+        return self._intake.dropped(topic)
+
+    # --- in real time -------------------------------------------------------------------------
+
+    def _on_reading(self, name: str, data: bytes) -> None:
+        fuser = self.fuser
+        channel = fuser.channels[name]
+        reading = channel.read(data, fuser.scenario.sensors[name])
+        now = self._now
+        fused = fuser.fuse(
+            [Received(reading.time or now, channel, reading, reading.refused)], now or None
+        )
+        if fuser.judge(fused) and self.online.time is not None and not self._period:
+            self.publish(self.online.time, self.online.belief)
+        self.publish_innovations(fused)
+
+    def _on_input(self, data: bytes) -> None:
+        sample = self.fuser.read_input(data)
+        if sample is None:
+            return
+        now = self._now
+        stamp = sample.time or now
+        if self.lockstep:
+            self._on_lockstep_input(data)
+        else:
+            self.fuser.fuse([Received(stamp, self.fuser.input, sample)], now or None)
+        start = stamp if self.start is None else self.start
+        received = stamp if self.lockstep else now
+        self.inputs.add(seconds(received, start), seconds(stamp, start), sample.values)
+
+    def _on_clock(self, data: bytes) -> None:
+        clock = nanoseconds(decoded(data, message_type('rosgraph_msgs/Clock')).clock)
+        if clock < 0:
+            raise UndecodableError(f'{clock} ns is no time')
+        if clock < self._now - _BACK:
+            self.fuser.restart()
+        self._now = clock
+
+    def _on_pose(self, data: bytes) -> None:
+        try:
+            belief = self._read_pose(data, self.settings.scenario.initial_belief)
+        except ValueError as error:
+            self.notes.append(f'initialpose: {error}')
+            return
+        self.fuser.reset(belief)
+
+    def _publish_until(self, now: int) -> None:
+        """Publish the predictions that are due by ``now``."""
+        if self.online.time is None:
+            self._due = None
+            return
+        if self._due is None or now - self._due > 10_000 * self._period:
+            self._due = now
+        while self._due <= now:
+            time = max(self._due, self.online.time)
+            self.publish(time, self.online.predicted(time))
+            self._due += self._period
+
+    # --- the results --------------------------------------------------------------------------
+
+    def publish(self, time: int, belief: Gaussian) -> None:
+        """Take the belief at ``time``, in nanoseconds."""
+        if self.start is None:
+            self.start = time
+        self.beliefs.add(seconds(time, self.start), belief)
+        if self.lockstep:
+            self._now = time
+        if self.recording is not None:
+            self.recording.publish(self._received, time, belief)
+
+    def publish_innovations(self, fused: Sequence[Fused]) -> None:
+        """Take readings that were fused together, with their corrections."""
+        if self.lockstep:
+            self.fuser.judge(fused)
+        start = self._now if self.start is None else self.start
+        add_all(fused, self.sensors, self._now, start)
+        if self.recording is not None:
+            for each in fused:
+                self.recording.publish_innovation(self._received, each)
+
+
+def resolver(namespace: str) -> Callable[[str], str]:
+    """Return what makes full names of topics, in a namespace such as ``/`` or ``/robot``."""
+    base = f'/{namespace.strip("/")}'.rstrip('/')
+
+    def resolve(topic: str) -> str:
+        return topic if topic.startswith('/') else f'{base}/{topic}'
+
+    return resolve

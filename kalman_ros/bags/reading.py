@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads recordings: of rosbag2, as MCAP or SQLite, in one file or several, and of ROS 1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from math import inf
+from pathlib import Path
+
+from kalman_ros.core.named_options import nearest
+
+from .blocks import Block, Message, Source, in_order
+from .mcap_reader import McapFile
+from .ros1_reader import Ros1File
+from .sqlite_reader import SqliteFile
+
+_KINDS: dict[str, Callable[[Path], Source]] = {
+    '.mcap': McapFile,
+    '.db3': SqliteFile,
+    '.bag': Ros1File,
+}
+#: Topics that are named in a message.
+_NAMED = 12
+
+
+class Bag:
+    """A recording: a folder of rosbag2, or a file.
+
+    The files of a folder are found by their names, so that it opens without ``metadata.yaml``.
+    No code and no message definition of the recording is used.
+
+    Parameters
+    ----------
+    path
+        Of the folder or the file.
+
+    Raises
+    ------
+    ValueError
+        If it is no recording, or has no messages.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        #: The message types that each topic has been recorded with.
+        self.topics: dict[str, set[str]] = {}
+        #: What of the recording cannot be read, a line a file.
+        self.damage: list[str] = []
+        self._blocks: list[Block] = []
+        for file in self._files():
+            self._add(file)
+        if not self._blocks:
+            raise ValueError(f"'{self.path}' is an empty recording: it has no messages")
+
+    def _files(self) -> list[Path]:
+        path = self.path
+        if path.is_dir():
+            found = sorted(each for each in path.iterdir() if each.suffix in _KINDS)
+            if found:
+                return found
+            if any(path.glob('*.zstd')):
+                raise ValueError(f"'{path}' is compressed: unzstd its files first")
+            raise ValueError(f"'{path}' is no recording: no {', '.join(_KINDS)} file is in it")
+        if not path.exists():
+            raise ValueError(f"there is no recording '{path}'")
+        if path.suffix not in _KINDS:
+            expected = f'expected a folder of rosbag2, or a file {", ".join(_KINDS)}'
+            raise ValueError(f"bag: {expected}, got '{path}'")
+        return [path]
+
+    def _add(self, file: Path) -> None:
+        try:
+            source = _KINDS[file.suffix](file)
+        except ValueError as error:
+            raise ValueError(f'{file}: {error}') from None
+        for topic, kinds in source.topics.items():
+            self.topics.setdefault(topic, set()).update(kinds)
+        self._blocks += source.blocks
+        if source.damage:
+            self.damage.append(f'{file}: {source.damage}')
+
+    @property
+    def start(self) -> int:
+        """When the first message was received, in nanoseconds."""
+        return min(block.start for block in self._blocks)
+
+    @property
+    def end(self) -> int:
+        """When the last message was received, in nanoseconds."""
+        return max(block.end for block in self._blocks)
+
+    def check(self, topic: str, kind: str, what: str) -> None:
+        """Raise ValueError unless a topic is there with the message type ``package/msg/Name``.
+
+        ``what`` it is needed for is named, and the topics that are there.
+        """
+        if topic not in self.topics:
+            alike = nearest(topic, self.topics)
+            names = sorted(self.topics)
+            more = f' and {len(names) - _NAMED} more' if len(names) > _NAMED else ''
+            there = f'{", ".join(names[:_NAMED])}{more}'
+            hint = ' '.join(filter(None, (alike, f'recorded are {there}')))
+            raise ValueError(f'{what}: the recording has no topic {topic}; {hint}')
+        found = self.topics[topic]
+        if found != {kind}:
+            got = ' and '.join(sorted(found))
+            raise ValueError(f'{what}: expected {kind} on {topic}, recorded is {got}')
+
+    def messages(
+        self, topics: Collection[str], start: float = -inf, end: float = inf
+    ) -> Iterator[Message]:
+        """Yield the messages of some topics in the order in which they were received.
+
+        Parameters
+        ----------
+        topics
+            Full names.
+        start, end
+            In nanoseconds.
+
+        Raises
+        ------
+        ValueError
+            If a part of the recording is damaged.
+        """
+        try:
+            yield from in_order(self._blocks, frozenset(topics), start, end)
+        except ValueError as error:
+            raise ValueError(f'{self.path}: {error}') from None

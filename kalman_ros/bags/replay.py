@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording through the estimator: what the node would have believed, faster than real time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kalman_ros import models
+from kalman_ros.codecs.messages import UndecodableError, full_type
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import is_finite
+from kalman_ros.pipeline.settings import Settings, settings
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file, own_section
+
+from .blocks import as_published
+from .collecting import EstimateRecording, seconds
+from .columns import Rows
+from .feed import Feed, resolver
+from .reading import Bag
+from .recording_writer import RecordingWriter
+from .replayed import Replayed, Truth
+from .smoothing import FinalBeliefs
+
+#: The progress is reported after each N messages.
+_REPORT = 500
+
+
+def estimator_settings(
+    scenario: str | Path | Mapping[str, Any] | None, overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Return the settings of the estimator's node with these parameters.
+
+    Parameters
+    ----------
+    scenario
+        The name of a scenario in ``config/``, the path of a parameter file, or the parameters
+        themselves; None for the default of the node.
+    overrides
+        Parameters over those.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or wrong.
+    """
+    if isinstance(scenario, Mapping):
+        given = dict(scenario)
+    else:
+        given = from_file(shipped.file(scenario or models.DEFAULT), 'estimator')
+    given.update(overrides or {})
+    if 'model' not in given:
+        section = own_section(shipped.file(models.DEFAULT), 'estimator')
+        given = {'model': models.DEFAULT, **section, **given}
+    return settings(given)
+
+
+def replay(
+    bag: str | Path,
+    scenario: str | Path | Mapping[str, Any] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    start: float = 0.0,
+    end: float = inf,
+    smooth: bool = False,
+    truth: str = '',
+    namespace: str = '/',
+    out: str | Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Replayed:
+    """Return what the estimator's node makes of a recording.
+
+    The messages pass through the same decoder, the same estimator and the same rules for data
+    that are late, missing, doubled or out of order, in the order in which they were received.
+
+    Parameters
+    ----------
+    bag
+        A folder of rosbag2 (MCAP or SQLite), one of its files, or a bag of ROS 1.
+    scenario
+        The name of a scenario, the path of a parameter file, or the estimator's parameters.
+    overrides
+        Parameters over those of the scenario: ``{'imu.topic': '/imu/data'}``.
+    start, end
+        Which part of the recording, in seconds from its start.
+    smooth
+        Whether to compute the states given all readings, later ones too.
+    truth
+        A topic with the true state, of the type and fields that the estimate has.
+    namespace
+        In which the topics of the scenario are.
+    out
+        A folder for a recording of the topics that the estimator publishes; an earlier one in it
+        is replaced.
+    progress
+        Called now and then with the seconds of the recording that are done.
+
+    Raises
+    ------
+    ValueError
+        If the recording, the parameters or a topic cannot be used; one line says why.
+    """
+    configured = estimator_settings(scenario, overrides)
+    return replay_bag(
+        Bag(bag), configured, start=start, end=end, smooth=smooth, truth=truth,
+        namespace=namespace, out=out, progress=progress,
+    )  # fmt: skip
+
+
+def replay_bag(
+    bag: Bag,
+    settings: Settings,
+    *,
+    start: float = 0.0,
+    end: float = inf,
+    smooth: bool = False,
+    truth: str = '',
+    namespace: str = '/',
+    out: str | Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Replayed:
+    """Return the same of a recording that is open; see `replay`."""
+    if not 0.0 <= start < end:
+        raise ValueError(f'start, end: expected 0 <= start < end, got {start:g} and {end:g}')
+    if out is not None:
+        source, folder = bag.path.resolve(), Path(out).resolve()
+        if folder in (source, source.parent):
+            raise ValueError(f"out: expected another folder than that of the recording, '{out}'")
+    resolve = resolver(namespace)
+    feed = Feed(settings, bag, resolve)
+    final = FinalBeliefs(feed.online) if smooth else None
+    known = _TruthReader(feed.settings, bag, resolve(truth)) if truth else None
+    topics = [*feed.topics, *([resolve(truth)] if known else [])]
+    first, last = _limits(bag, start, end)
+    count, received = 0, 0
+    with ExitStack() as stack:
+        if out is not None:
+            writer = stack.enter_context(RecordingWriter(out, replace=True))
+            feed.recording = EstimateRecording(writer, feed.settings, resolve, feed.origin)
+        messages = bag.messages(topics, first, last)
+        # in real time the order of reception counts, in lockstep that of cause and effect
+        for message in as_published(messages) if feed.lockstep else messages:
+            count += 1
+            received = message.time
+            if known is not None and message.topic == known.topic:
+                known(message.data)
+                if message.topic not in feed.topics:
+                    continue
+            feed(message)
+            if progress is not None and count % _REPORT == 0:
+                progress(seconds(received, bag.start) - start)
+    if feed.start is None or not count:
+        names = ', '.join(feed.topics)
+        raise ValueError(f'nothing could be replayed from {bag.path}: {count} messages on {names}')
+    return Replayed(
+        scenario=feed.settings.scenario,
+        start=feed.start,
+        duration=seconds(received, bag.start) - start,
+        lockstep=feed.lockstep,
+        sensors={
+            name: columns.result(dict(feed.online.counts[name]), feed.undecodable(name))
+            for name, columns in feed.sensors.items()
+        },
+        beliefs=feed.beliefs.result(),
+        inputs=feed.inputs.result(),
+        restarts=feed.online.restarts,
+        repairs=feed.online.repairs,
+        smoothed=None if final is None else final.smoothed(feed.start),
+        truth=None if known is None else known.result(feed.start),
+        notes=(*bag.damage, *feed.notes),
+    )
+
+
+def _limits(bag: Bag, start: float, end: float) -> tuple[float, float]:
+    """Return a part of a recording in nanoseconds."""
+    first = bag.start + round(start * 1e9) if start else -inf
+    return first, bag.start + round(end * 1e9) if isfinite(end) else inf
+
+
+class _TruthReader:
+    """Reads the true states of a recording."""
+
+    def __init__(self, settings: Settings, bag: Bag, topic: str) -> None:
+        self.topic = topic
+        state = settings.scenario.state
+        bag.check(topic, full_type(state.type), 'truth')
+        self._read = WireReader(SignalCodec(state))
+        self._state = Rows(x=(len(state.fields),))
+        self._stamps: list[int] = []
+
+    def __call__(self, data: bytes) -> None:
+        """Take a message; what cannot be decoded is left out."""
+        try:
+            time, x, _ = self._read(data)
+        except (UndecodableError, LookupError, ValueError):
+            return
+        if time is not None and is_finite(x):
+            self._stamps.append(time)
+            self._state.append(x)
+
+    def result(self, start: int) -> Truth:
+        """Return the states in the order of their stamps, each stamp once."""
+        stamps, which = np.unique(np.array(self._stamps, dtype=np.int64), return_index=True)
+        return Truth(np.asarray((stamps - start) * 1e-9), self._state.columns()['x'][which])

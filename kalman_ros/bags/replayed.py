@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What comes of a replay, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class SensorReplay:
+    """What became of a sensor's N readings, in the order in which they were received.
+
+    Times are in seconds from the start of the recording.
+
+    Parameters
+    ----------
+    received
+        When each was received (N,).
+    stamp
+        When it was taken, by its stamp (N,).
+    value
+        The reading (N, m); NaN where the message lacked fields.
+    covariance
+        Its own (N, m, m), or the configured one.
+    outcome
+        The name of an `Outcome` (N,), as it was when the reading was received.
+    innovation
+        The reading minus its prediction (N, m); NaN if it was not computed.
+    innovation_covariance
+        By which it was expected to scatter (N, m, m).
+    nis
+        The normalised innovation squared (N,).
+    counts
+        The number of readings by outcome, at the end: a late reading may have changed
+        the outcome of another.
+    undecodable
+        The number of messages that were not those of the type, or too long.
+    """
+
+    received: Array
+    stamp: Array
+    value: Array
+    covariance: Array
+    outcome: Any
+    innovation: Array
+    innovation_covariance: Array
+    nis: Array
+    counts: Mapping[Outcome, int]
+    undecodable: int
+
+    @property
+    def fused(self) -> int:
+        """The number of readings that moved the estimate."""
+        return sum(count for outcome, count in self.counts.items() if outcome.accepted)
+
+
+@dataclass(frozen=True)
+class Beliefs:
+    """Means (N, n) and covariances (N, n, n) at times (N,), in seconds from the start."""
+
+    time: Array
+    mean: Array
+    covariance: Array
+
+    @property
+    def std(self) -> Array:
+        """The standard deviation of each state (N, n)."""
+        return np.asarray(np.sqrt(self.covariance.diagonal(axis1=1, axis2=2)))
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The inputs (N, m), with when each was received and from when on it holds, in seconds."""
+
+    received: Array
+    stamp: Array
+    value: Array
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True states (N, n) at times (N,), in seconds from the start."""
+
+    time: Array
+    state: Array
+
+    def at(self, scenario: Scenario, time: Array) -> Array:
+        """Return the states (M, n) at times (M,), on lines between those that are known.
+
+        Outside of the known times they are NaN.
+        """
+        space = scenario.model.state
+        if len(self.time) < 2:
+            return np.full((len(time), space.size), np.nan)
+        after = np.clip(np.searchsorted(self.time, time), 1, len(self.time) - 1)
+        before = after - 1
+        length = self.time[after] - self.time[before]
+        share = (time - self.time[before]) / np.where(length > 0.0, length, 1.0)
+        change = space.subtract(self.state[after], self.state[before])
+        found = space.wrap(self.state[before] + share[:, np.newaxis] * change)
+        inside = (time >= self.time[0]) & (time <= self.time[-1])
+        return np.where(inside[:, np.newaxis], found, np.nan)
+
+
+@dataclass(frozen=True, repr=False)
+class Replayed:
+    """A recording as the estimator has seen it.
+
+    Parameters
+    ----------
+    scenario
+        The model and the sensors.
+    start
+        The time in nanoseconds that all others are counted from: when the first message of the
+        recording was received, or in lockstep the stamp of the first step.
+    duration
+        Seconds from the first to the last message that was used.
+    lockstep
+        Whether the recording is of a run in lockstep.
+    sensors
+        By name, those that are enabled.
+    beliefs
+        After each reading that corrected the estimate, or each step.
+    inputs
+        As they were received.
+    restarts, repairs
+        Of the estimator.
+    smoothed
+        The beliefs given all readings, if that was asked for.
+    truth
+        If the recording has it and its topic was named.
+    notes
+        Sentences on what is missing or damaged.
+    """
+
+    scenario: Scenario
+    start: int
+    duration: float
+    lockstep: bool
+    sensors: Mapping[str, SensorReplay]
+    beliefs: Beliefs
+    inputs: Inputs
+    restarts: int
+    repairs: int
+    smoothed: Beliefs | None
+    truth: Truth | None
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        rows = (f'{name}: {s.fused} of {len(s.nis)} fused' for name, s in self.sensors.items())
+        what = ', '.join(rows)
+        return f'Replayed({self.duration:.4g} s, {len(self.beliefs.time)} beliefs, {what})'

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads bags of ROS 1 (http://wiki.ros.org/Bags/Format/2.0) as messages of ROS 2.
+
+Message definitions that a bag brings along are not used: code would have to be made of them. The
+types that the standard packages of ROS 2 have, too, are converted by rosbags.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from functools import cache, partial
+from pathlib import Path
+from struct import Struct, error
+from typing import Any
+
+from .blocks import Block, Message
+from .compression import MISSING, expand
+from .mcap import U32
+
+_MAGIC = b'#ROSBAG V2.0\n'
+_MESSAGE, _INDEX, _CHUNK, _CONNECTION = 2, 4, 5, 7
+_TIME = Struct('<II')
+_ENTRY = Struct('<III')
+#: The longest head of a record, and the longest record that is read outside of a chunk.
+_MOST_HEAD, _MOST = 1 << 16, 1 << 24
+
+
+@cache
+def _types() -> Any:
+    try:
+        from rosbags.typesys import Stores, get_typestore
+    except ModuleNotFoundError:
+        raise ValueError(f'to read a bag of ROS 1, {MISSING}') from None
+    # those of ROS 2: the header of ROS 1 has a number more, which the conversion leaves out
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _fields(data: bytes) -> dict[bytes, bytes]:
+    """Return the named values in the head of a record."""
+    found, at = {}, 0
+    while at + U32.size <= len(data):
+        (size,) = U32.unpack_from(data, at)
+        at += U32.size
+        name, _, value = data[at : at + size].partition(b'=')
+        found[name] = value
+        at += size
+    return found
+
+
+def _number(fields: dict[bytes, bytes], name: bytes, kind: Struct = U32) -> int:
+    try:
+        (value,) = kind.unpack(fields[name])
+    except (KeyError, error):
+        raise ValueError(f'a record without {name.decode()}') from None
+    return int(value)
+
+
+def _time(data: bytes) -> int:
+    try:
+        seconds, rest = _TIME.unpack(data)
+    except error:
+        raise ValueError('a record without a time') from None
+    return int(seconds) * 1_000_000_000 + int(rest)
+
+
+def _op(fields: dict[bytes, bytes]) -> int:
+    op = fields.get(b'op', b'')
+    return op[0] if op else 0
+
+
+class Ros1File:
+    """The topics and chunks of a bag; see `blocks.Source`.
+
+    Raises
+    ------
+    ValueError
+        If it is no bag of version 2.0.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.topics: dict[str, set[str]] = {}
+        self.blocks: list[Block] = []
+        self.damage = ''
+        self._connections: dict[int, tuple[str, str]] = {}
+        self._scan()
+        if not self._connections:
+            for block in self.blocks:
+                block.read(())
+        for topic, kind in self._connections.values():
+            self.topics.setdefault(topic, set()).add(kind)
+
+    def _scan(self) -> None:
+        chunk: tuple[int, int, str, int] | None = None
+        times: list[int] = []
+        with self._path.open('rb') as file:
+            size = os.fstat(file.fileno()).st_size
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise ValueError('expected a bag of ROS 1, version 2.0, which this is not')
+            while (at := file.tell()) < size:
+                found = self._head(file, size)
+                if found is None:
+                    self.damage = f'it is cut off: {at} of {size} bytes are complete'
+                    break
+                fields, length = found
+                after, op = file.tell() + length, _op(fields)
+                if op == _INDEX and length < _MOST:
+                    times += self._index(file.read(length))
+                else:
+                    self._end_chunk(chunk, times)
+                    chunk, times = None, []
+                if op == _CHUNK:
+                    kind = fields.get(b'compression', b'').decode(errors='replace')
+                    chunk = file.tell(), length, kind, _number(fields, b'size')
+                elif op == _CONNECTION and length < _MOST:
+                    self._connect(fields, file.read(length))
+                file.seek(after)
+        self._end_chunk(chunk, times)
+
+    @staticmethod
+    def _head(file: Any, size: int) -> tuple[dict[bytes, bytes], int] | None:
+        """Return the head of the next record and the length of the rest; None if cut off."""
+        start = file.read(U32.size)
+        if len(start) < U32.size:
+            return None
+        (length,) = U32.unpack(start)
+        if length > _MOST_HEAD:
+            raise ValueError(f'a record with a head of {length} bytes')
+        head, start = file.read(length), file.read(U32.size)
+        if len(start) < U32.size:
+            return None
+        (rest,) = U32.unpack(start)
+        return None if rest > size - file.tell() else (_fields(head), rest)
+
+    @staticmethod
+    def _index(data: bytes) -> list[int]:
+        """Return the first and the last of the times in an index of a chunk."""
+        whole = len(data) // _ENTRY.size * _ENTRY.size
+        times = [s * 1_000_000_000 + ns for s, ns, _ in _ENTRY.iter_unpack(data[:whole])]
+        return [min(times), max(times)] if times else []
+
+    def _end_chunk(self, chunk: tuple[int, int, str, int] | None, times: list[int]) -> None:
+        if chunk is None:
+            return
+        if not times:  # it has no index behind it
+            times = [_time(f.get(b'time', b'')) for f, _ in self._records(*chunk) if _op(f) == 2]
+        if times:
+            self.blocks.append(Block(min(times), max(times), partial(self._read, *chunk)))
+
+    def _connect(self, fields: dict[bytes, bytes], data: bytes) -> None:
+        topic = fields.get(b'topic', b'').decode(errors='replace')
+        kind = _fields(data).get(b'type', b'').decode(errors='replace')
+        package, _, name = kind.partition('/')
+        found = f'/{topic.lstrip("/")}', f'{package}/msg/{name}'
+        self._connections.setdefault(_number(fields, b'conn'), found)
+
+    def _records(
+        self, at: int, stored: int, kind: str, size: int
+    ) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
+        """Yield head and content of the records of a chunk."""
+        with self._path.open('rb') as file:
+            file.seek(at)
+            data = expand(file.read(stored), kind, size)
+        start = 0
+        while start + 2 * U32.size <= len(data):
+            (length,) = U32.unpack_from(data, start)
+            middle = start + U32.size + length
+            if middle + U32.size > len(data):
+                raise ValueError('a record is longer than its chunk')
+            (rest,) = U32.unpack_from(data, middle)
+            head, content = middle - length, middle + U32.size
+            if content + rest > len(data):
+                raise ValueError('a record is longer than its chunk')
+            yield _fields(data[head:middle]), data[content : content + rest]
+            start = content + rest
+
+    def _read(
+        self, at: int, stored: int, kind: str, size: int, topics: Collection[str]
+    ) -> list[Message]:
+        """Return the messages of some topics in a chunk, as those of ROS 2."""
+        found = []
+        for fields, data in self._records(at, stored, kind, size):
+            if _op(fields) == _CONNECTION:
+                self._connect(fields, data)
+            elif _op(fields) == _MESSAGE:
+                topic, name = self._connections.get(_number(fields, b'conn'), ('', ''))
+                if topic in topics:
+                    time = _time(fields.get(b'time', b''))
+                    found.append(Message(time, topic, _converted(data, name)))
+        return found
+
+
+def _converted(data: bytes, kind: str) -> bytes:
+    """Return a message of ROS 1 as one of ROS 2; no bytes if it is invalid."""
+    types = _types()
+    if kind not in types.fielddefs:
+        raise ValueError(f'no message of ROS 2 is known for {kind}')
+    try:
+        return bytes(types.ros1_to_cdr(data, kind))
+    except Exception:  # SerdeError, struct.error, UnicodeDecodeError, ...
+        return b''

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The codec of a signal by its type and fields."""
+
+from __future__ import annotations
+
+from typing import Union
+
+from kalman_ros.core import Signal
+from kalman_ros.core.geodesy import Origin
+
+from .fixes import FixCodec, is_local
+from .signal_codec import SignalCodec
+
+Codec = Union[SignalCodec, FixCodec]
+
+
+def codec_of(
+    signal: Signal, frame: str = '', child_frame: str = '', origin: Origin | None = None
+) -> Codec:
+    """Return the codec of a signal.
+
+    Parameters
+    ----------
+    signal
+        Topic, type and fields.
+    frame, child_frame
+        Written to ``header.frame_id`` and ``child_frame_id``, if these fields exist.
+    origin
+        The datum that several receivers share; None for that of the signal.
+
+    Raises
+    ------
+    ValueError
+        If the type is not installed or has no such field; the topic is named.
+    """
+    if is_local(signal):
+        return FixCodec(signal, frame, origin)
+    return SignalCodec(signal, frame, child_frame)

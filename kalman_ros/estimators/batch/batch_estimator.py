@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many runs of an estimator in step: readings in order, gates, missing readings, repairs.
+
+It is `online.OnlineEstimator` for readings that arrive in order, for a whole batch. What is rare,
+a covariance to repair or a gate that may recover, is left to the code for one run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from kalman_ros.core import Array, Gaussian, Sensor, unchecked
+from kalman_ros.estimators.agreement import Record, Records
+from kalman_ros.estimators.correction import committed
+from kalman_ros.estimators.filter import Filter
+from kalman_ros.estimators.gate import Gate
+from kalman_ros.estimators.policy import Policy
+from kalman_ros.linear.batched import factor
+
+from .batch_correction import BatchCorrection
+from .batch_filters import batched
+
+#: Which members of a batch (...,).
+Mask = npt.NDArray[np.bool_]
+_NEVER = -1
+
+
+class BatchEstimator:
+    """Runs a filter on the readings of a batch, whose members share their times and inputs' times.
+
+    Parameters
+    ----------
+    filter
+        The filter of one run.
+    sensors
+        By name, in the order in which readings of one time are fused.
+    initial
+        The belief at the first time.
+    input
+        The input (m,) until the first one.
+    members
+        The shape of the batch.
+    policy
+        The gates and how they recover; readings are in order and never expire.
+    """
+
+    def __init__(
+        self,
+        filter: Filter,
+        sensors: Mapping[str, Sensor],
+        initial: Gaussian,
+        input: Array,
+        members: tuple[int, ...],
+        policy: Policy | None = None,
+    ) -> None:
+        policy = policy or Policy()
+        self._one, self._filter = filter, batched(filter)
+        self._sensors, self._initial, self._input = dict(sensors), initial, input
+        self._order = {name: index for index, name in enumerate(sensors)}
+        self._gate, self._gates = Gate(sensors, policy), dict(policy.gates or {})
+        self._needed = policy.recover_after
+        self.members = members
+        n = initial.mean.size
+        mean = np.broadcast_to(initial.mean[:, np.newaxis], (n, int(np.prod(members))))
+        #: The beliefs at `time`; a covariance that all members share is (n, n).
+        self.belief = unchecked((_by_coordinate(mean, members), initial.covariance))
+        #: In nanoseconds; None before the first.
+        self.time: int | None = None
+        #: The number of readings that moved the estimates, and that were rejected, by sensor.
+        self.fused = {name: np.zeros(members, dtype=int) for name in sensors}
+        self.rejected = {name: np.zeros(members, dtype=int) for name in sensors}
+        self._records = _BatchRecords(len(sensors), members)
+
+    def advance(self, time: int) -> Gaussian:
+        """Predict to ``time``, in nanoseconds, and return the beliefs."""
+        if self.time is not None and time != self.time:
+            self.belief = self._predicted((time - self.time) * 1e-9)
+        self.time = time
+        return self.belief
+
+    def set_input(self, u: Array) -> None:
+        """Set the inputs (..., m) in effect from `time` on."""
+        self._input = u
+
+    def add_reading(self, name: str, y: Array, present: Mask | None = None) -> BatchCorrection:
+        """Fuse readings ``y`` (..., k) taken at `time`, of those members that are ``present``.
+
+        A reading that is not finite counts as missing.
+        """
+        prior, sensor = self.belief, self._sensors[name]
+        with np.errstate(all='ignore'):
+            correction = self._filter.correct(prior, y, sensor)
+            taken = np.asarray(np.isfinite(y * y).all(axis=-1))
+            if present is not None:
+                taken = taken & present
+            gate = self._gates.get(name)
+            passed = taken if gate is None else np.asarray(taken & (correction.nis <= gate))
+            posterior, failed = self._committed(correction.posterior, passed)
+        accepted = passed & ~failed
+        if gate is not None:
+            posterior, accepted = self._gated(
+                name, y, correction, (taken, passed, accepted), posterior
+            )
+        self.belief = posterior if accepted.all() else _chosen(accepted, posterior, prior)
+        self.fused[name] += accepted
+        self.rejected[name] += taken & ~accepted
+        return correction
+
+    def _predicted(self, dt: float) -> Gaussian:
+        """Return the beliefs after ``dt`` seconds; a member that fails restarts."""
+        try:
+            with np.errstate(all='ignore'):
+                found = self._filter.predict(self.belief, self._input, dt)
+                found, bad = self._committed(found, np.ones(self.members, dtype=bool))
+        except (ArithmeticError, np.linalg.LinAlgError):
+            found, bad = self.belief, np.ones(self.members, dtype=bool)
+        if not bad.any():
+            return found
+        x, P = self._own(found)
+        for at in _indices(bad):
+            u = np.broadcast_to(self._input, (*self.members, self._input.shape[-1]))[at]
+            try:
+                one = committed(self._one.predict(_member(self.belief, at), u, dt))[0]
+            except np.linalg.LinAlgError:
+                one = self._initial
+            x[at], P[at] = one
+        return unchecked((x, P))
+
+    def _committed(self, belief: Gaussian, wanted: Mask) -> tuple[Gaussian, Mask]:
+        """Return finite and definite beliefs, and which of the ``wanted`` ones cannot be."""
+        x, P = belief
+        definite = np.isfinite(factor(P)).all(axis=(-2, -1))
+        bad = wanted & ~(np.isfinite(np.einsum('...i,...i->...', x, x)) & definite)
+        if not bad.any():
+            return belief, bad
+        x, P = self._own(belief)
+        failed = np.zeros_like(bad)
+        for at in _indices(bad):
+            try:
+                x[at], P[at] = committed(Gaussian(x[at], P[at]))[0]
+            except np.linalg.LinAlgError:
+                failed[at] = True
+        return unchecked((x, P)), failed
+
+    def _own(self, belief: Gaussian) -> tuple[Array, Array]:
+        """Return means and covariances that each member has for itself."""
+        x, P = belief
+        return x.copy(order='K'), np.broadcast_to(P, (*self.members, *P.shape[-2:])).copy()
+
+    def _gated(
+        self,
+        name: str,
+        y: Array,
+        correction: BatchCorrection,
+        outcome: tuple[Mask, Mask, Mask],
+        posterior: Gaussian,
+    ) -> tuple[Gaussian, Mask]:
+        """Record what passed the gate; members that may recover go through the `Gate` of one."""
+        taken, passed, accepted = outcome
+        assert self.time is not None
+        order, sensor = self._order[name], self._sensors[name]
+        outside = taken & ~passed & np.isfinite(correction.nis)
+        total = self._records.rejections.sum(axis=0) + 1
+        doubtful = outside & (total >= (self._needed or np.inf))
+        agrees = np.where(accepted, 1, np.where(outside, 0, _NEVER))
+        self._records.add(order, self.time, agrees, taken & ~doubtful)
+        if not doubtful.any():
+            return posterior, accepted
+        x, P = self._own(posterior)
+        accepted = accepted.copy()
+        for at in _indices(doubtful):
+            before = self._records.of(at)
+            try:
+                result, one, after = self._gate(
+                    self._one, _member(self.belief, at), y[at], sensor, (self.time, order), before
+                )
+                if result.accepted:
+                    x[at], P[at] = committed(one.posterior)[0]
+                    accepted[at] = True
+            except np.linalg.LinAlgError:
+                record = before[order].after(self.time, None)
+                after = (*before[:order], record, *before[order + 1 :])
+            self._records.set(at, after)
+        return unchecked((x, P)), accepted
+
+
+class _BatchRecords:
+    """The `agreement.Records` of every member, as arrays (sensors, ...)."""
+
+    def __init__(self, sensors: int, members: tuple[int, ...]) -> None:
+        shape = (sensors, *members)
+        self.time = np.full(shape, _NEVER, dtype=np.int64)
+        self.interval = np.zeros(shape, dtype=np.int64)
+        self.agrees = np.full(shape, _NEVER, dtype=np.int8)
+        self.rejections = np.zeros(shape, dtype=np.int64)
+
+    def add(self, order: int, time: int, agrees: Any, members: Mask) -> None:
+        """Add a reading of a sensor for some members, as `agreement.Record.after` does."""
+        since = time - self.time[order]
+        known = members & (self.time[order] != _NEVER) & (since != 0)
+        self.interval[order] = np.where(known, since, self.interval[order])
+        self.time[order] = np.where(members, time, self.time[order])
+        self.agrees[order] = np.where(members, agrees, self.agrees[order])
+        count = np.where(agrees == 0, self.rejections[order] + 1, 0)
+        self.rejections[order] = np.where(members, count, self.rejections[order])
+
+    def of(self, at: tuple[int, ...]) -> Records:
+        """Return the records of one member."""
+        place = (slice(None), *at)
+        columns = (each[place].tolist() for each in vars(self).values())
+        return tuple(
+            Record(
+                None if time == _NEVER else time,
+                interval,
+                None if agrees == _NEVER else bool(agrees),
+                rejections,
+            )
+            for time, interval, agrees, rejections in zip(*columns)
+        )
+
+    def set(self, at: tuple[int, ...], records: Records) -> None:
+        """Replace the records of one member."""
+        for order, record in enumerate(records):
+            place = (order, *at)
+            self.time[place] = _NEVER if record.time is None else record.time
+            self.interval[place] = record.interval
+            self.agrees[place] = _NEVER if record.agrees is None else record.agrees
+            self.rejections[place] = record.rejections
+
+
+def _by_coordinate(values: Array, members: tuple[int, ...]) -> Array:
+    """Return vectors (..., n) from coordinates (n, N), which stay first in memory."""
+    return np.moveaxis(values.reshape(len(values), *members), 0, -1)
+
+
+def _indices(mask: Mask) -> list[tuple[int, ...]]:
+    return [tuple(at) for at in np.argwhere(mask).tolist()]
+
+
+def _member(belief: Gaussian, at: tuple[int, ...]) -> Gaussian:
+    """Return the belief of one member."""
+    x, P = belief
+    return Gaussian(x[at], P if P.ndim == 2 else P[at])
+
+
+def _chosen(mask: Mask, a: Gaussian, b: Gaussian) -> Gaussian:
+    """Return beliefs ``a`` where the mask is set, and ``b`` elsewhere."""
+    x = np.where(mask[..., np.newaxis], a.mean, b.mean)
+    return unchecked((x, np.where(mask[..., np.newaxis, np.newaxis], a.covariance, b.covariance)))

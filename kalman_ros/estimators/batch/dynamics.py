@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps of a model and readings of a sensor, linearised about any number of states at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from kalman_ros.core import (
+    Array,
+    DiscreteLinearSystem,
+    DiscreteModel,
+    LinearizedStep,
+    LinearSystem,
+    Model,
+    Sensor,
+    numerical_jacobian,
+)
+from kalman_ros.core.model import like
+from kalman_ros.core.vectorized import vectorized
+from kalman_ros.linear.batched import product, sandwich
+from kalman_ros.linear.discretize import flow, noise_integral
+
+
+class Dynamics:
+    """A `Model` for states (..., n): what `Model.linearized_step` is for one.
+
+    Parameters
+    ----------
+    model
+        The model; its own Jacobians and noise need not accept leading axes.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        n, m = model.state.size, model.input.size
+        self.linear = isinstance(model, (LinearSystem, DiscreteLinearSystem))
+        if self.linear:
+            return
+        if isinstance(model, DiscreteModel):
+            self._noise = vectorized(model.noise, n)
+            self._jacobian = self._next_jacobian(model)
+            return
+        self._noise = vectorized(model.noise_density, n)
+        if model.analytic:
+            self._jacobian = _of_both(model.state_jacobian, n, m)
+
+    @staticmethod
+    def _next_jacobian(model: DiscreteModel) -> Callable[[Array, Array], Array]:
+        if type(model).next_jacobian is not DiscreteModel.next_jacobian:
+            n, m = model.state.size, model.input.size
+            return _of_both(lambda x, u: model.next_jacobian(x, u)[0], n, m)
+        return lambda x, u: numerical_jacobian(
+            lambda points: model.next(points, like(u, points)), x, model.state.subtract
+        )
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the states (..., n) after ``dt`` seconds, without noise."""
+        return self.model.step(x, like(u, x), dt)
+
+    def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
+        """Return the states (..., n) after a step, F and Q, (..., n, n) or the same for all."""
+        model = self.model
+        if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
+            sampled = model.sampled(dt)
+            return LinearizedStep(model.step(x, like(u, x), dt), sampled.F, sampled.Q)
+        if isinstance(model, DiscreteModel):
+            return self._periods(model, x, u, dt)
+        if model.analytic:
+            F, Q = _guarded(flow, self._jacobian(x, like(u, x)), self._noise(x), dt)
+            return LinearizedStep(model.step(x, u, dt), F, Q)
+        moved, F, A = model.differenced_step(x, u, dt)
+        (Q,) = _guarded(_noise_alone, A, self._noise(x), dt)
+        return LinearizedStep(moved, F, Q)
+
+    def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
+        """Return Q (..., n, n) of a step, or the same (n, n) for all."""
+        model = self.model
+        if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
+            return model.sampled(dt).Q
+        if isinstance(model, DiscreteModel) or model.analytic:
+            return self.linearized_step(x, u, dt).Q
+        A = model.state_jacobian(x, u)
+        return _guarded(_noise_alone, A, self._noise(x), dt)[0]
+
+    def _periods(self, model: DiscreteModel, x: Array, u: Array, dt: float) -> LinearizedStep:
+        u = like(u, x)
+        F: Array = np.eye(model.state.size)
+        Q: Array = np.zeros_like(F)
+        for _ in range(model.periods(dt)):
+            F_1 = self._jacobian(x, u)
+            F, Q = product(F_1, F), sandwich(F_1, Q, self._noise(x))
+            x = model.state.wrap(model.next(x, u))
+        return LinearizedStep(x, F, Q)
+
+
+class Readout:
+    """A `Sensor` for states (..., n)."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self.sensor = sensor
+        self._own = type(sensor).jacobian is not Sensor.jacobian
+        self._known: Callable[[Array], Array] | None = None
+
+    def jacobian(self, x: Array) -> Array:
+        """Return d measure / d x (..., k, n), or the same (k, n) for all."""
+        if self._known is None:
+            takes_any = not self._own or getattr(self.sensor, 'leading', False)
+            jacobian = self.sensor.jacobian
+            self._known = jacobian if takes_any else vectorized(jacobian, x.shape[-1])
+        return self._known(x)
+
+
+def _of_both(
+    function: Callable[[Array, Array], Array], n: int, m: int
+) -> Callable[[Array, Array], Array]:
+    """Return a `vectorized` function of state (..., n) and input (..., m)."""
+    stacked = vectorized(lambda z: function(z[..., :n], z[..., n:]), n + m)
+    return lambda x, u: stacked(np.concatenate((x, u), axis=-1)) if m else stacked(x)
+
+
+def _noise_alone(A: Array, W: Array, dt: float) -> tuple[Array, ...]:
+    return (noise_integral(A, W, dt),)
+
+
+def _guarded(
+    series: Callable[[Array, Array, float], tuple[Array, ...]], A: Array, W: Array, dt: float
+) -> tuple[Array, ...]:
+    """Return the series, with NaN for the members of a batch for which there is none."""
+    bad = np.asarray(~np.isfinite(A).all(axis=(-2, -1)))
+    if not bad.any():
+        return series(A, W, dt)
+    members = bad[..., np.newaxis, np.newaxis]
+    found = series(np.where(members, 0.0, A), W, dt)
+    return tuple(np.where(members, np.nan, each) for each in found)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the topics of a run into a recording, while it runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from kalman_ros.bags.recording_writer import RecordingWriter
+from kalman_ros.codecs.messages import full_type
+from kalman_ros.nodes.watcher import WatcherNode
+
+#: Seconds between two writes: no more is lost if this process is killed.
+_PERIOD = 0.5
+
+
+class RunRecording:
+    """A recording of the topics that a node watches.
+
+    Parameters
+    ----------
+    node
+        That watches the topics.
+    folder
+        A new folder, or one with an earlier recording, which is replaced.
+
+    Raises
+    ------
+    ValueError
+        If it is not empty, or cannot be made.
+    """
+
+    def __init__(self, node: WatcherNode, folder: str | Path) -> None:
+        self._node = node
+        self._writer = RecordingWriter(folder, replace=True)
+        self._written = monotonic()
+
+    def add(self, subscription: Any) -> None:
+        """Add the topic of a subscription."""
+        kind = subscription.msg_type
+        package = kind.__module__.partition('.')[0]
+        self._writer.add(subscription.topic_name, full_type(f'{package}/{kind.__name__}'))
+
+    def write(self, topic: str, data: bytes) -> None:
+        """Write the message that the node was given, by the topic's full name."""
+        received, published = self._node.times
+        self._writer.write(topic, received, data, published)
+        now = monotonic()
+        if now - self._written > _PERIOD:
+            self._written = now
+            self._writer.flush()
+
+    def close(self) -> None:
+        """Write what is left and close the file."""
+        self._writer.close()

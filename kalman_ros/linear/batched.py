@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The named products of `kernels` for stacks of matrices: any leading axes, all at once.
+
+Matrices are (..., n, n), vectors (..., n); leading axes broadcast, so that what is the same for
+all members of a batch is computed once. Large batches are fastest with the batch last in memory,
+which results keep: each entry of a matrix is then one contiguous array.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .factor import cholesky
+from .matrices import Array
+
+#: From this size on, in numbers, `einsum` is faster than a call of BLAS for each matrix.
+_MANY = 2000
+
+
+def product(A: Array, B: Array) -> Array:
+    """Return A B (..., n, k) for A (..., n, m) and B (..., m, k)."""
+    if A.ndim == B.ndim == 2:
+        return np.asarray(A.dot(B))
+    if max(A.size, B.size) < _MANY:
+        return np.asarray(A @ B)
+    return np.asarray(np.einsum('...ij,...jk->...ik', A, B))
+
+
+def product_transposed(A: Array, B: Array) -> Array:
+    """Return A B' (..., n, k) for A (..., n, m) and B (..., k, m)."""
+    return product(A, B.swapaxes(-1, -2))
+
+
+def times(A: Array, x: Array) -> Array:
+    """Return A x (..., n) for A (..., n, m) and x (..., m)."""
+    if A.ndim == 2:
+        return np.asarray(x.dot(A.T))
+    return np.asarray(np.einsum('...ij,...j->...i', A, x))
+
+
+def quadratic(x: Array, A: Array) -> Array:
+    """Return x' A x (...,)."""
+    return np.asarray(np.einsum('...i,...i->...', x, times(A, x)))
+
+
+def sandwich(F: Array, P: Array, Q: Array) -> Array:
+    """Return F P F' + Q (..., k, k): a covariance ``P`` seen through ``F`` (..., k, n)."""
+    return product_transposed(product(F, P), F) + Q
+
+
+def symmetric(P: Array) -> Array:
+    """Return the symmetric part of ``P`` (..., n, n), in the same order in memory."""
+    doubled: Array = P + P.swapaxes(-1, -2)
+    doubled *= 0.5
+    return doubled
+
+
+def factor(P: Array) -> Array:
+    """Return L (..., n, n), lower triangular, with L L' = P; NaN where P is not definite."""
+    if P.size < _MANY:
+        try:
+            return np.asarray(np.linalg.cholesky(P))
+        except np.linalg.LinAlgError:
+            pass  # which of them is not is found below
+    with np.errstate(invalid='ignore', divide='ignore'):
+        return _columns(P, np.nan)
+
+
+def repaired_factor(P: Array) -> Array:
+    """Return the `factor` of P, repaired as `factor.cholesky` does where P is not definite."""
+    L = factor(P)
+    bad = ~np.isfinite(L).all(axis=(-2, -1))
+    if bad.any():
+        for at in np.argwhere(bad).tolist():
+            try:
+                L[tuple(at)] = cholesky(P[tuple(at)])[0]
+            except np.linalg.LinAlgError:
+                L[tuple(at)] = np.nan
+    return L
+
+
+def semidefinite_factor(P: Array, tolerance: float = 1e-12) -> Array:
+    """Return M (..., n, n) with M M' = P for a semi-definite ``P``, zeros where it is singular.
+
+    A pivot that is less than ``tolerance`` of its variance is rounding. Unlike the root by
+    eigenvectors, which are arbitrary for eigenvalues that are close, M changes little with P.
+    """
+    return _columns(P, tolerance)
+
+
+def _columns(P: Array, tolerance: float) -> Array:
+    """Return the factor of Cholesky column by column, for all matrices at once.
+
+    A column whose pivot is not more than ``tolerance`` of its variance is zero; with NaN for the
+    tolerance none is.
+    """
+    entries = np.moveaxis(P, (-2, -1), (0, 1))
+    n = len(entries)
+    L = np.zeros_like(entries, order='C')
+    for j in range(n):
+        column = entries[j:, j].copy()
+        for k in range(j):
+            column -= L[j:, k] * L[j, k]
+        pivot = column[0]
+        if tolerance == tolerance:
+            good = pivot > tolerance * entries[j, j]
+            scale = np.where(good, 1.0, 0.0) / np.sqrt(np.where(good, pivot, 1.0))
+        else:
+            scale = 1.0 / np.sqrt(np.where(pivot > 0.0, pivot, np.nan))
+        L[j:, j] = column * scale
+    return np.moveaxis(L, (0, 1), (-2, -1))
+
+
+def whitened(L: Array, v: Array) -> Array:
+    """Return L^-1 v (..., n) for a lower triangular ``L`` (..., n, n), by substitution."""
+    n = v.shape[-1]
+    z: list[Array] = []
+    for i in range(n):
+        left = v[..., i]
+        for j in range(i):
+            left = left - L[..., i, j] * z[j]
+        z.append(left / L[..., i, i])
+    return _coordinates(z)
+
+
+def _solved(L: Array, B: Array) -> Array:
+    """Return (L L')^-1 B (..., k, n) for a lower triangular ``L`` (..., k, k)."""
+    k = L.shape[-1]
+    rows = [B[..., i, :] for i in range(k)]
+    for i in range(k):
+        for j in range(i):
+            rows[i] = rows[i] - L[..., i, j, np.newaxis] * rows[j]
+        rows[i] = rows[i] / L[..., i, i, np.newaxis]
+    for i in reversed(range(k)):
+        for j in range(i + 1, k):
+            rows[i] = rows[i] - L[..., j, i, np.newaxis] * rows[j]
+        rows[i] = rows[i] / L[..., i, i, np.newaxis]
+    return np.moveaxis(np.stack(np.broadcast_arrays(*rows)), 0, -2)
+
+
+def _coordinates(parts: list[Array]) -> Array:
+    return np.moveaxis(np.stack(np.broadcast_arrays(*parts)), 0, -1)
+
+
+def divided(C: Array, L: Array) -> Array:
+    """Return C' S^-1 (..., n, k), the gain from ``C`` (..., k, n) and the `factor` of S."""
+    return np.asarray(_solved(L, C).swapaxes(-1, -2))
+
+
+def joseph(K: Array, H: Array, P: Array, R: Array) -> Array:
+    """Return (I - K H) P (I - K H)' + K R K' (..., n, n), symmetric, as `kernels.joseph` does."""
+    I_KH: Array = np.eye(K.shape[-2]) - product(K, H)
+    return symmetric(sandwich(I_KH, P, sandwich(K, R, np.zeros(()))))
+
+
+def log_determinant(L: Array) -> Array:
+    """Return log det S (...,) from its `factor`."""
+    diagonal = np.diagonal(L, axis1=-2, axis2=-1)
+    return np.asarray(2.0 * np.log(diagonal).sum(axis=-1))

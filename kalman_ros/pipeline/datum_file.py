@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A datum that outlasts the estimator, in a file that is a ROS parameter file, too."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from kalman_ros.core.geodesy import Place, place
+from kalman_ros.scenario.parameter_files import from_file
+
+_TEXT = """\
+# The datum that the first fix has set; without this file the next first fix sets another.
+/**:
+  ros__parameters:
+    datum: [{:.9f}, {:.9f}, {:.4f}]
+"""
+
+
+def read_datum(file: str) -> Place | None:
+    """Return the datum in a file; None if there is no file yet.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read or contains something else.
+    """
+    path = Path(file)
+    try:
+        values = from_file(path)
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f"datum_file: '{file}': {reason}") from None
+    found = values.get('datum')
+    if not isinstance(found, list) or not all(type(item) in (int, float) for item in found):
+        raise ValueError(f"datum_file: '{file}': expected a datum, got {found!r}")
+    try:
+        return place('datum', found)
+    except ValueError as error:
+        raise ValueError(f"datum_file: '{file}': {error}") from None
+
+
+def write_datum(file: str, datum: Place) -> None:
+    """Write a datum into a file, so that at every instant there is a whole one or none.
+
+    Raises
+    ------
+    OSError
+        If that is impossible.
+    """
+    path = Path(file)
+    new = path.with_name(f'{path.name}.new')
+    new.write_text(_TEXT.format(*datum))
+    os.replace(new, path)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The options of an estimator beside the scenario, and those that several nodes share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from kalman_ros.core import About
+
+from .intake import LONGEST
+
+Lockstep = Annotated[bool, About('step in turns with the other nodes, not in real time')]
+Autostart = Annotated[
+    bool,
+    About('configure and activate at the start, not on ~/change_state'),
+]
+Longest = Annotated[
+    int,
+    About(
+        'longer messages are dropped, and counted',
+        'bytes',
+        minimum=100,
+        live=True,
+    ),
+]
+Learn = Annotated[bool, About('decode the numbers of messages in place: faster')]
+Priority = Annotated[
+    int,
+    About(
+        'real time: SCHED_FIFO priority to ask for; 0: none',
+        minimum=0,
+        maximum=99,
+    ),
+]
+Rest = Annotated[
+    bool,
+    About('real time: rest until the first input'),
+]
+Frame = Annotated[str, About('frame in which positions are given')]
+#: One for all nodes: the plant, the estimator and the controller must agree.
+IdleInput = Annotated[str, About("while no controller acts: 'zero' or 'equilibrium'")]
+#: One for both: the controller must not refuse what the estimator accepts.
+FutureTolerance = Annotated[
+    float, About('how far ahead of now a stamp may be', 's', minimum=0.0, live=True)
+]
+
+
+@dataclass(frozen=True)
+class EstimatorOptions:
+    """Options of the estimator."""
+
+    autostart: Autostart = True
+    max_message_size: Longest = LONGEST
+    learn_layouts: Learn = True
+    realtime_priority: Priority = 20
+    implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
+    lockstep: Lockstep = False
+    publish_rate: Annotated[
+        float,
+        About(
+            'estimates a second, predicted to the current time; 0 for one per reading',
+            'Hz',
+            minimum=0.0,
+            maximum=1e4,
+        ),
+    ] = 0.0
+    initialize: Annotated[str, About("start from the initial 'belief' or first 'reading'")] = (
+        'belief'
+    )
+    rest_until_input: Rest = False
+    window: Annotated[
+        float, About('late readings are still fused if no older than this', 's', 0.0, live=True)
+    ] = 1.0
+    gate_recover_after: Annotated[
+        int,
+        About(
+            'rejections in a row by all sensors of a state, after which the covariance is '
+            'widened; 0: never',
+            minimum=0,
+            live=True,
+        ),
+    ] = 20
+    restart_after: Annotated[
+        int,
+        About(
+            'readings in a row older than the window that mean the clock went back; 0: never',
+            minimum=0,
+            live=True,
+        ),
+    ] = 10
+    max_gap: Annotated[
+        float,
+        About(
+            'silence after which the estimator restarts; 0 for never',
+            's',
+            0.0,
+            live=True,
+        ),
+    ] = 60.0
+    future_tolerance: FutureTolerance = 1.0
+    idle_input: IdleInput = 'zero'
+    frame: Frame = 'map'
+    child_frame: Annotated[str, About('frame of the body')] = 'base_link'
+    publish_fix: Annotated[bool, About('the position as NavSatFix on estimate/fix, too')] = False
+    datum_file: Annotated[
+        str,
+        About("keeps the datum of the first fix over restarts; '': none"),
+    ] = ''

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Builds the filter and the policy of an estimator from a scenario and its options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
+from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.consistency import chi_square_gate
+from kalman_ros.estimators.filter import Filter
+from kalman_ros.estimators.policy import Policy
+from kalman_ros.scenario import Scenario, SensorSource
+
+from .estimator_options import EstimatorOptions
+
+
+@dataclass(frozen=True)
+class Fusion:
+    """A filter, its sensors by name, and how to treat late, doubtful or missing data."""
+
+    filter: Filter
+    sensors: Mapping[str, Sensor]
+    policy: Policy
+
+
+def fusion(scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Value]) -> Fusion:
+    """Return the filter that the ``options``, and its own ``extra`` ones, describe.
+
+    Raises
+    ------
+    ValueError
+        If the filter is unknown, or does not support the scenario.
+    """
+    if options.initialize not in ('belief', 'reading'):
+        raise ValueError(f"initialize: expected belief or reading, got '{options.initialize}'")
+    gates = {
+        name: chi_square_gate(source.gate, source.sensor.output.size)
+        for name, source in scenario.sensors.items()
+        if source.gate < 1.0
+    }
+    rests = options.rest_until_input and not options.lockstep and bool(scenario.input.fields)
+    policy = Policy(
+        window=options.window,
+        gates=gates,
+        recover_after=options.gate_recover_after,
+        restart_after=options.restart_after,
+        max_gap=options.max_gap,
+        future_tolerance=options.future_tolerance,
+        from_reading=options.initialize == 'reading',
+        rest_until_input=rests,
+    )
+    sensors = {name: source.sensor for name, source in scenario.sensors.items()}
+    filter = build_filter(scenario.filter, scenario.plan, extra, options.implementation)
+    return Fusion(filter, sensors, policy)
+
+
+def check_start(filter: Filter, scenario: Scenario) -> None:
+    """Raise ValueError if no reading could ever correct the initial belief.
+
+    Its numbers may be finite, but too large to compute with.
+    """
+    belief, sources = scenario.initial_belief, scenario.enabled.values()
+    zero = np.zeros(scenario.model.input.size)
+    with np.errstate(all='ignore'):
+        if sources and not any(_corrects(filter, belief, zero, s, scenario.rate) for s in sources):
+            std = np.sqrt(belief.covariance.diagonal()).tolist()
+            raise ValueError(f'initial_std: no filter can compute with {std}: too large or small')
+
+
+def _corrects(
+    filter: Filter, belief: Gaussian, u: Array, source: SensorSource, rate: float
+) -> bool:
+    """Return whether a typical reading gives a finite belief, now and a step later."""
+    sensor = source.sensor
+    try:
+        for first in (belief, filter.predict(belief, u, 1.0 / rate)):
+            posterior = filter.correct(first, sensor.measure(first.mean), sensor).posterior
+            if not is_finite(posterior.mean) or not is_finite(posterior.covariance):
+                return False
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return False
+    return True

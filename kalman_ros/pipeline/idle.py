@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The input while no controller acts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kalman_ros.core import Array, Model
+
+
+def idle_input(model: Model, choice: str) -> Array:
+    """Return the input (m,) of a plant while no controller acts.
+
+    Parameters
+    ----------
+    model
+        The system.
+    choice
+        ``zero``, or ``equilibrium`` for the input that holds the model's equilibrium, such as
+        of a hovering vehicle.
+
+    Raises
+    ------
+    ValueError
+        If it is neither.
+    """
+    if choice == 'zero':
+        return np.zeros(model.input.size)
+    if choice == 'equilibrium':
+        return model.equilibrium.input
+    raise ValueError(f"idle_input: expected zero or equilibrium, got '{choice}'")

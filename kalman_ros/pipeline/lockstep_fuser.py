@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The estimator in lockstep: a step is fused once all of its messages are received."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from kalman_ros.codecs.layout import Sample
+from kalman_ros.codecs.tick import read_tick
+from kalman_ros.core import Gaussian
+
+from .fuser import Fused, Fuser, Received
+from .step_assembler import StepAssembler
+
+
+class Output(Protocol):
+    """What takes the results of an estimator: a node publishes them, a replay records them."""
+
+    def publish(self, time: int, belief: Gaussian) -> None:
+        """Take the belief at ``time``, in nanoseconds."""
+
+    def publish_innovations(self, fused: Sequence[Fused]) -> None:
+        """Take the readings of a step, with their corrections."""
+
+
+class LockstepFuser:
+    """Takes the messages of the plant and the controller in any order, and fuses step by step.
+
+    Parameters
+    ----------
+    fuser
+        Fuses the messages.
+    output
+        Takes the results.
+    info
+        Logs that time went back.
+    """
+
+    def __init__(self, fuser: Fuser, output: Output, info: Callable[[str], object]) -> None:
+        self._fuser, self._output, self._info = fuser, output, info
+        scenario = fuser.scenario
+        topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
+        self._steps = StepAssembler(topics, answered=bool(scenario.input.fields))
+
+    def on_reading(self, name: str, data: bytes) -> None:
+        """Take a message of the sensor ``name``; UndecodableError if it is not one."""
+        source = self._fuser.scenario.sensors[name]
+        if source.timed.enabled:
+            reading = self._fuser.channels[name].read(data, source)
+            self._steps.reading(name, reading.time, reading)
+            self._fuse_steps()
+
+    def on_input(self, data: bytes) -> None:
+        """Take a message of the input."""
+        input = self._fuser.read_input(data)
+        if input is not None:
+            self._steps.input(input.time, input.values)
+            self._fuse_steps()
+
+    def on_tick(self, data: bytes) -> None:
+        """Take a tick."""
+        time, topics = read_tick(data)
+        asked_again = self._steps.waits_for(time)
+        if self._steps.tick(time, topics):
+            self._info('time went back: restarting')
+            self._fuser.restart()
+        self._fuse_steps()
+        unanswered = self._steps.unanswered
+        if asked_again and unanswered is not None:
+            # the input that responds to it was lost: ask the controller again
+            self._output.publish(unanswered, self._fuser.online.predicted(unanswered))
+
+    def _fuse_steps(self) -> None:
+        fuser = self._fuser
+        for step in self._steps.complete():
+            received = [
+                Received(y.time or step.time, fuser.channels[name], y, y.refused)
+                for name, y in step.readings
+            ]
+            if step.input is not None:
+                time, u = step.input
+                received.append(Received(time, fuser.input, Sample(time, u, None)))
+            fused = fuser.fuse(received)
+            self._output.publish(step.time, fuser.online.predicted(step.time))
+            self._output.publish_innovations(fused)

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The names of the nodes' parameters beside the scenario; every node accepts them all.
+
+Nodes share one parameter file, so a name of another node is valid, and an unknown name is not.
+Only names are listed, so that no node imports the options of another; a test compares them with
+the options.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable
+
+#: By the node or object that they are options of.
+NAMES = {
+    'plant': (
+        'actuator_dead_zone actuator_delay actuator_gain actuator_loss autostart child_frame '
+        'disturbance_amplitude disturbance_constant disturbance_frequency disturbance_noise '
+        'fault_window force_timeout frame idle_input learn_layouts lockstep lockstep_timeout '
+        'lockstep_window max_message_size realtime_priority rest_until_input run_until seed '
+        'wait_for_estimate'
+    ),
+    'estimator': (
+        'autostart child_frame datum_file frame future_tolerance gate_recover_after idle_input '
+        'implementation initialize learn_layouts lockstep max_gap max_message_size '
+        'publish_fix publish_rate realtime_priority rest_until_input restart_after window'
+    ),
+    'controller': (
+        'autostart enabled estimate_timeout frame future_tolerance idle_input input_limit '
+        'input_rate_limit learn_layouts lockstep max_message_size max_std predict_latency '
+        'realtime_priority resume transition_time'
+    ),
+    'monitor': 'autostart confidence learn_layouts max_message_size monitor_window',
+    'microphone_array': (
+        'autostart band bearing_sensor frame frame_duration largest_std learn_layouts least_odds '
+        'lockstep max_message_size microphone_noise microphones recording sample_rate seed '
+        'sound_level speed_of_sound'
+    ),
+    'filters': 'alpha beta hypotheses kappa observer_poles',
+    'laws': (
+        'input_cost integral_cost law regulator_frequencies regulator_poles state_cost tracked'
+    ),
+}
+#: Of each sensor, in the plant: `SENSOR.NAME`.
+FAULTS = (
+    'bias burst_length burst_loss delay drift dropout duplication fault_window freeze jitter nan '
+    'outlier_size outliers random_walk reordering'
+)
+
+
+def known(sensors: Iterable[str], *, driven: bool) -> set[str]:
+    """Return the names that any node has, with these ``sensors`` and, if ``driven``, an input."""
+    own = {
+        name for kind, names in NAMES.items() for name in names.split() if driven or kind != 'laws'
+    }
+    return own | {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
+
+
+def check_kinds(options: Container[str], sensors: Iterable[str]) -> None:
+    """Raise ValueError if an option of a sensor's kind has the name of a fault."""
+    for sensor in sensors:
+        for name in FAULTS.split():
+            if f'{sensor}.{name}' in options:
+                raise ValueError(f"{sensor}.kind: its option '{name}' is the name of a fault")

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From messages to readings with their covariances, and to inputs."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kalman_ros.codecs.fixes import NoFixError
+from kalman_ros.codecs.messages import leading_stamp
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.signal_codecs import codec_of
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import Array, Signal
+from kalman_ros.core.geodesy import Origin
+from kalman_ros.estimators.consistency import ChiSquareWindow
+from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.scenario import SensorSource
+
+
+class Reading(NamedTuple):
+    """A decoded message of a sensor.
+
+    Parameters
+    ----------
+    time
+        Its stamp in nanoseconds; None if it has none.
+    values
+        The reading (k,); (0,) if it is refused.
+    covariance
+        Of the message (k, k); None where the configured one applies.
+    refused
+        Why it cannot be used, if so.
+    """
+
+    time: int | None
+    values: Array
+    covariance: Array | None
+    refused: Outcome | None = None
+
+
+class ReadingReader:
+    """Decodes the messages of one sensor.
+
+    Parameters
+    ----------
+    signal
+        Of the sensor.
+    origin
+        The datum that several receivers share; None for that of the signal.
+    """
+
+    def __init__(self, signal: Signal, origin: Origin | None = None) -> None:
+        self._read = WireReader(codec_of(signal, origin=origin))
+        self.message_type = self._read.message_type
+        #: Why the last unreadable message was refused; '' before the first.
+        self.trouble = ''
+
+    def __call__(self, data: bytes, source: SensorSource) -> Reading:
+        """Return the reading in a message.
+
+        Raises
+        ------
+        UndecodableError
+            If the bytes are not those of such a message.
+        """
+        try:
+            time, values, covariance = self._read(data)
+        except NoFixError as error:
+            return self._refused(leading_stamp(data), Outcome.NO_FIX, error)
+        except (LookupError, ValueError) as error:
+            return self._refused(None, Outcome.WRONG_SIZE, error)
+        return Reading(time, values, source.used(covariance))
+
+    def _refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:
+        self.trouble = str(why)
+        return Reading(time, np.empty(0), None, outcome)
+
+
+class InputReader:
+    """Reads the known input."""
+
+    #: No sensor's.
+    name: None = None
+
+    def __init__(self, signal: Signal) -> None:
+        self.read = WireReader(SignalCodec(signal))
+        self.message_type: Any = self.read.message_type
+
+
+class SensorReader:
+    """Reads a sensor's messages, and judges whether its innovations scatter as expected."""
+
+    def __init__(self, name: str, source: SensorSource, origin: Origin | None = None) -> None:
+        self.name = name
+        self._read = ReadingReader(source.signal, origin)
+        self.message_type: Any = self._read.message_type
+        self.nis = ChiSquareWindow(source.sensor.output.size)
+
+    def reset_statistics(self) -> None:
+        """Restart the statistics of the innovations."""
+        self.nis = ChiSquareWindow(self.nis.degrees)
+
+    def read(self, data: bytes, source: SensorSource) -> Reading:
+        """Return the reading in a message; UndecodableError if it is not of the type."""
+        return self._read(data, source)
+
+    @property
+    def trouble(self) -> str:
+        """Why the last unreadable message was refused: the field and the sizes."""
+        return self._read.trouble
+
+    def judge(self, correction: Correction) -> None:
+        """Record a correction, to test whether innovations scatter as expected."""
+        if isfinite(correction.nis):
+            self.nis.add(correction.nis)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the parameters of a node to checked values, and to what an estimator is built from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from kalman_ros import scenario
+from kalman_ros.core import Option, Value, options_of, refuse_unknown
+from kalman_ros.core.geodesy import Origin
+from kalman_ros.estimators import filter_options
+from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.scenario import Scenario
+
+from . import names
+from .datum_file import read_datum
+from .estimator_options import EstimatorOptions
+from .fusion import check_start, fusion
+from .idle import idle_input
+
+#: Parameters that rclpy itself reads from the same files.
+OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+
+
+class Chosen(NamedTuple):
+    """A value for each parameter of a node, all parameters that it has, and whose they are.
+
+    Those are the scenario's, the node's own, and the extra ones.
+    """
+
+    values: dict[str, Value]
+    known: dict[str, Option]
+    shared: tuple[str, ...]
+    own: tuple[str, ...]
+    extra: tuple[str, ...]
+
+
+def choose(
+    given: Mapping[str, Value],
+    options: type[Any],
+    extra: Callable[[Mapping[str, Value]], Iterable[Option]],
+    *,
+    with_law: bool,
+) -> Chosen:
+    """Return the parameters of a node, checked, with defaults for those that are not given.
+
+    Parameters
+    ----------
+    given
+        By name, without those of rclpy.
+    options
+        The dataclass of the node's own options.
+    extra
+        Returns further options, which depend on what is chosen.
+    with_law
+        Whether the control law and the cost belong to the node's scenario.
+
+    Raises
+    ------
+    ValueError
+        If one is unknown or wrong.
+    """
+    own = {option.name: option for option in options_of(options)}
+    shared = scenario.options(given, with_law=with_law)
+    chosen: dict[str, Any] = {**{name: option.default for name, option in shared.items()}, **given}
+    chosen['sensors'] = shared['sensors'].check(chosen['sensors'])  # one string is a list, too
+    more = {option.name: option for option in extra(chosen)}
+    known = {**shared, **own, **more}
+    sensors = scenario.sensor_names(chosen['sensors'])
+    names.check_kinds(shared, sensors)
+    driven = 'input.topic' in shared
+    refuse_unknown(given, {*known, *names.known(sensors, driven=driven)}, 'parameter')
+    values = scenario.complete(given, known)
+    return Chosen(values, known, tuple(shared), tuple(own), tuple(more))
+
+
+def estimator_extra(chosen: Mapping[str, Value]) -> Iterable[Option]:
+    """Return the options of the filter that is chosen."""
+    return filter_options(str(chosen['filter']), str(chosen.get('implementation', 'native')))
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The scenario and the options that an estimator is configured with."""
+
+    scenario: Scenario
+    options: EstimatorOptions
+    extra: Mapping[str, Value]
+    simulated_time: bool = False
+
+    def in_lockstep(self, lockstep: bool) -> Settings:
+        """Return the same in lockstep, or in real time."""
+        return replace(self, options=replace(self.options, lockstep=lockstep))
+
+    def origin(self) -> Origin:
+        """Return the datum: of the parameters, of the file that keeps it, or not known yet.
+
+        Raises
+        ------
+        ValueError
+            If both are given, or the file is not one.
+        """
+        datum, file = self.scenario.datum, self.options.datum_file
+        if datum is not None and file:
+            raise ValueError('datum_file: expected none beside a datum, which does not change')
+        return Origin(read_datum(file) if file else datum)
+
+    def estimator(self) -> OnlineEstimator:
+        """Return a new estimator.
+
+        Raises
+        ------
+        ValueError
+            If the filter cannot serve the scenario.
+        """
+        found = fusion(self.scenario, self.options, self.extra)
+        # this also imports the modules of the first step, which takes longer than a step
+        check_start(found.filter, self.scenario)
+        idle = idle_input(self.scenario.model, self.options.idle_input)
+        initial = self.scenario.initial_belief
+        return OnlineEstimator(found.filter, found.sensors, initial, idle, found.policy)
+
+
+def settings(given: Mapping[str, Any]) -> Settings:
+    """Return the settings by an estimator's parameters, as a parameter file has them.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or wrong.
+    """
+    ours = {name: value for name, value in given.items() if not name.startswith(OF_RCLPY)}
+    values, _, shared, own, extra = choose(ours, EstimatorOptions, estimator_extra, with_law=False)
+    return Settings(
+        scenario.assemble({name: values[name] for name in shared}, with_law=False),
+        EstimatorOptions(**{name: values[name] for name in own}),  # type: ignore[arg-type]
+        {name: values[name] for name in extra},
+        bool(given.get('use_sim_time', False)),
+    )

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The six channels of an inertial sensor in a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.bags.reading import Bag
+from kalman_ros.codecs.messages import UndecodableError
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import Array, Signal
+
+KIND = 'sensor_msgs/msg/Imu'
+NAMES = ('gyro x', 'gyro y', 'gyro z', 'accel x', 'accel y', 'accel z')
+UNITS = ('rad/s',) * 3 + ('m/s^2',) * 3
+_FIELDS = tuple(f'{part}.{axis}' for part in ('angular_velocity', 'linear_acceleration')
+                for axis in 'xyz')  # fmt: skip
+#: A distance between two readings of more periods is a gap.
+_GAP = 1.5
+
+
+@dataclass(frozen=True)
+class Channels:
+    """The readings (N, 6) of a topic without a gap, one every ``period`` s.
+
+    ``gaps`` is the number of gaps in the whole recording, of which the longest part without one is
+    used; ``whole`` the number of readings in it, and ``dropped`` those that cannot be decoded.
+    """
+
+    topic: str
+    values: Array
+    period: float
+    gaps: int
+    whole: int
+    dropped: int
+
+
+def topics(bag: Bag, topic: str = '') -> list[str]:
+    """Return the topics of a recording with an inertial sensor, or the requested one.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or the requested one has another type.
+    """
+    if topic:
+        name = f'/{topic.lstrip("/")}'
+        bag.check(name, KIND, 'topic')
+        return [name]
+    found = sorted(name for name, kinds in bag.topics.items() if KIND in kinds)
+    if not found:
+        raise ValueError(f"'{bag.path}' has no topic with {KIND}; it has {', '.join(bag.topics)}")
+    return found
+
+
+def channels(bag: Bag, topic: str) -> Channels:
+    """Read a topic, in the order of its stamps.
+
+    Raises
+    ------
+    ValueError
+        If fewer than two messages can be read.
+    """
+    read = WireReader(SignalCodec(Signal(topic, KIND, _FIELDS)))
+    times, rows, dropped = [], [], 0
+    for message in bag.messages([topic]):
+        try:
+            sample = read(message.data)
+        except (UndecodableError, LookupError, ValueError):
+            dropped += 1
+            continue
+        times.append(sample.time or message.time)
+        rows.append(sample.values)
+    stamps, first = np.unique(np.array(times, dtype=np.int64), return_index=True)
+    if len(stamps) < 2:
+        raise ValueError(f'{topic}: expected at least two readings, got {len(stamps)}')
+    values, steps = np.array(rows)[first], np.diff(stamps) * 1e-9
+    period = float(np.median(steps))
+    gaps = np.flatnonzero(steps > _GAP * period) + 1
+    edges = np.concatenate(([0], gaps, [len(stamps)]))
+    longest = int(np.diff(edges).argmax())
+    part = slice(edges[longest], edges[longest + 1])
+    length = edges[longest + 1] - edges[longest]
+    if length > 1:  # the mean is more exact than the median, where stamps jitter
+        period = float(stamps[part][-1] - stamps[part][0]) * 1e-9 / (length - 1)
+    return Channels(topic, values[part], period, len(gaps), len(stamps), dropped)

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Allan deviation over the averaging time, with the noise that was fitted to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from kalman_ros.analysis.allan import Allan
+from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, figure_with, legend_below
+
+from .channels import NAMES, UNITS
+
+_LINES = (('white noise', ':'), ('bias instability', '--'), ('bias random walk', '-.'))
+
+
+def allan_picture(topic: str, results: Sequence[Allan], path: Path) -> None:
+    """Draw six channels, gyro above and accelerometer below."""
+    with figure_with(path, 2, 3, (10.0, 6.0), sharex=True, sharey='row') as (figure, axes):
+        for axis, name, unit, found in zip(axes.ravel(), NAMES, UNITS, results):
+            axis.fill_between(found.time, found.low, found.high, color=BOUND, alpha=0.3, lw=0.0,
+                              label='95 % interval')  # fmt: skip
+            axis.loglog(found.time, found.deviation, color=ESTIMATE, lw=1.4, label='measured')
+            lowest = 0.3 * found.deviation.min()
+            for (label, line), term in zip(_LINES, np.sqrt(found.terms.T)):
+                shown = np.where(term > lowest, term, np.nan)
+                axis.loglog(found.time, shown, line, color=INPUT, lw=1.0, label=label)
+            axis.set_title(f'{name} [{unit}]')
+        axes[1, 1].set_xlabel('averaging time [s]')
+        for row in axes:
+            row[0].set_ylabel('Allan deviation')
+        figure.suptitle(f'{topic}: {results[0].duration:.4g} s at rest')
+        legend_below(figure, axes[0, 0], 1.0)

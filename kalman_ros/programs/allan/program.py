@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise density and bias instability of an inertial sensor, from a recording at rest."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from kalman_ros.analysis.allan import Allan, Parameter, allan
+from kalman_ros.bags.reading import Bag
+from kalman_ros.programs.refusal import refuse
+from kalman_ros.programs.results import ready
+from kalman_ros.report.sheet import Sheet, show
+
+from .channels import NAMES, UNITS, Channels, channels, topics
+
+_PARAMETERS = (
+    ('density', 'noise density', '/sqrt(Hz)'),
+    ('instability', 'bias instability', ''),
+    ('random_walk', 'bias random walk', '/sqrt(s)'),
+)
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='allan',
+        description='Estimate the noise of an inertial sensor from a recording in which it does '
+        'not move, by its Allan deviation.',
+    )
+    parser.add_argument('bag', help='a recording: a folder of rosbag2, or a file')
+    parser.add_argument('topic', nargs='?', default='', help='default: each with sensor_msgs/Imu')
+    parser.add_argument(
+        '--out', type=Path, default=Path('out/allan'), metavar='DIR',
+        help='for the results (default: %(default)s)',
+    )  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Print the noise parameters of each sensor, with intervals, and draw the deviations."""
+    options, console = arguments(argv), Console(highlight=False)
+    try:
+        bag = Bag(options.bag)
+        found = {topic: channels(bag, topic) for topic in topics(bag, options.topic)}
+        ready(options.out)
+        results = {topic: _deviations(each) for topic, each in found.items()}
+    except ValueError as error:
+        refuse('allan', error)
+
+    from .picture import allan_picture  # matplotlib loads while nothing waits
+
+    names, summary = ['summary.json'], {}
+    for topic, each in found.items():
+        _show(console, each, results[topic])
+        names.append(f'{topic.strip("/").replace("/", "_")}.png')
+        allan_picture(topic, results[topic], options.out / names[-1])
+        summary[topic] = {
+            'rate': 1.0 / each.period,
+            'duration': results[topic][0].duration,
+            'channels': {
+                name: {key: asdict(getattr(one, key)) for key, _, _ in _PARAMETERS}
+                for name, one in zip(NAMES, results[topic])
+            },
+        }
+    (options.out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
+    console.print(f'\nIn {options.out}: {", ".join(names)}')
+
+
+def _deviations(found: Channels) -> list[Allan]:
+    """Return the deviation of each channel; a ValueError names the channel."""
+    results = []
+    for name, values in zip(NAMES, found.values.T):
+        try:
+            results.append(allan(values, found.period))
+        except ValueError as error:
+            raise ValueError(f'{found.topic}, {name}: {error}') from None
+    return results
+
+
+def _show(console: Console, found: Channels, results: Sequence[Allan]) -> None:
+    duration, rate = _span(results[0].duration), 1.0 / found.period
+    count = len(found.values)
+    console.print(f'[bold]{found.topic}[/]: {count} readings, {rate:.4g} Hz, {duration}')
+    if count < found.whole:
+        console.print(
+            f'The longest part without a gap is used, {count} of {found.whole} readings; gaps: '
+            f'{found.gaps}.'
+        )
+    if found.dropped:
+        console.print(f'Messages that cannot be decoded: {found.dropped}.')
+    for key, title, per in _PARAMETERS:
+        cells = [_cells(getattr(each, key)) for each in results]
+        titles = (title, '95 % interval', 'at \\[s]')
+        columns: list[tuple[str, Sequence[str]]] = [('unit', [f'{unit}{per}' for unit in UNITS])]
+        columns += zip(titles, zip(*cells))
+        show(console, [(title.capitalize(), Sheet(NAMES, columns))])
+    needed = {
+        name: each.needed()
+        for name, each in zip(NAMES, results)
+        if not each.instability.determined
+    }
+    if needed:
+        console.print(
+            f'\n{duration} do not determine the bias instability of {", ".join(needed)}. '
+            f'A recording of {_span(max(needed.values()))} may.'
+        )
+    console.print('\n[bold]For a parameter file[/]')
+    for part, unit in ((slice(0, 3), 'rad/s'), (slice(3, 6), 'm/s^2')):
+        std = [each.density.value / np.sqrt(found.period) for each in results[part]]
+        values = ', '.join(f'{value:.3g}' for value in std)
+        axes = ', '.join(NAMES[part])
+        console.print(f'noise: \\[{values}]   # {unit}: {axes}', soft_wrap=True)
+    for name, each, unit in zip(NAMES, results, UNITS):
+        if each.random_walk.determined:
+            square = each.random_walk.value**2
+            console.print(f'bias noise: {square:.3g}   # ({unit})^2/s: {name}', soft_wrap=True)
+
+
+def _cells(found: Parameter) -> tuple[str, str, str]:
+    if not found.determined:
+        return 'not determined', '', ''
+    return f'{found.value:.3g}', f'{found.low:.3g} to {found.high:.3g}', f'{found.time:.3g}'
+
+
+def _span(seconds: float) -> str:
+    """Return a duration in the unit that a person would use."""
+    for size, unit in ((3600.0, 'h'), (60.0, 'min')):
+        if seconds >= 2.0 * size:
+            return f'{seconds / size:.3g} {unit}'
+    return f'{seconds:.3g} s'

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a bag and a parameter file to evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from kalman_ros import models
+from kalman_ros.analysis.diagnosis.evidence import (
+    Beliefs,
+    Evidence,
+    InputRecord,
+    SensorRecord,
+    changed,
+)
+from kalman_ros.bags.reading import Bag
+from kalman_ros.bags.replay import estimator_settings, replay_bag
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file
+
+#: In lockstep nothing takes time (s).
+_AT_ONCE = 1e-6
+
+
+def load(bag: str | Path, params: str | Path | None) -> Evidence:
+    """Return the evidence of a bag: what the estimator of a parameter file makes of it.
+
+    Parameters
+    ----------
+    bag
+        A folder of rosbag2, one of its files, or a bag of ROS 1.
+    params
+        A parameter file, or the name of a scenario; None for the default one.
+
+    Raises
+    ------
+    ValueError
+        If the bag cannot be replayed.
+    """
+    values = from_file(shipped.file(params or models.DEFAULT), 'estimator')
+    return replayed(Bag(bag), {'model': models.DEFAULT, **values})
+
+
+def replayed(bag: Bag, parameters: Mapping[str, Any]) -> Evidence:
+    """Return the evidence of a bag that is open, with these parameters of the estimator."""
+    found = replay_bag(bag, estimator_settings(parameters))
+    sensors = {}
+    for name, each in found.sensors.items():
+        received = each.stamp + _AT_ONCE if found.lockstep else each.received
+        sensors[name] = SensorRecord(
+            received, each.stamp, each.value, each.covariance, each.outcome, each.innovation,
+            each.innovation_covariance, each.nis,
+        )  # fmt: skip
+    inputs, beliefs = found.inputs, found.beliefs
+    return Evidence(
+        parameters, found.scenario, sensors,
+        InputRecord(inputs.received, inputs.stamp, inputs.value),
+        Beliefs(beliefs.time, beliefs.mean, beliefs.covariance),
+        lambda changes: replayed(bag, changed(parameters, changes)),
+    )  # fmt: skip

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Find what is wrong with a recording and its parameters: causes, proofs, lines to change.
+
+Without a parameter file: describe the recording, and propose one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from kalman_ros.analysis.diagnosis.diagnose import Diagnosis, diagnose
+from kalman_ros.bags.reading import Bag
+from kalman_ros.programs.results import ready
+
+from . import score
+from .loading import load
+from .proposal import describe, propose
+from .proposal_tables import matches_table, topics_table
+from .tables import findings_table, sentences, summary, verdict
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='doctor', description=__doc__,
+        epilog='Exit code: 0 if nothing was found or a file proposed, 1 if something was found, '
+        '2 for a bad argument or if no scenario fits. '
+        'doctor --score --help has the options of the score.',
+    )  # fmt: skip
+    parser.add_argument(
+        'bag',
+        type=Path,
+        metavar='BAG',
+        help='a folder of rosbag2, one of its files, or a bag of ROS 1',
+    )
+    parser.add_argument(
+        '--params-file', type=Path, metavar='FILE',
+        help="the estimator's parameter file, or the name of a scenario",
+    )  # fmt: skip
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/doctor)'
+    )
+    parser.add_argument(
+        '--score', action='store_true', help='inject every known fault, and score the diagnosis'
+    )
+    return parser.parse_args(argv)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Diagnose a bag; exit 1 if anything was found."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    if '--score' in given:
+        given.remove('--score')
+        score.main(given)
+        return
+    options = arguments(given)
+    console = Console(highlight=False)
+    try:
+        folder = ready(options.out or Path('out') / options.bag.stem / 'doctor')
+        if options.params_file is None:
+            sys.exit(describe_and_propose(options.bag, folder, console))
+        evidence = load(options.bag, options.params_file)
+    except (ValueError, OSError) as error:
+        print(f'doctor: {error}', file=sys.stderr)
+        sys.exit(2)
+    columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task('')
+        found = diagnose(evidence, lambda what: bar.update(task, description=what))
+    show(found, folder, console)
+    sys.exit(1 if found.findings else 0)
+
+
+def describe_and_propose(path: Path, folder: Path, console: Console) -> int:
+    """Print what a recording has, write a parameter file for it, and return the exit code."""
+    bag = Bag(path)
+    columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task('reading the recording')
+        topics = describe(bag)
+        bar.update(task, description='comparing it with the shipped scenarios')
+        proposals = propose(bag)
+    console.print('What it has:', style='bold')
+    console.print(topics_table(topics))
+    if not proposals:
+        console.print()
+        console.print('No topic fits a sensor of a shipped scenario. How to describe a robot of')
+        console.print("one's own: docs/how_to/own_robot.md")
+        return 2
+    console.print('\nWhat fits it best, with rates and noise as measured:', style='bold')
+    console.print(matches_table(proposals))
+    file = folder / 'proposal.yaml'
+    file.write_text(proposals[0].yaml())
+    console.print(f'\n{file}: {proposals[0].scenario} with these topics, rates and noise.')
+    console.print('Check its model_parameters, then:', markup=False)
+    console.print(f'    ./dev doctor {path} --params-file {file}', markup=False, soft_wrap=True)
+    return 0
+
+
+def show(found: Diagnosis, folder: Path, console: Console) -> None:
+    """Print a diagnosis, draw it, and write ``summary.json``."""
+    from kalman_ros.report import diagnosis_pictures  # matplotlib is slow to load
+
+    if found.findings:
+        console.print(findings_table(found))
+        console.print()
+    for sentence in sentences(found):
+        console.print(sentence, markup=False)
+    drawn = diagnosis_pictures.draw(found.findings, folder)
+    (folder / 'summary.json').write_text(json.dumps(summary(found), indent=2) + '\n')
+    names = ', '.join(['summary.json', *(path.name for path in drawn)])
+    console.print(f'In {folder}: {names}', style='dim')
+    console.print(verdict(found))

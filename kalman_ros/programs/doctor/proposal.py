@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A parameter file for a recording: topics that fit the sensors of a shipped scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.bags.reading import Bag
+from kalman_ros.bags.replay import estimator_settings
+from kalman_ros.codecs.messages import full_type
+from kalman_ros.core import Array, Space
+from kalman_ros.pipeline.reading_reader import ReadingReader
+from kalman_ros.scenario import Scenario, SensorSource, shipped
+from kalman_ros.scenario.parameter_files import from_file, yaml_value
+
+#: Parts of the names of topics that no sensor publishes: what an estimator or a simulation does.
+_NOT_SENSED = {'estimate', 'ground_truth'}
+#: The fewest readings that a rate and a noise are measured from, and the most.
+_FEWEST, _MOST = 20, 20_000
+
+
+@dataclass(frozen=True)
+class TopicRecord:
+    """A topic of a recording.
+
+    Parameters
+    ----------
+    type
+        Of its messages; several, joined by ``and``, cannot be used.
+    count
+        The number of messages.
+    rate
+        In Hz, by the median interval; NaN below two messages.
+    gap
+        The longest interval in s; NaN below two messages.
+    """
+
+    type: str
+    count: int
+    rate: float
+    gap: float
+
+
+@dataclass(frozen=True)
+class Match:
+    """A topic whose messages can be the readings of a sensor.
+
+    Parameters
+    ----------
+    topic
+        Its name, relative to the root namespace.
+    rate
+        In Hz, by the median interval of the stamps.
+    noise
+        Standard deviations (k,), by the differences of successive readings; a coordinate
+        whose readings do not scatter has that of the scenario.
+    """
+
+    topic: str
+    rate: float
+    noise: Array
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A shipped scenario, and the topics that its sensors can use.
+
+    Parameters
+    ----------
+    scenario
+        Its name.
+    matches
+        By sensor; a sensor without one is disabled.
+    input
+        The topic of the input; '' if the recording has none.
+    share
+        Of the sensors that have a match.
+    """
+
+    scenario: str
+    matches: Mapping[str, Match]
+    input: str
+    share: float
+
+    @property
+    def score(self) -> tuple[int, float]:
+        """The more numbers are used, the better; then, the fewer sensors lack a topic."""
+        return sum(match.noise.size for match in self.matches.values()), self.share
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters of the estimator."""
+        values = from_file(shipped.file(self.scenario), 'estimator')
+        scenario = estimator_settings(self.scenario).scenario
+        for name in scenario.sensors:
+            match = self.matches.get(name)
+            values[f'{name}.enabled'] = match is not None
+            if match is not None:
+                found = {'topic': match.topic, 'rate': match.rate, 'noise': match.noise.tolist()}
+                values.update({f'{name}.{key}': value for key, value in found.items()})
+        if self.input:
+            values['input.topic'] = self.input
+        return {**values, 'initialize': 'reading'}
+
+    def yaml(self) -> str:
+        """Return the text of the parameter file."""
+        lines = [f'    {name}: {yaml_value(value)}' for name, value in self.parameters().items()]
+        return '\n'.join(['/**:', '  ros__parameters:', *lines, ''])
+
+
+def describe(bag: Bag) -> dict[str, TopicRecord]:
+    """Return what a recording has, by topic."""
+    times: dict[str, list[int]] = {topic: [] for topic in bag.topics}
+    for message in bag.messages(set(bag.topics)):
+        times[message.topic].append(message.time)
+    found = {}
+    for topic in sorted(times):
+        steps = np.diff(times[topic]) * 1e-9
+        median, longest = (np.median(steps), steps.max()) if steps.size else (np.nan, np.nan)
+        rate = 1.0 / median if median > 0.0 else np.nan
+        kinds = ' and '.join(sorted(bag.topics[topic]))
+        found[topic] = TopicRecord(kinds, len(times[topic]), float(rate), float(longest))
+    return found
+
+
+def propose(bag: Bag) -> list[Proposal]:
+    """Return the shipped scenarios that could be that of a recording, the best first."""
+    found = []
+    for name in shipped.names():
+        scenario = estimator_settings(name).scenario
+        matches = dict(_matches(bag, scenario))
+        if matches:
+            share = len(matches) / len(scenario.sensors)
+            found.append(Proposal(name, matches, _input(bag, scenario), share))
+    return sorted(found, key=lambda each: each.score, reverse=True)
+
+
+def _matches(bag: Bag, scenario: Scenario) -> Iterator[tuple[str, Match]]:
+    """Yield each sensor with the topic that it can use; a topic serves one signal only."""
+    taken: set[tuple[str, tuple[str, ...]]] = set()
+    for name, source in scenario.sensors.items():
+        fields = source.signal.fields
+        for topic in _alike(bag, source.signal.topic, source.signal.type):
+            if (topic, fields) not in taken:
+                match = _measured(bag, topic, source)
+                if match is not None:
+                    taken.add((topic, fields))
+                    yield name, match
+                    break
+
+
+def _alike(bag: Bag, topic: str, kind: str) -> list[str]:
+    """Return the topics with a message type, the most similar name first."""
+    fitting = [
+        each
+        for each, kinds in bag.topics.items()
+        if kinds == {full_type(kind)} and not _NOT_SENSED & set(each.split('/'))
+    ]
+    likeness = {each: SequenceMatcher(None, each.lower(), f'/{topic}').ratio() for each in fitting}
+    return sorted(fitting, key=lambda each: -likeness[each])
+
+
+def _input(bag: Bag, scenario: Scenario) -> str:
+    if not scenario.input.fields:
+        return ''
+    alike = _alike(bag, scenario.input.topic, scenario.input.type)
+    return alike[0].removeprefix('/') if alike else ''
+
+
+def _measured(bag: Bag, topic: str, source: SensorSource) -> Match | None:
+    """Return the rate and the noise of a topic's readings; None if it has no readings."""
+    read = ReadingReader(source.signal)
+    times, values = [], []
+    for message in bag.messages({topic}):
+        reading = read(message.data, source)
+        if reading.refused is None and np.isfinite(reading.values).all():
+            times.append(message.time if reading.time is None else reading.time)
+            values.append(reading.values)
+        if len(values) >= _MOST:
+            break
+    if len(values) < _FEWEST or not np.ptp(values, axis=0).any():
+        return None
+    interval = float(np.median(np.diff(times))) * 1e-9
+    if interval <= 0.0:
+        return None
+    noise = scatter(source.sensor.output, np.array(values))
+    known = np.sqrt(source.sensor.covariance.diagonal())
+    name = topic.removeprefix('/')
+    return Match(name, float(f'{1.0 / interval:.4g}'), np.where(noise > 0.0, noise, known))
+
+
+def scatter(space: Space, values: Array) -> Array:
+    """Return the standard deviations (k,) of white noise on a smooth signal (N, k).
+
+    White noise of variance s^2 has second differences of variance 6 s^2; their median is not
+    moved by outliers or steps (the median of the absolute value is 0.6745 of the deviation).
+    """
+    slopes = space.subtract(values[1:], values[:-1])
+    bends = np.abs(np.diff(slopes, axis=0))
+    found: Array = np.median(bends, axis=0) / 0.6745 / np.sqrt(6.0)
+    return np.array([float(f'{each:.3g}') for each in found])

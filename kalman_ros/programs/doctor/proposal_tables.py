@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The topics of a recording, and the scenarios that fit them, for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+from rich.table import Table
+
+from kalman_ros.report.run_tables import plain_table
+
+from .proposal import Proposal, TopicRecord
+
+#: The number of scenarios that are shown.
+_SHOWN = 3
+
+
+def topics_table(topics: Mapping[str, TopicRecord]) -> Table:
+    """Return the topics of a recording: type, number of messages, rate in Hz, longest gap in s."""
+    table = plain_table('', ('type', 'count', 'Hz', 'gap (s)'))
+    for column in table.columns[:2]:
+        column.no_wrap, column.overflow, column.justify = False, 'fold', 'left'
+    for topic, found in topics.items():
+        kind = found.type.rpartition('/')[2]
+        numbers = (f'{each:.4g}' if isfinite(each) else '-' for each in (found.rate, found.gap))
+        table.add_row(topic, kind, str(found.count), *numbers)
+    return table
+
+
+def matches_table(proposals: Sequence[Proposal]) -> Table:
+    """Return the scenarios that fit best: their sensors, with rate and noise as measured."""
+    table = plain_table('', ('sensor', 'topic', 'Hz', 'noise'))
+    for column in table.columns[:3]:
+        column.no_wrap, column.overflow, column.justify = False, 'fold', 'left'
+    for proposal in proposals[:_SHOWN]:
+        name = proposal.scenario
+        for sensor, match in proposal.matches.items():
+            noise = ', '.join(f'{each:.3g}' for each in match.noise)
+            table.add_row(name, sensor, match.topic, f'{match.rate:.4g}', noise)
+            name = ''
+        if proposal.input:
+            table.add_row('', '(input)', proposal.input, '', '')
+    return table

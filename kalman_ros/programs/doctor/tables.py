@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A diagnosis as a table and sentences for the terminal, and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+from typing import Any
+
+from rich.table import Table
+
+from kalman_ros.analysis.diagnosis.diagnose import Diagnosis
+from kalman_ros.analysis.diagnosis.finding import Finding
+from kalman_ros.report.run_tables import plain_table
+from kalman_ros.scenario.parameter_files import yaml_value
+
+
+def findings_table(diagnosis: Diagnosis) -> Table:
+    """Return the ranked findings: kind, subject, share of the misfit that each explains."""
+    table = plain_table('', ('of', 'explains', 'misfit', 'by replay'))
+    for column in table.columns[:2]:
+        column.no_wrap, column.overflow, column.justify = False, 'fold', 'left'
+    for number, finding in enumerate(diagnosis.findings, start=1):
+        explains = f'{100.0 * finding.share:.0f} %' if finding.gain > 0.0 else '-'
+        gain = f'-{finding.gain:.4g}' if finding.gain > 0.0 else '-'
+        proof = f'{-finding.proof:.4g}' if isfinite(finding.proof) else '-'
+        table.add_row(f'{number} {finding.kind}', finding.subject, explains, gain, proof)
+    return table
+
+
+def sentences(diagnosis: Diagnosis) -> Iterator[str]:
+    """Yield each finding as sentences, and the lines of YAML to change."""
+    for number, finding in enumerate(diagnosis.findings, start=1):
+        yield f'{number}. {capital(finding.sentence)}'
+        for kind, subject in finding.same_as:
+            yield f'   These data fit as well: {kind} of {subject}.'
+        for name, value in finding.change.items():
+            yield f'   {name}: {"(removed)" if value is None else yaml_value(value)}'
+    for note in diagnosis.notes:
+        yield f'Note: {note.sentence}'
+
+
+def capital(sentence: str) -> str:
+    """Return a sentence that begins with a capital letter."""
+    return sentence[:1].upper() + sentence[1:]
+
+
+def verdict(diagnosis: Diagnosis) -> str:
+    """Return the verdict: PASS with nothing found, FAIL with a count."""
+    count = len(diagnosis.findings)
+    if not count:
+        return '[green]PASS, 0 findings:[/] readings and parameters agree.'
+    first = diagnosis.findings[0]
+    plural = '' if count == 1 else 's'
+    return f'[bold red]FAIL, {count} finding{plural}:[/] first {first.kind} of {first.subject}'
+
+
+def summary(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return the diagnosis for ``summary.json``."""
+    return {
+        'misfit': diagnosis.before,
+        'misfit with all corrected': diagnosis.after,
+        'findings': [_plain(finding) for finding in diagnosis.findings],
+        'notes': [_plain(note) for note in diagnosis.notes],
+    }
+
+
+def _plain(finding: Finding) -> dict[str, Any]:
+    return {
+        'kind': finding.kind,
+        'subject': finding.subject,
+        'sentence': finding.sentence,
+        'z': float(finding.z) if isfinite(finding.z) else None,
+        'change': dict(finding.change),
+        'gain': float(finding.gain),
+        'share': float(finding.share),
+        'proof': float(finding.proof) if isfinite(finding.proof) else None,
+        'same as': [list(other) for other in finding.same_as],
+    }

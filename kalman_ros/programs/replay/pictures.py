@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of a replay."""
+
+from __future__ import annotations
+
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.analysis.checks import MISS
+from kalman_ros.bags.replayed import Replayed
+from kalman_ros.core import Array
+from kalman_ros.report.style import (
+    BOUND,
+    ESTIMATE,
+    INPUT,
+    READING,
+    TRUTH,
+    figure_with,
+    legend_below,
+    picture,
+)
+
+from .statistics import LAGS, autocorrelation, normalised_innovations, plane, whiteness_bound
+
+SIGMAS = 3.0
+#: The most points of a curve; of more, every k-th is drawn.
+_MOST = 20_000
+#: Readings that a running mean is taken of.
+_RUNNING = 50
+
+
+def draw_all(replayed: Replayed, folder: Path) -> list[Path]:
+    """Draw every picture into ``folder`` and return their paths."""
+    pictures = {'states.png': states, 'delays.png': delays}
+    if any(np.isfinite(sensor.nis).any() for sensor in replayed.sensors.values()):
+        pictures.update({'innovations.png': innovations, 'consistency.png': consistency})
+    if plane(replayed.scenario.model.state) is not None:
+        pictures['map.png'] = plan_view
+    paths = []
+    for name, draw in pictures.items():
+        paths.append(folder / name)
+        draw(replayed, folder / name)
+    return paths
+
+
+def _some(count: int) -> slice:
+    return slice(None, None, max(1, ceil(count / _MOST)))
+
+
+def _broken(values: Array, *, wraps: bool) -> Array:
+    """Return a curve (N,) with gaps where an angle goes from one end to the other."""
+    if not wraps:
+        return values
+    jumps = np.abs(np.diff(values, prepend=values[:1])) > np.pi
+    return np.where(jumps, np.nan, values)
+
+
+def states(replayed: Replayed, path: Path) -> None:
+    """Draw each state with its band, and the readings, the truth and the smoothed state."""
+    space, beliefs = replayed.scenario.model.state, replayed.beliefs
+    part = _some(len(beliefs.time))
+    time, mean, std = beliefs.time[part], beliefs.mean[part], beliefs.std[part]
+    truth = None if replayed.truth is None else replayed.truth.at(replayed.scenario, time)
+    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6)) as (figure, axes):
+        for index, (name, axis) in enumerate(zip(space.names, axes[:, 0])):
+            wraps = name in space.angles
+            _readings(replayed, name, axis)
+            x, band = mean[:, index], SIGMAS * std[:, index]
+            label = f'estimate, {SIGMAS:g} sigma'
+            axis.fill_between(time, x - band, x + band, color=BOUND, alpha=0.35, lw=0, label=label)
+            axis.plot(time, _broken(x, wraps=wraps), color=ESTIMATE, lw=1.0, label='estimate')
+            if replayed.smoothed is not None and len(replayed.smoothed.time):
+                s = replayed.smoothed
+                some = _some(len(s.time))
+                curve = _broken(s.mean[some, index], wraps=wraps)
+                axis.plot(s.time[some], curve, color=INPUT, lw=0.9, label='smoothed')
+            if truth is not None:
+                curve = _broken(truth[:, index], wraps=wraps)
+                axis.plot(time, curve, color=TRUTH, lw=0.8, label='truth')
+            axis.set_ylabel(space.label(name))
+        axes[0, 0].set_title('What was estimated')
+        fullest = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
+        legend_below(figure, fullest)
+
+
+def _readings(replayed: Replayed, name: str, axis: Any) -> None:
+    """Draw the readings of a state that sensors read as it is."""
+    label: str | None = 'reading'
+    for sensor_name, sensor in replayed.sensors.items():
+        outputs = replayed.scenario.sensors[sensor_name].sensor.output.names
+        if name in outputs and len(sensor.stamp):
+            part = _some(len(sensor.stamp))
+            values = sensor.value[part, outputs.index(name)]
+            axis.plot(sensor.stamp[part], values, '.', ms=2.0, color=READING, label=label)
+            label = None
+
+
+def innovations(replayed: Replayed, path: Path) -> None:
+    """Draw the innovations of every sensor inside their bounds."""
+    rows = [
+        (name, column)
+        for name, sensor in replayed.sensors.items()
+        for column in range(sensor.value.shape[1])
+        if np.isfinite(sensor.nis).any()
+    ]
+    with picture(path, len(rows), 1, (8.0, 1.5 * len(rows) + 0.6)) as (figure, axes):
+        for axis, (name, column) in zip(axes[:, 0], rows):
+            sensor = replayed.sensors[name]
+            part = _some(len(sensor.stamp))
+            time, v = sensor.stamp[part], sensor.innovation[part, column]
+            std = np.sqrt(sensor.innovation_covariance[part, column, column])
+            axis.plot(time, v, '.', ms=2.0, color=TRUTH, label='innovation')
+            for sign in (-SIGMAS, SIGMAS):
+                label = f'{SIGMAS:g} sigma expected' if sign > 0 else None
+                axis.plot(time, sign * std, color=ESTIMATE, lw=1.0, label=label)
+            output = replayed.scenario.sensors[name].sensor.output
+            axis.set_ylabel(f'{name}\n{output.label(output.names[column])}')
+        axes[0, 0].set_title('Readings minus their predictions, and how wide they should be')
+        legend_below(figure, axes[0, 0])
+
+
+def consistency(replayed: Replayed, path: Path) -> None:
+    """Draw the NIS of each sensor in time, and the autocorrelation of its innovations."""
+    names = [name for name, s in replayed.sensors.items() if np.isfinite(s.nis).any()]
+    size = (9.5, 1.8 * len(names) + 0.6)
+    with figure_with(path, len(names), 2, size) as (_, axes):
+        for (left, right), name in zip(axes, names):
+            sensor = replayed.sensors[name]
+            use, k = np.isfinite(sensor.nis), sensor.value.shape[1]
+            time, nis = sensor.stamp[use], sensor.nis[use] / k
+            part = _some(len(time))
+            left.plot(time[part], nis[part], '.', ms=2.0, color=READING)
+            width = min(_RUNNING, len(nis))
+            mean = np.convolve(nis, np.ones(width) / width, 'valid')
+            left.plot(time[width - 1 :][part], mean[part], color=ESTIMATE, lw=1.0)
+            left.axhline(1.0, color=TRUTH, lw=0.8)
+            left.set_ylabel(f'{name}\nNIS / {k}')
+            left.set_xlabel('time [s]')
+            z = normalised_innovations(sensor)
+            lags = min(LAGS, len(z) - 1)
+            if lags > 0:
+                right.bar(np.arange(1, lags + 1), autocorrelation(z, lags), color=ESTIMATE)
+                bound = whiteness_bound(len(z), k, MISS)
+                for sign in (-bound, bound):
+                    right.axhline(sign, color=TRUTH, lw=0.8, ls='--')
+            right.set_xlabel('lag [readings]')
+        axes[0, 0].set_title(f'NIS, and its mean over {_RUNNING}')
+        axes[0, 1].set_title('Autocorrelation of the innovations')
+
+
+def delays(replayed: Replayed, path: Path) -> None:
+    """Draw how long after its stamp each reading was received."""
+    names = list(replayed.sensors)
+    with picture(path, len(names), 1, (8.0, 1.3 * len(names) + 0.6)) as (_, axes):
+        for axis, name in zip(axes[:, 0], names):
+            sensor = replayed.sensors[name]
+            part = _some(len(sensor.stamp))
+            late = 1e3 * (sensor.received - sensor.stamp)[part]
+            axis.plot(sensor.received[part], late, '.', ms=2.0, color=TRUTH)
+            axis.set_ylabel(f'{name}\n[ms]')
+        axes[0, 0].set_title('Delay from stamp to reception')
+
+
+def plan_view(replayed: Replayed, path: Path) -> None:
+    """Draw the path in the plane."""
+    both = plane(replayed.scenario.model.state)
+    assert both is not None
+    x, y = both
+    mean = replayed.beliefs.mean
+    part = _some(len(mean))
+    with figure_with(path, 1, 1, (6.0, 6.0)) as (figure, axes):
+        axis = axes[0, 0]
+        if replayed.truth is not None:
+            truth = replayed.truth.state[_some(len(replayed.truth.state))]
+            axis.plot(truth[:, x], truth[:, y], color=TRUTH, lw=0.8, label='truth')
+        axis.plot(mean[part, x], mean[part, y], color=ESTIMATE, lw=1.0, label='estimate')
+        if replayed.smoothed is not None:
+            smoothed = replayed.smoothed.mean
+            some = _some(len(smoothed))
+            axis.plot(smoothed[some, x], smoothed[some, y], color=INPUT, lw=0.9, label='smoothed')
+        axis.set_aspect('equal', 'datalim')
+        axis.set_xlabel('x [m]')
+        axis.set_ylabel('y [m]')
+        axis.set_title('The path')
+        legend_below(figure, axis)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replays a recording through the estimator, and judges the filter by its innovations."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from math import inf
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from kalman_ros.bags.reading import Bag
+from kalman_ros.bags.replay import estimator_settings, replay_bag
+from kalman_ros.bags.replayed import Replayed
+from kalman_ros.harness.interrupts import deferred
+from kalman_ros.programs.results import ready
+from kalman_ros.scenario.parameter_files import overrides
+
+from . import statistics, tables
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='replay',
+        description='Pass a recording through the estimator as its node would have received it, '
+        'faster than real time, and check whether the filter is consistent.',
+        epilog='Exit code: 0 if every check passes, 1 if not, 2 if it could not be replayed.',
+    )
+    parser.add_argument(
+        'bag', metavar='BAG', help='a folder of rosbag2, one of its files, or a bag of ROS 1'
+    )
+    parser.add_argument(
+        '--params-file', metavar='FILE', help='a parameter file, or the name of one in config/'
+    )
+    parser.add_argument(
+        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
+        help='a parameter over those of the file, such as imu.topic:=/imu/data; may be repeated',
+    )  # fmt: skip
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='for the results (default: out/replay/BAG)'
+    )
+    parser.add_argument('--smooth', action='store_true', help='smooth the states, too')
+    parser.add_argument(
+        '--from', type=float, default=0.0, metavar='S', dest='start',
+        help='seconds from the start of the recording (default: 0)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--to', type=float, default=inf, metavar='S', dest='end', help='the same for the end'
+    )
+    parser.add_argument(
+        '--truth', default='', metavar='TOPIC', help='true states, as the estimate has them'
+    )
+    parser.add_argument(
+        '--namespace', default='/', metavar='NAME', help='of the topics in the parameter file'
+    )
+    return parser.parse_args(argv)
+
+
+def replayed_with_progress(
+    options: argparse.Namespace, folder: Path, console: Console
+) -> tuple[Replayed, float]:
+    """Return the replay, and the seconds that it took."""
+    settings = estimator_settings(options.params_file, overrides(options.parameters))
+    bag = Bag(options.bag)
+    ready(folder)
+    whole = (bag.end - bag.start) * 1e-9
+    bar = Progress(
+        TextColumn('{task.description}'),
+        BarColumn(),
+        TextColumn('{task.completed:.0f} of {task.total:.0f} s'),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task('replaying', total=max(0.0, min(options.end, whole) - options.start))
+        begun = time.monotonic()
+        found = replay_bag(
+            bag,
+            settings,
+            start=options.start,
+            end=options.end,
+            smooth=options.smooth,
+            truth=options.truth,
+            namespace=options.namespace,
+            out=folder / 'estimate',
+            progress=lambda done: bar.update(task, completed=done),
+        )
+        return found, time.monotonic() - begun
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Replay a recording; the exit code is 0 if the filter was consistent."""
+    options = arguments(argv)
+    console = Console(highlight=False)
+    folder = options.out or Path('out') / 'replay' / Path(options.bag).resolve().stem
+    try:
+        found, wall = replayed_with_progress(options, folder, console)
+    except (ValueError, OSError, ArithmeticError) as error:
+        print(f'replay: {error}', file=sys.stderr)
+        sys.exit(2)
+    errors = statistics.errors(found)
+    checks = statistics.checks(found, errors)
+    passed = bool(checks) and all(check.passed for check in checks)
+
+    from kalman_ros.report import sheet
+    from kalman_ros.report.run_tables import checks_table, verdict
+
+    from . import pictures  # matplotlib is slow to load
+
+    mode = 'lockstep' if found.lockstep else 'real time'
+    title = f'{Path(options.bag).name}, {mode}: gaps in s, delays in ms'
+    sheet.show(console, [(title, tables.sensor_sheet(found))])
+    console.print()
+    for sentence in tables.sentences(found, errors):
+        console.print(sentence, markup=False)
+    if checks:
+        console.print(checks_table('Consistency', checks))
+    ratio = found.duration / wall if wall > 0.0 else inf
+    console.print(
+        f'{found.duration:.4g} s, {len(found.beliefs.time)} estimates, replayed in {wall:.2f} s, '
+        f'{ratio:.3g} times real time'
+    )
+    # the summary last: where it is, all is whole
+    with deferred():
+        drawn = pictures.draw_all(found, folder)
+        if found.smoothed is not None:
+            s = found.smoothed
+            np.savez(folder / 'smoothed.npz', time=s.time, mean=s.mean, covariance=s.covariance)
+            drawn.append(folder / 'smoothed.npz')
+        summary = tables.summary(found, errors, checks, passed)
+        (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
+    files = ', '.join(['summary.json', 'estimate', *(path.name for path in drawn)])
+    console.print(f'In {folder}: {files}')
+    if checks:
+        console.print(verdict(checks, 'The filter is consistent.'))
+    else:
+        console.print('[bold red]FAIL, 0 of 0 checks:[/] fewer than 20 innovations of any sensor')
+    sys.exit(0 if passed else 1)

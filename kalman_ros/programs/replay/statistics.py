@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Statistics of the readings and innovations of a replay, and checks of the filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan, sqrt
+
+import numpy as np
+from scipy.special import ndtri
+
+from kalman_ros.analysis.checks import MISS, Check
+from kalman_ros.bags.replayed import Replayed, SensorReplay
+from kalman_ros.core import Array, Space
+from kalman_ros.estimators.consistency import chi_square_bounds, independent, nees
+
+#: With fewer values nothing is checked.
+_LEAST = 20
+#: The longest lag of an autocorrelation.
+LAGS = 20
+
+
+@dataclass(frozen=True)
+class SensorStatistics:
+    """Numbers of one sensor.
+
+    Parameters
+    ----------
+    received, fused, rejected, dropped
+        How many readings; what could not be decoded is dropped, too.
+    rate
+        Readings a second.
+    gap
+        The longest time between two, in seconds.
+    delay, slowest
+        Seconds from the stamp to the reception: the median, and what 99 % stay below.
+    nis
+        The mean normalised innovation squared, divided by its expectation.
+    whiteness
+        The correlation of normalised innovations with the next ones.
+    count
+        The number of innovations.
+    """
+
+    received: int
+    fused: int
+    rejected: int
+    dropped: int
+    rate: float
+    gap: float
+    delay: float
+    slowest: float
+    nis: float
+    whiteness: float
+    count: int
+
+
+def statistics(sensor: SensorReplay) -> SensorStatistics:
+    """Return the numbers of a sensor."""
+    accepted = sensor.fused
+    rejected = sum(n for o, n in sensor.counts.items() if o.value.startswith('rejected'))
+    dropped = sum(n for o, n in sensor.counts.items() if o.value.startswith('dropped'))
+    intervals = np.diff(sensor.received)
+    duration = float(intervals.sum()) if len(intervals) else 0.0
+    delays = sensor.received - sensor.stamp
+    z = normalised_innovations(sensor)
+    nis = sensor.nis[np.isfinite(sensor.nis)]
+    return SensorStatistics(
+        received=len(sensor.nis) + sensor.undecodable,
+        fused=accepted,
+        rejected=rejected,
+        dropped=dropped + sensor.undecodable,
+        rate=len(intervals) / duration if duration > 0.0 else nan,
+        gap=float(intervals.max()) if len(intervals) else nan,
+        delay=float(np.median(delays)) if len(delays) else nan,
+        slowest=float(np.quantile(delays, 0.99)) if len(delays) else nan,
+        nis=float(nis.mean()) / sensor.value.shape[1] if len(nis) else nan,
+        whiteness=float(autocorrelation(z, 1)[0]) if len(z) > 1 else nan,
+        count=len(nis),
+    )
+
+
+def normalised_innovations(sensor: SensorReplay) -> Array:
+    """Return L^-1 v (M, m) of the innovations v that are finite, with S = L L'."""
+    use = np.isfinite(sensor.nis)
+    v, S = sensor.innovation[use], sensor.innovation_covariance[use]
+    if not len(v):
+        return np.asarray(v)
+    found = np.linalg.solve(np.linalg.cholesky(S), v[..., np.newaxis])
+    return np.asarray(found[..., 0])
+
+
+def autocorrelation(z: Array, lags: int) -> Array:
+    """Return the correlations (lags,) of vectors z (N, m) with those 1, 2, ... later."""
+    total = float(np.sum(z**2))
+    return np.array(
+        [np.sum(z[lag:] * z[:-lag]) / total if total else nan for lag in range(1, lags + 1)]
+    )
+
+
+def whiteness_bound(count: int, size: int, miss: float) -> float:
+    """Return the bound of the correlation of ``count`` white vectors (size,)."""
+    return float(-ndtri(miss / 2.0)) / sqrt(count * size)
+
+
+def plane(space: Space) -> tuple[int, int] | None:
+    """Return which coordinates are x and y in metres; None if there are none."""
+    where = {name: index for index, name in enumerate(space.names)}
+    if 'x' not in where or 'y' not in where:
+        return None
+    both = where['x'], where['y']
+    return both if all(space.units[index] == 'm' for index in both) else None
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Truth minus estimate where the truth is known.
+
+    Parameters
+    ----------
+    rms
+        Of each state (n,).
+    nees
+        The mean, divided by its expectation.
+    independent
+        The number of independent errors that are worth as much.
+    ate
+        The root mean square distance in the plane, in metres; NaN if there is none.
+    count
+        The number of beliefs with a truth.
+    """
+
+    rms: Array
+    nees: float
+    independent: float
+    ate: float
+    count: int
+
+
+def errors(replayed: Replayed) -> Errors | None:
+    """Return the errors of a replay; None without a truth at the times of the beliefs."""
+    if replayed.truth is None:
+        return None
+    space, beliefs = replayed.scenario.model.state, replayed.beliefs
+    truth = replayed.truth.at(replayed.scenario, beliefs.time)
+    known = np.isfinite(truth).all(axis=1)
+    if not known.any():
+        return None
+    error, P = space.subtract(truth[known], beliefs.mean[known]), beliefs.covariance[known]
+    both = plane(space)
+    try:
+        z = np.linalg.solve(np.linalg.cholesky(P), error[..., np.newaxis])[..., 0]
+        worth, mean = independent(z), float(np.mean(nees(error, P))) / space.size
+    except np.linalg.LinAlgError:
+        worth, mean = 1.0, nan
+    return Errors(
+        rms=np.sqrt(np.mean(error**2, axis=0)),
+        nees=mean,
+        independent=worth,
+        ate=nan if both is None else float(np.sqrt(np.mean(np.sum(error[:, both] ** 2, axis=1)))),
+        count=len(error),
+    )
+
+
+def checks(replayed: Replayed, found: Errors | None) -> list[Check]:
+    """Return whether innovations, and errors if the truth is known, are as they should be.
+
+    A consistent filter fails with at most the probability `MISS`, over all checks together.
+    """
+    numbers = {name: statistics(sensor) for name, sensor in replayed.sensors.items()}
+    enough = {name: each for name, each in numbers.items() if each.count >= _LEAST}
+    miss = MISS / max(1, 2 * len(enough) + (found is not None))
+    result = []
+    for name, each in enough.items():
+        k = replayed.sensors[name].value.shape[1]
+        low, high = chi_square_bounds(1.0, 2.0 / (k * each.count), miss)
+        result.append(_check(f'NIS of {name} / {k}', 1.0, each.nis, low, high))
+        bound = whiteness_bound(each.count, k, miss)
+        result.append(_check(f'whiteness of {name}', 0.0, each.whiteness, -bound, bound))
+    if found is not None:
+        n = replayed.scenario.model.state.size
+        low, high = chi_square_bounds(1.0, 2.0 / (n * found.independent), miss)
+        result.append(_check(f'NEES / {n}', 1.0, found.nees, low, high))
+    return result
+
+
+def _check(name: str, expected: float, measured: float, low: float, high: float) -> Check:
+    return Check(name, '', expected, measured, low, high, low <= measured <= high)
+
+
+def largest_change(replayed: Replayed) -> tuple[str, float, float, float] | None:
+    """Return where smoothing changed the estimate most, in standard deviations.
+
+    That is the state, the time in seconds, the change, and the change in standard deviations of
+    the filter; None if nothing was smoothed.
+    """
+    smoothed, beliefs = replayed.smoothed, replayed.beliefs
+    if smoothed is None or not len(smoothed.time) or not len(beliefs.time):
+        return None
+    order = np.argsort(beliefs.time, kind='stable')
+    times = beliefs.time[order]
+    at = np.clip(np.searchsorted(times, smoothed.time, side='right') - 1, 0, None)
+    which = order[at]
+    same = np.isclose(times[at], smoothed.time, rtol=0.0, atol=1e-9)
+    if not same.any():
+        return None
+    space = replayed.scenario.model.state
+    change = space.subtract(smoothed.mean[same], beliefs.mean[which[same]])
+    std = beliefs.std[which[same]]
+    sigmas = np.abs(change) / np.where(std > 0.0, std, np.inf)
+    row, column = np.unravel_index(int(np.argmax(sigmas)), sigmas.shape)
+    time, size = float(smoothed.time[same][row]), float(change[row, column])
+    return space.label(space.names[int(column)]), time, size, float(sigmas[row, column])

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of one run of the loop."""
+
+from __future__ import annotations
+
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from kalman_ros.analysis.bounds import posterior_cramer_rao
+from kalman_ros.analysis.verdict import nees_check
+from kalman_ros.core import Array
+from kalman_ros.scenario import Scenario
+from kalman_ros.simulation.trajectory import Trajectory
+
+from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, legend_below, picture
+
+SIGMAS = 3.0
+#: The length of the close-up of the states, in seconds.
+CLOSE_UP = 4.0
+#: The number of readings of a state in the overview.
+MOST_READINGS = 200
+
+
+def draw_all(scenario: Scenario, run: Trajectory, folder: Path) -> list[Path]:
+    """Draw every picture of a run into ``folder`` and return their paths."""
+    pictures = {
+        'overview.png': overview,
+        'states.png': states,
+        'errors.png': errors,
+        'innovations.png': innovations,
+    }
+    if scenario.model.input.size:
+        pictures['force.png'] = force
+    paths = []
+    for name, draw in pictures.items():
+        path = folder / name
+        draw(scenario, run, path)
+        paths.append(path)
+    return paths
+
+
+def _read_states(scenario: Scenario, run: Trajectory) -> dict[str, tuple[Array, Array]]:
+    """Return times and values for each state that a sensor measures directly."""
+    found = {}
+    for name, source in scenario.enabled.items():
+        series = run.readings[name]
+        for column, output in enumerate(source.sensor.output.names):
+            if output in scenario.model.state.names and len(series.time):
+                found[output] = (series.time, series.values[:, column])
+    return found
+
+
+def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
+    """Draw truth, readings and estimate with its band in a compact figure, two states per row."""
+    space, read = scenario.model.state, _read_states(scenario, run)
+    columns = min(2, space.size)
+    rows = ceil(space.size / columns)
+    with picture(path, rows, columns, (6.8, 1.2 * rows + 0.7)) as (figure, axes):
+        for index, (name, axis) in enumerate(zip(space.names, axes.flat)):
+            seen = read.get(name)
+            if seen is not None:  # no more than can be distinguished
+                step = ceil(len(seen[0]) / MOST_READINGS)
+                seen = seen[0][::step], seen[1][::step]
+            _state(axis, run, index, seen, wraps=name in space.angles)
+            axis.set_ylabel(space.label(name))
+            axis.set_ylim(*_limits(run.truth[:, index], seen))
+        for column in range(space.size % columns, columns if space.size % columns else 0):
+            axes[-1, column].set_axis_off()
+            axes[-2, column].tick_params(labelbottom=True)
+            axes[-2, column].set_xlabel('time [s]')
+        # without a measured state, the legend has no reading
+        first = next((axes.flat[i] for i, name in enumerate(space.names) if name in read), None)
+        legend_below(figure, axes[0, 0] if first is None else first)
+    if path is not None:
+        # for a page with many: a third of the size, without a visible difference
+        with Image.open(path) as image:
+            image.convert('RGB').quantize(48).save(path, optimize=True)
+    return axes
+
+
+def _state(
+    axis: Any, run: Trajectory, index: int, read: tuple[Array, Array] | None, *, wraps: bool
+) -> None:
+    """Draw truth, readings and estimate with its band of one state; an angle ``wraps``."""
+    mean, truth = run.estimate[:, index], run.truth[:, index]
+    if wraps:
+        mean, truth = _broken(mean), _broken(truth)
+    band = SIGMAS * np.sqrt(run.covariance[:, index, index])
+    if read is not None:
+        axis.plot(*read, '.', ms=2.0, color=READING, alpha=0.6, label='reading')
+    axis.fill_between(
+        run.time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
+        label=f'estimate, {SIGMAS:g} sigma',
+    )  # fmt: skip
+    axis.plot(run.time, mean, color=ESTIMATE, lw=1.0, label='estimate')
+    axis.plot(run.time, truth, color=TRUTH, lw=0.8, label='truth')
+
+
+def _broken(angle: Array) -> Array:
+    """Return an angle (N,) with a gap at each wrap."""
+    return np.where(np.abs(np.diff(angle, prepend=angle[0])) > np.pi, np.nan, angle)
+
+
+def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
+    """Draw truth, readings and estimate with its band, of every state."""
+    space = scenario.model.state
+    read = _read_states(scenario, run)
+    with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.6)) as (figure, axes):
+        for index, name in enumerate(space.names):
+            for axis in axes[index]:
+                _state(axis, run, index, read.get(name), wraps=name in space.angles)
+            axes[index, 0].set_ylabel(space.label(name))
+            axes[index, 0].set_ylim(*_limits(run.truth[:, index], read.get(name)))
+            late = run.time > run.time[-1] - CLOSE_UP
+            seen = read.get(name)
+            seen = None if seen is None else (seen[0], seen[1][seen[0] > run.time[-1] - CLOSE_UP])
+            axes[index, 1].set_ylim(*_limits(run.truth[late, index], seen))
+        axes[0, 0].set_title('Truth, readings and estimate')
+        axes[0, 1].set_title(f'The last {CLOSE_UP:g} s')
+        axes[0, 1].set_xlim(run.time[-1] - CLOSE_UP, run.time[-1])
+        legend_below(figure, axes[0, 0])
+    return axes
+
+
+def _limits(truth: Array, read: tuple[Array, Array] | None) -> tuple[float, float]:
+    """Return limits that contain the truth and nearly all of the readings."""
+    low, high = float(np.min(truth)), float(np.max(truth))
+    if read is not None and len(read[1]):
+        few, most = np.quantile(read[1], (0.001, 0.999))
+        low, high = min(low, float(few)), max(high, float(most))
+    margin = 0.08 * (high - low)
+    return low - margin, high + margin
+
+
+def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
+    """Draw the estimation error of every state inside its band."""
+    space = scenario.model.state
+    error = space.subtract(run.truth, run.estimate)
+    std = np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))
+    least = _least_std(scenario, run)
+    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6)) as (figure, axes):
+        for index, name in enumerate(space.names):
+            axis = axes[index, 0]
+            if least is not None:
+                axis.fill_between(
+                    run.time, -SIGMAS * least[:, index], SIGMAS * least[:, index],
+                    color=BOUND, alpha=0.35, lw=0, label=f'{SIGMAS:g} sigma at best (Cramér-Rao)',
+                )  # fmt: skip
+            axis.plot(run.time, error[:, index], color=TRUTH, lw=0.8, label='truth - estimate')
+            for sign in (-SIGMAS, SIGMAS):
+                axis.plot(
+                    run.time, sign * std[:, index], color=ESTIMATE, lw=1.0,
+                    label=f'{SIGMAS:g} sigma of the filter' if sign > 0 else None,
+                )  # fmt: skip
+            settled = SIGMAS * float(np.max(std[len(std) // 2 :, index]))
+            axis.set_ylim(-2.5 * settled, 2.5 * settled)
+            outside = float(np.mean(np.abs(error[:, index]) > SIGMAS * std[:, index]))
+            axis.set_title(f'{100 * outside:.2f}% outside', loc='right', fontweight='normal')
+            axis.set_ylabel(f'error of {space.label(name)}')
+        axes[0, 0].set_title('The error, and the band of the filter')
+        legend_below(figure, axes[0, 0])
+    return axes
+
+
+def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:
+    """Return the lower bound of the standard deviations (N, n) of any estimator on this path.
+
+    None where the filter itself reaches it, and where steps are missing. The bound omits the
+    expectation over paths, so on one path a filter may be better; the result is never above the
+    deviations of a consistent filter.
+    """
+    dt = scenario.plan.dt
+    if scenario.plan.linear or not np.allclose(np.diff(run.time), dt, atol=0.1 * dt):
+        return None
+    try:
+        bound = posterior_cramer_rao(scenario, run.truth, run.input, run.readings)
+    except np.linalg.LinAlgError:
+        return None
+    least = np.sqrt(bound.diagonal(axis1=1, axis2=2))
+    if not nees_check(scenario, run).passed:
+        return least
+    return np.minimum(least, np.sqrt(run.covariance.diagonal(axis1=1, axis2=2)))
+
+
+def innovations(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
+    """Draw the innovations of every sensor inside their bounds."""
+    rows = [
+        (name, column)
+        for name, source in scenario.enabled.items()
+        for column in range(source.sensor.output.size)
+        if len(run.innovations[name].time)
+    ]
+    with picture(path, len(rows), 1, (8.0, 1.5 * len(rows) + 0.6)) as (figure, axes):
+        for axis, (name, column) in zip(axes[:, 0], rows):
+            of = run.innovations[name]
+            output = scenario.sensors[name].sensor.output
+            axis.plot(of.time, of.values[:, column], '.', ms=2.0, color=TRUTH, label='innovation')
+            for sign in (-SIGMAS, SIGMAS):
+                axis.plot(
+                    of.time, sign * of.std[:, column], color=ESTIMATE, lw=1.0,
+                    label=f'{SIGMAS:g} sigma expected' if sign > 0 else None,
+                )  # fmt: skip
+            settled = SIGMAS * float(np.max(of.std[len(of.std) // 2 :, column]))
+            axis.set_ylim(-1.8 * settled, 1.8 * settled)
+            axis.set_ylabel(f'{name}\n{output.label(output.names[column])}')
+        axes[0, 0].set_title('Innovations and their expected width')
+        legend_below(figure, axes[0, 0])
+    return axes
+
+
+def force(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
+    """Draw the input from the controller."""
+    space = scenario.model.input
+    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.4)) as (_, axes):
+        for index, name in enumerate(space.names):
+            axes[index, 0].step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)
+            axes[index, 0].set_ylabel(space.label(name))
+        axes[0, 0].set_title('The input for each estimate')
+    return axes

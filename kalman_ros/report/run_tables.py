@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of checks for the terminal, and the same numbers as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, isnan
+from typing import Any
+
+from rich import box
+from rich.table import Table
+
+from kalman_ros.analysis.checks import Check
+
+
+def checks_table(title: str, checks: Sequence[Check]) -> Table:
+    """Return a table of theory and measurement."""
+    table = plain_table(title, ('theory', 'measured', 'allowed'))
+    table.add_column('', no_wrap=True)
+    table.columns[0].no_wrap = False  # on a narrow terminal names break, not numbers
+    for check in checks:
+        if isinstance(check.expected, complex) and check.expected.imag < 0.0:
+            continue  # its conjugate is shown
+        allowed = '' if isnan(check.low) else f'{check.low:.3g} to {check.high:.3g}'
+        verdict = '[green]ok[/]' if check.passed else '[bold red]FAILS[/]'
+        table.add_row(
+            f'{check.name} \\[{check.unit}]' if check.unit else check.name,
+            number(check.expected),
+            number(check.measured),
+            allowed,
+            verdict if allowed else '',
+        )
+    return table
+
+
+def verdict(checks: Sequence[Check], claim: str) -> str:
+    """Return the verdict: PASS or FAIL, the count, and the ``claim`` or the failed checks."""
+    counted = [check for check in checks if check.counts]
+    failed = [check.name for check in counted if not check.passed]
+    count = f'{len(counted) - len(failed)} of {len(counted)} checks'
+    if not failed:
+        return f'[green]PASS, {count}:[/] {claim}'
+    names = ', '.join(dict.fromkeys(failed))
+    return f'[bold red]FAIL, {count}:[/] theory and measurement disagree on {names}'
+
+
+def plain_table(title: str, columns: Sequence[str]) -> Table:
+    """Return an empty table: a column of names, and ``columns`` of numbers; '' for no title."""
+    table = Table(
+        title=title or None,
+        title_justify='left',
+        title_style='bold',
+        box=box.HORIZONTALS,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column('', no_wrap=True)
+    for column in columns:
+        table.add_column(column, justify='right', no_wrap=True)
+    return table
+
+
+def number(value: complex) -> str:
+    """Return a real number, or a complex pair, with four digits."""
+    if isinstance(value, complex):
+        if abs(value.imag) < 1e-9:
+            return f'{value.real:.2f}'
+        return f'{value.real:.2f} ± {abs(value.imag):.2f}j'
+    return '' if isnan(value) else f'{value:.4g}'
+
+
+def checks_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
+    """Return checks for ``summary.json``; a complex number is [real, imaginary]."""
+    return [
+        {
+            'name': check.name,
+            'unit': check.unit,
+            'theory': plain(check.expected),
+            'measured': plain(check.measured),
+            'low': plain(check.low),
+            'high': plain(check.high),
+            'passed': bool(check.passed),
+        }
+        for check in checks
+    ]
+
+
+def plain(value: complex) -> Any:
+    """Return a number for JSON: a complex one as a pair, one that is not finite as null."""
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    return float(value) if isfinite(value) else None

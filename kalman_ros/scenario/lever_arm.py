@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor off the centre of its body: an antenna on the roof, an IMU in the bumper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Hypotheses, Sensor, numerical_jacobian, vector
+
+from .body_roles import Body
+
+#: What a field reads, by its end.
+_POSITION, _VELOCITY, _ACCELERATION, _ANYWHERE = 'position', 'velocity', 'acceleration', ''
+_ENDS = {
+    **{f'position.{axis}': (_POSITION, i) for i, axis in enumerate('xyz')},
+    **{field: (_POSITION, i) for i, field in enumerate(('east', 'north', 'up'))},
+    **{f'linear.{axis}': (_VELOCITY, i) for i, axis in enumerate('xyz')},
+    **{f'linear_acceleration.{axis}': (_ACCELERATION, i) for i, axis in enumerate('xyz')},
+    **{f'angular.{axis}': (_ANYWHERE, i) for i, axis in enumerate('xyz')},
+    **{f'angular_velocity.{axis}': (_ANYWHERE, i) for i, axis in enumerate('xyz')},
+    **{f'orientation.{angle}': (_ANYWHERE, i) for i, angle in enumerate(('roll', 'pitch', 'yaw'))},
+}
+
+
+class LeverArm(Sensor):
+    """What another sensor reads at a place of the body that is not its centre.
+
+    With R the attitude, w the angular rate and l the lever arm, both in the axes of the body, the
+    position there is p + R l, the velocity v + w x l and the acceleration a + w x (w x l) (J. J.
+    Craig, Introduction to Robotics, sections 2.4, 5.6 and 6.2; without the angular acceleration,
+    which no state has).
+
+    Parameters
+    ----------
+    sensor
+        At the centre.
+    body
+        The roles of the states.
+    fields
+        What each coordinate reads, as a field of a message.
+    arm
+        The place, (3,) in m: forward, left, up.
+
+    Raises
+    ------
+    ValueError
+        If the state lacks the attitude or the rate that this takes.
+    """
+
+    def __init__(
+        self, sensor: Sensor, body: Body, fields: Sequence[str], arm: Sequence[float]
+    ) -> None:
+        self._at_centre, self._body = sensor, body
+        self._arm = vector('mount.translation', arm, 3)
+        self.output, self.covariance = sensor.output, sensor.covariance
+        self._effects = [_effect(field) for field in fields]
+        kinds = {kind for kind, _ in self._effects}
+        for kind, role in ((_POSITION, 'yaw'), (_VELOCITY, 'wz'), (_ACCELERATION, 'wz')):
+            if kind in kinds and role not in body.index:
+                what = 'heading (yaw)' if role == 'yaw' else 'yaw rate'
+                raise ValueError(
+                    f'mount.translation: a {kind} off the centre takes a state with a {what}'
+                )
+
+    def measure(self, x: Array) -> Array:
+        """Return the reading at the place."""
+        return np.asarray(self._at_centre.measure(x) + self._displacement(x))
+
+    def jacobian(self, x: Array) -> Array:
+        """Return that at the centre, and that of the displacement, by differences."""
+        return self._at_centre.jacobian(x) + numerical_jacobian(self._displacement, x)
+
+    def hypotheses(self, belief: Gaussian, y: Array, count: int) -> Hypotheses | None:
+        """Return None: one linearisation is used."""
+        return None
+
+    def _displacement(self, x: Array) -> Array:
+        """Return what the lever arm adds to each coordinate (..., k)."""
+        found: dict[str, Array] = {}
+        makers: dict[str, Callable[[Array], Array]] = {
+            _POSITION: self._moved, _VELOCITY: self._swung, _ACCELERATION: self._drawn,
+        }  # fmt: skip
+        columns = []
+        for kind, axis in self._effects:
+            if kind == _ANYWHERE:
+                columns.append(np.zeros(x.shape[:-1]))
+                continue
+            if kind not in found:
+                found[kind] = makers[kind](x)
+            columns.append(found[kind][..., axis])
+        return np.stack(columns, axis=-1)
+
+    def _role(self, x: Array, role: str) -> Array:
+        index = self._body.index.get(role)
+        return np.zeros(x.shape[:-1]) if index is None else x[..., index]
+
+    def _moved(self, x: Array) -> Array:
+        """Return R l; roll, pitch and yaw about the fixed axes x, y, z (REP-103)."""
+        roll, pitch, yaw = (self._role(x, angle) for angle in ('roll', 'pitch', 'yaw'))
+        a, b, c = self._arm
+        b, c = np.cos(roll) * b - np.sin(roll) * c, np.sin(roll) * b + np.cos(roll) * c
+        a, c = np.cos(pitch) * a + np.sin(pitch) * c, np.cos(pitch) * c - np.sin(pitch) * a
+        a, b = np.cos(yaw) * a - np.sin(yaw) * b, np.sin(yaw) * a + np.cos(yaw) * b
+        return np.stack((a, b, c), axis=-1)
+
+    def _rate(self, x: Array) -> Array:
+        return np.stack([self._role(x, f'w{axis}') for axis in 'xyz'], axis=-1)
+
+    def _swung(self, x: Array) -> Array:
+        """Return w x l."""
+        return np.cross(self._rate(x), self._arm)
+
+    def _drawn(self, x: Array) -> Array:
+        """Return w x (w x l)."""
+        rate = self._rate(x)
+        return np.cross(rate, np.cross(rate, self._arm))
+
+
+def _effect(field: str) -> tuple[str, int]:
+    for end, effect in _ENDS.items():
+        if field == end or field.endswith(f'.{end}'):
+            return effect
+    raise ValueError(f"mount.translation: nothing is known of a lever arm of '{field}'")

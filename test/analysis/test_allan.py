@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Allan deviation against published values, and noise whose parameters are known."""
+
+import numpy as np
+import pytest
+
+from kalman_ros.analysis.allan import allan, overlapping_variance
+
+
+def published():
+    """The 1000 points of NIST SP 1065, section 12.4: a linear congruential generator."""
+    state, found = 1234567890, []
+    for _ in range(1000):
+        found.append(state / 2147483647)
+        state = 16807 * state % 2147483647
+    return np.array(found)
+
+
+def test_the_test_set_of_nist():
+    """SP 1065, table 31: the overlapping Allan deviation at averaging factors 1, 10 and 100."""
+    values = published()
+    assert values.mean() == pytest.approx(4.897745e-1, rel=1e-6)
+    found = np.sqrt(overlapping_variance(values, np.array([1, 10, 100])))
+    np.testing.assert_allclose(found, [2.922319e-1, 9.159953e-2, 3.241343e-2], rtol=2e-7)
+
+
+def noise(rng, count, period, density, walk):
+    white = rng.normal(0.0, density / np.sqrt(period), count)
+    return white + np.cumsum(rng.normal(0.0, walk * np.sqrt(period), count))
+
+
+def flicker(rng, count, level):
+    """Noise with a spectrum of level^2 / (2 pi f), shaped in the frequency domain."""
+    frequency = np.fft.rfftfreq(2 * count)
+    spectrum = np.fft.rfft(rng.normal(size=2 * count))
+    spectrum[1:] /= np.sqrt(2.0 * np.pi * frequency[1:])
+    spectrum[0] = 0.0
+    return level * np.fft.irfft(spectrum)[:count]
+
+
+@pytest.mark.slow
+def test_the_intervals_cover_what_the_noise_was_made_of():
+    """About 95 in 100 would; neighbouring averaging times share their data."""
+    density, walk, period = 0.01, 0.004, 0.01
+    covered = np.zeros(2)
+    for seed in range(60):
+        found = allan(noise(np.random.default_rng(seed), 30_000, period, density, walk), period)
+        assert found.density.determined
+        for index, (true, each) in enumerate(
+            ((density, found.density), (walk, found.random_walk))
+        ):
+            covered[index] += each.low <= true <= each.high
+    assert (covered >= 0.85 * 60).all(), covered
+
+
+@pytest.mark.slow
+def test_a_flat_part_is_the_bias_instability():
+    period, level = 0.01, 0.002
+    rng = np.random.default_rng(1)
+    values = flicker(rng, 400_000, level) + rng.normal(0.0, 0.001 / np.sqrt(period), 400_000)
+    found = allan(values, period)
+    assert found.instability.determined
+    assert found.instability.low < level < found.instability.high
+    assert found.instability.value == pytest.approx(level, rel=0.15)
+    assert found.needed() == found.duration == pytest.approx(4000.0)
+
+
+def test_what_a_short_recording_does_not_tell_is_not_told():
+    found = allan(np.random.default_rng(2).normal(0.0, 0.1, 3000), 0.01)
+    assert found.density.value == pytest.approx(0.01, rel=0.1)
+    assert not found.instability.determined
+    assert not found.random_walk.determined
+    assert found.needed() > found.duration
+
+
+@pytest.mark.parametrize(
+    ('values', 'message'),
+    [
+        (np.zeros(99), 'at least 100 readings, got 99'),
+        (np.full(200, np.nan), 'finite'),
+        (np.full(200, 9.81), 'all readings are equal'),
+    ],
+)
+def test_what_has_no_deviation_is_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        allan(values, 0.01)

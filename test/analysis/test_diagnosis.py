@@ -1,0 +1,112 @@
+"""Causes are found in recordings with one thing wrong, and nothing in clean ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kalman_ros.analysis.diagnosis.diagnose import diagnose
+from kalman_ros.analysis.diagnosis.evidence import misfit
+from kalman_ros.programs.doctor.recordings import (
+    Injection,
+    recorded,
+    stamps_of,
+    values_of,
+)
+
+pytestmark = pytest.mark.slow
+
+SCENARIO = 'mass_spring_damper'
+
+
+def found_in(injection, seconds=12.0, seed=5, scenario=SCENARIO):
+    return diagnose(recorded(scenario, injection, seconds, seed, online=False)).findings
+
+
+def rounded(y):
+    return np.round(y / 0.2) * 0.2
+
+
+FAULTS = {
+    'losses': Injection({'position': {'dropout': 0.3}}),
+    'losses in bursts': Injection({'velocity': {'burst_loss': 0.03, 'burst_length': 12.0}}),
+    'delay': Injection({'position': {'delay': 0.1}}),
+    'jitter': Injection({'velocity': {'jitter': 0.1}}),
+    'stamps duplicated': Injection({'position': {'duplication': 0.1}}),
+    'stamps backward': Injection({'position': {'reordering': 0.05}}),
+    'not a number': Injection({'position': {'nan': 0.1}}),
+    'frozen': Injection({'position': {'freeze': True, 'fault_window': [4.0, 6.0]}}),
+    'outliers': Injection({'position': {'outliers': 0.05}}),
+    'bias': Injection({'position': {'bias': [0.5]}}),
+    'sign': Injection(edits={'velocity': values_of(lambda y: -y)}),
+    'unit': Injection(edits={'position': values_of(lambda y: 1000.0 * y)}),
+    'clock offset': Injection(edits={'velocity': stamps_of(lambda t: t + 0.3)}),
+    'clock drift': Injection(edits={'velocity': stamps_of(lambda t: t + 2e-3 * (t - 1000.0))}),
+    'stamps zero': Injection(edits={'position': stamps_of(lambda t: 0.0 * t)}),
+    'quantised': Injection(edits={'position': values_of(rounded)}),
+    'noise too small': Injection(plant={'position.noise': [0.25]}),
+    'noise too large': Injection(estimator={'velocity.noise': [2.0]}),
+    'process noise too small': Injection(plant={'model_parameters.force_noise': 3.0}),
+    'process noise too large': Injection(estimator={'model_parameters.force_noise': 5.0}),
+    'first belief too narrow': Injection(estimator={'initial_std': [0.03, 0.05]}),
+    'disturbance': Injection(body={'disturbance_amplitude': [1.5], 'disturbance_frequency': 0.9}),
+}
+
+
+@pytest.mark.parametrize('kind', FAULTS)
+def test_the_right_cause_comes_first(kind):
+    findings = found_in(FAULTS[kind])
+    assert findings, 'nothing was found'
+    assert findings[0].kind == kind, [(f.kind, f.subject, f.gain) for f in findings]
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_nothing_is_found_in_a_clean_recording(seed):
+    assert found_in(None, seconds=8.0, seed=seed) == ()
+
+
+def test_two_faults_are_both_found():
+    both = FAULTS['outliers'] + FAULTS['clock offset']
+    kinds = [finding.kind for finding in found_in(both)]
+    assert {'outliers', 'clock offset'} <= set(kinds[:4])
+
+
+def test_the_proof_is_a_replay_with_the_change():
+    evidence = recorded(SCENARIO, FAULTS['noise too small'], 12.0, 5)
+    first = diagnose(evidence).findings[0]
+    gain = misfit(evidence) - misfit(evidence.rerun(first.change))
+    assert first.proof == pytest.approx(gain)
+    assert gain > 100.0
+    assert first.change['position.noise'][0] == pytest.approx(0.25, rel=0.2)
+
+
+def test_shares_add_up():
+    findings = found_in(FAULTS['outliers'] + FAULTS['sign'])
+    assert sum(finding.share for finding in findings) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize('value', [0.0, -1.0, 1e9])
+def test_covariances_that_cannot_be_meant(value):
+    def edit(readings):
+        R = np.full((len(readings.value), 1, 1), value)
+        return replace(readings, covariance=R)
+
+    findings = found_in(Injection(edits={'position': edit}), seconds=6.0)
+    kind = {0.0: 'covariance zero', -1.0: 'covariance negative', 1e9: 'covariance absurd'}[value]
+    assert kind in [finding.kind for finding in findings]
+    change = next(finding.change for finding in findings if finding.kind == kind)
+    assert change == {'position.covariance_from': 'configuration'}
+
+
+def test_states_that_nothing_observes_are_notes():
+    found = diagnose(recorded('diff_drive', None, 8.0, 2, online=False))
+    assert found.findings == ()
+    assert [note.subject for note in found.notes] == ['x', 'y', 'psi']
+
+
+def test_a_sensor_without_readings():
+    def nothing(readings):
+        return replace(readings, received=np.zeros(0), stamp=np.zeros(0), value=np.zeros((0, 1)))
+
+    findings = found_in(Injection(edits={'velocity': nothing}), seconds=6.0)
+    assert ('no readings', 'velocity') in [(f.kind, f.subject) for f in findings]

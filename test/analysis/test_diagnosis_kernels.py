@@ -1,0 +1,144 @@
+"""What the diagnosis computes with, against brute force."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kalman_ros.analysis.diagnosis.array_replay import replay
+from kalman_ros.analysis.diagnosis.bias import courses_of
+from kalman_ros.analysis.diagnosis.evidence import misfit
+from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.passage import explained, gated, passage
+from kalman_ros.analysis.diagnosis.quantisation import grid
+from kalman_ros.analysis.diagnosis.refilter import misfits
+from kalman_ros.analysis.diagnosis.responses import Responses, fitted
+from kalman_ros.analysis.diagnosis.stamps import slope
+from kalman_ros.programs.doctor.recordings import recorded
+
+SCENARIO = 'mass_spring_damper'
+
+
+@pytest.fixture(scope='module')
+def case():
+    return Examination(recorded(SCENARIO, seconds=6.0, seed=4, online=False))
+
+
+def shifted(evidence, name, offset):
+    record = evidence.sensors[name]
+    return evidence.with_sensor(name, replace(record, value=record.value + offset))
+
+
+def test_a_pass_in_order_has_the_innovations_of_the_online_estimator(case):
+    """As long as readings are received in the order of their stamps, and of the sensors."""
+    readings = {
+        name: (record.stamp + 1e-6 * order, record.stamp, record.value, None)
+        for order, (name, record) in enumerate(case.evidence.sensors.items(), start=1)
+    }
+    inputs = replace(case.evidence.inputs, received=case.evidence.inputs.stamp + 1e-5)
+    online = replay(case.evidence.parameters, readings, inputs)
+    for name, record in online.sensors.items():
+        events = [case.passage.events[i] for i in case.passage.of(name)]
+        order = [event.index for event in events]
+        np.testing.assert_allclose(
+            [event.innovation for event in events], record.innovation[order], atol=1e-6
+        )
+    assert case.passage.misfit == pytest.approx(misfit(online), rel=1e-6)
+
+
+def test_responses_predict_what_a_bias_does(case):
+    """Of a linear system the first order is all: the gain is exact."""
+    after = passage(shifted(case.evidence, 'position', -0.07))
+    columns = case.responses.columns('offset', 'position', '0')
+    g = case.responses.gradient[columns].sum()
+    M = case.responses.information[np.ix_(columns, columns)].sum()
+    expected = 2.0 * 0.07 * g - 0.07**2 * M
+    assert explained(case.passage, after) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_responses_predict_what_an_input_does(case):
+    inputs = case.evidence.inputs
+    more = replace(case.evidence, inputs=replace(inputs, value=1.1 * inputs.value))
+    (column,) = case.responses.columns('gain', 'f')
+    g, M = case.responses.gradient[column], case.responses.information[column, column]
+    expected = 2.0 * 0.1 * g - 0.1**2 * M
+    # the input is held within steps, which the response takes to first order in their length
+    assert explained(case.passage, passage(more)) == pytest.approx(expected, rel=0.02, abs=0.5)
+
+
+@pytest.mark.parametrize('label', [('position', '0'), ('velocity', '0'), ('force_noise',)])
+def test_scores_are_the_derivative_of_the_likelihood(case, label):
+    h = 1e-3
+    index = case.scores.labels.index(label)
+
+    def at(log):
+        evidence = case.evidence
+        if len(label) == 1:
+            return passage(evidence.adopting({'model_parameters.force_noise': 0.1 * np.exp(log)}))
+        record = evidence.sensors[label[0]]
+        record = replace(record, covariance=record.covariance * np.exp(log))
+        return passage(evidence.with_sensor(label[0], record))
+
+    # process noise is taken to first order in the length of a step
+    slope = -0.5 * (at(h).misfit - at(-h).misfit) / (2.0 * h)
+    assert case.scores.gradient[index] == pytest.approx(slope, rel=1e-2, abs=1e-2)
+
+
+def test_another_noise_has_the_likelihood_of_its_own_pass(case):
+    labels = case.scores.labels
+    candidates = np.zeros((2, len(labels)))
+    candidates[1, labels.index(('position', '0'))] = np.log(9.0)
+    found = misfits(case.passage, labels, candidates, case.densities, most=10_000)
+    own = passage(case.evidence.adopting({'position.noise': [0.15]}))
+    assert found[0] == pytest.approx(case.passage.misfit, rel=1e-9)
+    assert found[1] == pytest.approx(own.misfit, rel=1e-6)
+
+
+def test_a_gate_lists_what_is_far(case):
+    record = case.evidence.sensors['position']
+    value = record.value.copy()
+    value[[20, 50, 70]] += 3.0
+    spoilt = case.evidence.with_sensor('position', replace(record, value=value))
+    far = gated(spoilt, 'position', 25)
+    assert far.tolist() == [20, 50, 70]
+
+
+def test_directions_without_information_stay_at_zero():
+    fit = fitted(np.array([2.0, 0.0]), np.diag([4.0, 0.0]))
+    np.testing.assert_allclose(fit.size, [0.5, 0.0])
+    assert fit.gain == pytest.approx(1.0)
+
+
+def course(values, std=1.0):
+    """Return the kind of course that is found in pieces with these values."""
+    B = len(values)
+    information = np.eye(B) / std**2
+    labels = [('offset', 's', '0', str(b)) for b in range(B)]
+    found = Responses(labels, information @ np.asarray(values), information)
+    courses = courses_of(found, {0: list(range(B))})
+    return courses[0].kind if courses else 'none'
+
+
+def test_courses_are_told_apart():
+    rng = np.random.default_rng(3)
+    t = np.arange(30)
+    noise = rng.standard_normal(30)
+    assert course(noise) == 'none'
+    assert course(5.0 + noise) == 'constant'
+    assert course(0.5 * t + noise) == 'ramp'
+    assert course(9.0 * (t > 12) + noise) == 'step'
+    assert course(4.0 * np.cumsum(rng.standard_normal(30)) + noise) == 'walk'
+
+
+def test_the_step_of_quantised_values():
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal(500)
+    assert grid(values) is None
+    assert grid(np.round(values / 0.3) * 0.3) == pytest.approx(0.3)
+
+
+def test_a_slope_is_not_moved_by_outliers():
+    t = np.arange(100.0)
+    y = 2.0 * t
+    y[::7] += 1e4
+    assert slope(t, y) == pytest.approx(2.0)

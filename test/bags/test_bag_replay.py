@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A replay does what the estimator does with the same messages, however they arrived."""
+
+import hashlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.serialization import serialize_message
+
+import kalman_ros as kr
+from kalman_ros.bags import columns
+from kalman_ros.bags.columns import Rows
+from kalman_ros.bags.reading import Bag
+from kalman_ros.bags.recording_writer import RecordingWriter
+from kalman_ros.bags.replay import estimator_settings, replay, replay_bag
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.programs.bench.replays import parameters, record
+from kalman_ros.programs.replay import statistics
+
+GYRO = ['angular_velocity.x', 'angular_velocity.y']
+START = 1_700_000_000_000_000_000
+VALUES = {**parameters(4, 2, 'kf', 100.0), 'input.topic': 'input'}
+
+
+def wire(signal, time, *values):
+    return bytes(serialize_message(SignalCodec(signal).encode(time, *values)))
+
+
+def recorded(folder, arrivals, values=VALUES, extra=()):
+    """Write readings and inputs, each (received, stamp, source, values), and return the folder."""
+    scenario = estimator_settings(values).scenario
+    with RecordingWriter(folder) as writer:
+        writer.add('/y', 'sensor_msgs/msg/JointState')
+        writer.add('/input', 'std_msgs/msg/Float64MultiArray')
+        for received, stamp, source, numbers in arrivals:
+            signal = scenario.input if source is None else scenario.sensors[source].signal
+            topic = f'/{signal.topic}'
+            writer.write(topic, START + received, wire(signal, START + stamp, np.array(numbers)))
+        for topic, received, data in extra:
+            writer.write(topic, START + received, data)
+    return folder
+
+
+#: As they are received: late, doubled, from the future, not finite, older than the window.
+ARRIVALS = [
+    (10**7, 10**7, 'y', [0.1, 0.2]),
+    (2 * 10**7, 2 * 10**7, None, [0.5]),
+    (4 * 10**7, 4 * 10**7, 'y', [0.2, 0.3]),
+    (5 * 10**7, 3 * 10**7, 'y', [0.3, 0.1]),
+    (5 * 10**7 + 1, 3 * 10**7, 'y', [0.3, 0.1]),
+    (6 * 10**7, 9 * 10**9, 'y', [0.0, 0.0]),
+    (7 * 10**7, 7 * 10**7, 'y', [np.nan, 0.0]),
+    (2 * 10**9, 2 * 10**9, 'y', [0.1, 0.1]),
+    (2 * 10**9 + 10**7, 10**7, 'y', [0.0, 0.0]),
+]
+
+
+def test_it_is_the_online_estimator_fed_in_the_order_of_reception(tmp_path):
+    found = replay(recorded(tmp_path / 'a', ARRIVALS), VALUES)
+    online = estimator_settings(VALUES).estimator()
+    outcomes, means = [], []
+    for received, stamp, source, numbers in ARRIVALS:
+        now, time = START + received, START + stamp
+        if source is None:
+            online.add_input(now, np.array(numbers), now)  # the message has no stamp
+            continue
+        outcome, correction = online.add_reading(source, time, np.array(numbers), None, now)
+        outcomes.append(outcome.name)
+        if correction is not None:
+            means.append(online.belief.mean)
+    y = found.sensors['y']
+    assert list(y.outcome) == outcomes
+    assert {'FUSED', 'DUPLICATE', 'FUTURE', 'NOT_FINITE', 'TOO_OLD'} == set(outcomes)
+    assert dict(y.counts) == dict(online.counts['y'])
+    np.testing.assert_array_equal(found.beliefs.mean, means)
+    np.testing.assert_array_equal(found.beliefs.covariance[-1], online.belief.covariance)
+    readings = [each for each in ARRIVALS if each[2]]
+    offset = 1e-9 * (START - found.start)
+    np.testing.assert_allclose(y.received, [r * 1e-9 + offset for r, *_ in readings], atol=1e-6)
+    np.testing.assert_allclose(y.stamp, [s * 1e-9 + offset for _, s, *_ in readings], atol=1e-6)
+    np.testing.assert_array_equal(found.inputs.value, [[0.5]])
+    assert np.isnan(y.innovation[y.outcome == 'FUTURE']).all()
+    assert np.isfinite(y.innovation[y.outcome == 'FUSED']).all()
+
+
+def test_messages_that_are_none_are_counted(tmp_path):
+    broken = [('/y', 3 * 10**7, b'\0\1\0\0xx'), ('/y', 4 * 10**7, bytes(2_000_000))]
+    found = replay(recorded(tmp_path / 'a', ARRIVALS[:1], extra=broken), VALUES)
+    assert found.sensors['y'].undecodable == 2
+    assert found.sensors['y'].fused == 1
+
+
+def test_a_part_of_the_recording(tmp_path):
+    record(tmp_path / 'a', VALUES, 2.0)
+    found = replay(tmp_path / 'a', VALUES, start=0.5, end=1.0)
+    assert len(found.sensors['y'].stamp) == 51
+    assert found.sensors['y'].received[0] == pytest.approx(0.5)
+    for wrong in ((1.0, 1.0), (-1.0, 2.0)):
+        with pytest.raises(ValueError, match='start, end: expected 0 <= start < end'):
+            replay(tmp_path / 'a', VALUES, start=wrong[0], end=wrong[1])
+
+
+def test_estimates_at_a_rate_are_predictions(tmp_path):
+    found = replay(recorded(tmp_path / 'a', ARRIVALS[:3]), {**VALUES, 'publish_rate': 1000.0})
+    time = found.beliefs.time
+    assert len(time) == 21
+    np.testing.assert_allclose(np.diff(time), 1e-3, atol=1e-6)
+
+
+def test_smoothing_uses_later_readings_and_says_where_it_matters(tmp_path):
+    record(tmp_path / 'a', VALUES, 4.0)
+    found = replay(tmp_path / 'a', VALUES, smooth=True)
+    smoothed, beliefs = found.smoothed, found.beliefs
+    np.testing.assert_allclose(smoothed.time, beliefs.time, atol=1e-9)
+    # the last knows of no later one; all others are no less certain
+    np.testing.assert_array_equal(smoothed.mean[-1], beliefs.mean[-1])
+    assert (smoothed.std <= beliefs.std + 1e-12).all()
+    assert smoothed.std[200, 0] < 0.9 * beliefs.std[200, 0]
+    label, time, size, sigmas = statistics.largest_change(found)
+    row = np.argmin(np.abs(smoothed.time - time))
+    change = (smoothed.mean - beliefs.mean)[row]
+    assert size in change
+    assert sigmas == pytest.approx(np.max(np.abs(smoothed.mean - beliefs.mean) / beliefs.std))
+    assert label in [found.scenario.model.state.label(name) for name in ('x0', 'x1', 'x2', 'x3')]
+
+
+def test_a_filter_that_has_no_smoother_says_so(tmp_path):
+    record(tmp_path / 'a', VALUES, 1.0)
+    with pytest.raises(ValueError, match='filter: expected the beliefs of one of'):
+        replay(tmp_path / 'a', {**VALUES, 'filter': 'steady_state'}, smooth=True)
+
+
+def test_a_truth_gives_errors(tmp_path):
+    scenario = estimator_settings(VALUES).scenario
+    extra = [
+        ('/truth', stamp, wire(scenario.state, START + stamp, np.full(4, stamp * 1e-7)))
+        for stamp in (0, 10**8)
+    ]
+    with pytest.raises(ValueError, match=r'truth: the recording has no topic /truth'):
+        replay(recorded(tmp_path / 'a', ARRIVALS[:4]), VALUES, truth='truth')
+    with RecordingWriter(tmp_path / 'b') as writer:
+        writer.add('/truth', 'sensor_msgs/msg/JointState')
+        writer.add('/y', 'sensor_msgs/msg/JointState')
+        for topic, received, data in extra:
+            writer.write(topic, START + received, data)
+        for message in Bag(tmp_path / 'a').messages(['/y']):
+            writer.write(*(message.topic, message.time, message.data))
+    found = replay(tmp_path / 'b', VALUES, truth='truth')
+    truth = found.truth.at(found.scenario, found.beliefs.time)
+    offset = 1e-9 * (found.start - START)
+    expected = np.tile(((found.beliefs.time + offset) * 100.0)[:, np.newaxis], 4)
+    np.testing.assert_allclose(truth, expected, rtol=1e-6)
+    errors = statistics.errors(found)
+    wanted = np.sqrt(np.mean((truth - found.beliefs.mean) ** 2, axis=0))
+    np.testing.assert_allclose(errors.rms, wanted)
+    assert errors.nees > 10.0  # it is wrong, and sure of it
+
+
+def test_a_consistent_filter_passes_and_one_that_is_sure_of_itself_fails(tmp_path):
+    record(tmp_path / 'a', VALUES, 20.0)
+    good = statistics.checks(replay(tmp_path / 'a', VALUES), None)
+    assert [check.name for check in good] == ['NIS of y / 2', 'whiteness of y']
+    assert all(check.passed for check in good)
+    bad = replay(tmp_path / 'a', {**VALUES, 'y.noise': [0.25, 0.25]})
+    assert not statistics.checks(bad, None)[0].passed
+    stiff = {**VALUES, 'model_parameters.noise_density': [1e-6] * 4}
+    slow = statistics.checks(replay(tmp_path / 'a', stiff), None)
+    assert not slow[1].passed
+
+
+def test_what_it_lacks_is_said_in_a_line_with_what_there_is(tmp_path):
+    recorded(tmp_path / 'a', ARRIVALS)
+    with pytest.raises(ValueError) as caught:
+        replay(tmp_path / 'a', 'gnss_imu')
+    assert str(caught.value).startswith('sensor gnss: the recording has no topic /')
+    assert str(caught.value).endswith('; recorded are /input, /y')
+    with pytest.raises(ValueError, match='sensor y: expected sensor_msgs/msg/Imu on /y, recorded'):
+        replay(tmp_path / 'a', {**VALUES, 'y.type': 'sensor_msgs/Imu', 'y.fields': GYRO})
+    with pytest.raises(ValueError, match='unknown parameter'):
+        replay(tmp_path / 'a', {**VALUES, 'wheels': 4})
+    with pytest.raises(ValueError, match="unknown scenario 'robot'"):
+        replay(tmp_path / 'a', 'robot')
+
+
+def test_a_topic_with_two_types_is_refused_and_one_of_no_use_is_not(tmp_path):
+    with RecordingWriter(tmp_path / 'a') as writer:
+        writer.add('/y', 'sensor_msgs/msg/JointState')
+        writer.add('/strange', 'my_robot/msg/Gripper')
+        writer.write('/strange', START, b'\0\1\0\0')
+    with RecordingWriter(tmp_path / 'b') as writer:
+        writer.add('/y', 'sensor_msgs/msg/Imu')
+        writer.write('/y', START, b'\0\1\0\0')
+    (tmp_path / 'both').mkdir()
+    for file in tmp_path.glob('[ab]/*.mcap'):
+        file.rename(tmp_path / 'both' / file.name)
+    with pytest.raises(ValueError, match='recorded is sensor_msgs/msg/Imu and sensor_msgs/msg/J'):
+        replay(tmp_path / 'both', VALUES)
+
+
+def test_without_its_input_a_recording_is_replayed_and_a_note_says_so(tmp_path):
+    record(tmp_path / 'a', VALUES, 1.0)
+    found = replay(tmp_path / 'a', VALUES)
+    assert found.notes == ('The recording has no input /input: it is taken to be idle.',)
+
+
+def test_an_interrupted_replay_leaves_complete_files(tmp_path):
+    record(tmp_path / 'a', VALUES, 20.0)
+
+    def interrupt(done):
+        if done > 5.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(tmp_path / 'a', VALUES, out=tmp_path / 'out', progress=interrupt)
+    bag = Bag(tmp_path / 'out')
+    assert not bag.damage
+    assert len(list(bag.messages(['/estimate']))) > 500
+    assert bag.topics['/estimate/covariance'] == {'std_msgs/msg/Float64MultiArray'}
+
+
+def test_a_recording_is_not_replaced_by_its_replay(tmp_path):
+    folder = tmp_path / 'a'
+    record(folder, VALUES, 1.0)
+    for source in (folder, next(folder.glob('*.mcap'))):
+        with pytest.raises(ValueError, match='out: expected another folder'):
+            replay(source, VALUES, out=folder)
+    assert len(list(Bag(folder).messages(['/y']))) == 100
+
+
+def test_initialpose_is_a_reset(tmp_path):
+    message = PoseWithCovarianceStamped()
+    message.pose.pose.position.x = 5.0
+    message.pose.covariance[:] = (1e-6 * np.eye(6)).ravel()
+    scenario = estimator_settings('mass_spring_damper_2d').scenario
+    source = scenario.sensors['position']
+    with RecordingWriter(tmp_path / 'a') as writer:
+        for name, topic in (('position', '/position'), ('velocity', '/velocity')):
+            kind = scenario.sensors[name].signal.type.replace('/', '/msg/')
+            writer.add(topic, kind)
+        writer.add('/initialpose', 'geometry_msgs/msg/PoseWithCovarianceStamped')
+        y, R = np.array([1.0, 1.0]), 1e4 * np.eye(2)
+        for k in (0, 2):
+            time = START + k * 10**7
+            writer.write('/position', time, wire(source.signal, time, y, R))
+        writer.write('/initialpose', START + 10**7, bytes(serialize_message(message)))
+    found = replay(tmp_path / 'a', 'mass_spring_damper_2d')
+    x = found.scenario.model.state.names.index('x')
+    assert abs(found.beliefs.mean[0, x]) < 0.5
+    assert found.beliefs.mean[1, x] == pytest.approx(5.0, abs=1e-3)
+
+
+def test_the_name_at_the_front_door_is_the_same(tmp_path):
+    assert kr.replay is replay
+
+
+def test_rows_beyond_a_size_are_on_disk(monkeypatch):
+    monkeypatch.setattr(columns, '_MOST', 1000)
+    rows = Rows(a=(1,), b=(2, 2))
+    for k in range(500):
+        rows.append(np.array([float(k)]), None if k % 2 else np.full((2, 2), float(k)))
+        assert len(rows._rows) <= 1000
+    found = rows.columns()
+    np.testing.assert_array_equal(found['a'][:, 0], np.arange(500.0))
+    assert np.isnan(found['b'][1::2]).all()
+    np.testing.assert_array_equal(found['b'][::2, 1, 0], np.arange(0.0, 500.0, 2.0))
+
+
+def digest(found):
+    whole = hashlib.sha256()
+    for array in (found.beliefs.time, found.beliefs.mean, found.beliefs.covariance):
+        whole.update(np.ascontiguousarray(array).tobytes())
+    whole.update(np.ascontiguousarray(found.sensors['y'].innovation).tobytes())
+    return whole.hexdigest()
+
+
+@pytest.mark.slow
+def test_a_hundred_replays_beside_busy_processes_have_one_hash(tmp_path):
+    record(tmp_path / 'a', VALUES, 0.3)
+    bag, settings = Bag(tmp_path / 'a'), estimator_settings(VALUES)
+    busy = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(8)]
+    try:
+        found = {digest(replay_bag(bag, settings)) for _ in range(100)}
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+    assert len(found) == 1

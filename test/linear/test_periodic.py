@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from kalman_ros.core import DesignError
+from kalman_ros.linear.periodic import Phase, Readings, periodic_filter, updated
+
+F, Q = np.array([[1.0, 0.1], [-0.2, 0.9]]), np.diag([0.01, 0.2])
+POSITION = Readings(np.array([[1.0, 0.0]]), np.array([[0.04]]))
+SPEED = Readings(np.array([[0.0, 1.0]]), np.array([[0.3]]))
+BOTH = Readings(np.eye(2), np.diag([0.04, 0.3]))
+NONE = Readings(np.zeros((0, 2)), np.zeros((0, 0)))
+
+
+def test_one_phase_is_the_algebraic_equation():
+    found = periodic_filter([Phase(F, Q, POSITION)])
+    P = solve_discrete_are(F.T, POSITION.C.T, Q, POSITION.R)
+    np.testing.assert_allclose(found.prior[0], P, rtol=1e-9)
+
+
+def test_a_reading_every_third_step_is_the_algebraic_equation_of_three_steps():
+    found = periodic_filter([Phase(F, Q, NONE), Phase(F, Q, NONE), Phase(F, Q, POSITION)])
+    F_3, Q_3 = F @ F @ F, Q + F @ Q @ F.T + F @ F @ Q @ F.T @ F.T
+    P = solve_discrete_are(F_3.T, POSITION.C.T, Q_3, POSITION.R)
+    np.testing.assert_allclose(found.prior[-1], P, rtol=1e-9)
+    assert [L.shape for L in found.gains] == [(2, 0), (2, 0), (2, 1)]
+
+
+def test_sensors_in_turn_leave_the_same_error_as_both_together():
+    still = np.eye(2), np.zeros((2, 2))
+    turns = periodic_filter([Phase(F, Q, POSITION), Phase(*still, SPEED)])
+    together = periodic_filter([Phase(F, Q, BOTH)])
+    np.testing.assert_allclose(turns.posterior[-1], together.posterior[0], rtol=1e-9)
+
+
+def test_the_solution_repeats_after_a_period():
+    phases = [Phase(F, Q, POSITION), Phase(F, 3.0 * Q, NONE), Phase(F, Q, BOTH)]
+    found = periodic_filter(phases)
+    P = found.posterior[-1]
+    for phase, expected in zip(phases, found.posterior):
+        _, P = updated(phase.F @ P @ phase.F.T + phase.Q, phase.readings)
+        np.testing.assert_allclose(P, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize('growth', [1.0, 1.5])
+def test_what_no_reading_sees_has_no_steady_state(growth):
+    unseen = Phase(np.diag([0.5, growth]), np.eye(2), POSITION)
+    with pytest.raises(DesignError, match='no steady state'):
+        periodic_filter([unseen], periods=2000)
+
+
+def test_what_is_known_exactly_settles_at_zero():
+    still = periodic_filter([Phase(np.diag([0.5, 0.5]), np.zeros((2, 2)), NONE)])
+    assert still.posterior.max() < 1e-20

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which covariance of a reading is used: that of the message, or that of the configuration."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from kalman_ros import scenario
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireWriter
+from kalman_ros.pipeline.reading_reader import ReadingReader
+
+CONFIGURED = 0.05**2
+
+
+@pytest.mark.parametrize(
+    ('policy', 'carried', 'used'),
+    [
+        ('message', 0.1 * CONFIGURED, 0.1 * CONFIGURED),
+        ('message', 10.0 * CONFIGURED, 10.0 * CONFIGURED),
+        ('configuration', 0.1 * CONFIGURED, None),
+        ('configuration', 10.0 * CONFIGURED, None),
+        ('larger', 0.1 * CONFIGURED, None),
+        ('larger', 10.0 * CONFIGURED, 10.0 * CONFIGURED),
+    ],
+)
+def test_covariance_from(policy, carried, used):
+    source = replace(scenario.build({}).sensors['position'], covariance_from=policy)
+    data = WireWriter(SignalCodec(source.signal))(1, np.zeros(2), carried * np.eye(2))
+    found = ReadingReader(source.signal)(data, source).covariance
+    if used is None:  # that of the configuration is to be used
+        assert found is None
+    else:
+        np.testing.assert_allclose(found, used * np.eye(2))
