@@ -116,6 +116,10 @@ def _bodies() -> list[Case]:
         if mass:  # on the mass, what is lost is less than the force noise
             found.append(Case(fault, _MASS, Injection(body=mass), kinds, subject))
         found.append(Case(fault, _POLE, Injection(body=pole), kinds, subject))
+    for fault, factor in {'input_gain': 1.6, 'input_sign': -1.0}.items():
+        right = fault.replace('_', ' ')
+        for scenario in (_MASS, _POLE):
+            found.append(Case(fault, scenario, Injection(command=factor), (right,), 'f'))
     return found
 
 
