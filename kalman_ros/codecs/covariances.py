@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from kalman_ros.core import Array
 
-from .paths import ANGLES, Path, Way, walk
+from .paths import ANGLES, VECTOR, Path, Way, walk
 
 _XYZ = ('x', 'y', 'z')
 
@@ -44,6 +44,11 @@ _CARRIED: dict[str, dict[str, tuple[str, ...]]] = {
     'RelativeHumidity': {'variance': ('relative_humidity',)},
     'Illuminance': {'variance': ('illuminance',)},
 }
+
+
+#: The numbers of a rotation vector are in the rows of roll, pitch and yaw: these are turns about
+#: fixed axes (geometry_msgs/PoseWithCovariance), as are the errors of a rotation.
+_ROWS = dict(zip(VECTOR, ANGLES))
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,7 @@ def _carried(path: Path, sample: Any) -> tuple[Way, int, int] | None:
     """Return the covariance array with a row for ``path``, the row, and the array's width."""
     for depth in range(len(path.way)):
         owner = walk(sample, path.way[:depth])
-        rest = '.'.join(map(str, path.way[depth:]))
+        rest = '.'.join(map(str, (*path.way[depth:-1], _ROWS.get(path.attribute, path.attribute))))
         for attribute, rows in _CARRIED.get(type(owner).__name__, {}).items():
             if rest in rows:
                 return (*path.way[:depth], attribute), rows.index(rest), len(rows)

@@ -145,7 +145,7 @@ def _source(
         check_attributes(sensor)
         if any(arm):
             sensor = LeverArm(sensor, body_of(model.state, state), wire['fields'], arm)
-        sensor.name = name
+        sensor.name, sensor.state = name, model.state
         ratio(own['rate'], loop_rate)
         timed = TimedSensor(sensor, own['rate'], own['enabled'])
     except ValueError as error:
