@@ -34,7 +34,7 @@ def _shared(
     ] = 100.0,
     datum: Annotated[
         Sequence[float],
-        About('origin: latitude, longitude, altitude; .inf: the first fix'),
+        About('origin: latitude, longitude, altitude; .inf: the first fix', feature='fixes'),
     ] = (inf,),
 ) -> None:
     """Carry the options that do not depend on the model."""
