@@ -28,12 +28,15 @@ STUDIES = (
     'decay',
     'observer_noise',
     'kalman_gain',
+    'predict_update',
     'separation',
     'cost',
     'bandwidth',
     'margins',
+    'phase',
     'doyle',
     'recovery',
+    'sampling',
     'sigma_points',
 )
 
