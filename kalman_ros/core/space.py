@@ -164,9 +164,7 @@ class Space:
 
     def _each(self, function: Any, *points: Array, base: Array | None = None) -> Array:
         """Return the numbers of ``base``, with those of rotations by a function of ``points``."""
-        base = points[0] if base is None else base
-        shape = np.broadcast_shapes(base.shape, *(p.shape for p in points))
-        result = np.array(np.broadcast_to(base, shape))
+        result: Array = (points[0] if base is None else base).copy()
         for place in self._turned:
             result[..., place] = function(*(p[..., place] for p in points))
         return result
@@ -205,10 +203,12 @@ class Space:
         return self._congruent(P, d, so3.inverse_left_jacobian) if self._turned else P
 
     def _congruent(self, P: Array, d: Array, jacobian: Callable[[Array], Array]) -> Array:
-        J: Array = np.zeros((*d.shape, self.size)) + np.eye(self.size)
+        """Return J P J', where J is that of the rotations, by d, and 1 for all else."""
+        found = np.broadcast_to(P, (*d.shape, self.size)).copy()
         for place in self._turned:
-            J[..., place, place] = jacobian(d[..., place])
-        found = J @ P @ np.swapaxes(J, -1, -2)
+            J = jacobian(d[..., place])
+            found[..., place, :] = J @ found[..., place, :]
+            found[..., place] = found[..., place] @ np.swapaxes(J, -1, -2)
         return np.asarray(0.5 * (found + np.swapaxes(found, -1, -2)))
 
     def pulled_back(self, d: Array, rate: Array) -> Array:
