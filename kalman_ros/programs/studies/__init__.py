@@ -38,6 +38,7 @@ STUDIES = (
     'recovery',
     'sampling',
     'sigma_points',
+    'one_bearing',
 )
 
 
