@@ -14,25 +14,14 @@ from .adjustments import Adjustments
 def parameter_file(adjustments: Adjustments) -> str:
     """Return a parameter file that starts every node as it is now.
 
-    What all nodes share is under ``/**``, the rest in the section of each node.
+    What the file has for all nodes is under ``/**``, all else in the section of each node.
     """
     between = (BETWEEN,) if BETWEEN in sections(adjustments.file) else ()
-    each = {
-        node: {
-            **from_file(adjustments.file, node),
-            **adjustments.shared,
-            **adjustments.changes.get(node, {}),
-        }
-        for node in (*NODES, *between)
-    }
-    first, *others = each.values()
-    shared = {
-        name: value
-        for name, value in first.items()
-        if all(name in other and other[name] == value for other in others)
-    }
+    shared = {**from_file(adjustments.file), **adjustments.shared}
     lines = [f'# {adjustments.file.stem}, as it was on a live page.', *_section('/**', shared)]
-    for node, values in each.items():
+    for node in (*NODES, *between):
+        changes = adjustments.changes.get(node, {})
+        values = {**from_file(adjustments.file, node), **adjustments.shared, **changes}
         own = {name: value for name, value in values.items() if shared.get(name) != value}
         if own:
             lines += ['', *_section(node, own)]
