@@ -33,7 +33,7 @@ SHORT = 1500
 Report = Callable[[str, float], None]
 
 
-def _quiet(what: str, share: float) -> None:
+def _ignore(what: str, share: float) -> None:
     """Report nothing."""
 
 
@@ -57,7 +57,7 @@ class Ascent:
 
 
 def climb(
-    likelihood: Likelihood, start: Expansion, report: Report = _quiet, most: int = _MOST_STEPS
+    likelihood: Likelihood, start: Expansion, report: Report = _ignore, most: int = _MOST_STEPS
 ) -> Ascent:
     """Return the maximum that is reached from an expansion."""
     here, damping = start, _DAMPING
@@ -118,7 +118,7 @@ def _shorter(
     return (points[best], dampings[best]) if values[best] > here.value else None
 
 
-def maximum(likelihood: Likelihood, report: Report = _quiet, seed: int = 0) -> Ascent:
+def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> Ascent:
     """Return the highest maximum from the start and from others about it.
 
     Long recordings are begun with their first part, where the other starts are compared.
