@@ -26,6 +26,7 @@ from .model import (
     Model,
     OperatingPoint,
     Transition,
+    coordinates,
     from_coordinates,
     numerical_jacobian,
 )
@@ -61,6 +62,7 @@ __all__ = [
     'Value',
     'brief',
     'build_with',
+    'coordinates',
     'find',
     'from_coordinates',
     'identity',

@@ -87,11 +87,11 @@ class Differences(NamedTuple):
     @staticmethod
     def about(x: Array, share: float = _DIFFERENCE, space: Space = _PLAIN) -> Differences:
         """Return the points about ``x``, at a ``share`` of the size of its coordinates."""
-        coordinates = np.moveaxis(x, -1, 0) if x.ndim > 1 else x
-        step = share * np.maximum(1.0, np.abs(coordinates))
+        parts = coordinates(x)
+        step = share * np.maximum(1.0, np.abs(parts))
         n = len(step)
         directions = _directions(n).reshape(n, 2 * n + 1, *(1,) * (step.ndim - 1))
-        points = coordinates[:, np.newaxis] + directions * step[:, np.newaxis]
+        points = parts[:, np.newaxis] + directions * step[:, np.newaxis]
         return Differences(space.reached(points.transpose((*range(1, points.ndim), 0)), x), step)
 
     def jacobian(
@@ -126,6 +126,11 @@ def like(values: Array, points: Array) -> Array:
     if values.ndim >= points.ndim:
         return values
     return np.broadcast_to(values, (*points.shape[:-1], values.shape[-1]))
+
+
+def coordinates(x: Array) -> Array:
+    """Return the coordinates of vectors (..., n), each (...,), to be unpacked."""
+    return x if x.ndim == 1 else np.moveaxis(x, -1, 0)
 
 
 def from_coordinates(*values: Array) -> Array:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, Space
+from kalman_ros.core import About, Array, Model, Space, coordinates, from_coordinates
 
 
 class GnssImu(Model):
@@ -54,11 +54,11 @@ class GnssImu(Model):
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return the motion of the vehicle; the biases are constant."""
-        _, _, psi, v, omega, a, b, _ = np.moveaxis(x, -1, 0)
+        _, _, psi, v, omega, a, b, _ = coordinates(x)
         still = np.zeros_like(b)
         motion = (v * np.cos(psi), v * np.sin(psi), omega, a)
         dying = (-self._decay * omega, -self._decay * a)
-        return np.stack((*motion, *dying, still, still), axis=-1)
+        return from_coordinates(*motion, *dying, still, still)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of the velocity by heading and speed, and the other ones."""

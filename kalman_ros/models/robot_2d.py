@@ -8,7 +8,15 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, Space, spectral_densities
+from kalman_ros.core import (
+    About,
+    Array,
+    Model,
+    Space,
+    coordinates,
+    from_coordinates,
+    spectral_densities,
+)
 
 
 class Robot2D(Model):
@@ -60,14 +68,14 @@ class Robot2D(Model):
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return velocity and turn rate in the world, and the change of velocity."""
-        _, _, yaw, vx, vy, w, ax, ay = np.moveaxis(x, -1, 0)
+        _, _, yaw, vx, vy, w, ax, ay = coordinates(x)
         c, s, still = np.cos(yaw), np.sin(yaw), np.zeros_like(w)
         moved = (c * vx - s * vy, s * vx + c * vy, w)
-        return np.stack((*moved, ax + w * vy, ay - w * vx, still, still, still), axis=-1)
+        return from_coordinates(*moved, ax + w * vy, ay - w * vx, still, still, still)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives by heading, velocity, turn rate and acceleration."""
-        _, _, yaw, vx, vy, w, _, _ = np.moveaxis(x, -1, 0)
+        _, _, yaw, vx, vy, w, _, _ = coordinates(x)
         c, s = np.cos(yaw), np.sin(yaw)
         A = np.zeros((*x.shape, 8))
         A[..., 0, 2], A[..., 1, 2] = -s * vx - c * vy, c * vx - s * vy

@@ -7,7 +7,15 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, OperatingPoint, Space
+from kalman_ros.core import (
+    About,
+    Array,
+    Model,
+    OperatingPoint,
+    Space,
+    coordinates,
+    from_coordinates,
+)
 
 
 class Submersible(Model):
@@ -76,14 +84,14 @@ class Submersible(Model):
         """Return the velocities in the world, and the accelerations along the body's axes."""
         sine, cosine = np.sin(x[..., 2]), np.cos(x[..., 2])
         nu = x[..., 3:]
-        surge, heave, q = np.moveaxis(nu, -1, 0)
+        surge, heave, q = coordinates(nu)
         m_x, m_z, _ = self._inertia
         velocity = (surge * cosine + heave * sine, heave * cosine - surge * sine, q)
         coriolis = (m_z * heave * q, -m_x * surge * q, (m_x - m_z) * surge * heave)
         lift = (-self._buoyancy * sine, self._buoyancy * cosine, -self._righting * sine)
-        force = u @ self._thrusters.T + np.stack(lift, axis=-1) - np.stack(coriolis, axis=-1)
+        force = u @ self._thrusters.T + from_coordinates(*lift) - from_coordinates(*coriolis)
         force = force - (self._linear + self._quadratic * np.abs(nu)) * nu
-        return np.concatenate((np.stack(velocity, axis=-1), force / self._inertia), axis=-1)
+        return np.concatenate((from_coordinates(*velocity), force / self._inertia), axis=-1)
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return the velocity changes by the thrusters."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Model, Space
+from kalman_ros.core import About, Array, Model, Space, coordinates, from_coordinates
 
 
 class TurnRate(Model):
@@ -36,9 +36,9 @@ class TurnRate(Model):
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return the velocity, and no change of speed and turn rate."""
-        _, _, v, psi, omega = np.moveaxis(x, -1, 0)
+        _, _, v, psi, omega = coordinates(x)
         still = np.zeros_like(v)
-        return np.stack((v * np.cos(psi), v * np.sin(psi), still, omega, still), axis=-1)
+        return from_coordinates(v * np.cos(psi), v * np.sin(psi), still, omega, still)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of the velocity by speed and heading, and of heading by omega."""

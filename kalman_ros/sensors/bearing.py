@@ -17,6 +17,7 @@ from kalman_ros.core import (
     Hypotheses,
     Sensor,
     Space,
+    coordinates,
     symmetric,
     variances,
     vector,
@@ -79,12 +80,12 @@ class Bearing(Sensor):
 
     def measure(self, x: Array) -> Array:
         """Return the bearing, from the x axis towards the y axis."""
-        dx, dy = np.moveaxis(self.line_of_sight(x), -1, 0)
+        dx, dy = coordinates(self.line_of_sight(x))
         return np.asarray(np.arctan2(dy, dx)[..., np.newaxis])
 
     def jacobian(self, x: Array) -> Array:
         """Return [-dy, dx] / r^2 in the columns of x and y."""
-        dx, dy = np.moveaxis(self.line_of_sight(x), -1, 0)
+        dx, dy = coordinates(self.line_of_sight(x))
         H = np.zeros((1, x.shape[-1], *dx.shape))
         H[0, self._indices] = np.array([-dy, dx]) / np.maximum(dx**2 + dy**2, _NEAREST**2)
         return np.moveaxis(H, (0, 1), (-2, -1))

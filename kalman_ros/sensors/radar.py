@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Sensor, Space, variances
+from kalman_ros.core import About, Array, Sensor, Space, coordinates, variances
 
 #: At a shorter distance, in m, a bearing is undefined.
 _NEAREST = 1e-6
@@ -70,7 +70,7 @@ class Radar(Sensor):
 
     def _motion(self, x: Array) -> tuple[Array, ...]:
         """Return position and velocity, each (...,)."""
-        px, py, a, b = np.moveaxis(x.take(self._indices, -1), -1, 0)
+        px, py, a, b = coordinates(x.take(self._indices, -1))
         if self._by_heading:
             return px, py, a * np.cos(b), a * np.sin(b)
         return px, py, a, b
@@ -79,7 +79,7 @@ class Radar(Sensor):
         """Return the derivative (..., 4, 4) of position and velocity by the measured states."""
         turned = np.eye(4)
         if self._by_heading:
-            speed, heading = np.moveaxis(x[..., self._indices[2:]], -1, 0)
+            speed, heading = coordinates(x[..., self._indices[2:]])
             c, s = np.cos(heading), np.sin(heading)
             turned = np.broadcast_to(turned, (*speed.shape, 4, 4)).copy()
             part = np.array([[c, -speed * s], [s, speed * c]])
