@@ -105,6 +105,22 @@ class Space:
             found.append(self.names.index(name))
         return found
 
+    def rotation(self, names: Iterable[str], argument: str = 'measures') -> slice:
+        """Return the position of the rotation with these names.
+
+        Raises
+        ------
+        ValueError
+            If they are not those of a rotation; the message names the ``argument``.
+        """
+        names = tuple(names)
+        if names not in self.rotations:
+            known = ' or '.join(f'({", ".join(each)})' for each in self.rotations) or 'none'
+            raise ValueError(
+                f'{argument}: expected the names of a rotation, {known}, got ({", ".join(names)})'
+            )
+        return self._turned[self.rotations.index(names)]
+
     def select(self, names: Iterable[str]) -> Space:
         """Return the space of some of the coordinates, in the order of ``names``.
 
