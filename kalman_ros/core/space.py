@@ -189,8 +189,8 @@ class Space:
     def jumps(self, x: Array) -> npt.NDArray[np.bool_]:
         """Return where a curve (N, n) passes to other numbers of the same angle or rotation."""
         step = np.abs(np.diff(x, axis=0, prepend=x[:1]))
-        wrapped = False if self._wrapped is None else self._wrapped
-        found: npt.NDArray[np.bool_] = (step > np.pi) & wrapped
+        wrapped = [name in self.angles for name in self.names]
+        found: npt.NDArray[np.bool_] = (step > np.pi) & np.array(wrapped, dtype=bool)
         for place in self._turned:
             found[:, place] = (np.linalg.norm(step[:, place], axis=-1) > np.pi)[:, np.newaxis]
         return found

@@ -11,7 +11,6 @@ import numpy as np
 from kalman_ros.core import About, Array, Sensor, Space, variances
 from kalman_ros.core import rotations as so3
 
-
 #: The names of the readings, since the states of the same letters are along other axes.
 _NAMES = ('forward', 'left', 'up')
 
