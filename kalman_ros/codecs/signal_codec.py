@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Signal
 
-from .covariances import Block, blocks, flat_indices
+from .covariances import Block, blocks, declaring, flat_indices, refuse_absent
 from .messages import message_type, write_stamp
 from .numbers import converter
 from .paths import (
@@ -46,9 +46,6 @@ class SignalCodec:
         If the type is not installed or has no such field; the topic is named.
     """
 
-    #: Whether its values are numbers of the message, each at one place in its bytes.
-    by_position = True
-
     def __init__(self, signal: Signal, frame: str = '', child_frame: str = '') -> None:
         try:
             self.message_type = message_type(signal.type)
@@ -61,6 +58,8 @@ class SignalCodec:
             raise ValueError(f"signal '{signal.topic}': {error}") from None
         self.size = len(self._paths)
         self._readers = [reader(path, self.message) for path in self._paths]
+        #: The covariances that may say that a field is absent.
+        self.declaring = declaring(self._paths, self.message)
         covered = sum(len(block.own) for block in self._blocks)
         self.carries_covariance = covered == self.size
         self.has_covariance = covered > 0
@@ -84,8 +83,16 @@ class SignalCodec:
         ------
         LookupError
             If an array of the message is too short or lacks a name.
+        AbsentError
+            If it says that a field has no reading.
         """
+        if self.declaring:
+            refuse_absent(self.declaring, self.declarations(message))
         return np.array([read(message) for read in self._readers], dtype=float)
+
+    def declarations(self, message: Any) -> list[float]:
+        """Return the first elements of the covariances that may say that a field is absent."""
+        return [float(walk(message, way)[0]) for way in self.declaring]
 
     def decode_covariance(self, message: Any) -> Array | None:
         """Return the covariance (n, n) in a message; None if it has none for every field.
