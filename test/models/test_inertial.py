@@ -82,7 +82,7 @@ def test_through_an_outage_of_a_minute_the_band_covers_the_error():
 @pytest.mark.slow
 def test_hypotheses_find_a_heading_that_is_wrong_by_a_right_angle():
     """One Gaussian, of an extended filter, is about a heading that it cannot be linear in."""
-    sought, step, model = 12, 0.05, Inertial(1e-5, 1e-3, 1e-8, 1e-6)
+    sought, step, model = 20, 0.05, Inertial(1e-5, 1e-3, 1e-8, 1e-6)
     gnss = sensors.build('states', SPACE, [0.5] * 3, {'measures': ['x', 'y', 'z']})
     gnss.name = 'gnss'
     plan = Plan(model, {'gnss': TimedSensor(gnss, 5.0)}, 1.0 / step)
