@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from kalman_ros.linear.matrices import Array
 
@@ -105,6 +106,22 @@ class Space:
             found.append(self.names.index(name))
         return found
 
+    def rotation(self, names: Iterable[str], argument: str = 'measures') -> slice:
+        """Return the position of the rotation with these names.
+
+        Raises
+        ------
+        ValueError
+            If they are not those of a rotation; the message names the ``argument``.
+        """
+        names = tuple(names)
+        if names not in self.rotations:
+            known = ' or '.join(f'({", ".join(each)})' for each in self.rotations) or 'none'
+            raise ValueError(
+                f'{argument}: expected the names of a rotation, {known}, got ({", ".join(names)})'
+            )
+        return self._turned[self.rotations.index(names)]
+
     def select(self, names: Iterable[str]) -> Space:
         """Return the space of some of the coordinates, in the order of ``names``.
 
@@ -168,6 +185,15 @@ class Space:
         for place in self._turned:
             result[..., place] = function(*(p[..., place] for p in points))
         return result
+
+    def jumps(self, x: Array) -> npt.NDArray[np.bool_]:
+        """Return where a curve (N, n) passes to other numbers of the same angle or rotation."""
+        step = np.abs(np.diff(x, axis=0, prepend=x[:1]))
+        wrapped = [name in self.angles for name in self.names]
+        found: npt.NDArray[np.bool_] = (step > np.pi) & np.array(wrapped, dtype=bool)
+        for place in self._turned:
+            found[:, place] = (np.linalg.norm(step[:, place], axis=-1) > np.pi)[:, np.newaxis]
+        return found
 
     def mean(self, points: Array, weights: Array) -> Array:
         """Return the weighted mean (..., n) of ``points`` (k, ..., n); angles as directions.

@@ -8,6 +8,7 @@ Trans. Automatic Control 17(4), 1972. With bearings its hypotheses are ranges: t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -18,7 +19,7 @@ from kalman_ros.core import About, Array, Gaussian, Hypotheses, Sensor, Space
 from .correction import Correction
 from .ekf import ExtendedKalmanFilter
 from .filter import Plan
-from .mixture import Mixture, forecast_nis, pooled, reduced
+from .mixture import Mixture, forecast_nis, pooled, reduced, turned_parts
 
 #: Hypotheses with a smaller weight are dropped.
 _LEAST_WEIGHT = 1e-4
@@ -30,8 +31,8 @@ _MOST = 3
 class GaussianSumFilter:
     """Extended Kalman filters in parallel, weighted by the likelihood of the readings.
 
-    It is one of them until a sensor finds it too wide for its reading, and divides it; each part
-    is divided again where it has become too wide.
+    It is one of them until a sensor finds it too wide for its reading, and divides it, or a
+    rotation is too uncertain for one; each part is divided again where it has become too wide.
 
     Parameters
     ----------
@@ -65,6 +66,7 @@ class GaussianSumFilter:
             before, weights = belief.parts, belief.weights
         else:
             before, weights = [belief], np.ones(1)
+        before, weights = self._within_reach(before, weights)
         found = [self._corrected(part, y, sensor) for part in before]
         if len(found) == 1 and isinstance(found[0], Correction):
             return found[0]
@@ -83,6 +85,18 @@ class GaussianSumFilter:
     @property
     def _space(self) -> Space:
         return self.ekf.model.state
+
+    def _within_reach(
+        self, parts: Sequence[Gaussian], weights: Array
+    ) -> tuple[Sequence[Gaussian], Array]:
+        """Return the parts, with those divided of which a rotation is too wide for one."""
+        if not self._space.rotations:
+            return parts, weights
+        shares = [turned_parts(part, self._space, self.hypotheses) for part in parts]
+        if all(len(own) == 1 for own, _ in shares):
+            return parts, weights
+        divided = [part for _, own in shares for part in own]
+        return divided, np.concatenate([w * own for w, (own, _) in zip(weights, shares)])
 
     def _corrected(self, part: Gaussian, y: Array, sensor: Sensor) -> Hypotheses | Correction:
         """Return what a reading divides a part into, else its correction."""

@@ -12,6 +12,9 @@ from kalman_ros.core import Array, Gaussian, Space, symmetric
 
 #: Two parts that tell the mixture from one Gaussian by less than this, in nats, are merged.
 _ALIKE = 1e-3
+#: A rotation is divided if its standard deviation is larger, in rad, out to N of them; the parts
+#: have this share of their distance as theirs.
+_WIDEST, _REACH, _OVERLAP = 0.6, 3.0, 0.6
 
 
 class Mixture(Gaussian):
@@ -88,6 +91,32 @@ def reduced(weights: Array, parts: Sequence[Gaussian], space: Space, most: int) 
         others = np.array([k for k in left if k != i], dtype=int)
         compare(np.minimum(others, i), np.maximum(others, i))
     return Mixture(w[left], [Gaussian(x[k], P[k]) for k in left], space)
+
+
+def turned_parts(belief: Gaussian, space: Space, count: int) -> tuple[Array, list[Gaussian]]:
+    """Return weights (k,) and parts of a belief, ``count`` if a rotation is too wide for one.
+
+    The belief is divided along the axis of the widest rotation, at even angles, into Gaussians
+    narrow enough that a turn within them is linear; all else follows by regression.
+    """
+    x, P = belief
+    widest, axis = 0.0, np.zeros(len(x))
+    for names in space.rotations:
+        place = space.rotation(names)
+        values, vectors = np.linalg.eigh(P[place, place])
+        if values[-1] > widest:
+            widest, axis = float(values[-1]), np.zeros(len(x))
+            axis[place] = vectors[:, -1]
+    reach = min(_REACH * np.sqrt(widest), np.pi)
+    narrow = (_OVERLAP * 2.0 * reach / count) ** 2
+    if not widest > _WIDEST**2 or not narrow < widest:
+        return np.ones(1), [belief]
+    angles = reach * ((2.0 * np.arange(count) + 1.0) / count - 1.0)
+    slope = P @ axis / widest
+    rest = P - (widest - narrow) * np.multiply.outer(slope, slope)
+    weights = np.exp(-0.5 * angles**2 / (widest - narrow))
+    parts = [Gaussian(*space.arrived(x + angle * slope, x, symmetric(rest))) for angle in angles]
+    return weights / weights.sum(), parts
 
 
 def forecast_nis(weights: Array, innovations: Array, S: Array) -> float:

@@ -18,7 +18,7 @@ from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.batch.batch_filters import batched
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Plan
-from kalman_ros.estimators.mixture import pooled
+from kalman_ros.estimators.mixture import pooled, turned_parts
 from kalman_ros.estimators.smoother import Filtered, smooth
 
 TURN = Space(('rx', 'ry', 'rz', 'wx', 'wy', 'wz'), rotations=(('rx', 'ry', 'rz'),))
@@ -224,3 +224,26 @@ def test_parts_of_a_mixture_are_seen_from_their_mean():
 def test_a_linear_model_has_no_rotations():
     with pytest.raises(ValueError, match=r'state: expected no rotation in a linear model'):
         LinearSystem(np.zeros((6, 6)), np.zeros((6, 0)), np.eye(6), TURN, Space((), ()))
+
+
+def test_a_rotation_that_is_too_wide_is_divided_into_the_same_belief():
+    """The parts have the moments of the whole, which states beside the rotation follow."""
+    P = np.diag([0.01, 0.02, 0.9, 0.1, 0.1, 0.1]) ** 2
+    P[2, 5] = P[5, 2] = 0.05
+    weights, parts = turned_parts(Gaussian(np.zeros(6), P), TURN, 8)
+    assert len(parts) == 8
+    assert all(part.std[:3].max() < 0.6 for part in parts)
+    centres = np.array([part.mean for part in parts])
+    np.testing.assert_allclose(weights @ centres, np.zeros(6), atol=1e-12)
+    about = [part.covariance[2, 2] + part.mean[2] ** 2 for part in parts]
+    assert weights @ about == pytest.approx(P[2, 2], rel=0.03)
+    crossed = [part.covariance[2, 5] + part.mean[2] * part.mean[5] for part in parts]
+    assert weights @ crossed == pytest.approx(P[2, 5], rel=0.03)
+
+
+def test_a_rotation_that_is_known_is_not_divided():
+    belief = Gaussian(START, 0.25 * np.eye(6))
+    weights, parts = turned_parts(belief, TURN, 8)
+    assert weights.tolist() == [1.0]
+    assert parts[0] is belief
+    assert len(turned_parts(Gaussian(START, np.eye(6)), TURN, 1)[1]) == 1
