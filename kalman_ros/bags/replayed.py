@@ -105,7 +105,7 @@ class Truth:
         length = self.time[after] - self.time[before]
         share = (time - self.time[before]) / np.where(length > 0.0, length, 1.0)
         change = space.subtract(self.state[after], self.state[before])
-        found = space.wrap(self.state[before] + share[:, np.newaxis] * change)
+        found = space.add(self.state[before], share[:, np.newaxis] * change)
         inside = (time >= self.time[0]) & (time <= self.time[-1])
         return np.where(inside[:, np.newaxis], found, np.nan)
 

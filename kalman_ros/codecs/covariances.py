@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from kalman_ros.core import Array
 
-from .paths import ANGLES, Path, Way, walk
+from .paths import ANGLES, VECTOR, Path, Way, walk
 
 _XYZ = ('x', 'y', 'z')
 
@@ -72,6 +72,11 @@ def refuse_absent(ways: Sequence[Way], first: Sequence[float]) -> None:
     for way, value in zip(ways, first):
         if value == ABSENT:
             raise AbsentError(f'{way[-1]}[0] is {ABSENT:g}')
+
+
+#: The numbers of a rotation vector are in the rows of roll, pitch and yaw: these are turns about
+#: fixed axes (geometry_msgs/PoseWithCovariance), as are the errors of a rotation.
+_ROWS = dict(zip(VECTOR, ANGLES))
 
 
 @dataclass(frozen=True)
@@ -155,7 +160,7 @@ def _carried(path: Path, sample: Any) -> tuple[Way, int, int] | None:
     """Return the covariance array with a row for ``path``, the row, and the array's width."""
     for depth in range(len(path.way)):
         owner = walk(sample, path.way[:depth])
-        rest = '.'.join(map(str, path.way[depth:]))
+        rest = '.'.join(map(str, (*path.way[depth:-1], _ROWS.get(path.attribute, path.attribute))))
         for attribute, rows in _CARRIED.get(type(owner).__name__, {}).items():
             if rest in rows:
                 return (*path.way[:depth], attribute), rows.index(rest), len(rows)

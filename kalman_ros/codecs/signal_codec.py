@@ -13,7 +13,19 @@ from kalman_ros.core import Array, Signal
 from .covariances import Block, blocks, declaring, flat_indices, refuse_absent
 from .messages import message_type, write_stamp
 from .numbers import converter
-from .paths import ANGLES, Path, Way, is_quaternion, parse, reader, size_arrays, walk, write_euler
+from .paths import (
+    ANGLES,
+    VECTOR,
+    Path,
+    Way,
+    is_quaternion,
+    parse,
+    reader,
+    size_arrays,
+    walk,
+    write_euler,
+    write_vector,
+)
 
 
 class SignalCodec:
@@ -39,6 +51,7 @@ class SignalCodec:
             self.message_type = message_type(signal.type)
             self.message = self.message_type()
             self._paths = [parse(field, self.message) for field in signal.fields]
+            _check_quaternions(self._paths, self.message)
             _size_arrays(self._paths, self.message)
             self._blocks = blocks(self._paths, self.message, signal.covariance)
         except ValueError as error:
@@ -116,6 +129,18 @@ def named(values: Signal, names: tuple[str, ...]) -> Signal:
     return Signal(values.topic, 'sensor_msgs/JointState', tuple(f'position[{n}]' for n in names))
 
 
+def _check_quaternions(paths: list[Path], message: Any) -> None:
+    """Raise ValueError unless a quaternion is read as angles, or as a whole rotation vector."""
+    for path in paths:
+        if path.attribute in VECTOR and is_quaternion(walk(message, path.parent)):
+            found = {other.attribute for other in paths if other.parent == path.parent}
+            if found != {*VECTOR}:
+                others = ', '.join(name for name in (*VECTOR, *ANGLES) if name in found)
+                raise ValueError(
+                    f"fields: '{path.text}' goes with {', '.join(VECTOR)} alone, got {others}"
+                )
+
+
 def _size_arrays(paths: list[Path], message: Any) -> None:
     """Extend every array in a path to its length, and write names beside it."""
     for path in paths:
@@ -138,7 +163,7 @@ def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
     turns: dict[Way, dict[str, int]] = {}
     for number, path in enumerate(paths):
         owner = walk(message, path.parent)
-        if path.attribute in ANGLES and is_quaternion(owner):
+        if path.attribute in (*ANGLES, *VECTOR) and is_quaternion(owner):
             turns.setdefault(path.parent, {})[path.attribute] = number
             slots.append((_NOWHERE, 0, None))
         elif path.index is not None:
@@ -149,8 +174,12 @@ def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
         else:
             slots.append((owner, path.attribute, converter(path.kind)))
     quaternions = [
-        (walk(message, way), [which.get(angle) for angle in ANGLES])
+        (*((write_vector, VECTOR) if VECTOR[0] in which else (write_euler, ANGLES)), way, which)
         for way, which in turns.items()
+    ]
+    rotations = [
+        (turn, walk(message, way), [which.get(name) for name in names])
+        for turn, names, way, which in quaternions
     ]
 
     def write(values: list[float]) -> None:
@@ -160,8 +189,8 @@ def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
                 setattr(owner, place, number)
             else:
                 owner[place] = number
-        for quaternion, numbers in quaternions:
-            write_euler(quaternion, *(0.0 if n is None else values[n] for n in numbers))
+        for turn, quaternion, numbers in rotations:
+            turn(quaternion, *(0.0 if n is None else values[n] for n in numbers))
 
     return write
 

@@ -150,7 +150,7 @@ def _source(
         if any(arm) or gravity:
             body = body_of(model.state, state)
             sensor = LeverArm(sensor, body, wire['fields'], arm, gravity)
-        sensor.name = name
+        sensor.name, sensor.state = name, model.state
         ratio(own['rate'], loop_rate)
         timed = TimedSensor(sensor, own['rate'], own['enabled'])
     except ValueError as error:
