@@ -105,6 +105,22 @@ class Space:
             found.append(self.names.index(name))
         return found
 
+    def rotation(self, names: Iterable[str], argument: str = 'measures') -> slice:
+        """Return the position of the rotation with these names.
+
+        Raises
+        ------
+        ValueError
+            If they are not those of a rotation; the message names the ``argument``.
+        """
+        names = tuple(names)
+        if names not in self.rotations:
+            known = ' or '.join(f'({", ".join(each)})' for each in self.rotations) or 'none'
+            raise ValueError(
+                f'{argument}: expected the names of a rotation, {known}, got ({", ".join(names)})'
+            )
+        return self._turned[self.rotations.index(names)]
+
     def select(self, names: Iterable[str]) -> Space:
         """Return the space of some of the coordinates, in the order of ``names``.
 
@@ -164,9 +180,7 @@ class Space:
 
     def _each(self, function: Any, *points: Array, base: Array | None = None) -> Array:
         """Return the numbers of ``base``, with those of rotations by a function of ``points``."""
-        base = points[0] if base is None else base
-        shape = np.broadcast_shapes(base.shape, *(p.shape for p in points))
-        result = np.array(np.broadcast_to(base, shape))
+        result: Array = (points[0] if base is None else base).copy()
         for place in self._turned:
             result[..., place] = function(*(p[..., place] for p in points))
         return result
@@ -205,10 +219,12 @@ class Space:
         return self._congruent(P, d, so3.inverse_left_jacobian) if self._turned else P
 
     def _congruent(self, P: Array, d: Array, jacobian: Callable[[Array], Array]) -> Array:
-        J: Array = np.zeros((*d.shape, self.size)) + np.eye(self.size)
+        """Return J P J', where J is that of the rotations, by d, and 1 for all else."""
+        found = np.broadcast_to(P, (*d.shape, self.size)).copy()
         for place in self._turned:
-            J[..., place, place] = jacobian(d[..., place])
-        found = J @ P @ np.swapaxes(J, -1, -2)
+            J = jacobian(d[..., place])
+            found[..., place, :] = J @ found[..., place, :]
+            found[..., place] = found[..., place] @ np.swapaxes(J, -1, -2)
         return np.asarray(0.5 * (found + np.swapaxes(found, -1, -2)))
 
     def pulled_back(self, d: Array, rate: Array) -> Array:

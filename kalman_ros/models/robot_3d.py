@@ -65,7 +65,7 @@ class Robot3D(Model):
         v, w, a = x[..., _V], x[..., _W], x[..., _A]
         R, still = so3.exp(x[..., _R]), np.zeros_like(w)
         moved, turned = ((R @ each[..., np.newaxis])[..., 0] for each in (v, w))
-        return np.concatenate((moved, turned, a - np.cross(w, v), still, still), axis=-1)
+        return np.concatenate((moved, turned, a - so3.cross(w, v), still, still), axis=-1)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return how errors move: that of a rotation in the world by R dw alone."""

@@ -44,12 +44,7 @@ class Euler(Sensor):
         ),
         angles: Annotated[Sequence[str], About('which of roll, pitch and yaw')] = ('yaw',),
     ) -> None:
-        first, *_ = state.indices(measures, 'measures') or [0]
-        if tuple(measures) not in state.rotations:
-            listed = ', '.join(measures)
-            raise ValueError(f'measures: expected a rotation of the state, got ({listed})')
-        self.state = state
-        self._turn = slice(first, first + 3)
+        self.state, self._turn = state, state.rotation(measures)
         self._which = Space(_ANGLES).indices(angles, 'angles')
         self.output = Space(tuple(angles), ('rad',) * len(self._which), angles=tuple(angles))
         self.covariance = variances('noise', noise, len(self._which))

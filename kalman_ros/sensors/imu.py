@@ -43,15 +43,11 @@ class Imu(Sensor):
             float, About('acceleration of gravity', 'm/s^2', minimum=0.0)
         ] = 9.80665,
     ) -> None:
-        indices = state.indices(measures, 'measures')
-        if len(indices) < 6 or tuple(measures[:3]) not in state.rotations:
-            raise ValueError(
-                'measures: expected a rotation of the state, angular rates and 3 accelerations, '
-                f'got ({", ".join(measures)})'
-            )
-        self.state = state
-        self._turn = slice(indices[0], indices[0] + 3)
-        self._read = np.array(indices[3:], dtype=np.intp)
+        self.state, self._turn = state, state.rotation(measures[:3])
+        self._read = np.array(state.indices(measures[3:], 'measures'), dtype=np.intp)
+        if len(self._read) < 3:
+            expected = 'expected a rotation, any angular rates, and 3 accelerations'
+            raise ValueError(f'measures: {expected}, got ({", ".join(measures)})')
         self._gravity = np.array([0.0, 0.0, gravity])
         rates = tuple(measures[3:-3])
         self.output = Space((*rates, 'fx', 'fy', 'fz'), ('rad/s',) * len(rates) + ('m/s^2',) * 3)
