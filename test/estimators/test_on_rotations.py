@@ -44,9 +44,7 @@ class Attitude(Sensor):
 
     def __init__(self, std):
         self.state = TURN
-        self.output = Space(
-            ('rx', 'ry', 'rz', 'dx', 'dy', 'dz'), rotations=(('rx', 'ry', 'rz'),)
-        )
+        self.output = Space(('rx', 'ry', 'rz', 'dx', 'dy', 'dz'), rotations=(('rx', 'ry', 'rz'),))
         self.covariance = std**2 * np.eye(6)
 
     def measure(self, x):
@@ -82,7 +80,9 @@ def test_the_order_of_the_integrator_is_four():
     class Nutating(Tumbling):
         def derivative(self, x, u):
             r, w = x[..., :3], x[..., 3:]
-            return np.concatenate((so3.rotate(r, w), np.cross(w, [[0.5, -1.0, 2.0]])[..., :][0]), -1)
+            return np.concatenate(
+                (so3.rotate(r, w), np.cross(w, [[0.5, -1.0, 2.0]])[..., :][0]), -1
+            )
 
     exact = Nutating()
     exact.max_step = 1e-3
