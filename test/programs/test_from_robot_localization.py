@@ -154,10 +154,27 @@ def test_what_is_not_carried_over_is_named_with_its_reason_and_line(tmp_path, ca
     main([str(file), '--out', str(tmp_path / 'ours.yaml')])
     said = capsys.readouterr().out
     left = said[said.index('NOT carried over') :]
-    for line, name in ((5, 'odom0_differential'), (6, 'use_control'), (8, 'favourite_colour')):
+    for line, name in ((6, 'use_control'), (8, 'favourite_colour')):
         assert f'{line}  {name}' in left
     assert 'unknown to this program' in left
     assert 'debug' not in left
+
+
+def test_poses_as_changes_are_read_as_such(tmp_path):
+    for planar, rate in ((True, ['wz']), (False, ['wx', 'wy', 'wz'])):
+        values, rows = one(
+            tmp_path, f'two_d_mode: {str(planar).lower()}', 'odom0: odom',
+            f'odom0_config: {config("x", "y", "roll", "pitch", "yaw", "vx")}',
+            'odom0_differential: true', 'pose0: uwb', f'pose0_config: {config("x", "yaw")}',
+            'pose0_relative: true',
+        )  # fmt: skip
+        assert values['odom0_position.measures'] == ['vx', 'vy']
+        assert values['odom0_orientation.measures'] == rate
+        assert values['odom0_orientation.pose'] == 'differential'
+        assert 'odom0_velocity.pose' not in values
+        assert values['pose0_position.pose'] == values['pose0_orientation.pose'] == 'relative'
+        assert rows['odom0_differential'].carried
+        assert settings(values).scenario.sensors['odom0_position'].signal.pose == 'differential'
 
 
 def test_fixes_are_read_without_navsat_transform(tmp_path):

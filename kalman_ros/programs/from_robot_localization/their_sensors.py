@@ -75,11 +75,14 @@ def _flags(node: TheirNode, name: str) -> list[str]:
     return [name for name, flag in zip(_FLAGS, given) if flag]
 
 
-def sensors_of(
-    node: TheirNode, name: str, kind: str, *, planar: bool
-) -> dict[str, dict[str, Any]]:
+#: Values of sensors by their names.
+Sensors = dict[str, dict[str, Any]]
+
+
+def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensors:
     """Return the sensors of ours for one of theirs, and account for its parameters."""
-    wanted, found = _flags(node, name), {}
+    wanted = _flags(node, name)
+    found: Sensors = {}
     used: list[str] = []
     for part in _parts(kind):
         chosen = [flag for flag in part.flags if flag in wanted]
@@ -87,9 +90,10 @@ def sensors_of(
         chosen = [flag for flag in chosen if not planar or flag in _PLANAR]
         if not chosen:
             continue
+        pose = _pose(node, name) if part.name in ('position', 'orientation') else ''
         ours = f'{name}_{part.name}'
         found[ours] = {
-            **_reading(part, chosen, planar=planar),
+            **_reading(part, chosen, planar=planar, pose=pose),
             'topic': node.value(name, ''),
             'type': TYPES[kind],
             **_gate(node, name, part, len(chosen)),
@@ -104,15 +108,25 @@ def sensors_of(
     return found
 
 
-def _reading(part: Part, chosen: Sequence[str], *, planar: bool) -> dict[str, Any]:
+def _pose(node: TheirNode, name: str) -> str:
+    """Return how a pose is read: the word of ours and of theirs is the same."""
+    words = ('differential', 'relative')
+    return next((word for word in words if node.value(f'{name}_{word}', False)), '')
+
+
+def _reading(part: Part, chosen: Sequence[str], *, planar: bool, pose: str) -> dict[str, Any]:
     axes = {flag: flag if flag in _ANGLES else flag[-1] for flag in chosen}
     found: dict[str, Any] = {'kind': 'states', 'measures': list(chosen)}
-    if part.name == 'orientation' and not planar:
+    if pose:
+        found['pose'] = pose
+    if pose == 'differential':
+        found['measures'] = [_FLAGS[_FLAGS.index(flag) + 6] for flag in chosen]
+    elif part.name == 'orientation' and not planar:
         if len(chosen) == 3:
             axes = dict(zip(chosen, ('rx', 'ry', 'rz')))
             found['measures'] = [*axes.values()]
         else:
-            found = {'kind': 'euler', 'measures': ['rx', 'ry', 'rz'], 'angles': list(chosen)}
+            found.update(kind='euler', measures=['rx', 'ry', 'rz'], angles=list(chosen))
     found['fields'] = [part.path.format(axis) for axis in axes.values()]
     found['noise'] = [_NOISE[_FLAGS.index(flag)] for flag in chosen]
     return found
@@ -144,22 +158,15 @@ def _account(
     key = f'{name}_remove_gravitational_acceleration'
     gravity = any(each.endswith('_acceleration') for each in ours) and not planar
     node.note(key, 'mount.gravity: by the attitude of the state' if gravity else 'nothing to do')
-    poses = any(each.endswith(('_position', '_orientation')) for each in ours)
     for word in ('differential', 'relative'):
-        key = f'{name}_{word}'
-        if node.value(key, False) and poses:
-            why = f'the pose is used as it is: {_WHY[word]}'
-            node.note(key, why, carried=False)
-        else:
-            node.note(key, 'false, or no pose is used: nothing to do')
+        used = [each for each in ours if each.endswith(('_position', '_orientation'))]
+        on = used and _pose(node, name) == word
+        what = f'pose: {word}, of {", ".join(used)}' if on else 'false, or no pose is used'
+        node.note(f'{name}_{word}', what)
     for word, why in _NOT_NEEDED.items():
         node.note(f'{name}_{word}', why)
 
 
-_WHY = {
-    'differential': 'use its twist instead, or one pose per robot with its covariance',
-    'relative': 'set initial_estimate to its first pose, with that covariance',
-}
 _NOT_NEEDED: Mapping[str, str] = {
     'queue_size': 'not needed: all messages that wait are fused, by their stamps',
     'nodelay': 'not needed: a matter of TCP in ROS 1',

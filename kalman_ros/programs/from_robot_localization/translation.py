@@ -13,7 +13,7 @@ from kalman_ros.core import Array
 from kalman_ros.core import rotations as so3
 
 from .their_file import SENSOR, Row, TheirNode
-from .their_sensors import sensors_of
+from .their_sensors import Sensors, sensors_of
 
 #: What a parameter is for, where ours needs none, or has none.
 _NOT_NEEDED = {
@@ -41,7 +41,7 @@ _NOT_CARRIED = {
     'deceleration_gains': 'no command is an input of these models',
 }
 #: By name of ours: which of their 15 states, in the plane and in space.
-_PROCESS = {
+_PROCESS: Mapping[bool, Mapping[str, Any]] = {
     True: {
         'position_noise': (0, 1), 'heading_noise': 5, 'velocity_noise': (6, 7), 'turn_noise': 11,
         'acceleration_noise': (12, 13),
@@ -56,6 +56,9 @@ _STATES = 15
 #: What it takes without the parameter: robot_localization's own file of defaults.
 _FREQUENCY, _RATE = 30.0, 100.0
 _GPS = 'odometry/gps'
+#: Standard deviations of a first belief; robot_localization's is the root of 1e-9, and overwritten
+#: by the first measurement.
+_KNOWN, _UNKNOWN = 1e-9**0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -83,9 +86,9 @@ def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
     found = []
     for node in filters:
         values = _filter(node, navigation)
+        values['publish_odometry'] = True
         if several:
             values['state.topic'] = f'{node.name}/estimate'
-            values['publish_odometry'] = True
         if values['publish_tf'] and _is_global(node):
             topic = f'{local.name}/estimate/odometry' if several and local else 'odometry/filtered'
             values['tf_odometry'] = topic
@@ -114,7 +117,7 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
     found['publish_rate'] = node.value('frequency', _FREQUENCY)
     node.note('frequency', 'publish_rate')
     _frames(node, found)
-    sensors = {}
+    sensors: Sensors = {}
     for name in sorted(filter(SENSOR.fullmatch, node.values)):
         kind = SENSOR.fullmatch(name)
         assert kind is not None
@@ -128,7 +131,7 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
     for name, values in sensors.items():
         found.update({f'{name}.{key}': value for key, value in values.items()})
         found[f'{name}.rate'] = 50.0
-    _noise(node, found, planar=planar)
+    _noise(node, found, sensors, planar=planar)
     _window(node, found)
     control = node.value('use_control', False)
     why = 'no command is an input of these models; model: diff_drive' if control else 'not used'
@@ -160,15 +163,25 @@ def _frames(node: TheirNode, found: dict[str, Any]) -> None:
         node.note(name, 'frame, where it is world_frame')
 
 
-def _noise(node: TheirNode, found: dict[str, Any], *, planar: bool) -> None:
-    """Take process noise, and the initial belief."""
+def _noise(node: TheirNode, found: dict[str, Any], sensors: Sensors, *, planar: bool) -> None:
+    """Take process noise, and the initial belief.
+
+    Without one, a pose that nothing measures starts at the origin, and all else is unknown.
+    """
     density = _diagonal(node, 'process_noise_covariance', 'model_parameters')
     if density is not None:
         for name, which in _PROCESS[planar].items():
             found[f'model_parameters.{name}'] = density[np.array(which)].tolist()
     chosen = _PLANAR if planar else [*range(_STATES)]
     variance = _diagonal(node, 'initial_estimate_covariance', 'initial_std, its root')
-    std = np.full(_STATES, 1.0) if variance is None else np.sqrt(variance)
+    if variance is None:
+        used = (each for each in sensors.values() if each.get('pose') != 'differential')
+        read = ' '.join(field for each in used for field in each['fields'])
+        measured = 'position' in read or 'east' in read, 'orientation' in read
+        known = [*(_UNKNOWN if each else _KNOWN for each in measured), _UNKNOWN]
+        std = np.repeat(known, (3, 3, 9))
+    else:
+        std = np.sqrt(variance)
     found['initial_std'] = std[chosen].tolist()
     state = node.numbers('initial_state', (_STATES,))
     if state is not None:
