@@ -23,9 +23,10 @@ _TF, _STATIC = '/tf', '/tf_static'
 #: As tf2 has them.
 _QUEUE = QoSProfile(depth=100)
 _KEPT = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: Of the transforms of others at most one message in this time is read, in nanoseconds: a parent
-#: is named again and again.
+#: Of the messages of one length, as one node sends them, at most one in this time is read, in
+#: nanoseconds: a parent is named again and again.
 _SAMPLED = 20_000_000
+_MOST_LENGTHS = 1000
 
 
 class TransformPublisher:
@@ -53,7 +54,8 @@ class TransformPublisher:
         self._tree = TransformTree()
         self._warn = Throttle(node.get_logger().warning, 10.0)
         self._publisher = node.create_publisher(self._write.message_type, _TF, _QUEUE)
-        self._next = 0
+        #: When the next message of a length is read, in nanoseconds.
+        self._due: dict[int, int] = {}
         self.count = 0
         #: Why the last one was not published; '' if it was.
         self.refusal = ''
@@ -103,8 +105,11 @@ class TransformPublisher:
 
     def _on_tf(self, data: bytes) -> None:
         now = self._now()
-        if not 0 <= self._next - now <= _SAMPLED:
-            self._next = now + _SAMPLED
+        due = self._due.get(len(data), now)
+        if not 0 < due - now <= _SAMPLED:
+            if len(self._due) > _MOST_LENGTHS:
+                self._due.clear()
+            self._due[len(data)] = now + _SAMPLED
             self._take(data, static=False)
 
     def _on_static(self, data: bytes) -> None:

@@ -65,8 +65,8 @@ def test_the_transform_is_that_of_the_estimate_until_a_second_parent_shows_up(st
     )
     other = TFMessage(transforms=[TransformStamped()])
     other.transforms[0].header.frame_id, other.transforms[0].child_frame_id = 'map', 'base_link'
-    others.publish(other)
     publisher = found.node._transforms
+    others.publish(other)
     found.until(driven(lambda: 'has the parent' in publisher.refusal), 'two parents')
     count = publisher.count
     found.until(driven(lambda: found.node._publish.count > count + 20), 'no estimates')
