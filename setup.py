@@ -9,15 +9,14 @@ PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
 COMMANDS = (
     'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults',
-    'from_robot_localization', 'fuzz', 'record', 'replay',
-    'soak', 'study',
+    'from_robot_localization', 'fuzz', 'live', 'record', 'replay', 'soak', 'study',
 )  # fmt: skip
 
 setup(
     name=PACKAGE,
     version='0.1.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed', 'nodes/*.xml']},
+    package_data={PACKAGE: ['py.typed', 'nodes/*.xml', 'live/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -29,6 +28,7 @@ setup(
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'filterpy', 'rosbags'],
         'docs': ['sphinx', 'myst-parser'],
         'bags': ['rosbags'],
+        'live': ['websockets'],
     },
     zip_safe=False,
     maintainer='The kalman_ros authors',

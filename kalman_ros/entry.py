@@ -75,6 +75,7 @@ from_robot_localization = partial(
     _program, 'from_robot_localization', 'from_robot_localization.program'
 )
 fuzz = partial(_program, 'fuzz', 'fuzz.program')
+live = partial(_program, 'live')
 record = partial(_program, 'record')
 replay = partial(_program, 'replay', 'replay.program')
 soak = partial(_program, 'soak', 'soak.program')

@@ -25,7 +25,9 @@ class SensorReplay:
     received
         When each was received (N,).
     stamp
-        When it was taken, by its stamp (N,).
+        When it was taken, by its stamp (N,); when it was received if it has none.
+    stamped
+        Whether it has a stamp (N,).
     value
         The reading (N, m); NaN where the message lacked fields.
     covariance
@@ -47,6 +49,7 @@ class SensorReplay:
 
     received: Array
     stamp: Array
+    stamped: Any
     value: Array
     covariance: Array
     outcome: Any

@@ -46,6 +46,10 @@ _CARRIED: dict[str, dict[str, tuple[str, ...]]] = {
 }
 
 
+#: The numbers of a rotation vector are in the rows of roll, pitch and yaw: these are turns about
+#: fixed axes (geometry_msgs/PoseWithCovariance), as are the errors of a rotation.
+_ROWS = dict(zip(VECTOR, ANGLES))
+
 #: The first element of a covariance of a message whose driver has no such reading: the comments of
 #: sensor_msgs/Imu.
 ABSENT = -1.0
@@ -72,11 +76,6 @@ def refuse_absent(ways: Sequence[Way], first: Sequence[float]) -> None:
     for way, value in zip(ways, first):
         if value == ABSENT:
             raise AbsentError(f'{way[-1]}[0] is {ABSENT:g}')
-
-
-#: The numbers of a rotation vector are in the rows of roll, pitch and yaw: these are turns about
-#: fixed axes (geometry_msgs/PoseWithCovariance), as are the errors of a rotation.
-_ROWS = dict(zip(VECTOR, ANGLES))
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,8 @@ _KEPT = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: nanoseconds: a parent is named again and again.
 _SAMPLED = 20_000_000
 _MOST_LENGTHS = 1000
+#: The number of transforms in a message of one.
+_ONE = (b'\1\0\0\0', b'\0\0\0\1')
 
 
 class TransformPublisher:
@@ -104,6 +106,8 @@ class TransformPublisher:
         return self._tree.refusal(self._options.frame, self._write.child, now)
 
     def _on_tf(self, data: bytes) -> None:
+        if self._is_own(data):
+            return
         now = self._now()
         due = self._due.get(len(data), now)
         if not 0 < due - now <= _SAMPLED:
@@ -123,6 +127,17 @@ class TransformPublisher:
             pair = each.header.frame_id.lstrip('/'), each.child_frame_id.lstrip('/')
             if static or pair != own:
                 self._tree.add(*pair, self._now(), static=static)
+
+    def _is_own(self, data: bytes) -> bool:
+        """Return whether a message has nothing but the transform that is published here."""
+        if data[4:8] not in _ONE:
+            return False
+        one = data[:4] + data[8:]  # without the number of transforms it begins with a header
+        try:
+            found = tuple(frame_and_end(one, of_child=each)[0] for each in (False, True))
+        except struct.error:
+            return False
+        return found == (self._options.frame, self._write.child)
 
     def _decoded(self, data: bytes) -> Any:
         return decode(data, self._write.message_type)

@@ -133,10 +133,10 @@ def test_a_transform_is_never_anything_but_finite():
 
 def test_a_second_parent_ends_it_until_that_is_gone():
     node, publish, belief = built()
-    node.subscriptions['/tf'](transform('odom', 'base_link'))  # its own
+    publish._take(transform('odom', 'base_link'), static=False)  # its own
     publish(NOW, belief, NOW)
     node.now += SECOND
-    node.subscriptions['/tf'](transform('map', 'base_link'))
+    publish._take(transform('map', 'base_link'), static=False)
     publish(node.now, belief, node.now)
     assert len(node.sent) == 1 and "'base_link' has the parent 'map' already" in node.said[0]
     node.now += 60 * SECOND
