@@ -207,15 +207,20 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
         ('', 'expected a node with one of odom0'),
         ('odom0: odom\n', 'line 1: odom0_config: expected 15 flags, got none'),
         ('odom0: odom\nodom0_config: [true]\n', 'line 2: odom0_config: expected 15 times true'),
-        ('odom0: 7\nodom0_config: C\n', 'line 1: odom0: expected a str, got 7'),
-        ('odom0: odom\nodom0_config: C\nfrequency: fast\n', 'line 3: frequency: expected a float'),
+        ('odom0: 7\nodom0_config: C\n', 'line 1: odom0: expected a word, got 7'),
+        (
+            'odom0: odom\nodom0_config: C\nfrequency: fast\n',
+            'line 3: frequency: expected a number',
+        ),
         (
             'odom0: odom\nodom0_config: C\nprocess_noise_covariance: [1]\n',
             'expected 15 or 225 num',
         ),
         ('odom0: odom\nodom0_config: F\n', 'expected a flag that is true, got none'),
         ('odom0: odom\nodom0_config: C\nfrequency: -3.0\n', 'publish_rate: expected'),
-        ('odom0: odom odom\nodom0_config: C\ninitial_state: [.nan]\n', 'expected 15 numbers'),
+        ('odom0: odom\nodom0_config: C\nfrequency: 1' + 400 * '0', 'of at most 64 bits'),
+        ("odom0: ''\nodom0_config: C\n", 'line 1: odom0: expected the name of a topic'),
+        ('odom0: odom\nodom0_config: C\ninitial_state: [.nan]\n', 'expected 15 numbers'),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):

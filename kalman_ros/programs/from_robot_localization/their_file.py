@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from kalman_ros.core import About, Option
 from kalman_ros.scenario.parameter_files import Lined, with_lines
 
 SENSOR = re.compile(r'(odom|pose|twist|imu)(\d+)')
@@ -57,12 +58,10 @@ class TheirNode:
         if name not in self.values:
             return default
         found, line = self.values[name]
-        if isinstance(default, float) and type(found) is int:
-            found = float(found)
-        if not isinstance(found, type(default)):
-            kind = type(default).__name__
-            raise ValueError(f'line {line}: {name}: expected a {kind}, got {found!r:.60}')
-        return found
+        try:
+            return Option(name, default, About('')).check(found)
+        except (ValueError, OverflowError) as error:
+            raise ValueError(f'line {line}: {error}') from None
 
     def numbers(self, name: str, sizes: tuple[int, ...]) -> list[float] | None:
         """Return a list of numbers of one of the sizes; None if it is not given."""

@@ -81,6 +81,10 @@ Sensors = dict[str, dict[str, Any]]
 
 def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensors:
     """Return the sensors of ours for one of theirs, and account for its parameters."""
+    topic = node.value(name, '')
+    if not topic or ' ' in topic:
+        line = node.values[name].line
+        raise ValueError(f"line {line}: {name}: expected the name of a topic, got '{topic}'")
     wanted = _flags(node, name)
     found: Sensors = {}
     used: list[str] = []
@@ -94,7 +98,7 @@ def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensor
         ours = f'{name}_{part.name}'
         found[ours] = {
             **_reading(part, chosen, planar=planar, pose=pose),
-            'topic': node.value(name, ''),
+            'topic': topic,
             'type': TYPES[kind],
             **_gate(node, name, part, len(chosen)),
         }
