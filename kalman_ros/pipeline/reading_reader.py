@@ -12,7 +12,7 @@ import numpy as np
 from kalman_ros.codecs.covariances import AbsentError
 from kalman_ros.codecs.fixes import NoFixError
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.messages import leading_stamp, message_type
+from kalman_ros.codecs.messages import FRAME_START, leading_stamp, message_type
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
@@ -95,9 +95,10 @@ class ReadingReader:
             return self._refused(leading_stamp(data), Outcome.ABSENT, error)
         except (LookupError, ValueError) as error:
             return self._refused(None, Outcome.WRONG_SIZE, error)
-        other = self._guard(data)
-        if other:
-            return self._refused(time, Outcome.OTHER_FRAME, other)
+        if not data.startswith(self._guard.accepted, FRAME_START):
+            other = self._guard(data)
+            if other:
+                return self._refused(time, Outcome.OTHER_FRAME, other)
         if self._change is not None:
             try:
                 time, values, covariance = self._change(Sample(time, values, covariance))

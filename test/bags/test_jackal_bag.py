@@ -30,6 +30,7 @@ ekf_se_node:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_the_robot_ends_where_the_test_of_robot_localization_expects_it(tmp_path):
     # cra-ros-pkg/robot_localization, test_ekf_localization_node_bag3: within .1383 m
     (tmp_path / 'theirs.yaml').write_text(THEIRS)
