@@ -63,7 +63,7 @@ class TransformPublisher:
         self.refusal = ''
 
     def subscribe(self) -> None:
-        """Listen to the transforms of others, and to the odometry."""
+        """Subscribe to the transforms of others, and to the odometry."""
         node, kind = self._node, self._write.message_type
         node.create_subscription(kind, _TF, self._on_tf, _QUEUE, raw=True)
         node.create_subscription(kind, _STATIC, self._on_static, _KEPT, raw=True)
