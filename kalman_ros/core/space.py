@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from kalman_ros.linear.matrices import Array
 
@@ -184,6 +185,15 @@ class Space:
         for place in self._turned:
             result[..., place] = function(*(p[..., place] for p in points))
         return result
+
+    def jumps(self, x: Array) -> npt.NDArray[np.bool_]:
+        """Return where a curve (N, n) passes to other numbers of the same angle or rotation."""
+        step = np.abs(np.diff(x, axis=0, prepend=x[:1]))
+        wrapped = [name in self.angles for name in self.names]
+        found: npt.NDArray[np.bool_] = (step > np.pi) & np.array(wrapped, dtype=bool)
+        for place in self._turned:
+            found[:, place] = (np.linalg.norm(step[:, place], axis=-1) > np.pi)[:, np.newaxis]
+        return found
 
     def mean(self, points: Array, weights: Array) -> Array:
         """Return the weighted mean (..., n) of ``points`` (k, ..., n); angles as directions.

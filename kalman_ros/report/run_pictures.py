@@ -12,7 +12,7 @@ from PIL import Image
 
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.analysis.verdict import nees_check
-from kalman_ros.core import Array
+from kalman_ros.core import Array, Space
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -65,7 +65,7 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             if seen is not None:  # no more than can be distinguished
                 step = ceil(len(seen[0]) / MOST_READINGS)
                 seen = seen[0][::step], seen[1][::step]
-            _state(axis, run, index, seen, wraps=name in space.angles)
+            _state(axis, run, index, seen, space)
             axis.set_ylabel(space.label(name))
             axis.set_ylim(*_limits(run.truth[:, index], seen))
         for column in range(space.size % columns, columns if space.size % columns else 0):
@@ -83,12 +83,10 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
 
 
 def _state(
-    axis: Any, run: Trajectory, index: int, read: tuple[Array, Array] | None, *, wraps: bool
+    axis: Any, run: Trajectory, index: int, read: tuple[Array, Array] | None, space: Space
 ) -> None:
-    """Draw truth, readings and estimate with its band of one state; an angle ``wraps``."""
-    mean, truth = run.estimate[:, index], run.truth[:, index]
-    if wraps:
-        mean, truth = _broken(mean), _broken(truth)
+    """Draw truth, readings and estimate with its band of one state."""
+    mean, truth = (_broken(x, space)[:, index] for x in (run.estimate, run.truth))
     band = SIGMAS * np.sqrt(run.covariance[:, index, index])
     if read is not None:
         axis.plot(*read, '.', ms=2.0, color=READING, alpha=0.6, label='reading')
@@ -100,9 +98,9 @@ def _state(
     axis.plot(run.time, truth, color=TRUTH, lw=0.8, label='truth')
 
 
-def _broken(angle: Array) -> Array:
-    """Return an angle (N,) with a gap at each wrap."""
-    return np.where(np.abs(np.diff(angle, prepend=angle[0])) > np.pi, np.nan, angle)
+def _broken(x: Array, space: Space) -> Array:
+    """Return curves (N, n) with a gap at each wrap."""
+    return np.where(space.jumps(x), np.nan, x)
 
 
 def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
@@ -112,7 +110,7 @@ def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.6)) as (figure, axes):
         for index, name in enumerate(space.names):
             for axis in axes[index]:
-                _state(axis, run, index, read.get(name), wraps=name in space.angles)
+                _state(axis, run, index, read.get(name), space)
             axes[index, 0].set_ylabel(space.label(name))
             axes[index, 0].set_ylim(*_limits(run.truth[:, index], read.get(name)))
             late = run.time > run.time[-1] - CLOSE_UP

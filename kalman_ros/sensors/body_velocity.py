@@ -11,6 +11,9 @@ import numpy as np
 from kalman_ros.core import About, Array, Sensor, Space, variances
 from kalman_ros.core import rotations as so3
 
+#: The names of the readings, since the states of the same letters are along other axes.
+_NAMES = ('forward', 'left', 'up')
+
 
 class BodyVelocity(Sensor):
     """y = some of the rows of R' v: forward, to the left, up.
@@ -44,7 +47,8 @@ class BodyVelocity(Sensor):
         if len(self._velocity) != 3:
             raise ValueError(f'measures: expected 6 names, got {len(measures)}')
         self._which = Space(('x', 'y', 'z')).indices(axes, 'axes')
-        self.output = Space(tuple(f'v{axis}' for axis in axes), ('m/s',) * len(self._which))
+        names = tuple(_NAMES[index] for index in self._which)
+        self.output = Space(names, ('m/s',) * len(names))
         self.covariance = variances('noise', noise, len(self._which))
 
     def measure(self, x: Array) -> Array:

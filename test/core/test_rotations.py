@@ -164,6 +164,16 @@ def test_a_covariance_moves_with_its_mean():
     assert np.abs(Q - P).max() > 5e-5
 
 
+def test_a_curve_jumps_where_the_numbers_of_a_rotation_do():
+    """A turn about one axis for 10 rad, and an angle, pass pi twice and once."""
+    turn = np.linspace(0.0, 10.0, 200)[:, np.newaxis] * np.array([0.6, 0.0, 0.8])
+    curve = np.zeros((200, 6))
+    curve[:, 2:5], curve[:, 1] = so3.shortest(turn), np.linspace(3.0, 3.2, 200)
+    found = POSE.jumps(POSE.wrap(curve))
+    np.testing.assert_array_equal(found.sum(axis=0), [0, 1, 2, 2, 2, 0])
+    assert not Space(('x',)).jumps(np.array([[0.0], [9.0]])).any()
+
+
 @pytest.mark.parametrize(
     'rotation', ['rx rz ry', 'rx ry', 'ry rz v', 'rx ry rz v', 'x y z', '', 'v rx ry']
 )

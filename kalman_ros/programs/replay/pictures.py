@@ -11,7 +11,7 @@ import numpy as np
 
 from kalman_ros.analysis.checks import MISS
 from kalman_ros.bags.replayed import Replayed
-from kalman_ros.core import Array
+from kalman_ros.core import Array, Space
 from kalman_ros.report.style import (
     BOUND,
     ESTIMATE,
@@ -50,12 +50,9 @@ def _some(count: int) -> slice:
     return slice(None, None, max(1, ceil(count / _MOST)))
 
 
-def _broken(values: Array, *, wraps: bool) -> Array:
-    """Return a curve (N,) with gaps where an angle goes from one end to the other."""
-    if not wraps:
-        return values
-    jumps = np.abs(np.diff(values, prepend=values[:1])) > np.pi
-    return np.where(jumps, np.nan, values)
+def _broken(values: Array, space: Space) -> Array:
+    """Return curves (N, n) with gaps where an angle goes from one end to the other."""
+    return np.where(space.jumps(values), np.nan, values)
 
 
 def states(replayed: Replayed, path: Path) -> None:
@@ -66,19 +63,20 @@ def states(replayed: Replayed, path: Path) -> None:
     truth = None if replayed.truth is None else replayed.truth.at(replayed.scenario, time)
     with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6)) as (figure, axes):
         for index, (name, axis) in enumerate(zip(space.names, axes[:, 0])):
-            wraps = name in space.angles
             _readings(replayed, name, axis)
             x, band = mean[:, index], SIGMAS * std[:, index]
             label = f'estimate, {SIGMAS:g} sigma'
             axis.fill_between(time, x - band, x + band, color=BOUND, alpha=0.35, lw=0, label=label)
-            axis.plot(time, _broken(x, wraps=wraps), color=ESTIMATE, lw=1.0, label='estimate')
+            axis.plot(
+                time, _broken(mean, space)[:, index], color=ESTIMATE, lw=1.0, label='estimate'
+            )
             if replayed.smoothed is not None and len(replayed.smoothed.time):
                 s = replayed.smoothed
                 some = _some(len(s.time))
-                curve = _broken(s.mean[some, index], wraps=wraps)
+                curve = _broken(s.mean[some], space)[:, index]
                 axis.plot(s.time[some], curve, color=INPUT, lw=0.9, label='smoothed')
             if truth is not None:
-                curve = _broken(truth[:, index], wraps=wraps)
+                curve = _broken(truth, space)[:, index]
                 axis.plot(time, curve, color=TRUTH, lw=0.8, label='truth')
             axis.set_ylabel(space.label(name))
         axes[0, 0].set_title('What was estimated')
