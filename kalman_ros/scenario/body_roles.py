@@ -40,13 +40,18 @@ class Body:
         return tuple(axis for axis in 'xyz' if axis in self.index)
 
     @property
+    def has_rotation(self) -> bool:
+        """Whether the attitude is a rotation vector."""
+        return self.index.keys() >= {*_VECTOR}
+
+    @property
     def turns(self) -> bool:
         """Whether the state has a heading."""
-        return 'yaw' in self.index or {'rx', 'ry', 'rz'} <= self.index.keys()
+        return 'yaw' in self.index or self.has_rotation
 
     def attitude(self, x: Array) -> Array:
         """Return the rotation vector (..., 3) from the axes of the body to those of the world."""
-        angles = 'rx' not in self.index
+        angles = not self.has_rotation
         r = np.stack([self.value(x, role) for role in (_EULER if angles else _VECTOR)], axis=-1)
         return so3.from_euler(r) if angles else r
 

@@ -9,7 +9,15 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Hypotheses, Sensor, numerical_jacobian, vector
 from kalman_ros.core import rotations as so3
-from kalman_ros.core.quantity import ACCELERATION, ATTITUDE, PLACE, RATE, VELOCITY, quantity
+from kalman_ros.core.quantity import (
+    ACCELERATION,
+    ANGLES,
+    ATTITUDE,
+    PLACE,
+    RATE,
+    VELOCITY,
+    quantity,
+)
 
 from .body_roles import Body
 
@@ -97,8 +105,15 @@ class LeverArm(Sensor):
         return np.stack(columns, axis=-1)
 
     def _moved(self, x: Array) -> Array:
-        """Return R l."""
-        return so3.rotate(self._body.attitude(x), self._arm)
+        """Return R l; roll, pitch and yaw are about the fixed axes x, y, z (REP-103)."""
+        if self._body.has_rotation:
+            return so3.rotate(self._body.attitude(x), self._arm)
+        roll, pitch, yaw = (self._body.value(x, angle) for angle in ANGLES)
+        a, b, c = self._arm
+        b, c = np.cos(roll) * b - np.sin(roll) * c, np.sin(roll) * b + np.cos(roll) * c
+        a, c = np.cos(pitch) * a + np.sin(pitch) * c, np.cos(pitch) * c - np.sin(pitch) * a
+        a, b = np.cos(yaw) * a - np.sin(yaw) * b, np.sin(yaw) * a + np.cos(yaw) * b
+        return np.stack((a, b, c), axis=-1)
 
     def _rate(self, x: Array) -> Array:
         return np.stack([self._body.value(x, f'w{axis}') for axis in 'xyz'], axis=-1)
