@@ -8,8 +8,8 @@ from setuptools import find_packages, setup
 PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
 COMMANDS = (
-    'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults', 'fuzz', 'live', 'record',
-    'replay', 'soak', 'study',
+    'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults',
+    'from_robot_localization', 'fuzz', 'live', 'record', 'replay', 'soak', 'study',
 )  # fmt: skip
 
 setup(

@@ -71,6 +71,9 @@ demo = partial(_program, 'demo')
 design = partial(_program, 'design')
 doctor = partial(_program, 'doctor', 'doctor.program')
 faults = partial(_program, 'faults', 'faults.program')
+from_robot_localization = partial(
+    _program, 'from_robot_localization', 'from_robot_localization.program'
+)
 fuzz = partial(_program, 'fuzz', 'fuzz.program')
 live = partial(_program, 'live')
 record = partial(_program, 'record')

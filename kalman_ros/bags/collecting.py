@@ -18,6 +18,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.estimate_topics import EstimateTopics, InnovationTopic, Topic
 from kalman_ros.pipeline.fuser import Fused
 from kalman_ros.pipeline.global_topics import GlobalTopics
+from kalman_ros.pipeline.odometry_topic import OdometryTopic
 from kalman_ros.pipeline.settings import Settings
 from kalman_ros.scenario import SensorSource
 
@@ -147,6 +148,11 @@ class EstimateRecording:
         found = [topics.estimate, topics.state, topics.covariance]
         for topic in (*found, *(each.topic for each in self._innovations.values())):
             writer.add(resolve(topic.name), full_type(topic.signal.type))
+        self._odometry = None
+        if options.publish_odometry:
+            self._odometry = OdometryTopic(scenario, options.frame, options.child_frame)
+            signal = self._odometry.signal
+            writer.add(resolve(signal.topic), full_type(signal.type))
 
     def publish(self, received: int, time: int, belief: Gaussian) -> None:
         """Write a belief at ``time``, by a message ``received`` then; both in nanoseconds."""
@@ -154,6 +160,9 @@ class EstimateRecording:
         self._write(topics.estimate, received, topics.estimate.write(time, x, P))
         self._write(topics.state, received, topics.state.write(time, x))
         self._write(topics.covariance, received, topics.covariance.write(time, P.ravel()))
+        if self._odometry is not None:
+            message = self._odometry(time, belief)
+            self._write_on(self._odometry.signal.topic, received, message)
         for signal, message in self._globe(time, belief):
             self._write_on(signal.topic, received, message)
         if self._writer.waiting > _FLUSH:

@@ -78,6 +78,8 @@ class Feed:
         self._resolve = resolve
         #: What takes the messages of each topic, by its full name.
         self._take: dict[str, Callable[[bytes], object]] = {}
+        #: What reads each topic of sensors, of which several may share one.
+        self._readers: dict[str, list[Callable[[bytes], object]]] = {}
         self._wire(bag)
         #: The time at which a message is received, in nanoseconds.
         self._now = 0
@@ -110,8 +112,10 @@ class Feed:
         for name, source in scenario.enabled.items():
             topic = resolve(source.signal.topic)
             bag.check(topic, full_type(source.signal.type), f'sensor {name}')
-            on_reading = partial(steps.on_reading, name) if self.lockstep else None
-            self._take[topic] = on_reading or partial(self._on_reading, name)
+            on_reading = partial(steps.on_reading if self.lockstep else self._on_reading, name)
+            readers = self._readers.setdefault(topic, [])
+            readers.append(on_reading)
+            self._take[topic] = partial(_each, readers)
         if scenario.input.fields:
             topic = resolve(scenario.input.topic)
             if topic in bag.topics or self.lockstep:
@@ -220,6 +224,12 @@ class Feed:
         if self.recording is not None:
             for each in fused:
                 self.recording.publish_innovation(self._received, each)
+
+
+def _each(readers: Sequence[Callable[[bytes], object]], data: bytes) -> None:
+    """Have each of several readers take a message."""
+    for read in readers:
+        read(data)
 
 
 def resolver(namespace: str) -> Callable[[str], str]:

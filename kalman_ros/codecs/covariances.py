@@ -49,6 +49,7 @@ _CARRIED: dict[str, dict[str, tuple[str, ...]]] = {
 #: The numbers of a rotation vector are in the rows of roll, pitch and yaw: these are turns about
 #: fixed axes (geometry_msgs/PoseWithCovariance), as are the errors of a rotation.
 _ROWS = dict(zip(VECTOR, ANGLES))
+
 #: The first element of a covariance of a message whose driver has no such reading: the comments of
 #: sensor_msgs/Imu.
 ABSENT = -1.0

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Signal
-from kalman_ros.core.mount import quaternion_matrix, roll_pitch_yaw, rotation_matrix
-from kalman_ros.core.quantity import ATTITUDE, PLACE, Quantity, quantity
+from kalman_ros.core import rotations as so3
+from kalman_ros.core.quantity import ANGLES, ATTITUDE, PLACE, Quantity, quantity
 
 from .paths import parse, walk
 from .signal_codec import SignalCodec
@@ -58,7 +58,8 @@ class TurnedCodec:
         self.has_covariance = self.inner.has_covariance
         mount = signal.mounting
         self._B, self._W = mount.body_from_sensor, mount.world_from_reported
-        self._attitudes: list[tuple[Any, list[int]]] = []
+        #: Of each quaternion: where it is, whether it is read as angles, and which numbers.
+        self._attitudes: list[tuple[Any, bool, list[int]]] = []
         self._M = np.eye(len(every))
         for group in _groups(every):
             index = [every.index(field) for field in group.siblings()]
@@ -66,7 +67,7 @@ class TurnedCodec:
             self._M[np.ix_(index, index)] = turn
             if group.kind == ATTITUDE:
                 way = parse(group.siblings()[0], self.message).parent
-                self._attitudes.append((way, index))
+                self._attitudes.append((way, group.names == ANGLES, index))
 
     @property
     def linear(self) -> bool:
@@ -87,10 +88,11 @@ class TurnedCodec:
     def decode(self, message: Any) -> Array:
         """Return the vector (k,) in a message."""
         values = self._M @ self.inner.decode(message)
-        for way, index in self._attitudes:
+        for way, as_angles, index in self._attitudes:
             q = walk(message, way)
-            R = self._W @ quaternion_matrix(q.x, q.y, q.z, q.w) @ self._B.T
-            values[index] = roll_pitch_yaw(R)
+            read = so3.exp(so3.from_quaternion(np.array((q.x, q.y, q.z, q.w))))
+            r = so3.log(self._W @ read @ self._B.T)
+            values[index] = so3.to_euler(r) if as_angles else r
         return values[: self.size]
 
     def decode_covariance(self, message: Any) -> Array | None:
@@ -105,15 +107,16 @@ class TurnedCodec:
         k, M = self.size, self._M
         full, C = np.zeros(len(M)), None
         full[:k] = values
-        read = M.T @ full
-        for _, index in self._attitudes:
-            R = self._W.T @ rotation_matrix(*full[index].tolist()) @ self._B
-            read[index] = roll_pitch_yaw(R)
         if covariance is not None:
             C = np.zeros(M.shape)
             C[:k, :k] = covariance
             C = M.T @ C @ M
-        return self.inner.encode(time, read, C)
+        message = self.inner.encode(time, M.T @ full, C)
+        for way, as_angles, index in self._attitudes:
+            r = so3.from_euler(full[index]) if as_angles else full[index]
+            q, turned = walk(message, way), so3.log(self._W.T @ so3.exp(r) @ self._B)
+            q.x, q.y, q.z, q.w = so3.to_quaternion(turned).tolist()
+        return message
 
 
 def _complete(signal: Signal) -> tuple[str, ...]:
@@ -131,4 +134,4 @@ def _complete(signal: Signal) -> tuple[str, ...]:
 def _groups(fields: tuple[str, ...]) -> list[Quantity]:
     """Return what the fields read, each group of three axes once."""
     found = filter(None, map(quantity, fields))
-    return list({(each.kind == ATTITUDE, each.owner): each for each in found}.values())
+    return list({(each.owner, each.names): each for each in found}.values())

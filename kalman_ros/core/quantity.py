@@ -11,26 +11,29 @@ PLACE, ATTITUDE, VELOCITY, ACCELERATION, RATE, VECTOR = (
     'position', 'attitude', 'velocity', 'acceleration', 'rate', 'vector'
 )  # fmt: skip
 _GLOBAL = ('east', 'north', 'up')
-ANGLES = ('roll', 'pitch', 'yaw')
+_AXES = ('x', 'y', 'z')
+#: An attitude is read as angles about fixed axes, or as a rotation vector.
+ANGLES, ROTATION = ('roll', 'pitch', 'yaw'), ('rx', 'ry', 'rz')
 #: By the last attribute that owns x, y and z.
 _OWNERS = {
     'position': PLACE, 'point': PLACE, 'translation': PLACE, 'linear': VELOCITY,
     'linear_acceleration': ACCELERATION, 'angular': RATE, 'angular_velocity': RATE,
 }  # fmt: skip
-_FIELD = re.compile(r'(?:(?P<owner>.*)\.)?(?P<last>x|y|z|roll|pitch|yaw|east|north|up)')
+_FIELD = re.compile(r'(?:(?P<owner>.*)\.)?(?P<last>r?[xyz]|roll|pitch|yaw|east|north|up)')
 
 
 class Quantity(NamedTuple):
-    """What a field reads: its kind, which axis of three, and the path of all three."""
+    """What a field reads: its kind, which of three, the path of all three, and their names."""
 
     kind: str
     axis: int
     owner: str
+    names: tuple[str, ...]
 
     def siblings(self) -> tuple[str, ...]:
-        """Return the fields of all three axes."""
+        """Return the fields of all three."""
         start = f'{self.owner}.' if self.owner else ''
-        return tuple(f'{start}{axis}' for axis in (ANGLES if self.kind == ATTITUDE else 'xyz'))
+        return tuple(f'{start}{name}' for name in self.names)
 
 
 def quantity(field: str) -> Quantity | None:
@@ -39,12 +42,11 @@ def quantity(field: str) -> Quantity | None:
     if found is None:
         return None
     owner, last = found['owner'] or '', found['last']
-    if last in _GLOBAL:
-        return Quantity(PLACE, _GLOBAL.index(last), owner)
-    if last in ANGLES:
-        return Quantity(ATTITUDE, ANGLES.index(last), owner)
+    for kind, names in ((PLACE, _GLOBAL), (ATTITUDE, ANGLES), (ATTITUDE, ROTATION)):
+        if last in names:
+            return Quantity(kind, names.index(last), owner, names)
     attribute = owner.rpartition('.')[2].partition('[')[0]
     kind = _OWNERS.get(attribute, VECTOR)
     if kind is VELOCITY and '.accel.' in f'.{owner}':
         kind = ACCELERATION
-    return Quantity(kind, 'xyz'.index(last), owner)
+    return Quantity(kind, _AXES.index(last), owner, _AXES)

@@ -34,6 +34,9 @@ class Signal:
         first fix.
     mounting
         Of the sensor on its body.
+    pose
+        Whether a pose is read as it is, ``absolute``, ``relative`` to the first, or as a velocity,
+        ``differential``.
     """
 
     topic: str
@@ -42,6 +45,7 @@ class Signal:
     covariance: str = ''
     datum: Place | None = None
     mounting: Mounting = STRAIGHT
+    pose: str = 'absolute'
 
 
 #: The input of a model without one.

@@ -22,6 +22,7 @@ class Outcome(Enum):
     BAD_COVARIANCE = 'dropped: covariance not positive definite'
     NO_FIX = 'dropped: no position fix'
     ABSENT = 'dropped: the message says that it has none'
+    FIRST_POSE = 'kept: others are compared with it'
     OTHER_FRAME = 'dropped: in another frame than declared'
     DUPLICATE = 'dropped: duplicate stamp'
     TOO_OLD = 'dropped: older than the window'

@@ -12,6 +12,7 @@ from kalman_ros.pipeline.datum_file import write_datum
 from kalman_ros.pipeline.estimate_topics import EstimateTopics, InnovationTopic, Topic
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.global_topics import GlobalTopics
+from kalman_ros.pipeline.odometry_topic import OdometryTopic
 from kalman_ros.scenario import Scenario
 
 from .topics import HISTORY, KEPT
@@ -31,6 +32,11 @@ class EstimatePublisher:
         self._publisher = _publisher(node, topics.estimate)
         self._state_publisher = _publisher(node, topics.state)
         self._covariance_publisher = _publisher(node, topics.covariance)
+        self._odometry = None
+        if options.publish_odometry:
+            self._odometry = OdometryTopic(scenario, options.frame, options.child_frame)
+            kind, name = self._odometry.message_type, self._odometry.signal.topic
+            self._odometry_publisher = node.create_publisher(kind, name, HISTORY)
         self._globe = GlobalPublisher(node, scenario, options, origin)
         #: The number of beliefs published.
         self.count = 0
@@ -44,6 +50,8 @@ class EstimatePublisher:
             self._state_publisher.publish(topics.state.write(time, x))
         if self._covariance_publisher.get_subscription_count():
             self._covariance_publisher.publish(topics.covariance.write(time, P.ravel()))
+        if self._odometry is not None and self._odometry_publisher.get_subscription_count():
+            self._odometry_publisher.publish(self._odometry(time, belief))
         self._globe(time, belief)
 
 

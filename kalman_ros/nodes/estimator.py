@@ -25,6 +25,7 @@ from .estimator_health import Health
 from .estimator_intake import LockstepIntake, RealTimeIntake
 from .meters import Latency
 from .topics import QUEUE
+from .transform_publisher import TransformPublisher
 
 #: The lowest rate of publication, in Hz, other than none.
 _SLOWEST = 1e-3
@@ -47,6 +48,8 @@ class EstimatorNode(runtime.ScenarioNode):
         self._online, origin = settings.estimator(), settings.origin()
         seen = observability(scenario)
         self._publish = EstimatePublisher(self, scenario, options, origin)
+        tf = options.publish_tf
+        self._transforms = TransformPublisher(self, scenario, options) if tf else None
         self._read_pose = PoseReader(scenario)
         self._latency = Latency()
         channels = {
@@ -68,6 +71,8 @@ class EstimatorNode(runtime.ScenarioNode):
             LockstepIntake(self, self._fuser)
         else:
             RealTimeIntake(self, self._fuser, self._latency)
+        if self._transforms is not None:
+            self._transforms.subscribe()
         pose = self._read_pose.message_type
         self.create_subscription(pose, 'initialpose', self._on_initial_pose, QUEUE, raw=True)
         self.create_service(Trigger, '~/reset', self._on_reset)
@@ -75,6 +80,8 @@ class EstimatorNode(runtime.ScenarioNode):
     def publish(self, time: int, belief: Gaussian) -> None:
         """Publish the belief at ``time``, in nanoseconds."""
         self._publish(time, belief)
+        if self._transforms is not None:
+            self._transforms(time, belief, self._fuser.fused_at)
 
     def publish_innovations(self, fused: Sequence[Fused], most: int | None = None) -> None:
         """Publish the innovations of readings, of more than ``most`` the newest ones."""
@@ -117,7 +124,8 @@ class EstimatorNode(runtime.ScenarioNode):
     def report(self) -> Report:
         """Return the outcomes of the readings, and whether innovations scatter as expected."""
         lockstep = self.options.lockstep
-        return self._health.report(self.scenario, self._publish.count, lockstep=lockstep)
+        found = self._health.report(self.scenario, self._publish.count, lockstep=lockstep)
+        return found if self._transforms is None else self._transforms.report(*found)
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ from .meeting import Meeting
 from .pacing import Lockstep, RealTime
 from .plant_input import PlantInput
 from .plant_options import PlantOptions
-from .topics import HISTORY, QUEUE, on_topic
+from .topics import HISTORY, QUEUE, on_topic, refuse_shared
 
 
 class PlantNode(runtime.ScenarioNode):
@@ -41,6 +41,7 @@ class PlantNode(runtime.ScenarioNode):
     def configure(self) -> None:
         """Build the simulated plant and its publishers."""
         super().configure()
+        refuse_shared(self.scenario)
         options: PlantOptions = self.options
         self.run_until = options.run_until
         self.period = 1.0 / self.scenario.rate

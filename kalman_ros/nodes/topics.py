@@ -56,3 +56,13 @@ def check(scenario: Scenario, node: str, namespace: str) -> None:
     if not hasattr(message_type(scenario.state.type), 'header'):
         expected = f"expected a message with a header, got '{scenario.state.type}'"
         raise ValueError(f'state.type: {expected}, which has no stamp')
+
+
+def refuse_shared(scenario: Scenario) -> None:
+    """Raise ValueError if sensors share a topic: a simulated message has only one of them."""
+    users: dict[str, str] = {}
+    for name, source in scenario.enabled.items():
+        other = users.setdefault(source.signal.topic, name)
+        if other != name:
+            why = f"sensor {other} is on '{source.signal.topic}', too, which is not simulated"
+            raise ValueError(f'{name}.topic: {why}')

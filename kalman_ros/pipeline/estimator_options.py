@@ -102,6 +102,20 @@ class EstimatorOptions:
     idle_input: IdleInput = 'zero'
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'
+    publish_odometry: Annotated[
+        bool, About('pose and twist as Odometry on estimate/odometry', feature='tf')
+    ] = False
+    publish_tf: Annotated[bool, About('the pose as a transform on /tf', feature='tf')] = False
+    tf_odometry: Annotated[
+        str,
+        About('topic of an odometry: the transform is to its frame (map to odom)', feature='tf'),
+    ] = ''
+    tf_time_offset: Annotated[
+        float, About('added to the stamps of transforms', 's', feature='tf')
+    ] = 0.0
+    tf_timeout: Annotated[
+        float, About('no transform after this long without a reading', 's', 1e-3, feature='tf')
+    ] = 1.0
     publish_fix: Annotated[
         bool, About('the position as NavSatFix on estimate/fix, too', feature='fixes')
     ] = False

@@ -11,6 +11,8 @@ from kalman_ros.core import Signal
 from kalman_ros.core.quantity import ATTITUDE, PLACE, quantity
 
 _HEADER = 'std_msgs/Header'
+#: The length of no frame.
+_NONE_YET = b'\xff\xff\xff\xff'
 _CHILD, _TWIST = 'child_frame_id', 'twist.'
 
 
@@ -41,7 +43,9 @@ class FrameGuard:
         warn: Callable[[str], object],
     ) -> None:
         fields = message_type.get_fields_and_field_types()
-        self._stamped = next(iter(fields.values()), '') == _HEADER
+        stamped = next(iter(fields.values()), '') == _HEADER
+        #: A message with these bytes after its stamp is of the right frame.
+        self.accepted = _NONE_YET if stamped else b''
         twist = all(field.startswith(_TWIST) for field in signal.fields)
         self._of_child = twist and _CHILD in fields
         kinds = {found.kind for found in map(quantity, signal.fields) if found is not None}
@@ -49,14 +53,10 @@ class FrameGuard:
         self._own, self._warn = own, warn
         self._placed = signal.mounting.placed
         self._frame: str | None = signal.mounting.frame or None
-        #: The same bytes after the stamp mean the same frame.
-        self._accepted = b''
 
     def __call__(self, data: bytes) -> str:
         """Return what is wrong with the frame of a message that can be decoded; '' if nothing."""
-        if not self._stamped:
-            return ''
-        if data.startswith(self._accepted, FRAME_START) and self._accepted:
+        if data.startswith(self.accepted, FRAME_START):
             return ''
         frame, end = frame_and_end(data, of_child=self._of_child)
         if self._frame is None:
@@ -64,7 +64,7 @@ class FrameGuard:
             self._announce(frame)
         if frame != self._frame:
             return f"expected frame '{self._frame}', got '{frame}'"
-        self._accepted = data[FRAME_START:end]
+        self.accepted = data[FRAME_START:end]
         return ''
 
     def _announce(self, frame: str) -> None:

@@ -80,6 +80,8 @@ class Fuser:
         self.warn = Throttle(warn)
         self.scenario = scenario
         self._judged = online.restarts
+        #: The stamp of the newest reading that moved the estimate, in nanoseconds.
+        self.fused_at: int | None = None
 
     def configure(self, scenario: Scenario) -> None:
         """Use a scenario that was changed live; its names and topics are the same."""
@@ -114,6 +116,7 @@ class Fuser:
         elif outcome is not Outcome.FUSED:
             self.warn(f'reading of {channel.name} {outcome.value}')
         if outcome.accepted:
+            self.fused_at = time if self.fused_at is None else max(time, self.fused_at)
             self.observability.reading(channel.name, time)
 
     def _account_for_input(self, time: int, u: Array, outcome: Outcome) -> None:
@@ -167,5 +170,6 @@ class Fuser:
 
     def _reset_statistics(self) -> None:
         self._judged = self.online.restarts
+        self.fused_at = None
         for channel in self.channels.values():
             channel.reset_statistics()

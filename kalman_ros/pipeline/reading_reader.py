@@ -11,7 +11,8 @@ import numpy as np
 
 from kalman_ros.codecs.covariances import AbsentError
 from kalman_ros.codecs.fixes import NoFixError
-from kalman_ros.codecs.messages import leading_stamp
+from kalman_ros.codecs.layout import Sample
+from kalman_ros.codecs.messages import FRAME_START, leading_stamp, message_type
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
@@ -23,6 +24,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import SensorSource
 
 from .frame_guard import FrameGuard
+from .pose_changes import FirstPoseError, PoseChange, whole_pose
 
 
 class Reading(NamedTuple):
@@ -68,9 +70,12 @@ class ReadingReader:
         own: Sequence[str] = (),
         warn: Callable[[str], object] = str,
     ) -> None:
+        self._change = None
+        self._guard = FrameGuard(signal, message_type(signal.type), own, warn)
+        if signal.pose != 'absolute':
+            self._change, signal = PoseChange(signal), whole_pose(signal)
         self._read = WireReader(codec_of(signal, origin=origin))
         self.message_type = self._read.message_type
-        self._guard = FrameGuard(signal, self.message_type, own, warn)
         #: Why the last unreadable message was refused; '' before the first.
         self.trouble = ''
 
@@ -90,9 +95,15 @@ class ReadingReader:
             return self._refused(leading_stamp(data), Outcome.ABSENT, error)
         except (LookupError, ValueError) as error:
             return self._refused(None, Outcome.WRONG_SIZE, error)
-        other = self._guard(data)
-        if other:
-            return self._refused(time, Outcome.OTHER_FRAME, other)
+        if not data.startswith(self._guard.accepted, FRAME_START):
+            other = self._guard(data)
+            if other:
+                return self._refused(time, Outcome.OTHER_FRAME, other)
+        if self._change is not None:
+            try:
+                time, values, covariance = self._change(Sample(time, values, covariance))
+            except FirstPoseError as error:
+                return self._refused(time, Outcome.FIRST_POSE, error)
         return Reading(time, values, source.used(covariance))
 
     def _refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:

@@ -38,6 +38,8 @@ from .parameter_files import section
 from .scenario import Scenario, SensorSource
 from .wiring import system as system_of
 
+#: How a pose is read.
+POSES = ('absolute', 'relative', 'differential')
 #: The allowed sources of a reading's covariance.
 POLICIES = ('message', 'configuration', 'larger')
 
@@ -140,12 +142,16 @@ def _source(
     wire = {key: given.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
     arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
-    frame = given.pop('frame')
+    frame, pose = given.pop('frame'), given.pop('pose')
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
         sensor = sensors.build(own['kind'], model.state, own['noise'], given)
         check_attributes(sensor)
+        if pose not in POSES:
+            raise ValueError(f"pose: expected {', '.join(POSES)}, got '{pose}'")
+        if pose != POSES[0] and any(arm):
+            raise ValueError(f'mount.translation: expected none with pose: {pose}')
         mount = mounting(rotation, convention, frame, arm)
         if any(arm) or gravity:
             body = body_of(model.state, state)
@@ -156,7 +162,7 @@ def _source(
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
-    signal = replace(signal, datum=origin, mounting=mount)
+    signal = replace(signal, datum=origin, mounting=mount, pose=pose)
     return SensorSource(timed, signal, policy, reliable, gate)
 
 

@@ -87,6 +87,10 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
                 "axes of the messages: 'enu', or 'ned' and forward, right, down", feature=_FRAMES
             ),
         ),
+        'pose': (
+            'absolute',
+            About("'relative' to its first, or 'differential': a velocity", feature=_FRAMES),
+        ),
         'frame': (
             '',
             About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),

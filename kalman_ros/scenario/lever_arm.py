@@ -8,7 +8,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Hypotheses, Sensor, numerical_jacobian, vector
-from kalman_ros.core.quantity import ACCELERATION, ATTITUDE, PLACE, RATE, VELOCITY, quantity
+from kalman_ros.core import rotations as so3
+from kalman_ros.core.quantity import (
+    ACCELERATION,
+    ANGLES,
+    ATTITUDE,
+    PLACE,
+    RATE,
+    VELOCITY,
+    quantity,
+)
 
 from .body_roles import Body
 
@@ -58,9 +67,9 @@ class LeverArm(Sensor):
         if gravity and ACCELERATION not in kinds:
             listed = ', '.join(fields)
             raise ValueError(f'mount.gravity: expected an acceleration among the fields {listed}')
-        for kind, role in ((PLACE, 'yaw'), (VELOCITY, 'wz'), (ACCELERATION, 'wz')):
-            if any(arm) and kind in kinds and role not in body.index:
-                what = 'heading (yaw)' if role == 'yaw' else 'yaw rate'
+        turns, rate = (body.turns, 'heading (yaw)'), ('wz' in body.index, 'yaw rate')
+        for kind, (known, what) in ((PLACE, turns), (VELOCITY, rate), (ACCELERATION, rate)):
+            if any(arm) and kind in kinds and not known:
                 raise ValueError(
                     f'mount.translation: a {kind} off the centre takes a state with a {what}'
                 )
@@ -71,7 +80,9 @@ class LeverArm(Sensor):
 
     def jacobian(self, x: Array) -> Array:
         """Return that at the centre, and that of the displacement, by differences."""
-        return self._at_centre.jacobian(x) + numerical_jacobian(self._displacement, x)
+        return self._at_centre.jacobian(x) + numerical_jacobian(
+            self._displacement, x, space=self.state
+        )
 
     def hypotheses(self, belief: Gaussian, y: Array, count: int) -> Hypotheses | None:
         """Return None: one linearisation is used."""
@@ -93,13 +104,11 @@ class LeverArm(Sensor):
             columns.append(found[kind][..., axis])
         return np.stack(columns, axis=-1)
 
-    def _role(self, x: Array, role: str) -> Array:
-        index = self._body.index.get(role)
-        return np.zeros(x.shape[:-1]) if index is None else x[..., index]
-
     def _moved(self, x: Array) -> Array:
-        """Return R l; roll, pitch and yaw about the fixed axes x, y, z (REP-103)."""
-        roll, pitch, yaw = (self._role(x, angle) for angle in ('roll', 'pitch', 'yaw'))
+        """Return R l; roll, pitch and yaw are about the fixed axes x, y, z (REP-103)."""
+        if self._body.has_rotation:
+            return so3.rotate(self._body.attitude(x), self._arm)
+        roll, pitch, yaw = (self._body.value(x, angle) for angle in ANGLES)
         a, b, c = self._arm
         b, c = np.cos(roll) * b - np.sin(roll) * c, np.sin(roll) * b + np.cos(roll) * c
         a, c = np.cos(pitch) * a + np.sin(pitch) * c, np.cos(pitch) * c - np.sin(pitch) * a
@@ -107,7 +116,7 @@ class LeverArm(Sensor):
         return np.stack((a, b, c), axis=-1)
 
     def _rate(self, x: Array) -> Array:
-        return np.stack([self._role(x, f'w{axis}') for axis in 'xyz'], axis=-1)
+        return np.stack([self._body.value(x, f'w{axis}') for axis in 'xyz'], axis=-1)
 
     def _swung(self, x: Array) -> Array:
         """Return w x l."""
@@ -119,9 +128,7 @@ class LeverArm(Sensor):
         drawn = np.cross(rate, np.cross(rate, self._arm))
         if not self._up.any():
             return np.asarray(drawn)
-        roll, pitch = self._role(x, 'roll'), self._role(x, 'pitch')
-        up = (-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch))
-        return np.asarray(drawn + self._up[2] * np.stack(up, axis=-1))
+        return np.asarray(drawn + so3.rotate_back(self._body.attitude(x), self._up))
 
 
 #: What reads the same at every place of a body, or is moved.

@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -79,11 +79,15 @@ def _load(text: str) -> Any:
     try:
         return yaml.load(text, _Loader)
     except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        line = f' in line {mark.line + 1}' if mark else ''
-        what = getattr(error, 'problem', None) or str(error).partition('\n')[0]
-        kind = '' if isinstance(error, yaml.composer.ComposerError) else 'not YAML: '
-        raise ValueError(f'{kind}{what}{line}') from None
+        raise ValueError(_reason(error)) from None
+
+
+def _reason(error: yaml.YAMLError) -> str:
+    mark = getattr(error, 'problem_mark', None)
+    line = f' in line {mark.line + 1}' if mark else ''
+    what = getattr(error, 'problem', None) or str(error).partition('\n')[0]
+    kind = '' if isinstance(error, yaml.composer.ComposerError) else 'not YAML: '
+    return f'{kind}{what}{line}'
 
 
 def _read(path: Path) -> str:
@@ -252,3 +256,37 @@ def yaml_value(value: Any) -> str:
         quoted = value.replace("'", "''")
         return f"'{quoted}'"  # unquoted, an empty string is null and y is true
     return str(value)
+
+
+class Lined(NamedTuple):
+    """A value of a YAML file with its line."""
+
+    value: Any
+    line: int
+
+
+def with_lines(path: Path) -> Lined:
+    """Return the value of any YAML file, with mappings of `Lined` values instead of plain ones.
+
+    Raises
+    ------
+    ValueError
+        If it is not YAML, or larger than any parameter file; the message has the line.
+    """
+    loader = _Loader(_read(path))
+    try:
+        node = loader.get_single_node()
+        return Lined({}, 1) if node is None else _lined(loader, node)
+    except yaml.YAMLError as error:
+        raise ValueError(f'{path.name}: {_reason(error)}') from None
+
+
+def _lined(loader: _Loader, node: Any) -> Lined:
+    line = node.start_mark.line + 1
+    if not isinstance(node, yaml.MappingNode):
+        return Lined(loader.construct_document(node), line)
+    pairs = [(loader.construct_document(key), value) for key, value in node.value]
+    # the line of a value that begins on a later one is that of its name
+    lines = {str(key): entry[0].start_mark.line + 1 for (key, _), entry in zip(pairs, node.value)}
+    found = {str(key): _lined(loader, value) for key, value in pairs}
+    return Lined({key: each._replace(line=lines[key]) for key, each in found.items()}, line)

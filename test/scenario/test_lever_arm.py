@@ -71,6 +71,23 @@ def test_an_acceleration_points_to_the_axis(x):
     np.testing.assert_allclose(added(fields, x), np.cross(rate, np.cross(rate, ARM)))
 
 
+def test_a_rotation_vector_turns_the_arm_as_its_angles_do(x):
+    space = Space('x y z rx ry rz wx wy wz', rotations=(('rx', 'ry', 'rz'),))
+    fields = tuple(f'position[{name}]' for name in space.names)
+    body = body_of(space, Signal('estimate', 'sensor_msgs/JointState', fields))
+    other = np.concatenate((x[:3], Rotation.from_euler('xyz', x[3:6]).as_rotvec(), x[9:]))
+    kinds = ('east', 'north', 'up'), tuple(f'linear_acceleration.{axis}' for axis in 'xyz')
+    for read in kinds:
+        gravity = 9.8 if read is kinds[1] else 0.0
+        by_angles = LeverArm(Zero(3), BODY, read, ARM, gravity)
+        by_vector = LeverArm(Zero(3), body, read, ARM, gravity)
+        by_vector.state = space
+        np.testing.assert_allclose(by_vector.measure(other), by_angles.measure(x))
+        turned = space.add(other, np.array([0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        change = (by_vector.measure(turned) - by_vector.measure(other)) / 1e-6
+        np.testing.assert_allclose(by_vector.jacobian(other)[:, 3], change, atol=1e-4)
+
+
 def test_gravity_is_along_the_axis_of_the_world_that_is_up(x):
     fields = tuple(f'linear_acceleration.{axis}' for axis in 'xyz')
     level = LeverArm(Zero(3), BODY, fields, [0.0] * 3, 9.8)

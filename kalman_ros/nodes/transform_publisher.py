@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Publishes the pose of the estimate on ``/tf``, while that is what tf2 and its users can take."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from kalman_ros.codecs.messages import UndecodableError, decode, frame_and_end
+from kalman_ros.core import Gaussian
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
+from kalman_ros.pipeline.throttle import Throttle
+from kalman_ros.pipeline.transforms import TransformTree, TransformWriter
+from kalman_ros.scenario import Scenario
+
+from .diagnostics import Level, Report
+from .topics import QUEUE
+
+_TF, _STATIC = '/tf', '/tf_static'
+#: As tf2 has them.
+_QUEUE = QoSProfile(depth=100)
+_KEPT = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+#: Of the messages of one length, as one node sends them, at most one in this time is read, in
+#: nanoseconds: a parent is named again and again.
+_SAMPLED = 20_000_000
+_MOST_LENGTHS = 1000
+#: The number of transforms in a message of one.
+_ONE = (b'\1\0\0\0', b'\0\0\0\1')
+
+
+class TransformPublisher:
+    """Publishes a transform for each estimate.
+
+    It is silent once no reading was fused for ``tf_timeout``, and while tf2 would refuse the
+    transform beside those of others.
+
+    Parameters
+    ----------
+    node
+        The estimator's node.
+    scenario, options
+        Of the estimator.
+
+    Raises
+    ------
+    ValueError
+        If there can be no transform.
+    """
+
+    def __init__(self, node: Any, scenario: Scenario, options: EstimatorOptions) -> None:
+        self._node, self._options = node, options
+        self._write = TransformWriter(scenario, options)
+        self._tree = TransformTree()
+        self._warn = Throttle(node.get_logger().warning, 10.0)
+        self._publisher = node.create_publisher(self._write.message_type, _TF, _QUEUE)
+        #: When the next message of a length is read, in nanoseconds.
+        self._due: dict[int, int] = {}
+        self.count = 0
+        #: Why the last one was not published; '' if it was.
+        self.refusal = ''
+
+    def subscribe(self) -> None:
+        """Subscribe to the transforms of others, and to the odometry."""
+        node, kind = self._node, self._write.message_type
+        node.create_subscription(kind, _TF, self._on_tf, _QUEUE, raw=True)
+        node.create_subscription(kind, _STATIC, self._on_static, _KEPT, raw=True)
+        topic = self._options.tf_odometry
+        if topic:
+            kind = self._write.odometry_type
+            node.create_subscription(kind, topic, self._on_odometry, QUEUE, raw=True)
+
+    def __call__(self, time: int, belief: Gaussian, fused_at: int | None) -> None:
+        """Publish the transform of a ``belief`` at ``time``; the last reading was ``fused_at``."""
+        self.refusal = self._refusal(time, fused_at)
+        message = None if self.refusal else self._write(time, belief.mean)
+        if message is None:
+            self.refusal = self.refusal or 'no odometry near the time of the estimate'
+            self._warn(f'no transform: {self.refusal}')
+            return
+        self._publisher.publish(message)
+        self.count += 1
+
+    def report(self, level: Level, message: str, values: Mapping[str, Any]) -> Report:
+        """Return the report of the estimator, with what became of the transforms."""
+        values = {**values, 'transforms published': self.count}
+        if not self.refusal:
+            return level, message, values
+        values['no transform'] = self.refusal
+        found = f'no transform: {self.refusal}' if level is Level.OK else message
+        return Level.WARN, found, values
+
+    def _now(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
+
+    def _refusal(self, time: int, fused_at: int | None) -> str:
+        now = self._now()
+        newest = time if self._options.lockstep else max(time, now)
+        timeout = self._options.tf_timeout
+        if fused_at is None or newest - fused_at > timeout * 1e9:
+            return f'no reading was fused within tf_timeout ({timeout:g} s)'
+        if not self._write.child:
+            return f'no odometry on {self._options.tf_odometry}'
+        return self._tree.refusal(self._options.frame, self._write.child, now)
+
+    def _on_tf(self, data: bytes) -> None:
+        if self._is_own(data):
+            return
+        now = self._now()
+        due = self._due.get(len(data), now)
+        if not 0 < due - now <= _SAMPLED:
+            if len(self._due) > _MOST_LENGTHS:
+                self._due.clear()
+            self._due[len(data)] = now + _SAMPLED
+            self._take(data, static=False)
+
+    def _on_static(self, data: bytes) -> None:
+        self._take(data, static=True)
+
+    def _take(self, data: bytes, *, static: bool) -> None:
+        topic = _STATIC if static else _TF
+        message = self._node.intake(topic, self._decoded, data)
+        own = self._options.frame, self._write.child
+        for each in () if message is None else message.transforms:
+            pair = each.header.frame_id.lstrip('/'), each.child_frame_id.lstrip('/')
+            if static or pair != own:
+                self._tree.add(*pair, self._now(), static=static)
+
+    def _is_own(self, data: bytes) -> bool:
+        """Return whether a message has nothing but the transform that is published here."""
+        if data[4:8] not in _ONE:
+            return False
+        one = data[:4] + data[8:]  # without the number of transforms it begins with a header
+        try:
+            found = tuple(frame_and_end(one, of_child=each)[0] for each in (False, True))
+        except struct.error:
+            return False
+        return found == (self._options.frame, self._write.child)
+
+    def _decoded(self, data: bytes) -> Any:
+        return decode(data, self._write.message_type)
+
+    def _on_odometry(self, data: bytes) -> None:
+        self._node.intake(self._options.tf_odometry, self._odometry, data)
+
+    def _odometry(self, data: bytes) -> None:
+        try:
+            frame, child = (frame_and_end(data, of_child=each)[0] for each in (False, True))
+            why = self._write.on_odometry(data, frame, child)
+        except (LookupError, ValueError, struct.error) as error:
+            raise UndecodableError(str(error)) from None
+        if why:
+            self._warn(f'{self._options.tf_odometry}: {why}')

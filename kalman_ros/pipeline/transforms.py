@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pose of an estimate as a transform of tf2, and what tf2 would refuse."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kalman_ros.codecs.messages import message_type, write_stamp
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.wire import WireReader
+from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.core import rotations as so3
+from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.body_roles import body_of
+
+from .estimator_options import EstimatorOptions
+
+TYPE = 'tf2_msgs/TFMessage'
+_ODOMETRY = 'nav_msgs/Odometry'
+_POSE = (
+    *(f'pose.pose.position.{axis}' for axis in 'xyz'),
+    *(f'pose.pose.orientation.{number}' for number in ('rx', 'ry', 'rz')),
+)
+#: The most poses of an odometry that are kept.
+_MOST = 1000
+
+
+class Pose(NamedTuple):
+    """A position (3,) and a rotation vector (3,)."""
+
+    position: Array
+    rotation: Array
+
+    def after_inverse(self, other: Pose) -> Pose:
+        """Return the pose of one frame in another, of which this and ``other`` see one body.
+
+        With p = t + R q: R = R_1 R_2' and t = p_1 - R p_2.
+        """
+        r = so3.compose(self.rotation, -other.rotation)
+        return Pose(self.position - so3.rotate(r, other.position), r)
+
+
+class PoseHistory:
+    """The last poses of an odometry, in the order of their stamps."""
+
+    def __init__(self) -> None:
+        self._times: deque[int] = deque(maxlen=_MOST)
+        self._poses: deque[Pose] = deque(maxlen=_MOST)
+
+    def add(self, time: int, pose: Pose) -> None:
+        """Add a pose at ``time``, in nanoseconds; a clock that goes back empties the history."""
+        if self._times and time < self._times[-1]:
+            self._times.clear()
+            self._poses.clear()
+        self._times.append(time)
+        self._poses.append(pose)
+
+    def at(self, time: int, tolerance: float) -> Pose | None:
+        """Return the pose at ``time``, on the way between two.
+
+        Beyond the ends it is that of the end, if it is no further than ``tolerance`` seconds.
+        """
+        if not self._times:
+            return None
+        index = bisect_left(self._times, time)
+        if index == len(self._times) or index == 0:
+            nearest = min(index, len(self._times) - 1)
+            near = abs(self._times[nearest] - time) <= tolerance * 1e9
+            return self._poses[nearest] if near else None
+        before, after = self._poses[index - 1], self._poses[index]
+        start, end = self._times[index - 1], self._times[index]
+        share = (time - start) / (end - start)
+        turn = so3.compose(after.rotation, -before.rotation)
+        position = before.position + share * (after.position - before.position)
+        return Pose(position, so3.compose(share * turn, before.rotation))
+
+
+def check_frame(argument: str, name: str) -> None:
+    """Raise ValueError for a name that tf2 refuses."""
+    if not name or name.startswith('/'):
+        expected = 'expected a frame without a leading slash for publish_tf'
+        raise ValueError(f"{argument}: {expected}, got '{name}'")
+
+
+class TransformWriter:
+    """Writes the pose of an estimate as a ``tf2_msgs/TFMessage``.
+
+    Without ``tf_odometry`` that is the transform from ``frame`` to ``child_frame``. With it, it is
+    the one from ``frame`` to the frame of that odometry, which sees the same body (REP-105).
+
+    Parameters
+    ----------
+    scenario
+        Whose state has a position and a heading.
+    options
+        Of the estimator.
+
+    Raises
+    ------
+    ValueError
+        If tf2_msgs is not installed, the state has no pose, or tf2 would refuse the transform.
+    """
+
+    def __init__(self, scenario: Scenario, options: EstimatorOptions) -> None:
+        try:
+            self.message_type = message_type(TYPE)
+        except ValueError:
+            why = 'the message package tf2_msgs is not installed (in ROS: ros-jazzy-tf2-msgs)'
+            raise ValueError(f'publish_tf: {why}') from None
+        for argument in ('frame', 'child_frame'):
+            check_frame(argument, getattr(options, argument))
+        if options.frame == options.child_frame:
+            raise ValueError(f"child_frame: expected another than frame, got '{options.frame}'")
+        self._body = body_of(scenario.model.state, scenario.state)
+        if not (self._body.moves and self._body.turns):
+            names = ', '.join(scenario.model.state.names)
+            raise ValueError(f'publish_tf: expected states x, y and a heading, got {names}')
+        self._options = options
+        self._child = '' if options.tf_odometry else options.child_frame
+        self._history = PoseHistory()
+        self._read = WireReader(SignalCodec(Signal(options.tf_odometry, _ODOMETRY, _POSE)))
+        self.odometry_type = self._read.message_type
+        self.message = self.message_type()
+        transform = message_type('geometry_msgs/TransformStamped')()
+        transform.header.frame_id, transform.child_frame_id = options.frame, self._child
+        self.message.transforms = [transform]
+
+    @property
+    def child(self) -> str:
+        """The frame whose parent is ``frame``; '' before the first odometry."""
+        return self._child
+
+    def on_odometry(self, data: bytes, frame: str, child: str) -> str:
+        """Take a message of the odometry with its frames; return why it is not used, if so.
+
+        Raises
+        ------
+        UndecodableError
+            If the bytes are not those of such a message.
+        """
+        if child != self._options.child_frame:
+            return f"expected child_frame_id '{self._options.child_frame}', got '{child}'"
+        if not frame or frame in (self._options.frame, child):
+            return f"expected a frame between those of the estimate, got '{frame}'"
+        time, values, _ = self._read(data)
+        if time is None or not is_finite(values):
+            return 'expected finite numbers'
+        self._child = self.message.transforms[0].child_frame_id = frame
+        self._history.add(time, Pose(values[:3], values[3:]))
+        return ''
+
+    def __call__(self, time: int, x: Array) -> Any:
+        """Return the message for a state (n,) at ``time``, in nanoseconds.
+
+        It is None without an odometry near that time, or where it would not be finite.
+        """
+        body, options = self._body, self._options
+        pose = Pose(np.array([body.value(x, axis) for axis in 'xyz']), body.attitude(x))
+        if options.tf_odometry:
+            other = self._history.at(time, options.tf_timeout)
+            if other is None:
+                return None
+            pose = pose.after_inverse(other)
+        numbers = np.concatenate((pose.position, so3.to_quaternion(pose.rotation)))
+        if not is_finite(numbers):
+            return None
+        transform = self.message.transforms[0]
+        write_stamp(transform.header.stamp, time + round(options.tf_time_offset * 1e9))
+        to, q = transform.transform.translation, transform.transform.rotation
+        to.x, to.y, to.z, q.x, q.y, q.z, q.w = numbers.tolist()
+        return self.message
+
+
+#: A transform of another node on /tf counts for this long, in nanoseconds.
+_REMEMBERED = 10_000_000_000
+#: The most frames that are kept.
+_MOST_FRAMES = 10_000
+
+
+class TransformTree:
+    """The parents of frames as others publish them."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, tuple[str, float]] = {}
+
+    def add(self, parent: str, child: str, now: int, *, static: bool) -> None:
+        """Add a transform that was received at ``now``, in nanoseconds."""
+        if len(self._parents) < _MOST_FRAMES or child in self._parents:
+            until = np.inf if static else now + _REMEMBERED
+            self._parents[child] = parent, until
+
+    def refusal(self, parent: str, child: str, now: int) -> str:
+        """Return why tf2 would refuse a transform beside those of others; '' if it would not."""
+        other = self._parent(child, now)
+        if other and other != parent:
+            return f"'{child}' has the parent '{other}' already and cannot have '{parent}', too"
+        above, seen = self._parent(parent, now), {parent}
+        while above and above not in seen:
+            if above == child:
+                return f"'{child}' is above '{parent}' already: a loop"
+            seen.add(above)
+            above = self._parent(above, now)
+        return ''
+
+    def _parent(self, child: str, now: int) -> str:
+        parent, until = self._parents.get(child, ('', 0.0))
+        return parent if now < until else ''

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sensors from the 15 flags of robot_localization: one for each part of a message."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from scipy.stats import chi2
+
+from .their_file import TheirNode
+
+TYPES = {
+    'odom': 'nav_msgs/Odometry',
+    'pose': 'geometry_msgs/PoseWithCovarianceStamped',
+    'twist': 'geometry_msgs/TwistWithCovarianceStamped',
+    'imu': 'sensor_msgs/Imu',
+}
+#: The flags of x, y, z, of the angles, and of their rates and accelerations.
+_FLAGS = (
+    'x', 'y', 'z', 'roll', 'pitch', 'yaw', 'vx', 'vy', 'vz', 'wx', 'wy', 'wz', 'ax', 'ay', 'az',
+)  # fmt: skip
+_PLANAR = {'x', 'y', 'yaw', 'vx', 'vy', 'wz', 'ax', 'ay'}
+_ANGLES = ('roll', 'pitch', 'yaw')
+#: Where a message has no covariance: m, rad, m/s, rad/s, m/s^2.
+_NOISE = (0.5,) * 3 + (0.05,) * 3 + (0.1,) * 3 + (0.05,) * 3 + (0.5,) * 3
+#: The lowest probability of a gate.
+_LEAST = 0.5
+GRAVITY = 9.80665
+
+
+class Part(NamedTuple):
+    """A part of a message: its flags, the path of each, and the name of its threshold."""
+
+    name: str
+    flags: Sequence[str]
+    path: str
+    threshold: str
+
+
+def _parts(kind: str) -> list[Part]:
+    """Return the parts of a message; rejection is decided for each."""
+    place, turn, speed, rate, force = (_FLAGS[i : i + 3] for i in range(0, 15, 3))
+    pose, twist = 'pose_rejection_threshold', 'twist_rejection_threshold'
+    if kind == 'imu':
+        return [
+            Part('orientation', turn, 'orientation.{}', pose),
+            Part('rate', rate, 'angular_velocity.{}', twist),
+            Part(
+                'acceleration',
+                force,
+                'linear_acceleration.{}',
+                'linear_acceleration_rejection_threshold',
+            ),
+        ]
+    poses = [
+        Part('position', place, 'pose.pose.position.{}', pose),
+        Part('orientation', turn, 'pose.pose.orientation.{}', pose),
+    ]
+    twists = [
+        Part('velocity', speed, 'twist.twist.linear.{}', twist),
+        Part('rate', rate, 'twist.twist.angular.{}', twist),
+    ]
+    return {'odom': [*poses, *twists], 'pose': poses, 'twist': twists}[kind]
+
+
+def _flags(node: TheirNode, name: str) -> list[str]:
+    key = f'{name}_config'
+    if key not in node.values:
+        raise ValueError(f'line {node.values[name].line}: {key}: expected 15 flags, got none')
+    given, line = node.values[key]
+    listed = isinstance(given, list) and all(isinstance(flag, bool) for flag in given)
+    if not listed or len(given) != len(_FLAGS):
+        raise ValueError(f'line {line}: {key}: expected 15 times true or false')
+    return [name for name, flag in zip(_FLAGS, given) if flag]
+
+
+#: Values of sensors by their names.
+Sensors = dict[str, dict[str, Any]]
+
+
+def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensors:
+    """Return the sensors of ours for one of theirs, and account for its parameters."""
+    topic = node.value(name, '')
+    if not topic or ' ' in topic:
+        line = node.values[name].line
+        raise ValueError(f"line {line}: {name}: expected the name of a topic, got '{topic}'")
+    wanted = _flags(node, name)
+    found: Sensors = {}
+    used: list[str] = []
+    for part in _parts(kind):
+        chosen = [flag for flag in part.flags if flag in wanted]
+        used += chosen
+        chosen = [flag for flag in chosen if not planar or flag in _PLANAR]
+        if not chosen:
+            continue
+        pose = _pose(node, name) if part.name in ('position', 'orientation') else ''
+        ours = f'{name}_{part.name}'
+        found[ours] = {
+            **_reading(part, chosen, planar=planar, pose=pose),
+            'topic': topic,
+            'type': TYPES[kind],
+            **_gate(node, name, part, len(chosen)),
+        }
+        if part.name == 'acceleration' and not planar:
+            removes = node.value(f'{name}_remove_gravitational_acceleration', False)
+            gravity = node.value('gravitational_acceleration', GRAVITY)
+            found[ours]['mount.gravity'] = gravity if removes else 0.0
+    left = [flag for flag in wanted if flag not in used]
+    flat = [flag for flag in used if planar and flag not in _PLANAR]
+    _account(node, name, [*found], left, flat, planar=planar)
+    return found
+
+
+def _pose(node: TheirNode, name: str) -> str:
+    """Return how a pose is read: the word of ours and of theirs is the same."""
+    words = ('differential', 'relative')
+    return next((word for word in words if node.value(f'{name}_{word}', False)), '')
+
+
+def _reading(part: Part, chosen: Sequence[str], *, planar: bool, pose: str) -> dict[str, Any]:
+    axes = {flag: flag if flag in _ANGLES else flag[-1] for flag in chosen}
+    found: dict[str, Any] = {'kind': 'states', 'measures': list(chosen)}
+    if pose:
+        found['pose'] = pose
+    if pose == 'differential':
+        found['measures'] = [_FLAGS[_FLAGS.index(flag) + 6] for flag in chosen]
+    elif part.name == 'orientation' and not planar:
+        if len(chosen) == 3:
+            axes = dict(zip(chosen, ('rx', 'ry', 'rz')))
+            found['measures'] = [*axes.values()]
+        else:
+            found.update(kind='euler', measures=['rx', 'ry', 'rz'], angles=list(chosen))
+    found['fields'] = [part.path.format(axis) for axis in axes.values()]
+    found['noise'] = [_NOISE[_FLAGS.index(flag)] for flag in chosen]
+    return found
+
+
+def _gate(node: TheirNode, name: str, part: Part, size: int) -> dict[str, float]:
+    """Return the gate: a Mahalanobis distance as a probability, for that many numbers."""
+    for key in (f'{name}_{part.threshold}', f'{name}_rejection_threshold'):
+        if key in node.values:
+            distance = node.value(key, 0.0)
+            probability = max(_LEAST, float(chi2.cdf(distance**2, size)))
+            node.note(key, f'gate: a distance of {distance:g} is a probability, by its numbers')
+            return {'gate': min(probability, 1.0)}
+    return {}
+
+
+def _account(
+    node: TheirNode, name: str, ours: list[str], left: list[str], flat: list[str], *, planar: bool
+) -> None:
+    """Account for the parameters of a sensor."""
+    what = f'sensors {", ".join(ours)}' if ours else 'none of its flags can be used'
+    node.note(name, what, carried=bool(ours))
+    notes = []
+    if left:
+        notes.append(f'{", ".join(left)}: not in such a message')
+    if flat:
+        notes.append(f'{", ".join(flat)}: not in the plane')
+    node.note(f'{name}_config', '; '.join([', '.join(ours), *notes]) if ours else '; '.join(notes))
+    key = f'{name}_remove_gravitational_acceleration'
+    gravity = any(each.endswith('_acceleration') for each in ours) and not planar
+    node.note(key, 'mount.gravity: by the attitude of the state' if gravity else 'nothing to do')
+    for word in ('differential', 'relative'):
+        used = [each for each in ours if each.endswith(('_position', '_orientation'))]
+        on = used and _pose(node, name) == word
+        what = f'pose: {word}, of {", ".join(used)}' if on else 'false, or no pose is used'
+        node.note(f'{name}_{word}', what)
+    for word, why in _NOT_NEEDED.items():
+        node.note(f'{name}_{word}', why)
+
+
+_NOT_NEEDED: Mapping[str, str] = {
+    'queue_size': 'not needed: all messages that wait are fused, by their stamps',
+    'nodelay': 'not needed: a matter of TCP in ROS 1',
+    'pose_use_child_frame': 'declare frame and mount of the sensor instead',
+}

@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Our parameters of an estimator from those of a filter of robot_localization."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array
+from kalman_ros.core import rotations as so3
+
+from .their_file import SENSOR, Row, TheirNode
+from .their_sensors import Sensors, sensors_of
+
+#: What a parameter is for, where ours needs none, or has none.
+_NOT_NEEDED = {
+    'sensor_timeout': 'not needed: the estimate is predicted at publish_rate',
+    'transform_timeout': 'not needed: no transform is looked up; declare mount of the sensors',
+    'print_diagnostics': 'not needed: /diagnostics always says what was fused, and why not',
+    'predict_to_current_time': 'not needed: with publish_rate it always is',
+    'reset_on_time_jump': 'not needed: a clock that goes back restarts the estimator',
+    'smooth_lagged_data': 'not needed: late readings are always fused at their stamps',
+    'stamped_control': 'not needed without use_control',
+    'control_timeout': 'not needed without use_control',
+    'control_config': 'not needed without use_control',
+    'publish_acceleration': 'not needed: estimate has the acceleration',
+}
+_NOT_CARRIED = {
+    'debug': 'there is no such file; record the topics, and replay them',
+    'debug_out_file': 'there is no such file; record the topics, and replay them',
+    'dynamic_process_noise_covariance': 'the noise does not depend on the speed',
+    'permit_corrected_publication': 'estimates are published as they are at the time',
+    'base_link_frame_output': 'the estimate is that of child_frame',
+    'disabled_at_startup': 'start with autostart: false, and configure on ~/change_state',
+    'acceleration_limits': 'no command is an input of these models',
+    'deceleration_limits': 'no command is an input of these models',
+    'acceleration_gains': 'no command is an input of these models',
+    'deceleration_gains': 'no command is an input of these models',
+}
+#: By name of ours: which of their 15 states, in the plane and in space.
+_PROCESS: Mapping[bool, Mapping[str, Any]] = {
+    True: {
+        'position_noise': (0, 1), 'heading_noise': 5, 'velocity_noise': (6, 7), 'turn_noise': 11,
+        'acceleration_noise': (12, 13),
+    },
+    False: {
+        'position_noise': (0, 1, 2), 'orientation_noise': (3, 4, 5), 'velocity_noise': (6, 7, 8),
+        'turn_noise': (9, 10, 11), 'acceleration_noise': (12, 13, 14),
+    },
+}  # fmt: skip
+_PLANAR = [0, 1, 5, 6, 7, 11, 12, 13]
+_STATES = 15
+#: What it takes without the parameter: robot_localization's own file of defaults.
+_FREQUENCY, _RATE = 30.0, 100.0
+_GPS = 'odometry/gps'
+#: Standard deviations of a first belief; robot_localization's is the root of 1e-9, and overwritten
+#: by the first measurement.
+_KNOWN, _UNKNOWN = 1e-9**0.5, 1.0
+
+
+@dataclass(frozen=True)
+class Translation:
+    """Parameters of ours, and what became of theirs."""
+
+    name: str
+    values: Mapping[str, Any]
+    rows: Sequence[Row]
+
+
+def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
+    """Return our parameters for each filter among the nodes of a file.
+
+    Raises
+    ------
+    ValueError
+        If a parameter has another type or size; the line is named.
+    """
+    navigation = next((node for node in nodes if node.navigates), None)
+    filters = [node for node in nodes if node.filters]
+    several = len(filters) > 1
+    # the one in the frame of the odometry comes first, so that the other can name its topic
+    local = next((node for node in filters if not _is_global(node)), None)
+    found = []
+    for node in filters:
+        values = _filter(node, navigation)
+        values['publish_odometry'] = True
+        if several:
+            values['state.topic'] = f'{node.name}/estimate'
+        if values['publish_tf'] and _is_global(node):
+            topic = f'{local.name}/estimate/odometry' if several and local else 'odometry/filtered'
+            values['tf_odometry'] = topic
+        for name in node.unaccounted:
+            node.note(name, 'unknown to this program', carried=False)
+        found.append(Translation(node.name, values, node.rows))
+    for node in nodes:
+        if not node.filters:
+            what = 'unknown to this program' if node.navigates else 'of no filter'
+            for name in node.unaccounted:
+                node.note(name, what, carried=False)
+            found.append(Translation(node.name, {}, node.rows))
+    return found
+
+
+def _is_global(node: TheirNode) -> bool:
+    odom = node.value('odom_frame', 'odom')
+    return bool(node.value('world_frame', odom) != odom)
+
+
+def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
+    """Return our parameters for a filter, and account for its own."""
+    planar = node.value('two_d_mode', False)
+    found: dict[str, Any] = {'model': 'robot_2d' if planar else 'robot_3d', 'rate': _RATE}
+    node.note('two_d_mode', f'model: {found["model"]}')
+    found['publish_rate'] = node.value('frequency', _FREQUENCY)
+    node.note('frequency', 'publish_rate')
+    _frames(node, found)
+    sensors: Sensors = {}
+    for name in sorted(filter(SENSOR.fullmatch, node.values)):
+        kind = SENSOR.fullmatch(name)
+        assert kind is not None
+        made = sensors_of(node, name, kind[1], planar=planar)
+        if navigation is not None and node.value(name, '').endswith(_GPS):
+            made = _receiver(node, name, made, navigation, found)
+        sensors.update(made)
+    if not sensors:
+        raise ValueError(f'{node.name}: expected a flag that is true, got none')
+    found['sensors'] = list(sensors)
+    for name, values in sensors.items():
+        found.update({f'{name}.{key}': value for key, value in values.items()})
+        found[f'{name}.rate'] = 50.0
+    _noise(node, found, sensors, planar=planar)
+    _window(node, found)
+    control = node.value('use_control', False)
+    why = 'no command is an input of these models; model: diff_drive' if control else 'not used'
+    node.note('use_control', why, carried=not control)
+    node.note('use_sim_time', 'use_sim_time')
+    if 'use_sim_time' in node.values:
+        found['use_sim_time'] = node.value('use_sim_time', False)
+    node.note('gravitational_acceleration', 'mount.gravity of the accelerometers')
+    for name, why in _NOT_NEEDED.items():
+        node.note(name, why)
+    for name, why in _NOT_CARRIED.items():
+        # a switch that is off is nothing to carry over
+        off = name in node.values and node.values[name].value is False
+        node.note(name, 'not used' if off else why, carried=off)
+    return found
+
+
+def _frames(node: TheirNode, found: dict[str, Any]) -> None:
+    base, odom = node.value('base_link_frame', 'base_link'), node.value('odom_frame', 'odom')
+    world = node.value('world_frame', odom)
+    found.update(frame=world.lstrip('/'), child_frame=base.lstrip('/'))
+    found['publish_tf'] = node.value('publish_tf', True)
+    found['tf_time_offset'] = node.value('transform_time_offset', 0.0)
+    node.note('transform_time_offset', 'tf_time_offset')
+    node.note('publish_tf', 'publish_tf; it takes the package tf2_msgs')
+    node.note('base_link_frame', 'child_frame')
+    node.note('world_frame', 'frame')
+    for name in ('map_frame', 'odom_frame'):
+        node.note(name, 'frame, where it is world_frame')
+
+
+def _noise(node: TheirNode, found: dict[str, Any], sensors: Sensors, *, planar: bool) -> None:
+    """Take process noise, and the initial belief.
+
+    Without one, a pose that nothing measures starts at the origin, and all else is unknown.
+    """
+    density = _diagonal(node, 'process_noise_covariance', 'model_parameters')
+    if density is not None:
+        for name, which in _PROCESS[planar].items():
+            found[f'model_parameters.{name}'] = density[np.array(which)].tolist()
+    chosen = _PLANAR if planar else [*range(_STATES)]
+    variance = _diagonal(node, 'initial_estimate_covariance', 'initial_std, its root')
+    if variance is None:
+        used = (each for each in sensors.values() if each.get('pose') != 'differential')
+        read = ' '.join(field for each in used for field in each['fields'])
+        measured = 'position' in read or 'east' in read, 'orientation' in read
+        known = [*(_UNKNOWN if each else _KNOWN for each in measured), _UNKNOWN]
+        std = np.repeat(known, (3, 3, 9))
+    else:
+        std = np.sqrt(variance)
+    found['initial_std'] = std[chosen].tolist()
+    state = node.numbers('initial_state', (_STATES,))
+    if state is not None:
+        x = np.array(state)
+        if not planar:
+            x[3:6] = so3.from_euler(x[3:6])
+        found['initial_estimate'] = x[chosen].tolist()
+        node.note('initial_state', 'initial_estimate')
+
+
+def _diagonal(node: TheirNode, name: str, ours: str) -> Array | None:
+    """Return the diagonal of a matrix of 15 states; one list of 15 is a diagonal, too."""
+    given = node.numbers(name, (_STATES, _STATES**2))
+    if given is None:
+        return None
+    numbers = np.array(given)
+    line = node.values[name].line
+    whole = numbers.size > _STATES
+    diagonal = numbers[:: _STATES + 1] if whole else numbers
+    if not np.isfinite(numbers).all() or (diagonal < 0.0).any():
+        raise ValueError(f'line {line}: {name}: expected finite variances')
+    rest = numbers.reshape(_STATES, _STATES) - np.diag(diagonal) if whole else np.zeros(1)
+    lost = ', its diagonal: the rest is not carried over' if rest.any() else ''
+    node.note(name, f'{ours}{lost}', carried=not lost)
+    return diagonal
+
+
+def _window(node: TheirNode, found: dict[str, Any]) -> None:
+    if node.value('smooth_lagged_data', False):
+        found['window'] = node.value('history_length', 1.0)
+        node.note('history_length', 'window')
+    else:
+        node.note('history_length', 'not needed: late readings are fused within window')
+
+
+def _receiver(
+    node: TheirNode,
+    name: str,
+    made: Mapping[str, Mapping[str, Any]],
+    navigation: TheirNode,
+    found: dict[str, Any],
+) -> dict[str, dict[str, Any]]:
+    """Return a sensor that reads the fixes themselves, for what navsat_transform made of them."""
+    position = next((each for key, each in made.items() if key.endswith('_position')), None)
+    if position is None:
+        return {key: dict(each) for key, each in made.items()}
+    axes = [axis for axis in position['measures'] if axis != 'z' or not _flat_ground(navigation)]
+    fields = [{'x': 'east', 'y': 'north', 'z': 'up'}[axis] for axis in axes]
+    number = len(axes)
+    node.note(name, f'sensor {name}_fix: the fixes themselves, without navsat_transform')
+    node.rows[:] = [row for row in node.rows if row.name != name or 'fixes' in row.what]
+    datum = navigation.values.get('datum')
+    if datum is not None:
+        numbers = navigation.numbers('datum', (2, 3, 5)) or []
+        found['datum'] = [numbers[0], numbers[1], 0.0]
+        navigation.note('datum', "datum, with an altitude of 0; a heading is the state's")
+    found['publish_fix'] = navigation.value('publish_filtered_gps', False)
+    for key, what in _NAVIGATION.items():
+        navigation.note(key, what)
+    turns = 'magnetic_declination_radians', 'yaw_offset'
+    total = sum(navigation.value(key, 0.0) for key in turns)
+    why = f'set mount.rotation of the sensor of the heading to [0.0, 0.0, {-total:g}]'
+    for key in turns:
+        off = navigation.value(key, 0.0) == 0.0
+        navigation.note(key, 'zero: nothing to do' if off else why, carried=off)
+    return {
+        f'{name}_fix': {
+            **{key: value for key, value in position.items() if key == 'gate'},
+            'kind': 'states', 'measures': axes, 'topic': 'gps/fix',
+            'type': 'sensor_msgs/NavSatFix', 'fields': fields, 'noise': [2.0] * number,
+        },
+        **{key: dict(each) for key, each in made.items() if not key.endswith('_position')},
+    }  # fmt: skip
+
+
+def _flat_ground(navigation: TheirNode) -> bool:
+    return bool(navigation.value('zero_altitude', False))
+
+
+_NAVIGATION = {
+    'frequency': 'not needed: there is no second node',
+    'delay': 'not needed: there is no second node',
+    'wait_for_datum': 'not needed: without a datum the first good fix is it',
+    'zero_altitude': 'up is no field where it is true, or z is not used',
+    'publish_filtered_gps': 'publish_fix',
+    'use_odometry_yaw': 'not needed: the heading is a state',
+    'broadcast_utm_transform': 'not needed: there is no UTM zone',
+    'broadcast_cartesian_transform': 'not needed: estimate/datum is the origin',
+    'broadcast_utm_transform_as_parent_frame': 'not needed: there is no UTM zone',
+    'broadcast_cartesian_transform_as_parent_frame': 'not needed: estimate/datum is the origin',
+    'use_local_cartesian': 'not needed: the plane is always the local one',
+    'use_sim_time': 'not needed: there is no second node',
+    'transform_timeout': 'not needed: declare mount of the receiver',
+}

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When the estimator publishes transforms, and when it is silent, on a stand-in for tf2_msgs."""
+
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
+
+from kalman_ros.codecs.messages import write_stamp
+from kalman_ros.core import Gaussian
+from kalman_ros.nodes.diagnostics import Level
+from kalman_ros.nodes.transform_publisher import TransformPublisher
+from kalman_ros.pipeline.settings import settings
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file
+
+SECOND = 1_000_000_000
+NOW = 100 * SECOND
+GIVEN = {**from_file(shipped.file('robot_2d'), 'estimator'), 'publish_tf': True, 'frame': 'odom'}
+
+
+class TFMessage:
+    """A message of transforms, as tf2_msgs has it."""
+
+    def __init__(self):
+        self.transforms = []
+
+
+class Node:
+    """What the publisher uses of a node; messages that are published are kept."""
+
+    def __init__(self):
+        self.sent, self.said, self.now = [], [], NOW
+        self.subscriptions = {}
+        self.intake = lambda topic, read, data: data if isinstance(data, TFMessage) else read(data)
+
+    def create_publisher(self, kind, topic, queue):
+        assert topic == '/tf'
+        return SimpleNamespace(publish=self._keep)
+
+    def _keep(self, message):
+        (transform,) = message.transforms
+        to, q = transform.transform.translation, transform.transform.rotation
+        frames = transform.header.frame_id, transform.child_frame_id
+        stamp = transform.header.stamp.sec + 1e-9 * transform.header.stamp.nanosec
+        self.sent.append((frames, stamp, (to.x, to.y, to.z), (q.x, q.y, q.z, q.w)))
+
+    def create_subscription(self, kind, topic, callback, queue, raw):
+        self.subscriptions[topic] = callback
+
+    def get_logger(self):
+        return SimpleNamespace(warning=self.said.append)
+
+    def get_clock(self):
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=self.now))
+
+
+@pytest.fixture(autouse=True)
+def tf2_msgs(monkeypatch):
+    module = ModuleType('tf2_msgs.msg')
+    module.TFMessage = TFMessage
+    monkeypatch.setitem(sys.modules, 'tf2_msgs', ModuleType('tf2_msgs'))
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', module)
+
+
+def built(**changes):
+    known, node = settings({**GIVEN, **changes}), Node()
+    publisher = TransformPublisher(node, known.scenario, known.options)
+    publisher.subscribe()
+    belief = known.scenario.initial_belief
+    x = np.array([1.0, 2.0, np.pi / 2, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return node, publisher, belief._replace(mean=x)
+
+
+def transform(parent, child):
+    message, found = TFMessage(), TransformStamped()
+    found.header.frame_id, found.child_frame_id = parent, child
+    message.transforms.append(found)
+    return message
+
+
+def odometry(time, x, y, yaw, frame='odom', child='base_link'):
+    message = Odometry()
+    write_stamp(message.header.stamp, time)
+    message.header.frame_id, message.child_frame_id = frame, child
+    pose = message.pose.pose
+    pose.position.x, pose.position.y = x, y
+    pose.orientation.z, pose.orientation.w = np.sin(yaw / 2), np.cos(yaw / 2)
+    return bytes(serialize_message(message))
+
+
+def test_the_pose_is_the_transform_from_frame_to_child_frame():
+    node, publish, belief = built(tf_time_offset=0.5)
+    publish(NOW, belief, NOW)
+    ((frames, stamp, to, q),) = node.sent
+    assert frames == ('odom', 'base_link') and stamp == pytest.approx(100.5)
+    np.testing.assert_allclose((*to, *q), (1.0, 2.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5))
+    assert publish.report(Level.OK, 'consistent', {})[0] is Level.OK
+
+
+def test_it_is_silent_after_the_estimate_is_too_old_and_says_so():
+    node, publish, belief = built(tf_timeout=0.2)
+    publish(NOW, belief, None)
+    publish(NOW, belief, NOW - 3 * SECOND // 10)
+    node.now = NOW + SECOND  # the estimate itself comes late
+    publish(NOW, belief, NOW)
+    assert not node.sent
+    assert node.said == ['no transform: no reading was fused within tf_timeout (0.2 s)']
+    level, message, _ = publish.report(Level.OK, 'consistent', {})
+    assert level is Level.WARN and message.startswith('no transform: no reading')
+    node.now = NOW
+    publish(NOW, belief, NOW - SECOND // 10)
+    assert len(node.sent) == 1 and not publish.refusal
+
+
+def test_a_transform_is_never_anything_but_finite():
+    node, publish, belief = built()
+    for value in (np.nan, np.inf, -np.inf):
+        for index in (0, 2):
+            x = belief.mean.copy()
+            x[index] = value
+            with np.errstate(invalid='ignore'):
+                publish(NOW, Gaussian(x, belief.covariance), NOW)
+    assert not node.sent and node.said
+
+
+def test_a_second_parent_ends_it_until_that_is_gone():
+    node, publish, belief = built()
+    publish._take(transform('odom', 'base_link'), static=False)  # its own
+    publish(NOW, belief, NOW)
+    node.now += SECOND
+    publish._take(transform('map', 'base_link'), static=False)
+    publish(node.now, belief, node.now)
+    assert len(node.sent) == 1 and "'base_link' has the parent 'map' already" in node.said[0]
+    node.now += 60 * SECOND
+    publish(node.now, belief, node.now)
+    assert len(node.sent) == 2
+    node.subscriptions['/tf_static'](transform('base_link', 'odom'))
+    publish(node.now, belief, node.now)
+    assert len(node.sent) == 2 and 'a loop' in publish.refusal
+
+
+def test_with_an_odometry_it_is_the_transform_to_its_frame():
+    node, publish, belief = built(frame='map', tf_odometry='odometry/local')
+    publish(NOW, belief, NOW)
+    assert not node.sent and 'no odometry on odometry/local' in publish.refusal
+    take = node.subscriptions['odometry/local']
+    take(odometry(NOW, 1.0, 0.0, np.pi / 2))
+    publish(NOW, belief, NOW)
+    ((frames, _, to, q),) = node.sent
+    assert frames == ('map', 'odom')
+    np.testing.assert_allclose((*to, *q), (0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0), atol=1e-12)
+    for wrong, why in (
+        (odometry(NOW, 0.0, 0.0, 0.0, child='laser'), "child_frame_id 'base_link', got 'laser'"),
+        (odometry(NOW, 0.0, 0.0, 0.0, frame='map'), "got 'map'"),
+        (odometry(NOW, np.nan, 0.0, 0.0), 'expected finite numbers'),
+    ):
+        take(wrong)
+        assert why in node.said[-1]
+    publish(NOW + SECOND // 2, belief, NOW + SECOND // 2)
+    publish(NOW + 2 * SECOND, belief, NOW + 2 * SECOND)
+    assert len(node.sent) == 2 and 'no odometry near' in publish.refusal
+
+
+@pytest.mark.parametrize(
+    ('changes', 'why'),
+    [
+        ({'child_frame': '/base_link'}, 'child_frame: expected a frame without a leading slash'),
+        ({'frame': ''}, "frame: expected a frame without a leading slash for publish_tf, got ''"),
+        ({'child_frame': 'odom'}, "child_frame: expected another than frame, got 'odom'"),
+        ({'model': 'mass_spring_damper'}, 'publish_tf: expected states x, y and a heading'),
+    ],
+)
+def test_what_tf2_would_refuse_is_refused_first(changes, why):
+    given = {**GIVEN, **changes}
+    if 'model' in changes:
+        given = {**changes, 'publish_tf': True}
+    known = settings(given)
+    with pytest.raises(ValueError, match=why):
+        TransformPublisher(Node(), known.scenario, known.options)
+
+
+def test_without_tf2_msgs_one_line_says_so(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+    known = settings(GIVEN)
+    with pytest.raises(ValueError, match='the message package tf2_msgs is not installed'):
+        TransformPublisher(Node(), known.scenario, known.options)

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter files of robot_localization become ours; what does not is named with its line."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded import data
+
+pytest.importorskip('rclpy')
+
+from kalman_ros.pipeline.settings import settings
+from kalman_ros.programs.from_robot_localization.program import main
+from kalman_ros.programs.from_robot_localization.their_file import their_nodes
+from kalman_ros.programs.from_robot_localization.translation import translated
+from kalman_ros.scenario.parameter_files import from_file
+
+CONFIGS = (
+    ('husky_a200_clearpath_common.yaml', ['robot_2d']),
+    ('linorobot2_ekf.yaml', ['robot_2d']),
+    ('nav2_gps_dual_ekf_navsat.yaml', ['robot_2d', 'robot_2d']),
+    ('rl_dual_ekf_navsat_example.yaml', ['robot_3d', 'robot_3d']),
+    ('rosbot_ekf.yaml', ['robot_2d']),
+)
+FLAGS = [
+    'x',
+    'y',
+    'z',
+    'roll',
+    'pitch',
+    'yaw',
+    'vx',
+    'vy',
+    'vz',
+    'wx',
+    'wy',
+    'wz',
+    'ax',
+    'ay',
+    'az',
+]
+
+
+def config(*used):
+    return f'[{", ".join(str(flag in used).lower() for flag in FLAGS)}]'
+
+
+def theirs(tmp_path, *lines):
+    file = tmp_path / 'ekf.yaml'
+    text = '\n'.join(f'    {line}' for line in lines)
+    file.write_text(f'ekf_filter_node:\n  ros__parameters:\n{text}\n')
+    return file
+
+
+def one(tmp_path, *lines):
+    (found,) = translated(their_nodes(theirs(tmp_path, *lines)))
+    return found.values, {row.name: row for row in found.rows}
+
+
+@pytest.mark.parametrize(('name', 'models'), CONFIGS, ids=[name for name, _ in CONFIGS])
+def test_files_of_five_robots_go_through_and_load(tmp_path, capsys, name, models):
+    main([str(data(f'robot_localization_configs/{name}')), '--out', str(tmp_path / 'ours.yaml')])
+    files = sorted(tmp_path.glob('ours*.yaml'))
+    assert [from_file(file)['model'] for file in files] == models
+    for file in files:
+        known = settings(from_file(file, 'estimator'))
+        known.estimator()
+        assert known.scenario.enabled
+    assert 'unknown to this program' not in capsys.readouterr().out
+
+
+def test_in_the_plane_each_flag_is_a_state_of_the_robot(tmp_path):
+    values, rows = one(
+        tmp_path, 'two_d_mode: true', 'odom0: /wheel/odom',
+        f'odom0_config: {config("x", "y", "z", "yaw", "vx", "wz", "ax")}',
+    )  # fmt: skip
+    assert values['sensors'] == [
+        f'odom0_{part}' for part in ('position', 'orientation', 'velocity', 'rate')
+    ]
+    assert values['odom0_position.measures'] == ['x', 'y']
+    assert values['odom0_orientation.fields'] == ['pose.pose.orientation.yaw']
+    assert values['odom0_rate.topic'] == '/wheel/odom'
+    assert rows['odom0_config'].what.endswith('ax: not in such a message; z: not in the plane')
+    assert rows['odom0_config'].line == 5
+    settings(values)
+
+
+def test_in_space_a_whole_orientation_is_a_rotation_and_a_part_of_it_angles(tmp_path):
+    values, _ = one(
+        tmp_path, 'imu0: imu', f'imu0_config: {config("roll", "pitch", "yaw", "ax", "az")}',
+        'imu0_remove_gravitational_acceleration: true', 'imu1: other',
+        f'imu1_config: {config("roll", "pitch", "ay")}', 'gravitational_acceleration: 9.7',
+    )  # fmt: skip
+    assert values['model'] == 'robot_3d'
+    assert values['imu0_orientation.measures'] == ['rx', 'ry', 'rz']
+    assert values['imu0_orientation.fields'][0] == 'orientation.rx'
+    assert values['imu0_acceleration.mount.gravity'] == 9.7
+    assert values['imu1_acceleration.mount.gravity'] == 0.0
+    assert values['imu1_orientation.kind'] == 'euler'
+    assert values['imu1_orientation.angles'] == ['roll', 'pitch']
+    built = settings(values).scenario
+    level = np.zeros(15)
+    reading = built.sensors['imu0_acceleration'].sensor.measure(level)
+    np.testing.assert_allclose(reading, [0.0, 9.7])
+    level[3] = 0.1  # a roll
+    angles = built.sensors['imu1_orientation'].sensor.measure(level)
+    np.testing.assert_allclose(angles, [0.1, 0.0], atol=1e-12)
+
+
+def test_a_distance_becomes_the_probability_of_a_gate(tmp_path):
+    values, _ = one(
+        tmp_path, 'two_d_mode: true', 'imu0: imu', f'imu0_config: {config("wz")}', 'odom0: odom',
+        f'odom0_config: {config("x", "y", "vx")}', 'imu0_twist_rejection_threshold: 2.0',
+        'odom0_pose_rejection_threshold: 3', 'odom0_twist_rejection_threshold: 0.1',
+    )  # fmt: skip
+    assert values['imu0_rate.gate'] == pytest.approx(math.erf(2.0 / math.sqrt(2.0)))
+    assert values['odom0_position.gate'] == pytest.approx(1.0 - math.exp(-4.5))
+    assert values['odom0_velocity.gate'] == 0.5
+
+
+def test_noise_and_the_first_belief_go_by_their_15_states(tmp_path):
+    numbers = [round(0.1 * k, 1) for k in range(1, 16)]
+    whole = np.diag(numbers)
+    whole[0, 1] = 0.5
+    for planar in (True, False):
+        values, rows = one(
+            tmp_path, f'two_d_mode: {str(planar).lower()}', 'twist0: cmd',
+            f'twist0_config: {config("vx", "wz")}',
+            f'process_noise_covariance: {whole.ravel().tolist()}',
+            f'initial_estimate_covariance: {numbers}', f'initial_state: {numbers}',
+        )  # fmt: skip
+        assert not rows['process_noise_covariance'].carried
+        assert rows['initial_estimate_covariance'].carried
+        assert values['model_parameters.velocity_noise'] == (
+            [0.7, 0.8] if planar else [0.7, 0.8, 0.9]
+        )
+        if planar:
+            np.testing.assert_allclose(np.square(values['initial_std'])[[2, 5]], [0.6, 1.2])
+            assert values['initial_estimate'][2] == 0.6
+        else:
+            from scipy.spatial.transform import Rotation
+
+            turn = Rotation.from_euler('xyz', [0.4, 0.5, 0.6]).as_rotvec()
+            np.testing.assert_allclose(values['initial_estimate'][3:6], turn)
+        settings(values)
+
+
+def test_what_is_not_carried_over_is_named_with_its_reason_and_line(tmp_path, capsys):
+    file = theirs(
+        tmp_path, 'odom0: odom', f'odom0_config: {config("x", "yaw")}', 'odom0_differential: true',
+        'use_control: true', 'control_timeout: 0.2', 'favourite_colour: red', 'debug: false',
+    )  # fmt: skip
+    main([str(file), '--out', str(tmp_path / 'ours.yaml')])
+    said = capsys.readouterr().out
+    left = said[said.index('NOT carried over') :]
+    for line, name in ((6, 'use_control'), (8, 'favourite_colour')):
+        assert f'{line}  {name}' in left
+    assert 'unknown to this program' in left
+    assert 'debug' not in left
+
+
+def test_poses_as_changes_are_read_as_such(tmp_path):
+    for planar, rate in ((True, ['wz']), (False, ['wx', 'wy', 'wz'])):
+        values, rows = one(
+            tmp_path, f'two_d_mode: {str(planar).lower()}', 'odom0: odom',
+            f'odom0_config: {config("x", "y", "roll", "pitch", "yaw", "vx")}',
+            'odom0_differential: true', 'pose0: uwb', f'pose0_config: {config("x", "yaw")}',
+            'pose0_relative: true',
+        )  # fmt: skip
+        assert values['odom0_position.measures'] == ['vx', 'vy']
+        assert values['odom0_orientation.measures'] == rate
+        assert values['odom0_orientation.pose'] == 'differential'
+        assert 'odom0_velocity.pose' not in values
+        assert values['pose0_position.pose'] == values['pose0_orientation.pose'] == 'relative'
+        assert rows['odom0_differential'].carried
+        assert settings(values).scenario.sensors['odom0_position'].signal.pose == 'differential'
+
+
+def test_fixes_are_read_without_navsat_transform(tmp_path):
+    file = tmp_path / 'dual.yaml'
+    file.write_text(
+        'ekf_local:\n  ros__parameters:\n    two_d_mode: true\n    odom0: odom\n'
+        f'    odom0_config: {config("vx", "wz")}\n    world_frame: odom\n'
+        'ekf_global:\n  ros__parameters:\n    two_d_mode: true\n    odom0: odom\n'
+        f'    odom0_config: {config("vx", "wz")}\n    world_frame: map\n'
+        f'    odom1: odometry/gps\n    odom1_config: {config("x", "y")}\n'
+        'navsat_transform:\n  ros__parameters:\n    datum: [49.9, 8.7, 0.0]\n'
+        '    yaw_offset: 1.5\n'
+    )
+    local, everywhere, navigation = translated(their_nodes(file))
+    assert everywhere.values['odom1_fix.fields'] == ['east', 'north']
+    assert everywhere.values['datum'] == [49.9, 8.7, 0.0]
+    assert everywhere.values['tf_odometry'] == 'ekf_local/estimate/odometry'
+    assert (local.values['frame'], everywhere.values['frame']) == ('odom', 'map')
+    assert 'tf_odometry' not in local.values
+    (row,) = (row for row in navigation.rows if row.name == 'yaw_offset')
+    assert not row.carried and '[0.0, 0.0, -1.5]' in row.what
+
+
+@pytest.mark.parametrize(
+    ('text', 'why'),
+    [
+        ('a: [1\n', 'not YAML'),
+        ('a: 1\n', 'expected a node with one of odom0'),
+        ('[1, 2]\n', 'expected a node with one of odom0'),
+        ('', 'expected a node with one of odom0'),
+        ('odom0: odom\n', 'line 1: odom0_config: expected 15 flags, got none'),
+        ('odom0: odom\nodom0_config: [true]\n', 'line 2: odom0_config: expected 15 times true'),
+        ('odom0: 7\nodom0_config: C\n', 'line 1: odom0: expected a word, got 7'),
+        (
+            'odom0: odom\nodom0_config: C\nfrequency: fast\n',
+            'line 3: frequency: expected a number',
+        ),
+        (
+            'odom0: odom\nodom0_config: C\nprocess_noise_covariance: [1]\n',
+            'expected 15 or 225 num',
+        ),
+        ('odom0: odom\nodom0_config: F\n', 'expected a flag that is true, got none'),
+        ('odom0: odom\nodom0_config: C\nfrequency: -3.0\n', 'publish_rate: expected'),
+        ('odom0: odom\nodom0_config: C\nfrequency: 1' + 400 * '0', 'of at most 64 bits'),
+        ("odom0: ''\nodom0_config: C\n", 'line 1: odom0: expected the name of a topic'),
+        ('odom0: odom\nodom0_config: C\ninitial_state: [.nan]\n', 'expected 15 numbers'),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):
+    file = tmp_path / 'theirs.yaml'
+    file.write_text(text.replace(': C', f': {config("vx")}').replace(': F', f': {config()}'))
+    with pytest.raises(SystemExit) as refused:
+        main([str(file), '--out', str(tmp_path / 'ours.yaml')])
+    said = capsys.readouterr().err
+    assert refused.value.code == 2 and why in said and said.count('\n') == 1
+    assert not (tmp_path / 'ours.yaml').exists()
+
+
+def test_a_file_that_is_not_there_is_refused_in_one_line(capsys):
+    with pytest.raises(SystemExit):
+        main([str(Path('/nowhere/ekf.yaml'))])
+    assert capsys.readouterr().err == (
+        'from_robot_localization: /nowhere/ekf.yaml: No such file or directory\n'
+    )
