@@ -25,6 +25,7 @@ STUDIES = (
     'lqr_weights',
     'upright',
     'inversion',
+    'reach',
     'decay',
     'observer_noise',
     'kalman_gain',
