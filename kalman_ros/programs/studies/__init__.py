@@ -23,6 +23,7 @@ STUDIES = (
     'stability',
     'placement',
     'lqr_weights',
+    'cross_terms',
     'upright',
     'inversion',
     'reach',
@@ -40,6 +41,7 @@ STUDIES = (
     'sampling',
     'sigma_points',
     'one_bearing',
+    'slam',
 )
 
 
