@@ -27,7 +27,7 @@ from .systems import carts, plant
 DT, SECONDS = 0.05, 12.0
 #: q_xv of the second cart; N of the third; the weight of the distance of the last two.
 ALONG, CROSS, DISTANCE = 0.8, 0.5, 4.0
-APART = DISTANCE * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.diag([1.0, 0.0]))
+APART: Array = np.kron([[DISTANCE, -DISTANCE], [-DISTANCE, DISTANCE]], np.diag([1.0, 0.0]))
 WEIGHT = block_diag(
     np.eye(2),
     [[1.0, ALONG], [ALONG, 1.0]],
@@ -105,7 +105,7 @@ def _distance_checks(run: Trajectory) -> list[Check]:
     checks = []
     for name, part in (('alone', ALONE), ('together', TOGETHER)):
         K = sampled_lqr(two, _cost(WEIGHT[part, part], np.zeros((4, 2))), DT).gain
-        square = Cost(DT / DISTANCE * APART, np.zeros((2, 2)), np.zeros((4, 2)))
+        square = Cost(np.asarray(DT / DISTANCE * APART), np.zeros((2, 2)), np.zeros((4, 2)))
         expected, tolerance = price(step, K, square, START[part], len(run.time))
         x = run.truth[:, part]
         gaps[name] = DT * float(np.sum((x[:, 0] - x[:, 2]) ** 2))
