@@ -75,7 +75,7 @@ def route(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
 
 def _bearings(axis: Any, scenario: Scenario, run: Trajectory) -> list[Array]:
     """Draw some bearings of each sensor that has them, and return the places of these sensors."""
-    origins = []
+    origins: list[Array] = []
     for name, column, origin in _bearing_sensors(scenario):
         series = run.readings[name]
         if not len(series.time):

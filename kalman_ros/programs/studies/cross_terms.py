@@ -27,7 +27,7 @@ from .systems import carts, plant
 DT, SECONDS = 0.05, 12.0
 #: q_xv of the second cart; N of the third; the weight of the distance of the last two.
 ALONG, CROSS, DISTANCE = 0.8, 0.5, 4.0
-APART: Array = np.kron([[DISTANCE, -DISTANCE], [-DISTANCE, DISTANCE]], np.diag([1.0, 0.0]))
+APART = np.asarray(DISTANCE * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.diag([1.0, 0.0])))
 WEIGHT = block_diag(
     np.eye(2),
     [[1.0, ALONG], [ALONG, 1.0]],
