@@ -170,9 +170,8 @@ def _draw(run: Trajectory, tracks: dict[str, Track], path: Path) -> None:
                 )
                 map_.plot(*ellipse.T / 1e3, color=colours[name], lw=1.1,
                           label=f'{labels[name]}, 2 sigma' if step == 1 else None)  # fmt: skip
-        map_.set(title='Track and bearings', xlabel='east [km]',
-                 ylabel='north [km]', aspect='equal', xlim=(-1.6, 2.6),
-                 ylim=(-0.6, 10.4))  # fmt: skip
+        map_.set(title='Track and bearings', xlabel='east [km]', ylabel='north [km]')
+        map_.set(aspect='equal', xlim=(-1.6, 2.6), ylim=(-0.6, 10.4))
         map_.legend(loc='upper left', fontsize=7)
         for name, track in tracks.items():
             for covariance, style, what in (
