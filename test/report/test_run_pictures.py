@@ -12,6 +12,7 @@ from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.report.ellipse import outline
 from kalman_ros.report.maps import route
 from kalman_ros.report.run_pictures import errors, overview, states
+from kalman_ros.report.style import caption
 from kalman_ros.simulation import closed_loop
 
 matplotlib.use('agg')
@@ -110,3 +111,11 @@ def test_there_is_no_map_of_a_level(tmp_path):
     run = closed_loop.run(built, None, 1.0, 0)
     with pytest.raises(ValueError, match='state: expected x and y, or x and z, got level'):
         route(built, run, tmp_path / 'map.png')
+
+
+def test_a_caption_is_on_every_picture_drawn_meanwhile(tracked, tmp_path):
+    built, run = tracked
+    with caption('bearing_tracker, seed 0'):
+        named = route(built, run, tmp_path / 'map.png')
+    assert named.figure.get_suptitle() == 'bearing_tracker, seed 0'
+    assert route(built, run, tmp_path / 'map.png').figure.get_suptitle() == ''
