@@ -119,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     checks = judgement.checks
     failed = [check.name for check in checks if check.counts and not check.passed]
 
-    from kalman_ros.report import run_pictures, run_tables  # loads while nothing waits
+    from kalman_ros.report import run_pictures, run_tables, style  # loads while nothing waits
 
     mode = 'real time' if options.realtime else 'lockstep'
     title = f'{name}, {mode}, seed {options.seed}: theory and measurement'
@@ -132,7 +132,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     # the summary last: if it exists, the results are complete
     with deferred():
         _write(folder, trajectory)
-        drawn = run_pictures.draw_all(run.scenario, trajectory, folder)
+        about = f'{name}, filter {run.scenario.filter}, {mode}, seed {options.seed}'
+        with style.caption(f'{about}, {options.duration:g} s'):
+            drawn = run_pictures.draw_all(run.scenario, trajectory, folder)
         summary = {
             'scenario': name, 'mode': mode, 'seed': options.seed, 'duration': options.duration,
             'wall': wall, 'missed_steps': missed, 'settling_time': judgement.settling_time,

@@ -16,11 +16,14 @@ from kalman_ros.core import Array, Space
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
+from .maps import plane, route
 from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, legend_below, picture
 
 SIGMAS = 3.0
-#: The length of the close-up of the states, in seconds.
-CLOSE_UP = 4.0
+#: The close-up of the states shows this number of readings of the slowest sensor, from the start.
+CLOSE_UP = 8
+#: It is at least this share of the run.
+LEAST = 0.01
 #: The number of readings of a state in the overview.
 MOST_READINGS = 200
 
@@ -35,6 +38,8 @@ def draw_all(scenario: Scenario, run: Trajectory, folder: Path) -> list[Path]:
     }
     if scenario.model.input.size:
         pictures['force.png'] = force
+    if plane(scenario.model.state) is not None:
+        pictures['map.png'] = route
     paths = []
     for name, draw in pictures.items():
         path = folder / name
@@ -45,13 +50,22 @@ def draw_all(scenario: Scenario, run: Trajectory, folder: Path) -> list[Path]:
 
 def _read_states(scenario: Scenario, run: Trajectory) -> dict[str, tuple[Array, Array]]:
     """Return times and values for each state that a sensor measures directly."""
-    found = {}
+    space, found = scenario.model.state, {}
     for name, source in scenario.enabled.items():
         series = run.readings[name]
         for column, output in enumerate(source.sensor.output.names):
-            if output in scenario.model.state.names and len(series.time):
-                found[output] = (series.time, series.values[:, column])
+            if output in space.names and len(series.time):
+                values = series.values[:, column]
+                if output in space.angles:
+                    truth = np.unwrap(run.truth[:, space.names.index(output)])
+                    values = _near(values, np.interp(series.time, run.time, truth))
+                found[output] = (series.time, values)
     return found
+
+
+def _near(angle: Array, reference: Array) -> Array:
+    """Return angles (N,) with the turns added that bring each within pi of its reference (N,)."""
+    return reference + (angle - reference + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
@@ -65,9 +79,9 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             if seen is not None:  # no more than can be distinguished
                 step = ceil(len(seen[0]) / MOST_READINGS)
                 seen = seen[0][::step], seen[1][::step]
-            _state(axis, run, index, seen, space)
+            low, high = _state(axis, run, index, seen, space)
             axis.set_ylabel(space.label(name))
-            axis.set_ylim(*_limits(run.truth[:, index], seen))
+            axis.set_ylim(low, high)
         for column in range(space.size % columns, columns if space.size % columns else 0):
             axes[-1, column].set_axis_off()
             axes[-2, column].tick_params(labelbottom=True)
@@ -83,19 +97,42 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
 
 
 def _state(
-    axis: Any, run: Trajectory, index: int, read: tuple[Array, Array] | None, space: Space
-) -> None:
-    """Draw truth, readings and estimate with its band of one state."""
-    mean, truth = (_broken(x, space)[:, index] for x in (run.estimate, run.truth))
-    band = SIGMAS * np.sqrt(run.covariance[:, index, index])
+    axis: Any,
+    run: Trajectory,
+    index: int,
+    read: tuple[Array, Array] | None,
+    space: Space,
+    until: float = np.inf,
+) -> tuple[float, float]:
+    """Draw truth, readings and estimate with its band of one state, and return its limits.
+
+    An angle is drawn with all its turns, a rotation with a gap where it jumps. Times after ``until``
+    are left out.
+    """
+    part = run.time <= until
+    time = run.time[part]
+    mean, truth = (_broken(x, space)[part, index] for x in (run.estimate, run.truth))
+    if space.names[index] in space.angles:
+        truth = np.unwrap(run.truth[:, index])[part]
+        mean = _near(run.estimate[part, index], truth)
+    band = SIGMAS * np.sqrt(run.covariance[part, index, index])
     if read is not None:
-        axis.plot(*read, '.', ms=2.0, color=READING, alpha=0.6, label='reading')
+        read = read[0][read[0] <= until], read[1][read[0] <= until]
+        axis.plot(
+            *read,
+            '.',
+            ms=2.0 if until == np.inf else 4.0,
+            color=READING,
+            alpha=0.6,
+            label='reading',
+        )
     axis.fill_between(
-        run.time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
+        time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
         label=f'estimate, {SIGMAS:g} sigma',
     )  # fmt: skip
-    axis.plot(run.time, mean, color=ESTIMATE, lw=1.0, label='estimate')
-    axis.plot(run.time, truth, color=TRUTH, lw=0.8, label='truth')
+    axis.plot(time, mean, color=ESTIMATE, lw=1.0, label='estimate')
+    axis.plot(time, truth, color=TRUTH, lw=0.8, label='truth')
+    return _limits(truth, mean, band, read)
 
 
 def _broken(x: Array, space: Space) -> Array:
@@ -104,33 +141,39 @@ def _broken(x: Array, space: Space) -> Array:
 
 
 def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
-    """Draw truth, readings and estimate with its band, of every state."""
+    """Draw truth, readings and estimate with its band, of every state: the run, and its start."""
     space = scenario.model.state
     read = _read_states(scenario, run)
+    slowest = min((source.timed.rate for source in scenario.enabled.values()), default=1.0)
+    start = min(max(CLOSE_UP / slowest, LEAST * run.time[-1]), float(run.time[-1]))
     with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.6)) as (figure, axes):
         for index, name in enumerate(space.names):
-            for axis in axes[index]:
-                _state(axis, run, index, read.get(name), space)
+            for axis, until in zip(axes[index], (np.inf, start)):
+                limits = _state(axis, run, index, read.get(name), space, until)
+                axis.set_ylim(*limits)
             axes[index, 0].set_ylabel(space.label(name))
-            axes[index, 0].set_ylim(*_limits(run.truth[:, index], read.get(name)))
-            late = run.time > run.time[-1] - CLOSE_UP
-            seen = read.get(name)
-            seen = None if seen is None else (seen[0], seen[1][seen[0] > run.time[-1] - CLOSE_UP])
-            axes[index, 1].set_ylim(*_limits(run.truth[late, index], seen))
         axes[0, 0].set_title('Truth, readings and estimate')
-        axes[0, 1].set_title(f'The last {CLOSE_UP:g} s')
-        axes[0, 1].set_xlim(run.time[-1] - CLOSE_UP, run.time[-1])
+        axes[0, 1].set_title(f'The first {start:.3g} s: predict and update')
+        axes[0, 1].set_xlim(0.0, start)
         legend_below(figure, axes[0, 0])
     return axes
 
 
-def _limits(truth: Array, read: tuple[Array, Array] | None) -> tuple[float, float]:
-    """Return limits that contain the truth and nearly all of the readings."""
-    low, high = float(np.min(truth)), float(np.max(truth))
+def _limits(
+    truth: Array, mean: Array, band: Array, read: tuple[Array, Array] | None
+) -> tuple[float, float]:
+    """Return limits that contain the truth, the estimate, and nearly all of readings and band.
+
+    A tenth of the band is left out, that of the start, where it may be hundreds of times as wide.
+    """
+    edges = [truth.min(), np.quantile(mean, 0.01), np.quantile(mean - band, 0.1)]
+    tops = [truth.max(), np.quantile(mean, 0.99), np.quantile(mean + band, 0.9)]
     if read is not None and len(read[1]):
         few, most = np.quantile(read[1], (0.001, 0.999))
-        low, high = min(low, float(few)), max(high, float(most))
-    margin = 0.08 * (high - low)
+        edges.append(few)
+        tops.append(most)
+    low, high = float(min(edges)), float(max(tops))
+    margin = 0.08 * (high - low) or 1.0
     return low - margin, high + margin
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,19 @@ _STYLE = {
     'legend.frameon': False,
     'savefig.bbox': 'tight',
 }
+
+
+_CAPTION: ContextVar[str] = ContextVar('caption', default='')
+
+
+@contextmanager
+def caption(text: str) -> Iterator[None]:
+    """Write ``text`` above every picture that is drawn meanwhile: what it is a picture of."""
+    before = _CAPTION.set(text)
+    try:
+        yield
+    finally:
+        _CAPTION.reset(before)
 
 
 @contextmanager
@@ -58,6 +72,8 @@ def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
     with mpl.rc_context(_STYLE):
         if path is not None:
             figure = Figure(figsize=size, layout='constrained')
+            if _CAPTION.get():
+                figure.suptitle(_CAPTION.get(), fontsize=8, color=TRUTH, x=0.01, ha='left')
             yield figure
             figure.savefig(path)
         else:

@@ -70,13 +70,14 @@ class Bearing(Sensor):
         self._indices = state.indices(measures, 'measures')
         if len(self._indices) != 2:
             raise ValueError(f'measures: expected 2 names, got {len(self._indices)}')
-        self._position = vector('position', position, 2)
+        #: x and y of the sensor (2,), in m.
+        self.position = vector('position', position, 2)
         self.output = Space(('bearing',), ('rad',), angles=('bearing',))
         self.covariance = variances('noise', noise, 1)
 
     def line_of_sight(self, x: Array) -> Array:
         """Return the vector from the sensor to the target (..., 2), in m."""
-        return np.asarray(x[..., self._indices] - self._position)
+        return np.asarray(x[..., self._indices] - self.position)
 
     def measure(self, x: Array) -> Array:
         """Return the bearing, from the x axis towards the y axis."""

@@ -23,8 +23,10 @@ STUDIES = (
     'stability',
     'placement',
     'lqr_weights',
+    'cross_terms',
     'upright',
     'inversion',
+    'reach',
     'decay',
     'observer_noise',
     'kalman_gain',
@@ -39,6 +41,7 @@ STUDIES = (
     'sampling',
     'sigma_points',
     'one_bearing',
+    'slam',
 )
 
 

@@ -64,7 +64,8 @@ def study(size: float = 1.0) -> Findings:
     real = _system(modes, turned, start)
     plant = {'model_parameters.B': real['model_parameters.B']}
     remaps = {'controller': {'estimate': 'ground_truth'}}
-    with Run(believed, only={'plant': plant}, remaps=remaps) as run:
+    nodes = ('estimator', 'controller', 'plant')
+    with Run(believed, only={'plant': plant}, nodes=nodes, remaps=remaps) as run:
         run.advance(SECONDS)
         found = _growth(run.trajectory()).reshape(len(MODES), -1)
     pairs = [Pairs(mode, angles[mode], row, loops[mode]) for mode, row in zip(MODES, found)]

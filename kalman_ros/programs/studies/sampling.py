@@ -49,7 +49,8 @@ def study(size: float = 1.0) -> Findings:
     gain = feedback(build(system)).gain.diagonal()
     actuators = {'plant': {'actuator_gain': (GAINS / DT / gain).tolist()}}
     remaps = {'controller': {'estimate': 'ground_truth'}}
-    with Run(system, only=actuators, remaps=remaps) as run:
+    nodes = ('estimator', 'controller', 'plant')
+    with Run(system, only=actuators, nodes=nodes, remaps=remaps) as run:
         run.advance(STEPS * DT)
         prompt = run.trajectory().truth
         run.set_parameter('actuator_delay', DT)
