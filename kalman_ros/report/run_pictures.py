@@ -106,8 +106,8 @@ def _state(
 ) -> tuple[float, float]:
     """Draw truth, readings and estimate with its band of one state, and return its limits.
 
-    An angle is drawn with all its turns, a rotation with a gap where it jumps. Times after ``until``
-    are left out.
+    An angle is drawn with all its turns, a rotation with a gap where it jumps. Times after
+    ``until`` are left out.
     """
     part = run.time <= until
     time = run.time[part]
