@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
@@ -82,7 +83,7 @@ class WebServer:
                 server_header=None,
             )  # fmt: skip
         except OSError as error:
-            self._error = f'--port: {address}:{port} cannot be used: {error.strerror}'
+            self._error = f'--port: {address}:{port} cannot be used: {os.strerror(error.errno)}'
             self._started.set()
             return
         self._stop = lambda: _call(loop, over.set)

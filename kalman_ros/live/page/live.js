@@ -87,6 +87,7 @@ const RECEIVE = {
     if ([...select.options].map((option) => option.value).join() !== names.join()) {
       select.replaceChildren(...names.map((name) => new Option(name, name)));
     }
+    $('pole-map').hidden = !message.open && !message.regulator && !message.estimator;
     map.show(message);
     listPoles();
     const margins = (loops[0]?.estimated ?? loops[0]?.known)?.margins;
@@ -300,5 +301,7 @@ addEventListener('resize', () => { dirty = true; });
 const darkness = matchMedia('(prefers-color-scheme: dark)');
 darkness.addEventListener('change', () => theme(darkness.matches));
 theme(darkness.matches);
+// where the regulator's poles are on the map, in pixels: for tests
+window.livePoles = () => map.poles.map(([re, im]) => [map.X(re), map.Y(im)]);
 connect();
 requestAnimationFrame(draw);

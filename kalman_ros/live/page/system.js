@@ -69,6 +69,30 @@ function ellipse(pen, X, Y, belief, a, b, look, dash) {
   pen.beginPath(); pen.arc(X(mx), Y(my), 2.5, 0, 7); pen.fillStyle = colour(look); pen.fill();
 }
 
+// where the ellipse is too small to see: the same, magnified, in a corner
+function magnified(pen, w, seen, scale, a, b) {
+  const belief = seen.estimate;
+  if (!belief || belief.x[a] === null) return;
+  const size = TWO_SIGMA * Math.sqrt(Math.max(belief.P(a, a), belief.P(b, b), 1e-18));
+  const r = 58, cx = w - r - 10, cy = r + 10, zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
+  if (size * scale > 16) return;
+  pen.save();
+  pen.beginPath(); pen.arc(cx, cy, r, 0, 7); pen.fillStyle = colour('paper'); pen.fill();
+  stroke(pen, 'soft', 1); pen.stroke();
+  pen.clip();
+  const fit = [5, 2, 1].map((factor) => factor * zoom).find((each) => each * size <= 0.75 * r) ?? zoom;
+  const X = (x) => cx + (x - seen.truth[a]) * fit, Y = (y) => cy - (y - seen.truth[b]) * fit;
+  ellipse(pen, X, Y, belief, a, b, 'estimate', 'dashed');
+  if (seen.prior) ellipse(pen, X, Y, seen.prior, a, b, 'prior', 'dotted');
+  stroke(pen, 'ink', 3);
+  pen.beginPath(); pen.arc(cx, cy, 2.5, 0, 7); pen.stroke();
+  pen.restore();
+  pen.fillStyle = colour('soft');
+  pen.textAlign = 'center';
+  pen.fillText(`× ${short(Number((fit / scale).toPrecision(2)))}`, cx, cy + r + 12);
+  pen.textAlign = 'left';
+}
+
 function beliefs(pen, seen, draw) {
   if (seen.prior) draw(seen.prior, 'prior', 'dotted');
   if (seen.estimate) draw(seen.estimate, 'estimate', 'dashed');
@@ -140,6 +164,7 @@ const DRAW = {
     pen.beginPath(); pen.arc(x, y, 9, 0, 7); pen.stroke();
     crosses(pen, scene, X, Y, 'x', 'y');
     arrow(pen, x, y, reach(scene, seen.input[0]), -reach(scene, seen.input[1]));
+    magnified(pen, w, seen, scale, 'x', 'y');
     rule(pen, X, w, h, scale);
   },
 
@@ -213,6 +238,7 @@ const DRAW = {
     push(-38, along, down, surge);
     push(26, down, -along, fore);
     push(-26, down, -along, aft);
+    magnified(pen, w, seen, scale, 'x', 'z');
     rule(pen, X, w, h, scale, truth.x);
   },
 
@@ -245,6 +271,7 @@ const DRAW = {
     stroke(pen, 'ink', 2.5);
     pen.beginPath(); pen.moveTo(12, 0); pen.lineTo(-8, 7); pen.lineTo(-4, 0); pen.lineTo(-8, -7); pen.closePath(); pen.stroke();
     pen.restore();
+    magnified(pen, w, seen, view.scale, 'x', 'y');
   },
 
   bars(pen, w, h, scene, seen) {
