@@ -95,7 +95,9 @@ class Chromium:
                 details = message['params']['exceptionDetails']
                 self.errors.append(str(details.get('exception', details)))
             if message.get('method') == 'Log.entryAdded':
-                self.errors.append(message['params']['entry']['text'])
+                entry = message['params']['entry']
+                if entry['level'] == 'error':
+                    self.errors.append(entry['text'])
             if message.get('id') == number:
                 if 'error' in message:
                     raise RuntimeError(f'{method}: {message["error"]["message"]}')

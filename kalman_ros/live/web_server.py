@@ -83,7 +83,9 @@ class WebServer:
                 server_header=None,
             )  # fmt: skip
         except OSError as error:
-            self._error = f'--port: {address}:{port} cannot be used: {os.strerror(error.errno)}'
+            self._error = (
+                f'--port: {address}:{port} cannot be used: {os.strerror(error.errno or 0)}'
+            )
             self._started.set()
             return
         self._stop = lambda: _call(loop, over.set)

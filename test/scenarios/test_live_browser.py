@@ -3,6 +3,7 @@
 
 import importlib.util
 import math
+import os
 import time
 from pathlib import Path
 
@@ -145,7 +146,10 @@ def test_a_second_tab_sees_the_same(page):
 
 
 def test_from_slider_to_input_is_quick(page):
-    """95 of 100 below 150 ms on a machine of which nobody else takes the time."""
+    """The 95th percentile is below 150 ms, on a machine of which nobody else takes the time."""
+    load, processors = os.getloadavg()[0], os.cpu_count()
+    if load > 1.5 * processors:
+        pytest.skip(f'the load of this machine is {load:.0f}, with {processors} processors')
     _, loop = page
     found = []
     for k in range(40):

@@ -222,9 +222,9 @@ function buildPlots() {
     }));
   }
   build('filter', () => ({
-    title: 'trace of P', log: true,
+    title: 'trace of P', log: true, share: 0.15,
     curves: [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate' }],
-    marks: rate * data.span < 120 ? [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate', dot: true }] : [],
+    marks: rate * data.span < 800 ? [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate', dot: true }] : [],
   }));
   $('cost-title').hidden = !input.names.length;
   if (input.names.length) build('cost', () => ({
