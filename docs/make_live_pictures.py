@@ -25,7 +25,7 @@ from chromium import Chromium, program
 
 FOLDER = Path(__file__).parent
 #: Of the picture; and of the animation, with its number of frames and seconds between them.
-SIZE, SMALL, FRAMES, PERIOD = (1400, 900), (400, 267), 40, 0.15
+SIZE, SMALL, FRAMES, PERIOD = (1400, 900), (480, 320), 40, 0.1
 
 
 def main() -> None:
@@ -42,7 +42,8 @@ def main() -> None:
             page.open(f'http://127.0.0.1:{port}/')
             page.until('Number.parseFloat(document.getElementById("clock")?.textContent) > 8', 120)
             page.click('#pushes button')
-            time.sleep(3.0)
+            page.run('window.scrollTo(0, 0)')
+            time.sleep(2.0)
             (FOLDER / 'live.png').write_bytes(_small(page.picture(), SIZE, 64))
             _animate(page)
     finally:
@@ -71,7 +72,7 @@ def _decoded(text: str) -> Image.Image:
     drawn = Image.open(io.BytesIO(base64.b64decode(text))).convert('RGBA')
     paper = Image.new('RGBA', drawn.size, '#f5f6f7')
     paper.alpha_composite(drawn)
-    return paper.convert('RGB').resize(SMALL).quantize(32)
+    return paper.convert('RGB').resize(SMALL).quantize(24)
 
 
 def _small(data: bytes, size: tuple[int, int], colours: int) -> bytes:

@@ -27,7 +27,7 @@ from .streams import Streams
 from .theory_worker import TheoryWorker
 
 #: Seconds between two frames, two looks at the commands, two status reports, and two
-#: computations of what follows from the parameters.
+#: updates of theory and shared file.
 _FRAME, _LOOK, _STATUS, _CHANGES = 0.05, 0.01, 0.5, 0.1
 
 

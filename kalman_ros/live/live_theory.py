@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poles, margins and the least cost of what is on a live page, for JSON."""
+"""Poles, margins and the least cost of the loop on a live page, for JSON."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from kalman_ros.scenario.regulator import feedback
 from .adjustments import Adjustments
 from .controls import Control
 
-#: Models with a drawing of their own; others are drawn in the plane, or as bars.
+#: Models with a special drawing; others are drawn in the plane, or as bars.
 _DRAWINGS = {
     'mass_spring_damper': 'spring',
     'mass_spring_damper_2d': 'springs',
@@ -90,7 +90,7 @@ def _drawing(model: str, state: Space) -> dict[str, Any]:
 
 
 def _length(adjustments: Adjustments) -> float:
-    """Return the length in metres of what is drawn."""
+    """Return the length in metres of the part that is drawn."""
     try:
         return float(adjustments.value('plant', 'model_parameters.length'))
     except KeyError:

@@ -35,7 +35,7 @@ _SOCKET = '/socket'
 
 
 class WebServer:
-    """Serves a board to tabs, and passes their commands on, in a thread of its own.
+    """Serves a board to tabs, and passes their commands on, in a separate thread.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class WebServer:
         if not access.knows(host):
             return _refusal(HTTPStatus.MISDIRECTED_REQUEST, 'this server has another name')
         if origin and not access.trusts(origin, host):
-            return _refusal(HTTPStatus.FORBIDDEN, 'this is no request of its own page')
+            return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
         if access.logs_in(where.query):
             cookie = f'{access.cookie}={access.token}; HttpOnly; SameSite=Strict; Path=/'
             return _response(HTTPStatus.SEE_OTHER, b'', {'Location': '/', 'Set-Cookie': cookie})
@@ -116,7 +116,7 @@ class WebServer:
             return _refusal(HTTPStatus.UNAUTHORIZED, 'open the address with its token')
         if where.path == _SOCKET:
             if not origin:
-                return _refusal(HTTPStatus.FORBIDDEN, 'this is no request of its own page')
+                return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
             full = len(self._tabs) >= _TABS
             return _refusal(HTTPStatus.SERVICE_UNAVAILABLE, 'too many tabs') if full else None
         return self._file(where.path, host)

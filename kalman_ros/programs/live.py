@@ -27,8 +27,8 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         prog='live',
         description='Start the nodes of a scenario in real time, and a page that shows them and '
         'changes their parameters. Ctrl-C ends both.',
-        epilog='The page is only for this machine, unless --listen says otherwise: then whoever '
-        'has the token can change the loop, and nothing is encrypted.',
+        epilog='The page is only for this machine, unless --listen says otherwise: then '
+        'everybody with the token can change the loop, and nothing is encrypted.',
     )
     parser.add_argument(
         'scenario', nargs='?', default=models.DEFAULT,

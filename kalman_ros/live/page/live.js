@@ -163,9 +163,10 @@ function buildPushes() {
   $('pushes').replaceChildren(...names.flatMap((name, input) => [1, -1].map((share) => {
     const button = Object.assign(document.createElement('button'), { type: 'button', textContent: `push ${name} ${share > 0 ? '+' : '−'}` });
     if (!input && share > 0) button.title = 'p';
-    button.addEventListener('click', () => send({ do: 'push', input, share }));
+    button.addEventListener('click', () => push(input, share));
     return button;
   })));
+  $('strength-label').hidden = !names.length;
 }
 
 function buildChoices() {
@@ -261,7 +262,7 @@ const ACT = {
   pause: () => send({ do: page.status.paused ? 'resume' : 'pause' }),
   step: () => send({ do: 'step' }),
   reset: () => send({ do: page.status.failed ? 'restart' : 'reset' }),
-  push: () => send({ do: 'push', input: 0, share: 1 }),
+  push: () => push(0, 1),
   theme: () => theme(!document.documentElement.classList.contains('dark')),
   share: () => {
     const file = `${page.share.name}_live.yaml`;
@@ -270,6 +271,10 @@ const ACT = {
     $('shared').showModal();
   },
 };
+
+function push(input, sign) {
+  send({ do: 'push', input, share: sign * 10 ** $('strength').value });
+}
 
 function theme(dark) {
   document.documentElement.classList.toggle('dark', dark);
