@@ -72,7 +72,7 @@ def _decoded(text: str) -> Image.Image:
     drawn = Image.open(io.BytesIO(base64.b64decode(text))).convert('RGBA')
     paper = Image.new('RGBA', drawn.size, '#f5f6f7')
     paper.alpha_composite(drawn)
-    return paper.convert('RGB').resize(SMALL).quantize(24)
+    return paper.convert('RGB').resize(SMALL).quantize(48)
 
 
 def _small(data: bytes, size: tuple[int, int], colours: int) -> bytes:

@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         from kalman_ros.live.web_server import WebServer
     except ModuleNotFoundError:
-        refuse('live', RuntimeError('it needs the library websockets: pip install websockets'))
+        refuse('live', RuntimeError('it needs websockets 13 or newer: pip install websockets'))
     board = Board()
     try:
         rules = access(options)
