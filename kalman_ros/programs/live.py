@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import secrets
 import webbrowser
 from collections.abc import Sequence
@@ -19,6 +20,8 @@ from kalman_ros.scenario.parameter_files import overrides
 
 #: The default port.
 _PORT = 8642
+#: One is set where a browser can open a window.
+_DISPLAYS = ('DISPLAY', 'WAYLAND_DISPLAY')
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -35,7 +38,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         help='a name in config/, or a parameter file of your own (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
-        '--port', type=int, default=_PORT, metavar='N', help='default: %(default)s'
+        '--port', type=int, default=_PORT, metavar='N', help='of the page (default: %(default)s)'
     )
     parser.add_argument('--no-browser', action='store_true', help='only print the address')
     parser.add_argument(
@@ -77,7 +80,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         loop = LiveLoop(file, overrides(options.parameters), options.seed, board)
         with WebServer(board, loop.command, rules):
             print(f'{file.stem}: {rules.url}  (Ctrl-C ends)', flush=True)
-            if not options.no_browser:
+            # without a display, it would start a browser in this terminal
+            if not options.no_browser and any(map(os.environ.get, _DISPLAYS)):
                 webbrowser.open(rules.url)
             loop.run()
     except KeyboardInterrupt:
