@@ -212,7 +212,8 @@ class LiveCommands:
             pace.predicted = True
             return
         pace.predicted = False
-        self._nodes.run_until(max(streams.elapsed, 0.0) + 0.5 / self._nodes.scenario.rate)
+        # the next step, and not the one after it, however their times are rounded
+        self._nodes.run_until(max(streams.elapsed, 0.0) + 1.5 / self._nodes.scenario.rate)
 
     def _mode(self, command: dict[str, Any], _: float) -> None:
         """Change between real time and lockstep: the nodes restart where they are."""

@@ -164,15 +164,18 @@ def test_pause_poles_filter_and_single_steps():
         page.until(lambda m: 'truth' in m)
 
         # one at a time: predict, then update
+        page.frames.clear()
         page.do(do='step')
         page.seen('status', lambda m: m['lockstep'] and m['paused'] and not m['message'])
-        page.until(lambda m: 'estimate' in m)
+        page.framed(lambda m: 'estimate' in m and m['estimate'][0][0] == 0.0)
         times = []
         for _ in range(6):
+            page.frames.clear()
             page.do(do='step')
-            prior = page.until(lambda m: 'prior' in m)['prior']
+            prior = page.framed(lambda m: 'prior' in m)['prior']
+            assert not any('estimate' in frame for frame in page.frames)
             page.do(do='step')
-            found = page.until(lambda m: 'estimate' in m)
+            found = page.framed(lambda m: 'estimate' in m)
             assert len(found['estimate']) == 1
             times.append(found['estimate'][0][0])
             if 'readings' in found:
