@@ -26,9 +26,8 @@ from .share import parameter_file
 from .streams import Streams
 from .theory_worker import TheoryWorker
 
-#: Seconds between two frames, two looks at the commands, two status reports, and two
-#: updates of theory and shared file.
-_FRAME, _LOOK, _STATUS, _CHANGES = 0.05, 0.01, 0.5, 0.1
+#: Seconds between two frames, two status reports, and two updates of theory and shared file.
+_FRAME, _STATUS, _CHANGES = 0.05, 0.5, 0.1
 
 
 class LiveLoop:
@@ -109,12 +108,12 @@ class LiveLoop:
             nodes.run_until(0.0 if pace.lockstep else FOREVER)
         framed = reported = followed = 0.0
         while not obey.restart:
-            nodes.spin(_LOOK)
+            nodes.spin_until(_FRAME, lambda: not self._queue.empty())
             for _ in range(self._queue.qsize()):
                 obey(*self._queue.get())
                 reported = 0.0
             now = monotonic()
-            if now - framed >= _FRAME:
+            if now - framed >= 0.9 * _FRAME:  # the wait may be slightly shorter
                 passed = min(now - framed, 4 * _FRAME)
                 target = pace.target(streams.elapsed, passed, 1.0 / nodes.scenario.rate)
                 if target is not None:
