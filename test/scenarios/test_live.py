@@ -43,9 +43,11 @@ class Page:
 
     def open(self):
         origin = f'http://127.0.0.1:{self.port}'
+        # without a limit: messages that nobody reads yet must not hold back the answers to pings
         return connect(
-            f'ws://127.0.0.1:{self.port}/socket', origin=origin, max_size=None, proxy=None
-        )
+            f'ws://127.0.0.1:{self.port}/socket', origin=origin, max_size=None, max_queue=None,
+            proxy=None,
+        )  # fmt: skip
 
     def __exit__(self, *_):
         self.tab.close()
