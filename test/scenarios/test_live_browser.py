@@ -81,6 +81,7 @@ def test_a_number_and_the_keyboard_do_the_same(page):
         browser.key(character)
     browser.key('Tab')
     loop.seen('values', lambda m: m['values'][key] == 0.25)
+    browser.until(f'document.querySelector({SLIDER.format(key)!r}).value > 260')
     browser.run(f'document.querySelector({SLIDER.format(key)!r}).focus()')
     browser.key('ArrowRight')
     loop.seen('values', lambda m: m['values'][key] > 0.25)
