@@ -28,7 +28,7 @@ setup(
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'filterpy', 'rosbags'],
         'docs': ['sphinx', 'myst-parser'],
         'bags': ['rosbags'],
-        'live': ['websockets'],
+        'live': ['websockets>=13'],
     },
     zip_safe=False,
     maintainer='The kalman_ros authors',

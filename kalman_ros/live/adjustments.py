@@ -54,6 +54,7 @@ class Adjustments:
         self.shared: dict[str, Any] = {**demo, **parameters}
         #: Changes of single nodes, by their names.
         self.changes: dict[str, dict[str, Any]] = {}
+        self._read: dict[str, dict[str, Any]] = {}
         self._chosen: dict[str, Chosen] = {}
         for node in _OPTIONS:
             self._choose(node)
@@ -112,10 +113,19 @@ class Adjustments:
         if node in _OPTIONS:
             self._choose(node)
 
+    def given(self, node: str) -> dict[str, Any]:
+        """Return the parameters of a node that are not defaults; of all nodes for ``''``."""
+        if node not in self._read:
+            self._read[node] = from_file(self.file, *filter(None, [node]))
+        return {**self._read[node], **self.shared, **self.changes.get(node, {})}
+
     def _choose(self, node: str) -> None:
         options, with_law = _OPTIONS[node]
-        given = {**from_file(self.file, node), **self.shared, **self.changes.get(node, {})}
-        ours = {name: value for name, value in given.items() if not name.startswith(OF_RCLPY)}
+        ours = {
+            name: value
+            for name, value in self.given(node).items()
+            if not name.startswith(OF_RCLPY)
+        }
         extra = {'plant': _faults, 'estimator': estimator_extra}.get(node, lambda _: ())
         self._chosen[node] = choose(ours, options, extra, with_law=with_law)
 

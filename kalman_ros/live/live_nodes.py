@@ -10,7 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.srv import SetParameters
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import message_type
@@ -26,6 +29,8 @@ from kalman_ros.scenario import Scenario
 
 #: The most samples of a topic between two calls of `take`; older ones are dropped.
 _MOST = 5000
+#: Seconds between two looks at the condition of `spin_until`.
+_LOOK = 0.01
 #: Seconds of simulated time that is never reached.
 FOREVER = 1e9
 #: Seconds in which the nodes must be connected.
@@ -63,12 +68,16 @@ class LiveNodes(LaunchedNodes):
         self._samples: dict[str, deque[Sample]] = {}
         #: Called with each input of the plant.
         self.on_input: Callable[[], None] = lambda: None
+        self._condition: Callable[[], bool] = lambda: False
+        self._wake = Future()
 
     def __enter__(self) -> LiveNodes:
         self.open(sockets=True)
         try:
             topics = [self._watch(topic, signal) for topic, signal in _signals(self.scenario)]
             self._push = self._disturbance()
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self.node.create_timer(_LOOK, self._look, clock=steady)
             self.listen()
             for name in self._names:
                 self.start(name)
@@ -110,6 +119,18 @@ class LiveNodes(LaunchedNodes):
         for samples in self._samples.values():
             samples.clear()
         return found
+
+    def spin_until(self, seconds: float, condition: Callable[[], bool]) -> None:
+        """Process messages for ``seconds``, or until a condition holds.
+
+        Each wait of the executor leaks a few bytes, so a loop should wait rarely.
+        """
+        self._condition, self._wake = condition, Future()
+        self.spin(seconds, until=self._wake)
+
+    def _look(self) -> None:
+        if not self._wake.done() and self._condition():
+            self._wake.set_result(None)
 
     def push(self, disturbance: Array) -> None:
         """Add a disturbance (m,) to the plant's input from now on; zero ends it."""

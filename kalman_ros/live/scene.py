@@ -90,7 +90,7 @@ def _drawing(model: str, state: Space) -> dict[str, Any]:
 
 
 def _length(adjustments: Adjustments) -> float:
-    """Return the drawn length in metres."""
+    """Return the length in metres of the part that is drawn."""
     try:
         return float(adjustments.value('plant', 'model_parameters.length'))
     except KeyError:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from kalman_ros.scenario.parameter_files import BETWEEN, NODES, from_file, sections, yaml_value
+from kalman_ros.scenario.parameter_files import BETWEEN, NODES, sections, yaml_value
 
 from .adjustments import Adjustments
 
@@ -17,12 +17,11 @@ def parameter_file(adjustments: Adjustments) -> str:
     What the file has for all nodes is under ``/**``, all else in the section of each node.
     """
     between = (BETWEEN,) if BETWEEN in sections(adjustments.file) else ()
-    shared = {**from_file(adjustments.file), **adjustments.shared}
+    shared = adjustments.given('')
     lines = [f'# {adjustments.file.stem}, as it was on a live page.', *_section('/**', shared)]
     for node in (*NODES, *between):
-        changes = adjustments.changes.get(node, {})
-        values = {**from_file(adjustments.file, node), **adjustments.shared, **changes}
-        own = {name: value for name, value in values.items() if shared.get(name) != value}
+        values = adjustments.given(node).items()
+        own = {name: value for name, value in values if shared.get(name) != value}
         if own:
             lines += ['', *_section(node, own)]
     return '\n'.join(lines) + '\n'

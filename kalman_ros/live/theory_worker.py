@@ -35,7 +35,7 @@ class TheoryWorker:
         self._deliver = deliver
         self._lock = Lock()
         self._waiting = ''
-        self._busy = False
+        self._busy = self._over = False
 
     def __enter__(self) -> TheoryWorker:
         self._process = subprocess.Popen(
@@ -47,6 +47,7 @@ class TheoryWorker:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._over = True
         self._process.terminate()
         self._process.wait()
 
@@ -80,6 +81,8 @@ class TheoryWorker:
             self._deliver(json.loads(line))
             with self._lock:
                 self._send()
+        if not self._over:
+            self._deliver({'notes': ['theory: its process has ended; restart the page']})
 
 
 def _answer(wanted: dict[str, Any]) -> dict[str, Any]:

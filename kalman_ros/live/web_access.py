@@ -7,6 +7,7 @@ import socket
 from dataclasses import dataclass, field
 from hmac import compare_digest
 from ipaddress import ip_address
+from re import fullmatch
 from urllib.parse import parse_qs, urlsplit
 
 #: The names of this machine's loopback interface.
@@ -33,7 +34,8 @@ class Access:
     Raises
     ------
     ValueError
-        If the address is not an IP address, or not on the loopback and without a token.
+        If the address is not an IP address, or not on the loopback and without a token; or if a
+        cookie cannot hold the token.
     """
 
     address: str
@@ -46,6 +48,8 @@ class Access:
             given = ip_address(self.address)
         except ValueError:
             raise ValueError(f"--listen: expected an IP address, got '{self.address}'") from None
+        if not fullmatch('[A-Za-z0-9_-]*', self.token):
+            raise ValueError('--token: expected letters, digits, - and _')
         if not given.is_loopback and not self.token:
             raise ValueError('--listen: an address beyond this machine needs a token')
         names = _LOOPBACK if given.is_loopback else (*_LOOPBACK, socket.gethostname())

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
@@ -82,7 +83,9 @@ class WebServer:
                 server_header=None,
             )  # fmt: skip
         except OSError as error:
-            self._error = f'--port: {address}:{port} cannot be used: {error.strerror}'
+            self._error = (
+                f'--port: {address}:{port} cannot be used: {os.strerror(error.errno or 0)}'
+            )
             self._started.set()
             return
         self._stop = lambda: _call(loop, over.set)
@@ -105,7 +108,7 @@ class WebServer:
         if not access.knows(host):
             return _refusal(HTTPStatus.MISDIRECTED_REQUEST, 'this server has another name')
         if origin and not access.trusts(origin, host):
-            return _refusal(HTTPStatus.FORBIDDEN, 'this request is not from the page')
+            return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
         if access.logs_in(where.query):
             cookie = f'{access.cookie}={access.token}; HttpOnly; SameSite=Strict; Path=/'
             return _response(HTTPStatus.SEE_OTHER, b'', {'Location': '/', 'Set-Cookie': cookie})
@@ -113,7 +116,7 @@ class WebServer:
             return _refusal(HTTPStatus.UNAUTHORIZED, 'open the address with its token')
         if where.path == _SOCKET:
             if not origin:
-                return _refusal(HTTPStatus.FORBIDDEN, 'this request is not from the page')
+                return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
             full = len(self._tabs) >= _TABS
             return _refusal(HTTPStatus.SERVICE_UNAVAILABLE, 'too many tabs') if full else None
         return self._file(where.path, host)

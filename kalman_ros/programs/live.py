@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import secrets
 import webbrowser
 from collections.abc import Sequence
@@ -19,6 +20,8 @@ from kalman_ros.scenario.parameter_files import overrides
 
 #: The default port.
 _PORT = 8642
+#: One is set where a browser can open a window.
+_DISPLAYS = ('DISPLAY', 'WAYLAND_DISPLAY')
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -28,14 +31,14 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         description='Start the nodes of a scenario in real time, and a page that shows them and '
         'changes their parameters. Ctrl-C ends both.',
         epilog='The page is only for this machine, unless --listen says otherwise: then '
-        'everyone with the token can change the loop, and nothing is encrypted.',
+        'everybody with the token can change the loop, and nothing is encrypted.',
     )
     parser.add_argument(
         'scenario', nargs='?', default=models.DEFAULT,
         help='a name in config/, or a parameter file of your own (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
-        '--port', type=int, default=_PORT, metavar='N', help='default: %(default)s'
+        '--port', type=int, default=_PORT, metavar='N', help='of the page (default: %(default)s)'
     )
     parser.add_argument('--no-browser', action='store_true', help='only print the address')
     parser.add_argument(
@@ -69,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         from kalman_ros.live.web_server import WebServer
     except ModuleNotFoundError:
-        refuse('live', RuntimeError('it needs the library websockets: pip install websockets'))
+        refuse('live', RuntimeError('it needs websockets 13 or newer: pip install websockets'))
     board = Board()
     try:
         rules = access(options)
@@ -77,7 +80,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         loop = LiveLoop(file, overrides(options.parameters), options.seed, board)
         with WebServer(board, loop.command, rules):
             print(f'{file.stem}: {rules.url}  (Ctrl-C ends)', flush=True)
-            if not options.no_browser:
+            # without a display, it would start a browser in this terminal
+            if not options.no_browser and any(map(os.environ.get, _DISPLAYS)):
                 webbrowser.open(rules.url)
             loop.run()
     except KeyboardInterrupt:

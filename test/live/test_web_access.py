@@ -64,6 +64,8 @@ def test_without_a_token_only_the_loopback_is_served():
         Access('0.0.0.0', 8642)
     with pytest.raises(ValueError, match="--listen: expected an IP address, got 'example.org'"):
         Access('example.org', 8642, 'secret')
+    with pytest.raises(ValueError, match='--token: expected letters, digits, - and _'):
+        Access('127.0.0.1', 8642, 'a; Path=/')
 
 
 def test_the_address_to_open_has_the_token():

@@ -11,6 +11,7 @@ export class Controls {
     this.place = place;
     this.send = send;
     this.items = new Map();
+    this.values = {};
   }
 
   build(scene) {
@@ -67,6 +68,7 @@ export class Controls {
       this.send({ do: 'set', key: control.key, value: wanted }, () => {
         item.busy = false;
         if (item.next !== null) { const next = item.next; item.next = null; change(next); }
+        else if (control.key in this.values) item.show(this.values[control.key]);
       });
     };
     range.addEventListener('input', () => {
@@ -92,6 +94,7 @@ export class Controls {
   }
 
   show(values) {
+    this.values = values;
     for (const [key, value] of Object.entries(values)) this.items.get(key)?.show(value);
   }
 

@@ -87,6 +87,7 @@ const RECEIVE = {
     if ([...select.options].map((option) => option.value).join() !== names.join()) {
       select.replaceChildren(...names.map((name) => new Option(name, name)));
     }
+    $('pole-map').hidden = !message.open && !message.regulator && !message.estimator;
     map.show(message);
     listPoles();
     const margins = (loops[0]?.estimated ?? loops[0]?.known)?.margins;
@@ -162,9 +163,10 @@ function buildPushes() {
   $('pushes').replaceChildren(...names.flatMap((name, input) => [1, -1].map((share) => {
     const button = Object.assign(document.createElement('button'), { type: 'button', textContent: `push ${name} ${share > 0 ? '+' : '−'}` });
     if (!input && share > 0) button.title = 'p';
-    button.addEventListener('click', () => send({ do: 'push', input, share }));
+    button.addEventListener('click', () => push(input, share));
     return button;
   })));
+  $('strength-label').hidden = !names.length;
 }
 
 function buildChoices() {
@@ -221,9 +223,9 @@ function buildPlots() {
     }));
   }
   build('filter', () => ({
-    title: 'trace of P', log: true,
+    title: 'trace of P', log: true, share: 0.15,
     curves: [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate' }],
-    marks: rate * data.span < 120 ? [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate', dot: true }] : [],
+    marks: rate * data.span < 800 ? [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate', dot: true }] : [],
   }));
   $('cost-title').hidden = !input.names.length;
   if (input.names.length) build('cost', () => ({
@@ -260,7 +262,7 @@ const ACT = {
   pause: () => send({ do: page.status.paused ? 'resume' : 'pause' }),
   step: () => send({ do: 'step' }),
   reset: () => send({ do: page.status.failed ? 'restart' : 'reset' }),
-  push: () => send({ do: 'push', input: 0, share: 1 }),
+  push: () => push(0, 1),
   theme: () => theme(!document.documentElement.classList.contains('dark')),
   share: () => {
     const file = `${page.share.name}_live.yaml`;
@@ -269,6 +271,10 @@ const ACT = {
     $('shared').showModal();
   },
 };
+
+function push(input, sign) {
+  send({ do: 'push', input, share: sign * 10 ** $('strength').value });
+}
 
 function theme(dark) {
   document.documentElement.classList.toggle('dark', dark);
@@ -300,5 +306,7 @@ addEventListener('resize', () => { dirty = true; });
 const darkness = matchMedia('(prefers-color-scheme: dark)');
 darkness.addEventListener('change', () => theme(darkness.matches));
 theme(darkness.matches);
+// where the regulator's poles are on the map, in pixels: for tests
+window.livePoles = () => map.poles.map(([re, im]) => [map.X(re), map.Y(im)]);
 connect();
 requestAnimationFrame(draw);

@@ -207,7 +207,9 @@ function bar(pen, x, from, to, look, text) {
   pen.globalAlpha = 0.6;
   pen.beginPath(); pen.moveTo(x, from); pen.lineTo(x, to); pen.stroke();
   pen.globalAlpha = 1;
-  pen.fillText(text, x + 5, (from + to) / 2);
+  pen.textAlign = look === 'ink' ? 'left' : 'right';
+  pen.fillText(text, look === 'ink' ? x + 5 : x - 5, (from + to) / 2);
+  pen.textAlign = 'left';
 }
 
 export function drawNyquist(canvas, loop) {

@@ -56,13 +56,13 @@ export function stroke(pen, name, width = 1.5, dash = 'solid') {
   pen.setLineDash(DASHES[dash]);
 }
 
-// Draw one plot. `curves` have rows, a value (row) => number, and a look; a `band` has low and high.
-export function plot(canvas, { title, curves = [], bands = [], marks = [], lines = [], log = false }) {
+// Draw one plot, of the last `share` of the span. `curves` have rows, a value (row) => number, and a look; a `band` has low and high.
+export function plot(canvas, { title, curves = [], bands = [], marks = [], lines = [], log = false, share = 1 }) {
   const area = prepare(canvas);
   if (!area) return;
   const { pen, width, height } = area;
   const left = 46, right = width - 6, top = 15, bottom = height - 14;
-  const end = data.now, start = end - data.span;
+  const end = data.now, start = end - share * data.span;
   const scale = log ? (v) => (v > 0 ? Math.log10(v) : NaN) : (v) => v;
   const recent = (rows) => (rows ?? []).filter((row) => row[0] >= start);
   let low = Infinity, high = -Infinity;
@@ -107,6 +107,18 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
     [...points].reverse().forEach(([t, , b]) => pen.lineTo(X(t), Y(b)));
     pen.fill();
   }
+  for (const { rows, value, look, dot } of marks) {
+    stroke(pen, look, 1.2);
+    pen.beginPath();
+    const seen = recent(rows), size = Math.max(0.8, Math.min(dot ? 1.8 : 2.5, 900 / (seen.length + 1)));
+    for (const row of seen) {
+      const x = X(row[0]), y = Y(scale(value(row)));
+      if (!Number.isFinite(y)) continue;
+      if (dot) { pen.moveTo(x + size, y); pen.arc(x, y, size, 0, 7); }
+      else { pen.moveTo(x - size, y); pen.lineTo(x + size, y); pen.moveTo(x, y - size); pen.lineTo(x, y + size); }
+    }
+    pen.stroke();
+  }
   for (const { value, look, dash } of lines) {
     stroke(pen, look, 1.2, dash ?? 'dotted');
     pen.beginPath(); pen.moveTo(left, Y(scale(value))); pen.lineTo(right, Y(scale(value))); pen.stroke();
@@ -121,17 +133,6 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
       if (before === null || (turns && Math.abs(y - before) > Math.PI)) pen.moveTo(X(t), Y(y));
       else pen.lineTo(X(t), Y(y));
       before = y;
-    }
-    pen.stroke();
-  }
-  for (const { rows, value, look, dot } of marks) {
-    stroke(pen, look, 1.2);
-    pen.beginPath();
-    for (const row of recent(rows)) {
-      const x = X(row[0]), y = Y(scale(value(row)));
-      if (!Number.isFinite(y)) continue;
-      if (dot) { pen.moveTo(x + 1.8, y); pen.arc(x, y, 1.8, 0, 7); }
-      else { pen.moveTo(x - 2.5, y); pen.lineTo(x + 2.5, y); pen.moveTo(x, y - 2.5); pen.lineTo(x, y + 2.5); }
     }
     pen.stroke();
   }

@@ -2,88 +2,8 @@
 // The system itself: truth solid, estimate dashed with an ellipse of two standard deviations.
 
 import { data, last } from './data.js';
+import { arrow, beliefs, crosses, deviation, ellipse, FRESH, magnified, now, reach, rule, spring, TWO_SIGMA } from './drawing.js';
 import { colour, prepare, short, stroke, ticks } from './plots.js';
-
-const TWO_SIGMA = 2;
-const FRESH = 600;  // milliseconds for which a reading is shown
-
-// truth, estimate and covariance by the names of the states
-function now(scene) {
-  const names = scene.state.names, n = names.length;
-  const truth = last('truth'), estimate = last('estimate'), input = last('input');
-  const at = (row, first) => Object.fromEntries(names.map((name, k) => [name, row?.[first + k] ?? null]));
-  const cell = (P, a, b) => (P ? P[names.indexOf(a) * n + names.indexOf(b)] : 0);
-  const prior = data.prior && { x: at(data.prior.x, 0), P: (a, b) => cell(data.prior.P, a, b) };
-  return {
-    truth: truth && at(truth, 1),
-    estimate: estimate && { x: at(estimate, 1), P: (a, b) => cell(data.P, a, b) },
-    prior,
-    input: (input ?? []).slice(1),
-  };
-}
-
-const deviation = (belief, name) => Math.sqrt(Math.max(0, belief.P(name, name) ?? 0));
-
-function arrow(pen, x, y, dx, dy, look = 'input') {
-  const size = Math.hypot(dx, dy);
-  if (size < 2) return;
-  stroke(pen, look, 3);
-  pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + dx, y + dy); pen.stroke();
-  const a = Math.atan2(dy, dx), h = Math.min(10, size);
-  pen.fillStyle = colour(look);
-  pen.beginPath();
-  pen.moveTo(x + dx, y + dy);
-  for (const s of [2.6, -2.6]) pen.lineTo(x + dx + h * Math.cos(a + s), y + dy + h * Math.sin(a + s));
-  pen.fill();
-}
-
-// the length in pixels of an input: large ones are shortened
-const reach = (scene, value) => 70 * Math.tanh((value ?? 0) / (scene.force || 1));
-
-function spring(pen, x0, y0, x1, y1) {
-  const length = Math.hypot(x1 - x0, y1 - y0), turns = 9, a = Math.atan2(y1 - y0, x1 - x0);
-  stroke(pen, 'soft', 1.4);
-  pen.save();
-  pen.translate(x0, y0); pen.rotate(a);
-  pen.beginPath(); pen.moveTo(0, 0);
-  for (let k = 0; k <= 2 * turns; k++) pen.lineTo(length * (0.08 + 0.84 * k / (2 * turns)), k % 2 ? 6 : -6);
-  pen.lineTo(length, 0); pen.stroke();
-  pen.restore();
-}
-
-// the ellipse of a 2 x 2 covariance about a point, in pixels; y points up in the world
-function ellipse(pen, X, Y, belief, a, b, look, dash) {
-  const [mx, my] = [belief.x[a], belief.x[b]];
-  if (mx === null || my === null) return;
-  const p = belief.P(a, a), q = belief.P(a, b), r = belief.P(b, b);
-  const middle = (p + r) / 2, off = Math.hypot((p - r) / 2, q);
-  const turn = 0.5 * Math.atan2(2 * q, p - r);
-  const scale = Math.abs(X(1) - X(0)), limit = 1e5;
-  const long = Math.min(limit, TWO_SIGMA * Math.sqrt(Math.max(0, middle + off)) * scale);
-  const wide = Math.min(limit, TWO_SIGMA * Math.sqrt(Math.max(0, middle - off)) * scale);
-  pen.beginPath();
-  pen.ellipse(X(mx), Y(my), Math.max(long, 0.5), Math.max(wide, 0.5), -turn, 0, 2 * Math.PI);
-  if (look === 'estimate') { pen.fillStyle = colour('band'); pen.fill(); }
-  stroke(pen, look, 2, dash);
-  pen.stroke();
-  pen.beginPath(); pen.arc(X(mx), Y(my), 2.5, 0, 7); pen.fillStyle = colour(look); pen.fill();
-}
-
-function beliefs(pen, seen, draw) {
-  if (seen.prior) draw(seen.prior, 'prior', 'dotted');
-  if (seen.estimate) draw(seen.estimate, 'estimate', 'dashed');
-}
-
-// readings of two states as crosses, which fade
-function crosses(pen, scene, X, Y, a, b) {
-  for (const [name, sensor] of Object.entries(scene.sensors)) {
-    const i = sensor.names.indexOf(a), j = sensor.names.indexOf(b), row = last(`reading ${name}`);
-    if (i < 0 || j < 0 || !row || performance.now() - data.arrived[name] > FRESH) continue;
-    const x = X(row[1 + i]), y = Y(row[1 + j]);
-    stroke(pen, 'reading', 2);
-    pen.beginPath(); pen.moveTo(x - 6, y); pen.lineTo(x + 6, y); pen.moveTo(x, y - 6); pen.lineTo(x, y + 6); pen.stroke();
-  }
-}
 
 // metres from the middle to the edge: a little more than the recent motion, changing slowly
 const zoomed = { run: -1, reach: 0 };
@@ -140,6 +60,7 @@ const DRAW = {
     pen.beginPath(); pen.arc(x, y, 9, 0, 7); pen.stroke();
     crosses(pen, scene, X, Y, 'x', 'y');
     arrow(pen, x, y, reach(scene, seen.input[0]), -reach(scene, seen.input[1]));
+    magnified(pen, w, seen, scale, 'x', 'y');
     rule(pen, X, w, h, scale);
   },
 
@@ -213,6 +134,7 @@ const DRAW = {
     push(-38, along, down, surge);
     push(26, down, -along, fore);
     push(-26, down, -along, aft);
+    magnified(pen, w, seen, scale, 'x', 'z');
     rule(pen, X, w, h, scale, truth.x);
   },
 
@@ -245,6 +167,7 @@ const DRAW = {
     stroke(pen, 'ink', 2.5);
     pen.beginPath(); pen.moveTo(12, 0); pen.lineTo(-8, 7); pen.lineTo(-4, 0); pen.lineTo(-8, -7); pen.closePath(); pen.stroke();
     pen.restore();
+    magnified(pen, w, seen, view.scale, 'x', 'y');
   },
 
   bars(pen, w, h, scene, seen) {
@@ -312,16 +235,6 @@ function frame(scene, seen, w, h) {
   for (const key of ['x', 'y', 'scale']) shown[key] += follow * (goal[key] - shown[key]);
   shown.run = scene.run;
   return shown;
-}
-
-// a scale along the lower edge
-function rule(pen, X, w, h, scale, centre = 0) {
-  pen.fillStyle = colour('soft');
-  stroke(pen, 'soft', 1);
-  for (const x of ticks(centre - w / 2 / scale, centre + w / 2 / scale, 6)) {
-    pen.beginPath(); pen.moveTo(X(x), h - 14); pen.lineTo(X(x), h - 20); pen.stroke();
-    pen.fillText(`${short(x)} m`, X(x) - 10, h - 3);
-  }
 }
 
 export function drawSystem(canvas, scene) {

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// Parts of the drawings: springs, arrows, ellipses, readings.
+
+import { data, last } from './data.js';
+import { colour, short, stroke, ticks } from './plots.js';
+
+export const TWO_SIGMA = 2;
+export const FRESH = 600;  // milliseconds for which a reading is shown
+
+// truth, estimate and covariance by the names of the states
+export function now(scene) {
+  const names = scene.state.names, n = names.length;
+  const truth = last('truth'), estimate = last('estimate'), input = last('input');
+  const at = (row, first) => Object.fromEntries(names.map((name, k) => [name, row?.[first + k] ?? null]));
+  const cell = (P, a, b) => (P ? P[names.indexOf(a) * n + names.indexOf(b)] : 0);
+  const prior = data.prior && { x: at(data.prior.x, 0), P: (a, b) => cell(data.prior.P, a, b) };
+  return {
+    truth: truth && at(truth, 1),
+    estimate: estimate && { x: at(estimate, 1), P: (a, b) => cell(data.P, a, b) },
+    prior,
+    input: (input ?? []).slice(1),
+  };
+}
+
+export const deviation = (belief, name) => Math.sqrt(Math.max(0, belief.P(name, name) ?? 0));
+
+export function arrow(pen, x, y, dx, dy, look = 'input') {
+  const size = Math.hypot(dx, dy);
+  if (size < 2) return;
+  stroke(pen, look, 3);
+  pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + dx, y + dy); pen.stroke();
+  const a = Math.atan2(dy, dx), h = Math.min(10, size);
+  pen.fillStyle = colour(look);
+  pen.beginPath();
+  pen.moveTo(x + dx, y + dy);
+  for (const s of [2.6, -2.6]) pen.lineTo(x + dx + h * Math.cos(a + s), y + dy + h * Math.sin(a + s));
+  pen.fill();
+}
+
+// the length in pixels of an input: large ones are shortened
+export const reach = (scene, value) => 70 * Math.tanh((value ?? 0) / (scene.force || 1));
+
+export function spring(pen, x0, y0, x1, y1) {
+  const length = Math.hypot(x1 - x0, y1 - y0), turns = 9, a = Math.atan2(y1 - y0, x1 - x0);
+  stroke(pen, 'soft', 1.4);
+  pen.save();
+  pen.translate(x0, y0); pen.rotate(a);
+  pen.beginPath(); pen.moveTo(0, 0);
+  for (let k = 0; k <= 2 * turns; k++) pen.lineTo(length * (0.08 + 0.84 * k / (2 * turns)), k % 2 ? 6 : -6);
+  pen.lineTo(length, 0); pen.stroke();
+  pen.restore();
+}
+
+// the ellipse of a 2 x 2 covariance about a point, in pixels; y points up in the world
+export function ellipse(pen, X, Y, belief, a, b, look, dash) {
+  const [mx, my] = [belief.x[a], belief.x[b]];
+  if (mx === null || my === null) return;
+  const p = belief.P(a, a), q = belief.P(a, b), r = belief.P(b, b);
+  const middle = (p + r) / 2, off = Math.hypot((p - r) / 2, q);
+  const turn = 0.5 * Math.atan2(2 * q, p - r);
+  const scale = Math.abs(X(1) - X(0)), limit = 1e5;
+  const long = Math.min(limit, TWO_SIGMA * Math.sqrt(Math.max(0, middle + off)) * scale);
+  const wide = Math.min(limit, TWO_SIGMA * Math.sqrt(Math.max(0, middle - off)) * scale);
+  pen.beginPath();
+  pen.ellipse(X(mx), Y(my), Math.max(long, 0.5), Math.max(wide, 0.5), -turn, 0, 2 * Math.PI);
+  if (look === 'estimate') { pen.fillStyle = colour('band'); pen.fill(); }
+  stroke(pen, look, 2, dash);
+  pen.stroke();
+  pen.beginPath(); pen.arc(X(mx), Y(my), 2.5, 0, 7); pen.fillStyle = colour(look); pen.fill();
+}
+
+// where the ellipse is too small to see: the same, magnified, in a corner
+export function magnified(pen, w, seen, scale, a, b) {
+  const belief = seen.estimate;
+  if (!belief || belief.x[a] === null) return;
+  const off = Math.hypot(belief.x[a] - seen.truth[a], belief.x[b] - seen.truth[b]);
+  const size = Math.max(off, TWO_SIGMA * Math.sqrt(Math.max(belief.P(a, a), belief.P(b, b), 1e-18)));
+  const r = 58, cx = w - r - 10, cy = r + 10, zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
+  if (size * scale > 16) return;
+  pen.save();
+  pen.beginPath(); pen.arc(cx, cy, r, 0, 7); pen.fillStyle = colour('paper'); pen.fill();
+  stroke(pen, 'soft', 1); pen.stroke();
+  pen.clip();
+  const fit = [5, 2, 1].map((factor) => factor * zoom).find((each) => each * size <= 0.75 * r) ?? zoom;
+  const X = (x) => cx + (x - seen.truth[a]) * fit, Y = (y) => cy - (y - seen.truth[b]) * fit;
+  ellipse(pen, X, Y, belief, a, b, 'estimate', 'dashed');
+  if (seen.prior) ellipse(pen, X, Y, seen.prior, a, b, 'prior', 'dotted');
+  stroke(pen, 'ink', 3);
+  pen.beginPath(); pen.arc(cx, cy, 2.5, 0, 7); pen.stroke();
+  pen.restore();
+  pen.fillStyle = colour('soft');
+  pen.textAlign = 'center';
+  pen.fillText(`× ${short(Number((fit / scale).toPrecision(2)))}`, cx, cy + r + 12);
+  pen.textAlign = 'left';
+}
+
+export function beliefs(pen, seen, draw) {
+  if (seen.prior) draw(seen.prior, 'prior', 'dotted');
+  if (seen.estimate) draw(seen.estimate, 'estimate', 'dashed');
+}
+
+// readings of two states as crosses, which fade
+export function crosses(pen, scene, X, Y, a, b) {
+  for (const [name, sensor] of Object.entries(scene.sensors)) {
+    const i = sensor.names.indexOf(a), j = sensor.names.indexOf(b), row = last(`reading ${name}`);
+    if (i < 0 || j < 0 || !row || performance.now() - data.arrived[name] > FRESH) continue;
+    const x = X(row[1 + i]), y = Y(row[1 + j]);
+    stroke(pen, 'reading', 2);
+    pen.beginPath(); pen.moveTo(x - 6, y); pen.lineTo(x + 6, y); pen.moveTo(x, y - 6); pen.lineTo(x, y + 6); pen.stroke();
+  }
+}
+
+// a scale along the lower edge
+export function rule(pen, X, w, h, scale, centre = 0) {
+  pen.fillStyle = colour('soft');
+  stroke(pen, 'soft', 1);
+  for (const x of ticks(centre - w / 2 / scale, centre + w / 2 / scale, 6)) {
+    pen.beginPath(); pen.moveTo(X(x), h - 14); pen.lineTo(X(x), h - 20); pen.stroke();
+    pen.fillText(`${short(x)} m`, X(x) - 10, h - 3);
+  }
+}
