@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -121,7 +122,7 @@ def _curvature(path: Sequence[Expansion]) -> Array:
     Numerical Optimization, 2006, section 6.1).
     """
     J = path[-1].information
-    for before, after in list(zip(path, path[1:]))[-len(J) :]:
+    for before, after in list(pairwise(path))[-len(J) :]:
         s, y = after.z - before.z, before.gradient - after.gradient
         Js = J @ s
         if s @ y > 0.1 * (s @ Js) > 0.0:

@@ -8,8 +8,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from kalman_ros.core import Array
+
+
+#: Times in nanoseconds (N,).
+Stamps = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,7 @@ class Readings:
         The noise covariance of each (N, k, k); None for that of the sensor.
     """
 
-    stamp: Array
+    stamp: Stamps
     value: Array
     covariance: Array | None = None
 
@@ -44,7 +49,7 @@ class Observations:
     """
 
     readings: Mapping[str, Readings]
-    input_stamp: Array
+    input_stamp: Stamps
     input: Array
 
     @property

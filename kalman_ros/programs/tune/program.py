@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from kalman_ros import models
 from kalman_ros.analysis.tuning.fit import Fit, fit, sampled
 from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.profiles import profiles
@@ -177,10 +178,8 @@ def _margins(
     named = recorded.named
     if not named.scenario.model.input.size:
         return [], ''
-    values = {
-        'model': 'mass_spring_damper_2d',
-        **from_file(shipped.file(file or ''), 'estimator', 'controller'),
-    }
+    path = shipped.file(file or models.DEFAULT)
+    values = {'model': models.DEFAULT, **from_file(path, 'estimator', 'controller')}
     try:
         fitted: Scenario = build({**values, **changes, **named.changes(found.values)})
         plants: list[Model] = [

@@ -98,7 +98,7 @@ def _observations(replayed: Replayed, named: NamedParameters) -> Observations:
 
 def _readings(sensor: SensorReplay, *, configured: bool) -> Readings:
     """Return the readings by stamp, each stamp once, that a filter can take."""
-    use = np.isfinite(sensor.stamp) & np.isfinite(sensor.value).all(axis=1)
+    use: Any = np.isfinite(sensor.stamp) & np.isfinite(sensor.value).all(axis=1)
     if not configured:
         use &= _definite(sensor.covariance)
     indices = np.flatnonzero(use)
@@ -113,7 +113,8 @@ def _definite(covariance: Array) -> Any:
     """Return which covariances (N, k, k) are finite and positive definite (N,)."""
     finite = np.isfinite(covariance).all(axis=(1, 2))
     lowest = np.linalg.eigvalsh(np.where(finite[:, None, None], covariance, 0.0))
-    return finite & (lowest.min(axis=1, initial=np.inf) > 0.0)
+    positive: Any = lowest.min(axis=1, initial=np.inf) > 0.0
+    return finite & positive
 
 
 def _notes(
