@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from kalman_ros.core import Array
 
-
 #: Times in nanoseconds (N,).
 Stamps = npt.NDArray[np.int64]
 

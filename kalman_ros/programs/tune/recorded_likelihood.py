@@ -111,7 +111,7 @@ def _readings(sensor: SensorReplay, *, configured: bool) -> Readings:
 
 def _definite(covariance: Array) -> Any:
     """Return which covariances (N, k, k) are finite and positive definite (N,)."""
-    finite = np.isfinite(covariance).all(axis=(1, 2))
+    finite: Any = np.isfinite(covariance).all(axis=(1, 2))
     lowest = np.linalg.eigvalsh(np.where(finite[:, None, None], covariance, 0.0))
     positive: Any = lowest.min(axis=1, initial=np.inf) > 0.0
     return finite & positive
