@@ -24,6 +24,8 @@ _NEGLIGIBLE, _NEGLIGIBLE_LONG = 1e-9, 1e-6
 _MOST_STEPS = 40
 #: The first damping, by how much it changes, the least and the largest.
 _DAMPING, _FACTOR, _LEAST, _LARGEST = 1e-3, 10.0, 1e-6, 1e7
+#: Parameters with less information stay where they are: the data do not depend on them.
+_BLIND = 1e-6
 #: The longest step on a logarithmic scale, a factor of 7, and in units of other scales.
 _LONGEST, _FAR = 2.0, 20.0
 #: Other starts: how many are compared, how many of them are followed, and how far they are.
@@ -87,8 +89,9 @@ def climb(
         there = likelihood.expand(z)
         if there is None:
             return Ascent(here, False, number)
-        here = there
-        path.append(here)
+        if there.value > here.value:  # longer changes of delays are compared approximately
+            here = there
+            path.append(here)
     return Ascent(here, False, _MOST_STEPS)
 
 
@@ -100,7 +103,7 @@ def _step(
     limits = np.array([each.limits for each in likelihood.parameters]).reshape(-1, 2)
     stuck = ((z <= limits[:, 0]) & (g < 0.0)) | ((z >= limits[:, 1]) & (g > 0.0))
     size = J.diagonal()
-    free = ~stuck & (size > 1e-12 * max(float(size.max(initial=0.0)), 1e-12))
+    free = ~stuck & (size > _BLIND)
     step = np.zeros(len(z))
     if not free.any():
         return step, 0.0

@@ -127,7 +127,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     _show(console, recorded, found, held, worst, why)
     pasted = tables.pasted(found, recorded.named)
-    lines = tables.yaml_lines(pasted)
+    lines = tables.yaml_lines(pasted, found)
     if lines:
         console.print('\n[bold]For the parameter file[/]')
         console.print('\n'.join(lines), markup=False, soft_wrap=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.table import Table
 
-from kalman_ros.analysis.tuning.fit import Fit, Fitted
+from kalman_ros.analysis.tuning.fit import Fit
 from kalman_ros.analysis.tuning.held_out import Judgement
 from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins
@@ -85,16 +85,14 @@ def margins_table(found: Sequence[RobustMargins]) -> Table:
 
 
 def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
-    """Return the parameters to paste: the fitted ones, rounded to what the data tell."""
-    values = {each.name: _rounded(each) for each in fit.parameters}
-    changes = named.changes(values)
-    unknown = {each.name for each in fit.parameters if not each.determined}
-    return {name: value for name, value in changes.items() if name not in unknown}
-
-
-def _rounded(each: Fitted) -> float:
-    """Return a value to four digits; that which is not determined as it is."""
-    return float(f'{each.value:.4g}')
+    """Return the parameters to paste, to four digits, without those that stayed as they are."""
+    stayed = {each.name for each in fit.parameters if each.value == each.start}
+    changes = named.changes({each.name: float(f'{each.value:.4g}') for each in fit.parameters})
+    pasted = {name: value for name, value in changes.items() if name not in stayed}
+    for name in [name for name in pasted if name.endswith('.covariance_from')]:
+        if name.replace('.covariance_from', '.noise') not in pasted:
+            del pasted[name]
+    return pasted
 
 
 def beside(fit: Fit) -> Iterator[str]:
@@ -110,9 +108,14 @@ def beside(fit: Fit) -> Iterator[str]:
         )
 
 
-def yaml_lines(changes: Mapping[str, Any]) -> list[str]:
+def yaml_lines(changes: Mapping[str, Any], fit: Fit) -> list[str]:
     """Return the lines of a parameter file with these parameters."""
-    return [f'{name}: {yaml_value(value)}' for name, value in changes.items()]
+    open_ones = {each.name for each in fit.parameters if not each.determined}
+    return [
+        f'{name}: {yaml_value(value)}'
+        + ('   # not determined: one choice of many' if name in open_ones else '')
+        for name, value in changes.items()
+    ]
 
 
 def verdict(fit: Fit, held: tuple[Judgement, Judgement] | None) -> tuple[bool, str]:
