@@ -29,7 +29,7 @@ _BLIND = 1e-6
 #: The longest step on a logarithmic scale, a factor of 7, and in units of other scales.
 _LONGEST, _FAR = 2.0, 20.0
 #: Other starts: how many are compared, how many of them are followed, and how far they are.
-_SCREENED, _FOLLOWED, _SPREAD = 24, 1, 1.5
+_SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
 #: Starts are compared on the first N readings, and followed there until little is left to gain.
 SHORT, _LITTLE = 1000, 0.03
 
@@ -168,7 +168,7 @@ def maximum(likelihood: Likelihood, report: Report = _quiet, seed: int = 0) -> A
             'reading can be explained; check the parameters with ./dev doctor'
         )
     order = np.argsort(-values, kind='stable')
-    chosen = list(dict.fromkeys([0, *order[:_FOLLOWED].tolist()]))
+    chosen = order[:_FOLLOWED].tolist()
     ends = []
     for index in chosen:
         begin = short.expand(points[index]) if np.isfinite(values[index]) else None
