@@ -37,7 +37,7 @@ SHORT, _LITTLE = 1000, 0.03
 Report = Callable[[str, float], None]
 
 
-def _quiet(what: str, share: float) -> None:
+def _ignore(what: str, share: float) -> None:
     """Report nothing."""
 
 
@@ -63,7 +63,7 @@ class Ascent:
 def climb(
     likelihood: Likelihood,
     start: Expansion,
-    report: Report = _quiet,
+    report: Report = _ignore,
     negligible: float = _NEGLIGIBLE_LONG,
 ) -> Ascent:
     """Return where an expansion leads, up to a gain that is ``negligible``."""
@@ -147,7 +147,7 @@ def _shorter(
     return (points[best], dampings[best]) if values[best] > here.value else None
 
 
-def maximum(likelihood: Likelihood, report: Report = _quiet, seed: int = 0) -> Ascent:
+def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> Ascent:
     """Return the highest maximum from the start and from others about it.
 
     Long recordings are begun with their first part, where the other starts are compared.

@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-from .ascent import Report, _quiet, maximum
+from .ascent import Report, _ignore, maximum
 from .identifiability import Determination, determination
 from .likelihood import Expansion, Likelihood
 
@@ -92,7 +92,7 @@ class Fit:
         return -2.0 * self.before, 2.0 * self.rank - 2.0 * self.after
 
 
-def fit(likelihood: Likelihood, report: Report = _quiet) -> Fit:
+def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     """Return the maximum likelihood fit, or with priors the likeliest values after the data.
 
     Raises

@@ -27,11 +27,11 @@ class FreeParameter:
     positive
         Whether it is fitted on a logarithmic scale.
     scale
-        The typical size of what it changes by; for one that is not positive.
+        The typical size of its changes; for one that is not positive.
     unit
         Of the value.
     prior
-        Mean and standard deviation of what is known before; a positive number is log-normal,
+        Mean and standard deviation of the prior distribution; a positive number is log-normal,
         with these as its median and its relative deviation times the median.
 
     Raises

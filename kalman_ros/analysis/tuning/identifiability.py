@@ -105,7 +105,7 @@ def _wide(parameters: Sequence[FreeParameter], covariance: Array, alone: Array, 
         correlation[index] = 0.0
         other = int(np.argmax(np.abs(correlation)))
         return (
-            f'it can hardly be told from {parameters[other].name} '
+            f'it can hardly be distinguished from {parameters[other].name} '
             f'(correlation {correlation[other]:+.3f})'
         )
     return 'these data hardly depend on it'

@@ -154,7 +154,7 @@ class Walk:
         yield from self._handed(collected)
 
     def _take(self, event: Event, u: Array) -> tuple[tuple[int, bytes], tuple[Any, ...]]:
-        """Correct the beliefs by a reading, and return its key and what came of it."""
+        """Correct the beliefs by a reading, and return its key and its results."""
         order, index = event.order, event.row
         readings = self._observations.readings[self._names[order]]
         present = np.isfinite(readings.value[index])
