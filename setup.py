@@ -9,7 +9,8 @@ PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
 COMMANDS = (
     'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults',
-    'from_robot_localization', 'fuzz', 'live', 'record', 'replay', 'soak', 'study',
+    'from_robot_localization', 'fuzz', 'live', 'record', 'replay', 'soak', 'study', 'sweep',
+    'tune',
 )  # fmt: skip
 
 setup(

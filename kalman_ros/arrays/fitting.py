@@ -4,32 +4,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Union
 
 import numpy as np
 
-from kalman_ros.analysis.tuning.candidate import Candidate
 from kalman_ros.analysis.tuning.fit import Fit, Fitted, fit
-from kalman_ros.analysis.tuning.free_parameter import FreeParameter
 from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.likelihood import Likelihood
-from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.analysis.tuning.observations import Observations, Readings
 from kalman_ros.analysis.tuning.walk import Conditions
-from kalman_ros.core import Array, ArrayLike, TimedSensor, refuse_unknown
-from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.core import Array, ArrayLike
 from kalman_ros.estimators.policy import Policy
 
 from . import text
-from .accept import belief_of, got, number
+from .accept import number
 from .filtering import _inputs
 from .known_names import KnownNames
-from .passing import Task, _limits
-from .rows import Rows, readings_of, sensors_of
-from .scenarios import values_of
+from .passing import _limits
+from .rows import Rows, readings_of
+from .tuned_problems import FunctionProblem, ScenarioProblem
 
 #: A scenario by name, file or parameters; or a function of the parameters that returns a model
 #: and its sensors, and perhaps the first belief.
@@ -119,6 +114,8 @@ def tune(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
     linear: Sequence[str] = (),
+    biases: Sequence[str] = (),
+    delays: Sequence[str] = (),
     filter: str = '',
     input_times: ArrayLike | None = None,
     gates: float | Mapping[str, float] | None = None,
@@ -147,6 +144,9 @@ def tune(
     linear
         Of a function: parameters that may be negative. Others that start above 0 are positive,
         and fitted on a logarithmic scale.
+    biases, delays
+        The sensors whose biases (what their readings are too large by) and delays (by how many
+        seconds their times are too late) are fitted, too.
     filter
         ``'kf'``, ``'ekf'`` or ``'ukf'``; by default the scenario's, or the simplest that serves.
     hold_out
@@ -161,11 +161,14 @@ def tune(
     if not 0.0 <= share < 1.0:
         raise ValueError(f'hold_out: expected a share from 0 to below 1, got {share:g}')
     if callable(problem):
-        made: _FunctionProblem | _ScenarioProblem = _FunctionProblem(
+        function = FunctionProblem(
             problem, fit, bounds or {}, priors or {}, linear, initial, filter
         )
+        function.add_errors(biases, delays)
+        made: FunctionProblem | ScenarioProblem = function
     else:
-        made = _ScenarioProblem(problem, fit, bounds or {}, priors or {}, initial, filter)
+        also = [*(f'{name}.bias' for name in biases), *(f'{name}.delay' for name in delays)]
+        made = ScenarioProblem(problem, fit, also, bounds or {}, priors or {}, initial, filter)
     task = made.task()
     rows = readings_of(times, readings, task.sensors, task.model)
     if not any(np.isfinite(each.values).any() for each in rows.values()):
@@ -204,116 +207,3 @@ def _observations(rows: Mapping[str, Rows], acts: Rows) -> Observations:
         for name, each in rows.items()
     }
     return Observations(readings, np.asarray(acts.stamps, dtype=np.int64), acts.values)
-
-
-class _ScenarioProblem:
-    """The parameters of a scenario."""
-
-    def __init__(
-        self,
-        given: Any,
-        names: Any,
-        bounds: Mapping[str, tuple[float, float]],
-        priors: Mapping[str, tuple[float, float]],
-        initial: Any,
-        filter: str,
-    ) -> None:
-        values = values_of(given, {'filter': filter} if filter else {}, 'estimator')
-        self._named = NamedParameters(values)
-        if isinstance(names, Mapping):
-            raise ValueError('fit: expected the names of parameters; their starts are those of '
-                             'the scenario')  # fmt: skip
-        wanted = [names] if isinstance(names, str) else names or self._named.usual
-        self.parameters = self._named.choose(list(wanted), bounds, priors)
-        model = self._named.scenario.model
-        self._initial = None if initial is None else belief_of(initial, model)
-
-    def task(self) -> Task:
-        """Return the model, sensors and belief at the start."""
-        found = self._named.scenario
-        sensors = {name: source.sensor for name, source in found.enabled.items()}
-        return Task(found.model, sensors, self._initial or found.initial_belief, found.filter)
-
-    def candidate(self, values: Mapping[str, float]) -> Candidate:
-        """Return the candidate of some values."""
-        found = self._named.candidate(values)
-        return found if self._initial is None else replace(found, initial=self._initial)
-
-
-class _FunctionProblem:
-    """A function from parameters to a model and sensors."""
-
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        starts: Any,
-        bounds: Mapping[str, tuple[float, float]],
-        priors: Mapping[str, tuple[float, float]],
-        linear: Sequence[str],
-        initial: Any,
-        filter: str,
-    ) -> None:
-        self._function, self._initial, self._filter = function, initial, filter.lower()
-        known = _defaults(function)
-        if isinstance(starts, Mapping):
-            known.update({name: number(name, value) for name, value in starts.items()})
-            names = list(starts)
-        else:
-            names = [starts] if isinstance(starts, str) else list(starts or known)
-            refuse_unknown(names, known, 'parameter to fit')
-        for what, given in (('bounds', bounds), ('priors', priors), ('linear', linear)):
-            refuse_unknown(given, names, f'parameter in {what}')
-        if not names:
-            raise ValueError(
-                "fit: expected the starts of the parameters, such as {'mass': 1.0}, got nothing"
-            )
-        self.parameters = [
-            FreeParameter(
-                name, known[name], *bounds.get(name, (-np.inf, np.inf)),
-                positive=known[name] > 0.0 and name not in linear,
-                scale=abs(known[name]) or 1.0, prior=priors.get(name),
-            )
-            for name in names
-        ]  # fmt: skip
-
-    def task(self) -> Task:
-        """Return the model, sensors and belief at the start."""
-        starts = {each.name: each.start for each in self.parameters}
-        try:
-            found = self._function(**starts)
-        except TypeError as error:
-            raise ValueError(f'problem: {error}') from None
-        if not isinstance(found, tuple) or len(found) not in (2, 3):
-            raise ValueError(
-                f'problem: expected a function that returns a model and its sensors, and perhaps '
-                f'the first belief, got {got(found)}'
-            )
-        model, sensors = found[0], sensors_of(found[1], found[0])
-        first = found[2] if len(found) == 3 else self._initial
-        belief = belief_of(first, model)
-        plan = _plan(model, sensors)
-        return Task(model, sensors, belief, self._filter or ('kf' if plan.linear else 'ekf'))
-
-    def candidate(self, values: Mapping[str, float]) -> Candidate:
-        """Return the candidate of some values."""
-        model, given, *rest = self._function(**values)
-        sensors = sensors_of(given, model)
-        belief = belief_of(rest[0] if rest else self._initial, model)
-        plan = _plan(model, sensors)
-        kind = self._filter or ('kf' if plan.linear else 'ekf')
-        return Candidate(build_filter(kind, plan), model, sensors, belief)
-
-
-def _plan(model: Any, sensors: Mapping[str, Any]) -> Plan:
-    return Plan(model, {name: TimedSensor(each, 1.0) for name, each in sensors.items()}, 1.0)
-
-
-def _defaults(function: Callable[..., Any]) -> dict[str, float]:
-    """Return the arguments of a function that have a number as their default."""
-    import inspect
-
-    found = {}
-    for name, each in inspect.signature(function).parameters.items():
-        if isinstance(each.default, (int, float)) and not isinstance(each.default, bool):
-            found[name] = float(each.default)
-    return found

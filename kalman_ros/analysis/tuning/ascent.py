@@ -7,9 +7,10 @@ Levenberg and Marquardt, I + d diag(I): K. Lange, Optimization (2013), sections 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,17 +18,20 @@ from kalman_ros.core import Array
 
 from .likelihood import Expansion, Likelihood
 
-#: The fit ends if a step promises to raise the log-likelihood by less.
-_NEGLIGIBLE = 1e-7
+#: The fit ends if a step promises to raise the log-likelihood by less; of a long recording, whose
+#: passes take longer, by a thousandth of a standard deviation.
+_NEGLIGIBLE, _NEGLIGIBLE_LONG = 1e-9, 1e-6
 _MOST_STEPS = 40
-#: The first damping, by how much it changes, and the largest.
-_DAMPING, _FACTOR, _LARGEST = 1e-3, 10.0, 1e7
+#: The first damping, by how much it changes, the least and the largest.
+_DAMPING, _FACTOR, _LEAST, _LARGEST = 1e-3, 10.0, 1e-6, 1e7
+#: Parameters with less information stay where they are: the data do not depend on them.
+_BLIND = 1e-6
 #: The longest step on a logarithmic scale, a factor of 7, and in units of other scales.
 _LONGEST, _FAR = 2.0, 20.0
 #: Other starts: how many are compared, how many of them are followed, and how far they are.
 _SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
-#: Starts are compared on the first N readings.
-SHORT = 1500
+#: Starts are compared on the first N readings, and followed there until little is left to gain.
+SHORT, _LITTLE = 1000, 0.03
 
 #: Called with what is done and which share of it.
 Report = Callable[[str, float], None]
@@ -57,22 +61,27 @@ class Ascent:
 
 
 def climb(
-    likelihood: Likelihood, start: Expansion, report: Report = _ignore, most: int = _MOST_STEPS
+    likelihood: Likelihood,
+    start: Expansion,
+    report: Report = _ignore,
+    negligible: float = _NEGLIGIBLE_LONG,
 ) -> Ascent:
-    """Return the maximum that is reached from an expansion."""
+    """Return where an expansion leads, up to a gain that is ``negligible``."""
     here, damping = start, _DAMPING
-    limits = np.array([each.limits for each in likelihood.parameters]).reshape(-1, 2)
-    for number in range(most):
-        step, gain = _step(likelihood, here, damping, limits)
-        if gain < _NEGLIGIBLE:
+    path = [start]
+    for number in range(_MOST_STEPS):
+        J = _curvature(path)
+        if _step(likelihood, here, J, _LEAST)[1] < negligible:
             return Ascent(here, True, number)
+        step, gain = _step(likelihood, here, J, damping)
         what = f'step {number + 1}, log-likelihood {here.value:.6g}'
         there = likelihood.expand(here.z + step, partial(report, what))
         if there is not None and there.value > here.value:
-            damping = max(damping / _FACTOR, 1e-9)
+            damping = max(damping / _FACTOR, _LEAST)
             here = there
+            path.append(here)
             continue
-        found = _shorter(likelihood, here, damping, limits)
+        found = _shorter(likelihood, here, damping)
         if found is None:
             # no step raises a value that rounding hides
             return Ascent(here, gain < 1e-3, number)
@@ -80,18 +89,21 @@ def climb(
         there = likelihood.expand(z)
         if there is None:
             return Ascent(here, False, number)
-        here = there
-    return Ascent(here, False, most)
+        if there.value > here.value:  # longer changes of delays are compared approximately
+            here = there
+            path.append(here)
+    return Ascent(here, False, _MOST_STEPS)
 
 
 def _step(
-    likelihood: Likelihood, here: Expansion, damping: float, limits: Array
+    likelihood: Likelihood, here: Expansion, J: Array, damping: float
 ) -> tuple[Array, float]:
     """Return a damped step within the limits, and what it promises to first order."""
-    g, J, z = here.gradient, here.information, here.z
+    g, z = here.gradient, here.z
+    limits = np.array([each.limits for each in likelihood.parameters]).reshape(-1, 2)
     stuck = ((z <= limits[:, 0]) & (g < 0.0)) | ((z >= limits[:, 1]) & (g > 0.0))
     size = J.diagonal()
-    free = ~stuck & (size > 1e-12 * max(float(size.max(initial=0.0)), 1e-12))
+    free = ~stuck & (size > _BLIND)
     step = np.zeros(len(z))
     if not free.any():
         return step, 0.0
@@ -105,12 +117,29 @@ def _step(
     return step, 0.5 * float(g @ step)
 
 
+def _curvature(path: Sequence[Expansion]) -> Array:
+    """Return the information (p, p) at the end of a path, corrected by how the gradient changed.
+
+    The expected information is not the curvature; the last steps show the difference. Each
+    corrects it by the formula of Broyden, Fletcher, Goldfarb and Shanno (J. Nocedal and S. Wright,
+    Numerical Optimization, 2006, section 6.1).
+    """
+    J = path[-1].information
+    for before, after in list(pairwise(path))[-len(J) :]:
+        s, y = after.z - before.z, before.gradient - after.gradient
+        Js = J @ s
+        if s @ y > 0.1 * (s @ Js) > 0.0:
+            J = J - np.outer(Js, Js) / (s @ Js) + np.outer(y, y) / (s @ y)
+    return J
+
+
 def _shorter(
-    likelihood: Likelihood, here: Expansion, damping: float, limits: Array
+    likelihood: Likelihood, here: Expansion, damping: float
 ) -> tuple[Array, float] | None:
     """Return the best of several shorter steps, with its damping; None if none is better."""
     dampings = [damping * _FACTOR**k for k in range(1, 20) if damping * _FACTOR**k < _LARGEST]
-    points = [here.z + _step(likelihood, here, each, limits)[0] for each in dampings]
+    J = here.information
+    points = [here.z + _step(likelihood, here, J, each)[0] for each in dampings]
     if not points:
         return None
     values = likelihood.values(points)
@@ -129,6 +158,7 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
         If there is no likelihood at the start, nor at any other.
     """
     short = _shortened(likelihood)
+    whole = short is likelihood
     points = _starts(likelihood, seed)
     report('comparing starts', 0.0)
     values = short.values(points)
@@ -138,15 +168,15 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
             'reading can be explained; check the parameters with ./dev doctor'
         )
     order = np.argsort(-values, kind='stable')
-    chosen = list(dict.fromkeys([0, *order[:_FOLLOWED].tolist()]))
+    chosen = order[:_FOLLOWED].tolist()
     ends = []
     for index in chosen:
         begin = short.expand(points[index]) if np.isfinite(values[index]) else None
         if begin is not None:
-            ends.append(climb(short, begin, report))
+            ends.append(climb(short, begin, report, _NEGLIGIBLE if whole else _LITTLE))
     if not ends:
         raise ValueError('no likelihood near any start: it cannot be differentiated')
-    if short is likelihood:
+    if whole:
         return max(ends, key=lambda each: each.top.value)
     tops = [points[0], *(each.top.z for each in ends)]
     best = tops[int(np.argmax(likelihood.values(tops)))]

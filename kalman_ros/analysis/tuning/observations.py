@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from kalman_ros.core import Array
+
+#: Times in nanoseconds (N,).
+Stamps = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,7 @@ class Readings:
         The noise covariance of each (N, k, k); None for that of the sensor.
     """
 
-    stamp: Array
+    stamp: Stamps
     value: Array
     covariance: Array | None = None
 
@@ -44,7 +48,7 @@ class Observations:
     """
 
     readings: Mapping[str, Readings]
-    input_stamp: Array
+    input_stamp: Stamps
     input: Array
 
     @property
@@ -78,9 +82,11 @@ class Observations:
             times.append(each.stamp[found] - round(delays.get(name, 0.0) * 1e9))
             orders.append(np.full(len(found), order))
             indices.append(found)
-        times.append(self.input_stamp)
-        orders.append(np.full(len(self.input_stamp), len(self.readings)))
-        indices.append(np.arange(len(self.input_stamp)))
+        last = max((int(each.max()) for each in times if len(each)), default=0)
+        acting = np.flatnonzero(self.input_stamp < last)
+        times.append(self.input_stamp[acting])
+        orders.append(np.full(len(acting), len(self.readings)))
+        indices.append(acting)
         columns = [np.concatenate(each) for each in (times, orders, indices)]
         by_time = np.lexsort((columns[1], columns[0]))
         return list(map(Event, *(each[by_time].tolist() for each in columns)))

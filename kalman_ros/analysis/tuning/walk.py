@@ -15,7 +15,7 @@ from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.start import match_reading
 
 from .candidate import Candidate, Earlier, Part, joined_sensor
-from .observations import Event, Observations
+from .observations import Event, Observations, Stamps
 
 #: Innovations are handed over in blocks of N readings.
 _BLOCK = 2000
@@ -41,7 +41,7 @@ class Block:
 
     sensor: str
     output: Space
-    time: Array
+    time: Stamps
     innovation: Array
     covariance: Array
     accepted: Any

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of a fit: likelihood profiles, and the NIS before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from kalman_ros.analysis.tuning.held_out import Judgement, SensorJudgement
+from kalman_ros.analysis.tuning.profiles import Profile
+from kalman_ros.core import Array
+from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, READING, figure_with, picture
+
+#: The drop of the log-likelihood at the ends of a 95 % interval.
+_DROP = -1.92
+#: NIS are drawn as means of as many pieces of the recording.
+_PIECES = 60
+
+
+def draw_profiles(found: Sequence[Profile], path: Path) -> None:
+    """Draw how the likelihood falls beside each fitted value."""
+    columns = min(3, len(found))
+    rows = -(-len(found) // columns)
+    with figure_with(path, rows, columns, (3.2 * columns, 2.4 * rows)) as (_, axes):
+        for axis in axes.flat[len(found) :]:
+            axis.set_axis_off()
+        for axis, each in zip(axes.flat, found):
+            axis.plot(each.value, each.expected, color=BOUND, lw=1.0, label='by its interval')
+            axis.plot(each.value, each.drop, '.-', color=ESTIMATE, label='log-likelihood')
+            axis.axhline(_DROP, color=READING, lw=0.8, ls='--', label='95 %')
+            axis.set_ylim(-6.0, 0.5)
+            axis.set_title(each.name.removeprefix('model_parameters.'))
+            axis.set_xlabel(f'[{each.unit}]' if each.unit else '')
+        axes.flat[0].legend(fontsize=7, loc='lower center')
+
+
+def draw_nis(before: Judgement, after: Judgement, held_from: float | None, path: Path) -> None:
+    """Draw the NIS of each sensor by its degrees of freedom, before and after the fit."""
+    names = list(after.sensors)
+    with picture(path, len(names), 1, (8.0, 2.2 * len(names))) as (_, axes):
+        for axis, name in zip(axes[:, 0], names):
+            if name in before.sensors:
+                axis.plot(*_pieces(before.sensors[name]), color=READING, label='before')
+            axis.plot(*_pieces(after.sensors[name]), color=ESTIMATE, label='after')
+            axis.axhline(1.0, color=INPUT, lw=0.8, label='expected')
+            axis.set_yscale('log')
+            axis.set_title(f'NIS of {name}')
+            if held_from is not None:
+                axis.axvline(held_from, color=BOUND, lw=1.0, ls='--', label='held out from here')
+        axes[0, 0].legend(ncols=4, fontsize=7)
+
+
+def _pieces(sensor: SensorJudgement) -> tuple[Array, Array]:
+    """Return times and means of a NIS in pieces."""
+    count = min(_PIECES, max(1, len(sensor.time) // 5))
+    parts = np.array_split(np.arange(len(sensor.time)), count)
+    times = np.array([sensor.time[part].mean() for part in parts if len(part)])
+    means = np.array([sensor.squares[part].mean() for part in parts if len(part)])
+    return times, means

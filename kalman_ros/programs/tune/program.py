@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fit noise, biases, delays and the model's own parameters to a recording."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from kalman_ros import models
+from kalman_ros.analysis.tuning.fit import Fit, fit, sampled
+from kalman_ros.analysis.tuning.held_out import Judgement, judge
+from kalman_ros.analysis.tuning.profiles import profiles
+from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_margins
+from kalman_ros.core import DesignError, Model
+from kalman_ros.programs.refusal import refuse
+from kalman_ros.programs.results import ready
+from kalman_ros.scenario import Scenario, build, shipped
+from kalman_ros.scenario.parameter_files import from_file, overrides
+
+from . import tables
+from .recorded_likelihood import Recorded, load
+
+#: Plants at random on the edge of the 95 % region, whose margins are compared.
+_PLANTS = 20
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='tune',
+        description='Fit parameters of an estimator to a recording by maximum likelihood.',
+        epilog='Exit code: 0 if the fit explains the readings held out, 1 if it does not, '
+        '2 for a bad argument.',
+    )
+    parser.add_argument(
+        'bag', type=Path, metavar='BAG',
+        help='a folder of rosbag2, one of its files, or a bag of ROS 1',
+    )  # fmt: skip
+    parser.add_argument(
+        '--params-file', type=Path, metavar='FILE',
+        help="the estimator's parameter file, or the name of a scenario",
+    )  # fmt: skip
+    parser.add_argument(
+        '--fit', nargs='+', default=[], metavar='NAME',
+        help='what to fit, as the file calls it, or NAME.bias and NAME.delay of a sensor '
+        '(default: all noise)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--bounds', nargs='+', default=[], metavar='NAME=LOW..HIGH',
+        help='the bounds of a parameter',
+    )  # fmt: skip
+    parser.add_argument(
+        '--prior', nargs='+', default=[], metavar='NAME=MEAN+-STD',
+        help='what is known of a parameter before',
+    )  # fmt: skip
+    parser.add_argument(
+        '--hold-out', type=float, default=0.3, metavar='SHARE',
+        help='the last part, kept to judge the fit by (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/tune)'
+    )
+    parser.add_argument(
+        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
+        help='a parameter, over those of the file, such as a start; may be repeated',
+    )  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def pairs(option: str, given: Sequence[str], between: str) -> dict[str, tuple[float, float]]:
+    """Return NAME=A..B arguments by name; ValueError if one is malformed."""
+    found = {}
+    for text in given:
+        name, _, rest = text.partition('=')
+        first, _, second = rest.partition(between)
+        try:
+            found[name] = float(first), float(second)
+        except ValueError:
+            raise ValueError(
+                f"{option}: expected NAME=NUMBER{between}NUMBER, got '{text}'"
+            ) from None
+    return found
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Fit, print, draw; exit 1 if the fit does not explain what was held out."""
+    options, console = arguments(argv), Console(highlight=False)
+    try:
+        if not 0.0 <= options.hold_out < 1.0:
+            raise ValueError(
+                f'--hold-out: expected a share from 0 to below 1, got {options.hold_out:g}'
+            )
+        changes = overrides(options.parameters)
+        bounds = pairs('--bounds', options.bounds, '..')
+        priors = pairs('--prior', options.prior, '+-')
+        folder = ready(options.out or Path('out') / options.bag.stem / 'tune')
+        with _bar(console) as bar:
+            task = bar.add_task('reading the recording', total=None)
+            recorded = load(
+                options.bag, options.params_file, changes, options.fit, bounds, priors,
+                options.hold_out,
+            )  # fmt: skip
+
+            def report(what: str, share: float) -> None:
+                bar.update(task, description=what, total=1.0, completed=share)
+
+            found = fit(recorded.likelihood, report)
+            bar.update(task, description='judging', total=None)
+            everything = _judged(recorded, found, None)
+            held = (
+                _judged(recorded, found, recorded.likelihood.until) if options.hold_out else None
+            )
+            bar.update(task, description='profiles')
+            shapes = profiles(recorded.likelihood, found)
+            worst, why = _margins(options.params_file, changes, recorded, found)
+    except (ValueError, OSError) as error:
+        refuse('tune', error)
+
+    from . import pictures  # matplotlib is slow to load
+
+    _show(console, recorded, found, held, worst, why)
+    pasted = tables.pasted(found, recorded.named)
+    lines = tables.yaml_lines(pasted, found)
+    if lines:
+        console.print('\n[bold]For the parameter file[/]')
+        console.print('\n'.join(lines), markup=False, soft_wrap=True)
+    for sentence in tables.beside(found):
+        console.print(sentence, markup=False)
+    text = ['/**:', '  ros__parameters:', *(f'    {line}' for line in lines), '']
+    (folder / 'fitted.yaml').write_text('\n'.join(text) if lines else '')
+    names = ['summary.json', 'fitted.yaml']
+    if shapes:
+        pictures.draw_profiles(shapes, folder / 'profiles.png')
+        names.append('profiles.png')
+    if everything[1].sensors:
+        pictures.draw_nis(*everything, _held_from(recorded), folder / 'nis.png')
+        names.append('nis.png')
+    record = tables.summary(found, held, pasted, worst, recorded.notes)
+    (folder / 'summary.json').write_text(json.dumps(record, indent=2) + '\n')
+    console.print(f'\nIn {folder}: {", ".join(names)}', style='dim')
+    passed, sentence = tables.verdict(found, held)
+    console.print(sentence)
+    sys.exit(0 if passed else 1)
+
+
+def _bar(console: Console) -> Progress:
+    columns = SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn()
+    return Progress(*columns, console=console, transient=True)
+
+
+def _judged(recorded: Recorded, found: Fit, after: int | None) -> tuple[Judgement, Judgement]:
+    """Return what the start and the fit make of the readings after a stamp."""
+    starts = {each.name: each.start for each in found.parameters}
+    both = (judge(recorded.likelihood, values, after) for values in (starts, found.values))
+    before, fitted = both
+    return before, fitted
+
+
+def _held_from(recorded: Recorded) -> float | None:
+    """Return when the part that was held out begins, in seconds; None if there is none."""
+    likelihood = recorded.likelihood
+    if likelihood.until is None:
+        return None
+    return (likelihood.until - likelihood.observations.span[0]) * 1e-9
+
+
+def _margins(
+    file: Path | None, changes: dict[str, Any], recorded: Recorded, found: Fit
+) -> tuple[list[RobustMargins], str]:
+    """Return the margins of the fitted design, or why there are none."""
+    named = recorded.named
+    if not named.scenario.model.input.size:
+        return [], ''
+    path = shipped.file(file or models.DEFAULT)
+    values = {'model': models.DEFAULT, **from_file(path, 'estimator', 'controller')}
+    try:
+        fitted: Scenario = build({**values, **changes, **named.changes(found.values)})
+        plants: list[Model] = [
+            named.candidate(each).model for each in sampled(recorded.likelihood, found, _PLANTS)
+        ]
+        return robust_margins(fitted, plants), ''
+    except (ValueError, DesignError) as error:
+        return [], f'No design for the fitted model: {error}'
+
+
+def _show(
+    console: Console,
+    recorded: Recorded,
+    found: Fit,
+    held: tuple[Judgement, Judgement] | None,
+    worst: Sequence[RobustMargins],
+    why: str,
+) -> None:
+    """Print what was found."""
+    for note in recorded.notes:
+        console.print(f'Note: {note}', markup=False)
+    console.print(tables.parameters_table(found))
+    console.print()
+    for sentence in tables.sentences(found):
+        console.print(sentence, markup=False)
+    if held is not None and held[1].sensors:
+        console.print('\n[bold]The readings held out[/]')
+        console.print(tables.judgement_table(*held))
+    if worst:
+        console.print('\n[bold]Margins of the design for the fitted model[/]')
+        console.print(tables.margins_table(worst))
+        for each in worst:
+            if each.unstable:
+                console.print(
+                    f'[yellow]Warning:[/] {each.unstable} of {each.count} plants inside the '
+                    f'intervals are unstable in the loop of {each.input}.'
+                )
+    elif why:
+        console.print(why, markup=False)

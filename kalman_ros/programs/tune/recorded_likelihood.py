@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a bag and a parameter file to a likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kalman_ros import models
+from kalman_ros.analysis.tuning.likelihood import Likelihood
+from kalman_ros.analysis.tuning.named_parameters import NamedParameters
+from kalman_ros.analysis.tuning.observations import Observations, Readings
+from kalman_ros.analysis.tuning.walk import Conditions
+from kalman_ros.bags.reading import Bag
+from kalman_ros.bags.replay import estimator_settings, replay_bag
+from kalman_ros.bags.replayed import Replayed, SensorReplay
+from kalman_ros.core import Array
+from kalman_ros.pipeline.fusion import fusion
+from kalman_ros.pipeline.idle import idle_input
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file
+
+#: With fewer numbers for each parameter nothing is fitted.
+_LEAST = 5
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording to fit to.
+
+    Parameters
+    ----------
+    likelihood
+        Of the first part.
+    named
+        The parameters by name, those to fit chosen.
+    notes
+        Sentences on what should be known of it.
+    """
+
+    likelihood: Likelihood
+    named: NamedParameters
+    notes: tuple[str, ...]
+
+
+def load(
+    bag: Path,
+    params: Path | None,
+    changes: Mapping[str, Any],
+    fit: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]],
+    priors: Mapping[str, tuple[float, float]],
+    hold_out: float,
+) -> Recorded:
+    """Return the likelihood of a bag with the estimator of a parameter file.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is wrong, or the bag has too little.
+    """
+    file = shipped.file(params or models.DEFAULT)
+    values = {'model': models.DEFAULT, **from_file(file, 'estimator'), **changes}
+    settings = estimator_settings(values)
+    named = NamedParameters(values, settings.extra)
+    chosen = named.choose(list(fit) or named.usual, bounds, priors)
+    replayed = replay_bag(Bag(bag), settings)
+    observations = _observations(replayed, named)
+    if observations.count < _LEAST * len(chosen):
+        raise ValueError(
+            f'{bag}: expected at least {_LEAST * len(chosen)} numbers to fit {len(chosen)} '
+            f'parameters to, got {observations.count}'
+        )
+    options = settings.in_lockstep(replayed.lockstep).options
+    policy = fusion(settings.scenario, options, settings.extra).policy
+    conditions = Conditions(policy, idle_input(settings.scenario.model, options.idle_input))
+    until = observations.until(1.0 - hold_out) if hold_out else None
+    likelihood = Likelihood(chosen, named.candidate, observations, conditions, until)
+    return Recorded(likelihood, named, tuple(_notes(replayed, named, observations)))
+
+
+def _observations(replayed: Replayed, named: NamedParameters) -> Observations:
+    own = named.configured_noise()
+    readings = {
+        name: _readings(replayed.sensors[name], configured=name in own)
+        for name in named.scenario.enabled
+        if name in replayed.sensors
+    }
+    inputs = replayed.inputs
+    order = np.argsort(inputs.stamp, kind='stable')
+    stamps = np.rint(inputs.stamp[order] * 1e9).astype(np.int64)
+    return Observations(readings, stamps, inputs.value[order])
+
+
+def _readings(sensor: SensorReplay, *, configured: bool) -> Readings:
+    """Return the readings by stamp, each stamp once, that a filter can take."""
+    use: Any = np.isfinite(sensor.stamp) & np.isfinite(sensor.value).all(axis=1)
+    if not configured:
+        use &= _definite(sensor.covariance)
+    indices = np.flatnonzero(use)
+    stamps = np.rint(sensor.stamp[indices] * 1e9).astype(np.int64)
+    stamps, first = np.unique(stamps, return_index=True)
+    rows = indices[first]
+    covariance = None if configured else sensor.covariance[rows]
+    return Readings(stamps, sensor.value[rows], covariance)
+
+
+def _definite(covariance: Array) -> Any:
+    """Return which covariances (N, k, k) are finite and positive definite (N,)."""
+    finite: Any = np.isfinite(covariance).all(axis=(1, 2))
+    lowest = np.linalg.eigvalsh(np.where(finite[:, None, None], covariance, 0.0))
+    positive: Any = lowest.min(axis=1, initial=np.inf) > 0.0
+    return finite & positive
+
+
+def _notes(
+    replayed: Replayed, named: NamedParameters, observations: Observations
+) -> Iterator[str]:
+    yield from replayed.notes
+    for name in sorted(named.configured_noise()):
+        source = named.scenario.sensors[name]
+        R, used = source.sensor.covariance, replayed.sensors[name].covariance
+        if source.covariance_from != 'configuration' and not np.allclose(used, R):
+            yield (
+                f'The messages of {name} have a covariance; the fitted noise replaces it '
+                '(covariance_from: configuration).'
+            )
+    for name, each in observations.readings.items():
+        if not len(each.stamp):
+            yield f'{name} has no reading that can be used.'
+    u = observations.input
+    if named.scenario.model.input.size and not (u != u[:1]).any():
+        yield (
+            'The input does not change in this recording: parameters that only it shows are not '
+            'determined.'
+        )
+    if replayed.restarts:
+        yield f'The estimator restarted {replayed.restarts} times; ./dev doctor may say why.'

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A fit as tables and sentences for the terminal, as JSON, and as lines of a parameter file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from math import isfinite
+from typing import Any
+
+from rich.table import Table
+
+from kalman_ros.analysis.tuning.fit import Fit
+from kalman_ros.analysis.tuning.held_out import Judgement
+from kalman_ros.analysis.tuning.named_parameters import NamedParameters
+from kalman_ros.analysis.tuning.robust_margins import RobustMargins
+from kalman_ros.report.run_tables import plain_table
+from kalman_ros.scenario.parameter_files import yaml_value
+
+#: Correlations that are mentioned.
+_NOTABLE = 0.8
+
+
+def parameters_table(fit: Fit) -> Table:
+    """Return the parameters with their start, value and interval."""
+    table = plain_table('', ('start', 'fitted', '95 % interval'))
+    table.columns[0].no_wrap, table.columns[0].overflow = False, 'fold'
+    for each in fit.parameters:
+        name = f'{each.name} \\[{each.unit}]' if each.unit else each.name
+        value, interval = '', '[yellow]not determined[/]'
+        if each.determined:
+            value, interval = f'{each.value:.4g}', f'{each.low:.4g} to {each.high:.4g}'
+        table.add_row(name, f'{each.start:.4g}', value, interval)
+    return table
+
+
+def sentences(fit: Fit) -> Iterator[str]:
+    """Yield why parameters are not determined, which go together, and the likelihoods."""
+    for each in fit.parameters:
+        if not each.determined:
+            yield f'{each.name}: {each.reason}.'
+    for i, one in enumerate(fit.parameters):
+        for j in range(i):
+            r = float(fit.correlation[i, j])
+            if abs(r) > _NOTABLE:
+                other = fit.parameters[j].name
+                yield f'The errors of {other} and {one.name} go together: correlation {r:+.2f}.'
+    before, after = fit.aic
+    yield (
+        f'Log-likelihood of {fit.count} readings: {fit.before:.6g} before, {fit.after:.6g} after; '
+        f'AIC {before:.6g} before, {after:.6g} after (lower is better).'
+    )
+    if not fit.converged:
+        yield f'Not converged in {fit.steps} steps: these values are what was reached.'
+
+
+def judgement_table(before: Judgement, after: Judgement) -> Table:
+    """Return NIS and whiteness of each sensor before and after the fit."""
+    table = plain_table('', ('NIS before', 'after', 'allowed', 'whiteness', 'allowed', ''))
+    for name, each in after.sensors.items():
+        old = before.sensors.get(name)
+        low, high = each.nis_bounds
+        verdict = '[green]ok[/]' if each.consistent else '[bold red]FAILS[/]'
+        table.add_row(
+            name, '' if old is None else f'{old.nis:.3g}', f'{each.nis:.3g}',
+            f'{low:.3g} to {high:.3g}', f'{each.whiteness:+.2f}', f'+-{each.white_bound:.2f}',
+            verdict if each.judged else 'too few',
+        )  # fmt: skip
+    return table
+
+
+def margins_table(found: Sequence[RobustMargins]) -> Table:
+    """Return the margins of each input, fitted and worst."""
+    table = plain_table('', ('of the fitted model', 'worst in the intervals'))
+    for each in found:
+        fitted = each.fitted
+        lag = fitted.lag.value * 57.29577951308232
+        for name, own, worst, unit in (
+            ('upper gain', fitted.upper_gain.value, each.upper_gain, ''),
+            ('phase', lag, each.lag, ' deg'),
+            ('delay', fitted.delay.value, each.delay, ' s'),
+        ):
+            table.add_row(f'{name} at {each.input}', f'{own:.3g}{unit}', f'{worst:.3g}{unit}')
+    return table
+
+
+def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
+    """Return the parameters to paste, to four digits, without those that stayed as they are."""
+    stayed = {each.name for each in fit.parameters if each.value == each.start}
+    changes = named.changes({each.name: float(f'{each.value:.4g}') for each in fit.parameters})
+    pasted = {name: value for name, value in changes.items() if name not in stayed}
+    for name in [name for name in pasted if name.endswith('.covariance_from')]:
+        if name.replace('.covariance_from', '.noise') not in pasted:
+            del pasted[name]
+    return pasted
+
+
+def beside(fit: Fit) -> Iterator[str]:
+    """Yield what to do about fitted values for which the estimator has no parameter."""
+    for each in fit.parameters:
+        last = each.name.split('.')
+        if not each.determined or not {'bias', 'delay'} & {*last}:
+            continue
+        what = 'stamps are late' if 'delay' in last else 'readings are too large'
+        yield (
+            f'{each.name}: {what} by {each.value:.4g} {each.unit}'.rstrip()
+            + '; correct it where it arises, for the estimator has no parameter for it.'
+        )
+
+
+def yaml_lines(changes: Mapping[str, Any], fit: Fit) -> list[str]:
+    """Return the lines of a parameter file with these parameters."""
+    open_ones = {each.name for each in fit.parameters if not each.determined}
+    return [
+        f'{name}: {yaml_value(value)}'
+        + ('   # not determined: one choice of many' if name in open_ones else '')
+        for name, value in changes.items()
+    ]
+
+
+def verdict(fit: Fit, held: tuple[Judgement, Judgement] | None) -> tuple[bool, str]:
+    """Return whether the fit can be used, and the verdict."""
+    known = sum(each.determined for each in fit.parameters)
+    count = f'{known} of {len(fit.parameters)} parameters determined'
+    if not fit.converged:
+        return False, f'[bold red]FAIL, {count}:[/] not converged'
+    if held is None:
+        return True, f'[green]PASS, {count}:[/] nothing was held out to judge the fit by'
+    gain = held[1].log_likelihood - held[0].log_likelihood
+    change = f'log-likelihood {gain:+.4g} on {held[1].count} readings held out'
+    if held[1].consistent:
+        return True, f'[green]PASS, {count}:[/] {change}, NIS and whiteness as they should be'
+    failed = [n for n, each in held[1].sensors.items() if each.judged and not each.consistent]
+    return False, (
+        f'[bold red]FAIL, {count}:[/] {change}, but the innovations of '
+        f'{", ".join(failed) or "every sensor"} are not as they should be: intervals are too '
+        'narrow, and the model lacks something that ./dev doctor may find'
+    )
+
+
+def summary(
+    fit: Fit, held: tuple[Judgement, Judgement] | None, changes: Mapping[str, Any],
+    worst: Sequence[RobustMargins], notes: Sequence[str],
+) -> dict[str, Any]:  # fmt: skip
+    """Return the fit for ``summary.json``."""
+    before, after = fit.aic
+    return {
+        'parameters': [{k: _plain(v) for k, v in asdict(p).items()} for p in fit.parameters],
+        'correlation': [[_plain(v) for v in row] for row in fit.correlation.tolist()],
+        'log likelihood': {'before': _plain(fit.before), 'after': _plain(fit.after)},
+        'AIC': {'before': _plain(before), 'after': _plain(after)},
+        'readings': fit.count,
+        'converged': fit.converged,
+        'held out': None if held is None else {
+            when: {
+                'log likelihood': _plain(each.log_likelihood),
+                'consistent': each.consistent,
+                'sensors': {
+                    name: {'nis': _plain(s.nis), 'nis bounds': list(s.nis_bounds),
+                           'whiteness': _plain(s.whiteness), 'whiteness bound': s.white_bound}
+                    for name, s in each.sensors.items()
+                },
+            }
+            for when, each in zip(('before', 'after'), held)
+        },
+        'margins': [
+            {'input': each.input, 'upper gain': _plain(each.upper_gain), 'lag': _plain(each.lag),
+             'delay': _plain(each.delay), 'unstable': each.unstable, 'plants': each.count}
+            for each in worst
+        ],
+        'change': dict(changes),
+        'notes': list(notes),
+    }  # fmt: skip
+
+
+def _plain(value: Any) -> Any:
+    """Return a number for JSON: one that is not finite as null."""
+    if isinstance(value, float):
+        return float(value) if isfinite(value) else None
+    return value

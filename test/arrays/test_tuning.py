@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`kr.tune`: published estimates, identified systems, intervals, and what is not determined."""
+
+import csv
+
+import numpy as np
+import pytest
+from recorded import data
+from simulated_recordings import readings, square_wave
+
+import kalman_ros as kr
+
+NILE = {'model_parameters.noise_density': 100.0, 'reading.noise': [10.0]}
+#: Readings a second, and seconds.
+RATE, DURATION = 50.0, 60.0
+
+
+def nile():
+    with data('nile.csv').open() as file:
+        return np.array([float(row['flow']) for row in csv.DictReader(file)])
+
+
+def test_the_nile_has_the_noise_of_durbin_and_koopman():
+    flow = nile()
+    # a first belief that says nothing, as theirs
+    found = kr.tune(
+        {'model': 'level', 'initial_std': [1e6], 'initial_estimate': [0.0], **NILE},
+        np.arange(len(flow)), flow,
+    )  # fmt: skip
+    fitted = found.values
+    assert fitted['model_parameters.noise_density'] == pytest.approx(1469.1, rel=1e-4)
+    assert fitted['reading.noise'] ** 2 == pytest.approx(15099, rel=1e-4)
+    assert found.converged
+
+
+def test_statsmodels_finds_the_same_level_and_trend():
+    structural = pytest.importorskip('statsmodels.tsa.statespace.structural')
+    rng = np.random.default_rng(3)
+    y = np.cumsum(rng.normal(0.0, 0.7, 120)) + rng.normal(0.0, 1.3, 120)
+    other = structural.UnobservedComponents(y, 'llevel').fit(disp=False)
+    found = kr.tune(level, np.arange(120), y, initial=([0.0], [[1e6]]), fit={'q': 1.0, 'r': 1.0})
+    assert [found.values['r'], found.values['q']] == pytest.approx(other.params, rel=1e-3)
+
+
+def level(q=1.0, r=1.0):
+    return kr.discrete_model([[1.0]], Q=[[q]]), ([[1.0]], [[r]])
+
+
+def spring(**changes):
+    return {
+        'model': 'mass_spring_damper', 'model_parameters.force_noise': 1e-3, 'rate': RATE,
+        'position.rate': RATE / 2, 'position.noise': [0.01], 'sensors': ['position'], **changes,
+    }  # fmt: skip
+
+
+def test_the_mass_and_the_damping_of_a_spring_are_identified():
+    time = np.arange(0.0, DURATION, 1.0 / RATE)
+    force = square_wave(time, 3.0, 5.0)[:, None]
+    _, times, values = readings(spring(), time, force, seed=1)
+    start = spring(**{
+        'model_parameters.mass': 1.5, 'model_parameters.damping': 0.8,
+        'model_parameters.stiffness': 3.0, 'position.noise': [0.03],
+    })  # fmt: skip
+    found = kr.tune(
+        start, times, values, force, input_times=time, hold_out=0.25,
+        fit=['mass', 'damping', 'stiffness', 'position.noise'],
+    )  # fmt: skip
+    fitted = found.values
+    assert fitted['model_parameters.mass'] == pytest.approx(1.0, rel=0.03)
+    assert fitted['model_parameters.damping'] == pytest.approx(0.4, rel=0.03)
+    assert fitted['position.noise'] == pytest.approx(0.01, rel=0.1)
+    before, after = found.held_out
+    assert after.consistent and not before.consistent
+    assert after.log_likelihood > before.log_likelihood
+    assert found.aic[1] < found.aic[0] and not found.undetermined
+
+
+def motor(**changes):
+    return {
+        'model': 'dc_motor', 'rate': RATE, 'encoder.rate': RATE / 2, 'encoder.noise': [1e-3],
+        **changes,
+    }  # fmt: skip
+
+
+def motor_readings():
+    time = np.arange(0.0, DURATION, 1.0 / RATE)
+    voltage = square_wave(time, 6.0, 3.0)[:, None]
+    return time, voltage, readings(motor(), time, voltage, seed=2)[1:]
+
+
+def test_the_constants_of_a_motor_are_identified():
+    time, voltage, (times, values) = motor_readings()
+    start = motor(**{'model_parameters.constant': 0.02, 'model_parameters.friction': 0.05})
+    found = kr.tune(
+        start, times, values, voltage, input_times=time, fit=['constant', 'friction']
+    ).parameters
+    for name, true in (('constant', 0.01), ('friction', 0.1)):
+        each = found[f'model_parameters.{name}']
+        assert each.value == pytest.approx(true, rel=0.03)
+        assert each.low < true < each.high
+
+
+def test_a_gain_in_two_factors_is_called_so():
+    rng = np.random.default_rng(4)
+    inputs = rng.choice([-1.0, 1.0], 300)
+    x = np.zeros(300)
+    for k in range(299):
+        x[k + 1] = 0.8 * x[k] + 1.5 * inputs[k] + 0.1 * rng.standard_normal()
+
+    def amplifier(first=1.0, second=1.0, r=0.01):
+        model = kr.discrete_model([[0.8]], Q=[[0.01]], G=[[first * second]])
+        return model, ([[1.0]], [[r]])
+
+    found = kr.tune(
+        amplifier, None, x + 0.2 * rng.standard_normal(300), inputs[:, None],
+        initial=([0.0], [[1.0]]),
+    )  # fmt: skip
+    assert set(found.undetermined) == {'first', 'second'}
+    assert 'combination with second' in found.undetermined['first']
+    assert np.prod([found.values[n] for n in ('first', 'second')]) == pytest.approx(1.5, rel=0.03)
+    assert np.isnan(found.parameters['first'].low) and np.isfinite(found.parameters['r'].low)
+    assert 'not determined' in repr(found)
+
+
+def test_an_input_that_never_acts_determines_no_gain():
+    rng = np.random.default_rng(5)
+
+    def driven(gain=1.0, r=1.0):
+        return kr.discrete_model([[0.9]], Q=[[1.0]], G=[[gain]]), ([[1.0]], [[r]])
+
+    found = kr.tune(
+        driven, None, rng.standard_normal(100), np.zeros((100, 1)), initial=([0.0], [[1.0]])
+    )
+    assert 'do not depend' in found.undetermined['gain']
+    assert found.values['gain'] == 1.0
+
+
+def coverage(runs):
+    """Return how often the intervals of a level's noise cover the truth."""
+    hits, count = np.zeros(2), np.zeros(2)
+    for seed in range(runs):
+        rng = np.random.default_rng(seed)
+        y = np.cumsum(rng.normal(0.0, 1.0, 150)) + rng.normal(0.0, 1.0, 150)
+        found = kr.tune(
+            level, np.arange(150), y, initial=([0.0], [[2.0]]), fit={'q': 0.5, 'r': 2.0}
+        )
+        for index, each in enumerate(found.parameters.values()):
+            count[index] += each.determined
+            hits[index] += each.determined and each.low < 1.0 < each.high
+    return hits / count
+
+
+def test_most_intervals_cover_the_truth():
+    # of 12 intervals of 95 %, 8 or fewer cover with a probability of 2e-4
+    assert (coverage(12) >= 9 / 12).all()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_intervals_cover_what_they_claim():
+    shares = coverage(200)
+    assert (shares >= 0.92).all() and (shares <= 0.98).all()
+
+
+def test_a_prior_counts_as_data_do():
+    y = np.random.default_rng(6).normal(3.0, 1.0, 20)
+
+    def constant(bias=1.0):
+        return kr.discrete_model([[1.0]], Q=[[1e-12]]), ([[1.0]], [[1.0]]), ([bias], [[1e-9]])
+
+    alone = kr.tune(constant, np.arange(20), y, linear=['bias'])
+    known = kr.tune(constant, np.arange(20), y, linear=['bias'], priors={'bias': (0.0, 0.1)})
+    # the mean of normal readings with a normal prior
+    assert alone.values['bias'] == pytest.approx(y.mean(), abs=1e-4)
+    assert known.values['bias'] == pytest.approx(y.sum() / (20 + 100), abs=1e-4)
+
+
+def test_gates_keep_outliers_out():
+    rng = np.random.default_rng(7)
+    y = np.cumsum(rng.normal(0.0, 0.1, 300)) + rng.normal(0.0, 1.0, 300)
+    y[::20] += 50.0 * rng.choice([-1.0, 1.0], 15)
+    starts = {'q': 0.1, 'r': 4.0}
+    given = {'initial': ([0.0], [[1.0]]), 'fit': starts}
+    gated = kr.tune(level, np.arange(300), y, gates=0.999, **given)
+    assert gated.values['r'] == pytest.approx(1.0, rel=0.25)
+    assert kr.tune(level, np.arange(300), y, **given).values['r'] > 50.0
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    ({'fit': ['model_parameters.masss']}, "did you mean 'model_parameters.mass'"),
+    ({'fit': ['noise']}, 'position.noise or velocity.noise'),
+    ({'fit': {'mass': 1.0}}, 'expected the names'),
+    ({'fit': ['mass'], 'bounds': {'mass': (2.0, 3.0)}}, 'exclude the start'),
+    ({'fit': ['mass'], 'bounds': {'damping': (2.0, 3.0)}}, 'damping is not fitted'),
+    ({'fit': ['mass'], 'priors': {'mass': (1.0, 0.0)}}, 'standard deviation above 0'),
+    ({'fit': ['mass'], 'hold_out': 1.5}, 'hold_out'),
+])  # fmt: skip
+def test_a_wrong_argument_is_refused_in_one_line(arguments, words):
+    time = np.arange(5) * 0.1
+    values = {'position': np.zeros(5), 'velocity': np.zeros(5)}
+    with pytest.raises(ValueError) as error:
+        kr.tune('mass_spring_damper', time, values, **arguments)
+    assert words in str(error.value) and '\n' not in str(error.value)
+
+
+def test_readings_that_no_filter_explains_are_refused():
+    with pytest.raises(ValueError, match='no likelihood'):
+        kr.tune(
+            lambda a=1.0: (kr.discrete_model([[1e200 * a]], Q=[[1.0]]), ([[1.0]], [[1.0]])),
+            np.arange(50), np.ones(50), initial=([1.0], [[1.0]]),
+        )  # fmt: skip

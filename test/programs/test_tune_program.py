@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`tune` from a bag to its verdict, and what it refuses."""
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from rclpy.serialization import serialize_message
+from simulated_recordings import readings, square_wave
+
+from kalman_ros.bags.recording_writer import RecordingWriter
+from kalman_ros.codecs.messages import full_type
+from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.programs.tune import program
+from kalman_ros.scenario import build
+from kalman_ros.scenario.parameter_files import from_file
+
+pytestmark = pytest.mark.slow
+
+#: A spring that little disturbs, so that ten seconds determine it.
+FILE = """/**:
+  ros__parameters:
+    model: mass_spring_damper
+    model_parameters: {mass: 1.5, force_noise: 0.001}
+    rate: 50.0
+    sensors: [position]
+    position: {noise: [0.03], rate: 25.0, covariance_from: configuration}
+"""
+
+
+@pytest.fixture(scope='module')
+def recording(tmp_path_factory):
+    """Return a bag of a spring of 1 kg, and the parameter file that believes in 1.5 kg."""
+    folder = tmp_path_factory.mktemp('spring')
+    file = folder / 'spring.yaml'
+    file.write_text(FILE)
+    values = {
+        **from_file(file, 'estimator'),
+        'model_parameters.mass': 1.0,
+        'position.noise': [0.01],
+    }
+    time = np.arange(0.0, 16.0, 0.02)
+    force = square_wave(time, 3.0, 5.0)[:, None]
+    _, times, seen = readings(values, time, force, seed=1)
+    scenario = build(values)
+    source = scenario.sensors['position']
+    rows = [(source.signal, t, y, source.sensor.covariance)
+            for t, y in zip(times['position'], seen['position'])]  # fmt: skip
+    rows += [(scenario.input, t, u, None) for t, u in zip(time, force)]
+    rows.sort(key=lambda row: row[1])
+    with RecordingWriter(folder / 'bag') as writer:
+        codecs = {}
+        for signal in (source.signal, scenario.input):
+            writer.add(f'/{signal.topic}', full_type(signal.type))
+            codecs[signal.topic] = SignalCodec(signal)
+        for signal, t, values, R in rows:
+            stamp = 10**9 + round(t * 1e9)
+            data = bytes(serialize_message(codecs[signal.topic].encode(stamp, values, R)))
+            writer.write(f'/{signal.topic}', stamp, data)
+    return folder / 'bag', file
+
+
+def run(*arguments):
+    with pytest.raises(SystemExit) as ended:
+        program.main([str(each) for each in arguments])
+    return ended.value.code
+
+
+def test_a_bag_is_fitted_judged_and_drawn(recording, tmp_path, capsys):
+    bag, file = recording
+    code = run(bag, '--params-file', file, '--fit', 'mass', 'position.noise', '--out', tmp_path)
+    out = capsys.readouterr().out
+    assert code == 0, out
+    assert 'PASS, 2 of 2 parameters determined' in out
+    fitted = from_file(tmp_path / 'fitted.yaml', 'estimator')
+    assert fitted['model_parameters.mass'] == pytest.approx(1.0, rel=0.03)
+    assert fitted['position.noise'] == pytest.approx([0.01], rel=0.2)
+    found = json.loads((tmp_path / 'summary.json').read_text())
+    assert found['log likelihood']['after'] > found['log likelihood']['before']
+    assert found['held out']['after']['consistent']
+    assert found['margins'][0]['plants'] > 10
+    assert {path.name for path in tmp_path.glob('*.png')} == {'profiles.png', 'nis.png'}
+    assert all(len(line) <= 80 for line in out.splitlines() if 'In /' not in line)
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    (['--fit', 'mss'], "did you mean 'mass'"),
+    (['--fit', 'mass', '--bounds', 'mass=2..3'], 'exclude the start'),
+    (['--bounds', 'mass=2-3'], '--bounds: expected NAME=NUMBER..NUMBER'),
+    (['--hold-out', '1'], '--hold-out'),
+    (['-p', 'model_parameters.mass:=-1.0'], 'mass'),
+])  # fmt: skip
+def test_a_wrong_argument_is_refused_in_one_line(arguments, words, recording, tmp_path, capsys):
+    bag, file = recording
+    assert run(bag, '--params-file', file, '--out', tmp_path, *arguments) == 2
+    error = capsys.readouterr().err
+    assert words in error and error.count('\n') == 1 and error.startswith('tune: ')
+
+
+def test_a_bag_that_is_missing_is_refused(tmp_path, capsys):
+    assert run(tmp_path / 'none', '--params-file', 'mass_spring_damper', '--out', tmp_path) == 2
+    assert capsys.readouterr().err.startswith('tune: ')
