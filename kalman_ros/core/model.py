@@ -236,6 +236,12 @@ class Model(ABC):
         F = differences.jacobian(moved, self.state.subtract)
         return self.state.wrap(moved[0]), F, differences.jacobian(slope)
 
+    def differenced_slope(self, x: Array, u: Array) -> Array:
+        """Return the A (..., n, n) of `differenced_step` alone."""
+        differences = Differences.about(x, _DIFFERENCE_OF_STEPS)
+        points = differences.points
+        return differences.jacobian(self.derivative(points, like(u, points)))
+
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
         if self.analytic:

@@ -33,6 +33,10 @@ def product_transposed(A: Array, B: Array) -> Array:
 
 def times(A: Array, x: Array) -> Array:
     """Return A x (..., n) for A (..., n, m) and x (..., m)."""
+    if x.ndim == 1 and A.ndim == 2:
+        return np.asarray(A.dot(x))
+    if A.ndim == x.ndim == 2:
+        return np.asarray(A.dot(x.T).T)
     if A.ndim == 2:
         return np.asarray(x.dot(A.T))
     return np.asarray(np.einsum('...ij,...j->...i', A, x))
