@@ -14,13 +14,14 @@ from kalman_ros.core import ArrayLike, refuse_unknown
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.batch_loop import Loop
+from kalman_ros.simulation.loop_law import Reference
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import text
 from .accept import duration, whole
 from .estimates import _path
 from .known_names import KnownNames
-from .loop_law import Given, Reference, loop_of
+from .loop_setup import Given, loop_of
 
 #: The pictures of a run.
 PICTURES = ('overview', 'states', 'errors', 'innovations', 'force')

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -31,13 +31,6 @@ class Controller(Protocol):
     def __call__(self, time: int, x: Array) -> Array:
         """Return inputs (runs, m) or (m,) for a time in nanoseconds and estimates (runs, n)."""
         ...
-
-
-class Finished(NamedTuple):
-    """What is left of a batch: the gains that its runs shared, and `Controller.limited`."""
-
-    schedule: GainSchedule
-    limited: Any
 
 
 @dataclass(frozen=True)
@@ -108,8 +101,8 @@ def run_batch(
     observer: Observer,
     starts: Starts | None = None,
     schedule: GainSchedule | None = None,
-) -> Finished:
-    """Run the loops with these ``seeds``.
+) -> Any:
+    """Run the loops with these ``seeds``, and return `Controller.limited`.
 
     Raises
     ------
@@ -118,7 +111,7 @@ def run_batch(
     """
     scenario, believed = loop.scenario, loop.believed
     x = scenario.initial_state if starts is None else starts.state
-    plant = BatchPlant(scenario.model, scenario.timed, scenario.rate, x, seeds)
+    plant = BatchPlant(scenario.model, scenario.timed, scenario.rate, x, seeds, loop.steps)
     u0 = believed.model.equilibrium.input
     estimator = _estimator(loop, len(seeds), starts, schedule)
     answer = loop.answer and loop.answer()
@@ -138,7 +131,7 @@ def run_batch(
             observer.step(estimator, plant.state, u)
             estimator.set_input(u)
             plant.step(u)
-    return Finished(estimator.schedule, 0 if answer is None else answer.limited)
+    return 0 if answer is None else answer.limited
 
 
 def _estimator(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import ceil
 
 import numpy as np
 
@@ -28,15 +29,23 @@ class BatchNoise:
         Of the source.
     size
         The numbers k of one draw.
+    steps
+        Draws that are needed in all.
     factor
         A matrix (k, k) with which all are multiplied.
     """
 
     def __init__(
-        self, seeds: Sequence[int], name: str, size: int, factor: Array | None = None
+        self,
+        seeds: Sequence[int],
+        name: str,
+        size: int,
+        steps: int,
+        factor: Array | None = None,
     ) -> None:
         self._streams = [stream(seed, name) for seed in seeds]
-        steps = max(1, min(_STEPS, _WAITING // (len(seeds) * max(1, size))))
+        most = max(1, min(_STEPS, _WAITING // (len(seeds) * max(1, size))))
+        steps = -(-steps // -(-steps // most))  # blocks of one length
         self._drawn = np.empty((len(seeds), steps, size))
         self._factor = factor
         self._next = steps
@@ -67,6 +76,8 @@ class BatchPlant:
         The state (n,) at step 0, or that of each run (runs, n).
     seeds
         Of all noise of each run.
+    steps
+        Steps that are needed in all.
     """
 
     def __init__(
@@ -76,6 +87,7 @@ class BatchPlant:
         rate: float,
         initial_state: Array,
         seeds: Sequence[int],
+        steps: int,
     ) -> None:
         self.dt, self.steps, self.model = 1.0 / rate, 0, model
         self.sensors = {name: timed for name, timed in sensors.items() if timed.enabled}
@@ -87,10 +99,14 @@ class BatchPlant:
         factor = None
         if self._dynamics.linear:
             factor = root(model.noise_covariance(*model.equilibrium, self.dt))
-        self._process_noise = BatchNoise(seeds, 'process', n, factor)
+        self._process_noise = BatchNoise(seeds, 'process', n, steps, factor)
         self._sensor_noise = {
             name: BatchNoise(
-                seeds, f'sensor {name}', each.sensor.output.size, root(each.sensor.covariance)
+                seeds,
+                f'sensor {name}',
+                each.sensor.output.size,
+                ceil(steps * self._shares[name]) + 1,
+                root(each.sensor.covariance),
             )
             for name, each in self.sensors.items()
         }

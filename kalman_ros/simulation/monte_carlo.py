@@ -7,21 +7,21 @@ the runs are divided.
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.batch.batch_filters import BATCHED
 from kalman_ros.estimators.batch.gain_schedule import GainSchedule
 
 from . import closed_loop
 from .batch_loop import Loop, run_batch
 from .run_statistics import Outcomes, RunStatistics, outcomes_of
+from .spread import spread
 
 #: The most runs of a chunk: their arrays fit the cache of a processor.
 MOST = 1000
@@ -45,7 +45,7 @@ class Experiment:
     loop
         The loops.
     weight
-        As for `RunStatistics`.
+        Of the stacked state and input in the cost of a step (n + m, n + m); None for no cost.
     first
         The first step that counts.
     """
@@ -54,20 +54,19 @@ class Experiment:
     weight: Array | None
     first: int
 
-    def outcomes(
-        self, seeds: Sequence[int], schedule: GainSchedule | None = None
-    ) -> tuple[Outcomes, GainSchedule | None]:
-        """Return the outcomes of the runs with these seeds, and the gains that they shared.
+    def outcomes(self, seeds: Sequence[int]) -> Outcomes:
+        """Return the outcomes of the runs with these seeds.
 
         A filter without a batched form runs one loop after the other.
         """
         if (self.loop.filter or self.loop.believed.filter) not in BATCHED:
-            return Outcomes.joined([self._outcome(seed) for seed in seeds]), None
+            return Outcomes.joined([self.outcome(seed) for seed in seeds])
         statistics = RunStatistics(self.loop, len(seeds), self.weight, self.first)
-        finished = run_batch(self.loop, seeds, statistics, schedule=schedule)
-        return statistics.outcomes(finished.limited), finished.schedule
+        limited = run_batch(self.loop, seeds, statistics, schedule=self._schedule)
+        return statistics.outcomes(limited)
 
-    def _outcome(self, seed: int) -> Outcomes:
+    def outcome(self, seed: int) -> Outcomes:
+        """Return the outcomes of one run, by the code for a single loop."""
         loop = self.loop
         answer = loop.answer and loop.answer()
         command, arrives = loop.command, loop.arrives
@@ -78,6 +77,12 @@ class Experiment:
         )  # fmt: skip
         limited = int(answer.limited) if answer else 0
         return outcomes_of(loop, run, self.weight, self.first, limited)
+
+    @cached_property
+    def _schedule(self) -> GainSchedule:
+        """The gains that chunks share where no reading changes them."""
+        believed = self.loop.believed
+        return GainSchedule(build_filter(self.loop.filter or believed.filter, believed.plan))
 
 
 def monte_carlo(
@@ -110,48 +115,9 @@ def monte_carlo(
     """
     size = chunk or min(MOST, -(-len(seeds) // workers))
     parts = [seeds[start : start + size] for start in range(0, len(seeds), size)]
-    found: list[Outcomes | None] = [None] * len(parts)
-    done = 0
-    chunks = _here(experiment, parts) if workers == 1 else _there(experiment, parts, workers)
-    for index, outcomes in chunks:
+    found: dict[int, Outcomes] = {}
+    for index, outcomes in spread(experiment.outcomes, parts, workers):
         found[index] = outcomes
-        done += len(parts[index])
         if progress is not None:
-            progress(done)
-    return Outcomes.joined([each for each in found if each is not None])
-
-
-def _here(
-    experiment: Experiment, parts: Sequence[Sequence[int]]
-) -> Iterator[tuple[int, Outcomes]]:
-    schedule = None
-    for index, part in enumerate(parts):
-        outcomes, schedule = experiment.outcomes(part, schedule)
-        yield index, outcomes
-
-
-#: What the workers of this process compute; they are forked, and so need no copy of it.
-_experiment: Experiment
-
-
-def _chunk(part: Sequence[int]) -> Outcomes:
-    return _experiment.outcomes(part)[0]
-
-
-def _there(
-    experiment: Experiment, parts: Sequence[Sequence[int]], workers: int
-) -> Iterator[tuple[int, Outcomes]]:
-    """Yield the outcomes of each part as a worker completes it."""
-    global _experiment
-    _experiment = experiment
-    fork = multiprocessing.get_context('fork')
-    with ProcessPoolExecutor(min(workers, len(parts)), mp_context=fork) as pool:
-        waiting = {pool.submit(_chunk, part): index for index, part in enumerate(parts)}
-        try:
-            for future in as_completed(waiting):
-                yield waiting[future], future.result()
-        except BrokenProcessPool:
-            raise ValueError('workers: a process ended before its runs did') from None
-        finally:
-            for future in waiting:
-                future.cancel()
+            progress(sum(len(parts[each]) for each in found))
+    return Outcomes.joined([found[index] for index in range(len(parts))])

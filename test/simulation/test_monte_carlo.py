@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kalman_ros as kr
-from kalman_ros.arrays.loop_law import Given, loop_of
+from kalman_ros.arrays.loop_setup import Given, loop_of
 from kalman_ros.core import LinearSystem
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.regulator import price
@@ -29,7 +29,7 @@ def experiment_of(name, overrides=None, steps=STEPS, first=5, **given):
 
 def one_by_one(experiment, seeds):
     """The oracle: the same loops, each in the code for one."""
-    return Outcomes.joined([experiment._outcome(seed) for seed in seeds])
+    return Outcomes.joined([experiment.outcome(seed) for seed in seeds])
 
 
 def differences(a, b):

@@ -132,5 +132,5 @@ class GainSchedule:
 
 
 def _inverse_root(P: Array) -> Array:
-    L: Array = np.linalg.cholesky(P)
+    L = np.asarray(np.linalg.cholesky(P), dtype=float)
     return np.asarray(whitened(L, np.eye(len(L))).T)

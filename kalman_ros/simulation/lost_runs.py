@@ -11,9 +11,8 @@ import numpy.typing as npt
 
 from kalman_ros.core import Array
 from kalman_ros.scenario import Scenario
-from kalman_ros.simulation.run_statistics import Outcomes
 
-from .accept import number
+from .run_statistics import Outcomes
 
 #: How many times farther than at the start a state may be at the end of a run that is not lost.
 _LOST = 10.0
@@ -34,9 +33,10 @@ def allowed(scenario: Scenario, given: Mapping[str, float] | None) -> Array | No
     space = scenario.model.state
     found = np.full(space.size, inf)
     for name, index in zip(given, space.indices(given, 'lost')):
-        found[index] = number('lost', given[name])
-        if not found[index] > 0.0:
-            raise ValueError(f'lost: expected a positive error of {name}, got {given[name]:g}')
+        value = given[name]
+        if not isinstance(value, (int, float)) or not value > 0.0:
+            raise ValueError(f'lost: expected a positive error of {name}, got {value!r}')
+        found[index] = value
     return found
 
 
