@@ -9,7 +9,7 @@ PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
 COMMANDS = (
     'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults', 'fuzz', 'record', 'replay',
-    'soak', 'study',
+    'soak', 'study', 'sweep',
 )  # fmt: skip
 
 setup(
