@@ -28,6 +28,7 @@ setup(
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'filterpy', 'rosbags'],
         'docs': ['sphinx', 'myst-parser'],
         'bags': ['rosbags'],
+        'dask': ['distributed'],
     },
     zip_safe=False,
     maintainer='The kalman_ros authors',

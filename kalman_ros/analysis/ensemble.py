@@ -161,6 +161,7 @@ def ensemble(
     after: float | None = None,
     lost: Mapping[str, float] | None = None,
     workers: int = 1,
+    dask: str = '',
     chunk: int | None = None,
     progress: Progress | None = None,
 ) -> Ensemble:
@@ -178,7 +179,7 @@ def ensemble(
         Seconds of the start that averages omit; by default `settling`.
     lost
         As for `lost_runs`, by the names of states.
-    workers, chunk, progress
+    workers, dask, chunk, progress
         As for `monte_carlo`.
 
     Raises
@@ -193,7 +194,9 @@ def ensemble(
     elif not 0.0 <= after <= loop.seconds:
         raise ValueError(f'after: expected 0 to {loop.seconds:g} s, the duration, got {after:g}')
     experiment = Experiment(loop, _weight(believed) if law else None, round(after * real.rate))
-    found = monte_carlo(experiment, seeds, workers=workers, chunk=chunk, progress=progress)
+    found = monte_carlo(
+        experiment, seeds, workers=workers, dask=dask, chunk=chunk, progress=progress
+    )
     gone = lost_runs(real, found, law.target(loop.seconds) if law else None, most)
     return Ensemble(believed, seeds, loop.seconds, after, gone, found)
 

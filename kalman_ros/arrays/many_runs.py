@@ -95,6 +95,7 @@ def monte_carlo(
     seconds: float = 10.0,
     seed: int = 0,
     workers: int = 1,
+    dask: str = '',
     after: float | None = None,
     lost: Mapping[str, float] | None = None,
     reference: Reference = None,
@@ -122,6 +123,8 @@ def monte_carlo(
         From which those of the runs are spawned.
     workers
         Processes among which the runs are divided.
+    dask
+        The address of a Dask scheduler, ``'tcp://host:8786'``, whose workers run them instead.
     after
         Seconds of the start that averages over time omit; by default those in which the loop
         settles in theory, but at most half of a run.
@@ -151,6 +154,7 @@ def monte_carlo(
         after=None if after is None else number('after', after, 'a number of seconds'),
         lost=lost,
         workers=whole('workers', workers, 1),
+        dask=dask,
         chunk=None if chunk is None else whole('chunk', chunk, 1),
         progress=progress,
     )

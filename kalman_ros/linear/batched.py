@@ -103,8 +103,11 @@ def _columns(P: Array, tolerance: float) -> Array:
     L = np.zeros_like(entries, order='C')
     for j in range(n):
         column = entries[j:, j].copy()
-        for k in range(j):
-            column -= L[j:, k] * L[j, k]
+        if P.ndim == 2:
+            column -= L[j:, :j].dot(L[j, :j])
+        else:
+            for k in range(j):
+                column -= L[j:, k] * L[j, k]
         pivot = column[0]
         if tolerance == tolerance:
             good = pivot > tolerance * entries[j, j]

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian
+from kalman_ros.core import Array, Gaussian, unchecked
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.batch import BatchCorrection, BatchEstimator
 from kalman_ros.estimators.batch.gain_schedule import GainSchedule
@@ -82,12 +82,18 @@ class Starts:
     state: Array
     belief: Gaussian
 
+    def part(self, runs: slice) -> Starts:
+        """Return the starts of some of the runs."""
+        x, P = self.belief
+        x, P = x if x.ndim == 1 else x[runs], P if P.ndim == 2 else P[runs]
+        return Starts(self.state[runs], unchecked((x, P)))
+
 
 class Observer(Protocol):
     """What looks at the loops while they run."""
 
-    def reading(self, name: str, correction: BatchCorrection) -> None:
-        """Take the readings of a sensor, at this step."""
+    def reading(self, name: str, y: Array, correction: BatchCorrection) -> None:
+        """Take the readings (runs, k) of a sensor, at this step."""
         ...
 
     def step(self, estimator: BatchEstimator, truth: Array, u: Array) -> None:
@@ -123,7 +129,7 @@ def run_batch(
             arrive = loop.arrives is None or loop.arrives(time * 1e-9)
             for name, y in plant.readings().items():
                 if arrive:
-                    observer.reading(name, estimator.add_reading(name, y))
+                    observer.reading(name, y, estimator.add_reading(name, y))
             if answer is not None:
                 u = answer(time, estimator.belief.mean)
             elif loop.command is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Model, TimedSensor, is_due, ratio
 from kalman_ros.estimators.batch.dynamics import Dynamics
-from kalman_ros.linear.batched import times
+from kalman_ros.linear.batched import semidefinite_factor, times
 
 from .noise import root, stream
 
@@ -135,7 +135,7 @@ class BatchPlant:
         noise = self._process_noise.draw()
         if not dynamics.linear:
             Q = dynamics.step_noise(x, u, self.dt)
-            noise = times(_roots(Q), noise)
+            noise = times(semidefinite_factor(Q), noise)
         moved = self.model.state.wrap(dynamics.step(x, u, self.dt) + noise)
         flat = moved.ravel('K')
         if not np.isfinite(flat.dot(flat)):
@@ -144,11 +144,3 @@ class BatchPlant:
             moved = np.where(moving[:, np.newaxis], moved, x)
         self.state = moved
         self.steps += 1
-
-
-def _roots(Q: Array) -> Array:
-    """Return the `root` of each covariance (..., n, n); NaN where it is not finite."""
-    members = ~np.isfinite(Q).all(axis=(-2, -1), keepdims=True)
-    if not np.any(members):
-        return root(Q)
-    return np.where(members, np.nan, root(np.where(members, 0.0, Q)))

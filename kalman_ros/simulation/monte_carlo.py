@@ -25,6 +25,8 @@ from .spread import spread
 
 #: The most runs of a chunk: their arrays fit the cache of a processor.
 MOST = 1000
+#: The runs of a chunk that is sent elsewhere.
+_SENT = 250
 #: Called with the number of runs that are complete.
 Progress = Callable[[int], None]
 
@@ -90,6 +92,7 @@ def monte_carlo(
     seeds: Sequence[int],
     *,
     workers: int = 1,
+    dask: str = '',
     chunk: int | None = None,
     progress: Progress | None = None,
 ) -> Outcomes:
@@ -101,8 +104,8 @@ def monte_carlo(
         The loops, and what is counted of them.
     seeds
         Of the runs.
-    workers
-        Processes.
+    workers, dask
+        Processes, or the address of a Dask scheduler: see `spread`.
     chunk
         The most runs at a time; by default as many as are quick.
     progress
@@ -113,10 +116,10 @@ def monte_carlo(
     ValueError
         If a worker ends before its runs do.
     """
-    size = chunk or min(MOST, -(-len(seeds) // workers))
+    size = chunk or (_SENT if dask else min(MOST, -(-len(seeds) // workers)))
     parts = [seeds[start : start + size] for start in range(0, len(seeds), size)]
     found: dict[int, Outcomes] = {}
-    for index, outcomes in spread(experiment.outcomes, parts, workers):
+    for index, outcomes in spread(experiment.outcomes, parts, workers, dask):
         found[index] = outcomes
         if progress is not None:
             progress(sum(len(parts[each]) for each in found))

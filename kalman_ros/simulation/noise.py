@@ -8,6 +8,7 @@ from zlib import crc32
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.linear.batched import semidefinite_factor
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -28,14 +29,24 @@ class NoiseSource:
         self._covariance: Array | None = None
         self._factor: Array
 
-    def draw(self, covariance: Array) -> Array:
-        """Return one draw (n,) from a positive semi-definite ``covariance`` (n, n)."""
+    def draw(self, covariance: Array, *, varies: bool = False) -> Array:
+        """Return one draw (n,) from a positive semi-definite ``covariance`` (n, n).
+
+        Parameters
+        ----------
+        covariance
+            Of the draw.
+        varies
+            Whether the covariance depends on the state, and so on rounding: then its factor must
+            be one that changes as little as it does, unlike its eigenvectors.
+        """
         if covariance is not self._covariance:
-            self._covariance, self._factor = covariance, root(covariance)
+            factor = semidefinite_factor if varies else root
+            self._covariance, self._factor = covariance, factor(covariance)
         return np.asarray(self._factor @ self._generator.standard_normal(len(self._factor)))
 
 
 def root(covariance: Array) -> Array:
-    """Return a matrix M (..., n, n) with M M' = covariance; zero variances are allowed."""
+    """Return a matrix M with M M' = covariance; zero variances are allowed."""
     values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., np.newaxis, :])
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

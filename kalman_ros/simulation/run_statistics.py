@@ -111,7 +111,7 @@ class RunStatistics:
         self._step_squares, self._step_variance = np.zeros((steps, n)), np.zeros((steps, n))
         self._step_nees = np.zeros(steps)
 
-    def reading(self, name: str, correction: BatchCorrection) -> None:
+    def reading(self, name: str, y: Array, correction: BatchCorrection) -> None:
         """Add the innovations of a sensor; those that are not finite do not count."""
         if self._k < self._first:
             return

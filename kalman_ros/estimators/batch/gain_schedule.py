@@ -6,7 +6,7 @@ They are those of the filter for one belief, with its repairs.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -63,6 +63,10 @@ class GainSchedule:
         self._known: dict[tuple[bytes, float], ScheduledPrediction | ScheduledCorrection] = {}
         self._sensors: dict[int, Sensor] = {}
         self._roots: dict[bytes, Array] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Send a schedule to another process without what it has computed."""
+        return GainSchedule, (self._filter,)
 
     def wrap(self, x: Array) -> Array:
         """Return states ``x`` (..., n) with every angle in [-pi, pi)."""

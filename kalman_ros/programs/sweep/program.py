@@ -56,6 +56,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--workers', type=int, default=1, metavar='N', help='processes (default: %(default)d)'
     )
     parser.add_argument(
+        '--dask', default='', metavar='ADDRESS',
+        help='a Dask scheduler, tcp://HOST:8786, whose workers run the points instead',
+    )  # fmt: skip
+    parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO/sweep)'
     )
     parser.add_argument(
@@ -94,13 +98,13 @@ def grid_of(options: argparse.Namespace, path: Path) -> Grid:
     return grid
 
 
-def swept(grid: Grid, workers: int, console: Console) -> list[Point]:
+def swept(grid: Grid, workers: int, dask: str, console: Console) -> list[Point]:
     """Return the outcome at each point, with a bar while they run."""
     found: dict[int, Point] = {}
     columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
         task = bar.add_task('points', total=len(grid.points))
-        for index, point in spread(grid, grid.points, workers):
+        for index, point in spread(grid, grid.points, workers, dask):
             found[index] = point
             bar.advance(task)
     return [found[index] for index in range(len(grid.points))]
@@ -114,7 +118,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         path = shipped.file(options.scenario)
         grid = grid_of(options, path)
         folder = ready(options.out or Path('out') / path.stem / 'sweep')
-        points = swept(grid, options.workers, console)
+        points = swept(grid, options.workers, options.dask, console)
     except (ValueError, OSError) as error:
         refuse('sweep', error)
 
