@@ -72,11 +72,12 @@ class Experiment:
         loop = self.loop
         answer = loop.answer and loop.answer()
         command, arrives = loop.command, loop.arrives
-        run = closed_loop.run(
-            loop.scenario, None, loop.seconds, seed, believed=loop.believed, filter=loop.filter,
-            command=command, answer=answer,
-            arrives=lambda _, time: arrives is None or arrives(time),
-        )  # fmt: skip
+        with np.errstate(all='ignore'):
+            run = closed_loop.run(
+                loop.scenario, None, loop.seconds, seed, believed=loop.believed,
+                filter=loop.filter, command=command, answer=answer,
+                arrives=lambda _, time: arrives is None or arrives(time),
+            )  # fmt: skip
         limited = int(answer.limited) if answer else 0
         return outcomes_of(loop, run, self.weight, self.first, limited)
 

@@ -8,7 +8,6 @@ from zlib import crc32
 import numpy as np
 
 from kalman_ros.core import Array
-from kalman_ros.linear.batched import semidefinite_factor
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -29,20 +28,10 @@ class NoiseSource:
         self._covariance: Array | None = None
         self._factor: Array
 
-    def draw(self, covariance: Array, *, varies: bool = False) -> Array:
-        """Return one draw (n,) from a positive semi-definite ``covariance`` (n, n).
-
-        Parameters
-        ----------
-        covariance
-            Of the draw.
-        varies
-            Whether the covariance depends on the state, and so on rounding: then its factor must
-            be one that changes as little as it does, unlike its eigenvectors.
-        """
+    def draw(self, covariance: Array) -> Array:
+        """Return one draw (n,) from a positive semi-definite ``covariance`` (n, n)."""
         if covariance is not self._covariance:
-            factor = semidefinite_factor if varies else root
-            self._covariance, self._factor = covariance, factor(covariance)
+            self._covariance, self._factor = covariance, root(covariance)
         return np.asarray(self._factor @ self._generator.standard_normal(len(self._factor)))
 
 

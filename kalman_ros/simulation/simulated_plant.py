@@ -7,16 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kalman_ros.core import (
-    Array,
-    DiscreteLinearSystem,
-    LinearSystem,
-    Model,
-    TimedSensor,
-    is_due,
-    is_finite,
-    ratio,
-)
+from kalman_ros.core import Array, Model, TimedSensor, is_due, is_finite, ratio
 
 from .actuator import Actuator
 from .faults.body import BodyFaults, BodyOptions
@@ -71,7 +62,6 @@ class SimulatedPlant:
         """Replace the model or the sensors from now on; noise streams continue."""
         shares = {name: ratio(timed.rate, self.rate) for name, timed in sensors.items()}
         self.model, self.sensors, self._shares = model, dict(sensors), shares
-        self._linear = isinstance(model, (LinearSystem, DiscreteLinearSystem))
         for name in sensors:
             if name not in self._sensor_noise:
                 self._sensor_noise[name] = NoiseSource(self._seed, f'sensor {name}')
@@ -104,8 +94,7 @@ class SimulatedPlant:
 
     def _moved(self, u: Array, disturbance: Array | None) -> Array:
         model, x, time = self.model, self.state, self.steps * self.dt
-        Q = model.transition(x, u, self.dt).Q
-        noise = self._process_noise.draw(Q, varies=not self._linear)
+        noise = self._process_noise.draw(model.transition(x, u, self.dt).Q)
         faults = self.faults if self.faults.act(time) else None
         if faults is None or not faults.lose(self._loss):
             self._command = u
