@@ -193,16 +193,17 @@ class RunStatistics:
         )
 
 
+@np.errstate(all='ignore')
 def outcomes_of(
     loop: Loop, run: Trajectory, weight: Array | None, first: int, limited: int
 ) -> Outcomes:
     """Return the outcomes of one run, as `RunStatistics` would gather them."""
     space, rest = loop.scenario.model.state, loop.scenario.model.equilibrium
     error = space.subtract(run.truth, run.estimate)
-    squares, variance = error**2, run.covariance.diagonal(axis1=1, axis2=2)
-    with np.errstate(all='ignore'):
-        z = whitened(factor(run.covariance), error)
-        normalised = np.einsum('ij,ij->i', z, z)
+    variance = run.covariance.diagonal(axis1=1, axis2=2)
+    squares = error**2
+    z = whitened(factor(run.covariance), error)
+    normalised = np.einsum('ij,ij->i', z, z)
     z = np.hstack((space.subtract(run.truth, rest.state), run.input - rest.input))
     there = np.isfinite(normalised)
     nis = {}
