@@ -8,15 +8,15 @@ from setuptools import find_packages, setup
 PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
 COMMANDS = (
-    'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults', 'fuzz', 'record', 'replay',
-    'soak', 'study', 'sweep',
+    'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults', 'fuzz', 'live', 'record',
+    'replay', 'soak', 'study', 'sweep',
 )  # fmt: skip
 
 setup(
     name=PACKAGE,
     version='0.1.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed', 'nodes/*.xml']},
+    package_data={PACKAGE: ['py.typed', 'nodes/*.xml', 'live/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -29,6 +29,7 @@ setup(
         'docs': ['sphinx', 'myst-parser'],
         'bags': ['rosbags'],
         'dask': ['distributed'],
+        'live': ['websockets'],
     },
     zip_safe=False,
     maintainer='The kalman_ros authors',

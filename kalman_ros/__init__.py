@@ -7,7 +7,7 @@ any but `Run` and `replay`. Names load lazily, so the import itself takes no tim
 - gains: `lqr`, `dlqr`, `lqe`, `dlqe`, `place`, `margins`, `discretize`
 - models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
   `DiscreteModel`, `Sensor`; `Space` names coordinates
-- estimation: `filter`, `smooth`, `consistency`, `Gaussian`
+- estimation: `filter`, `smooth`, `consistency`, `Gaussian`; `tune` fits parameters
 - whole loops: `make_scenario`, `load`, `design`, `simulate`, `monte_carlo` for many runs at once,
   and `Run`, on the real nodes
 - recordings: `replay`
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .arrays.designing import design as design
     from .arrays.filtering import filter as filter
     from .arrays.filtering import smooth as smooth
+    from .arrays.fitting import tune as tune
     from .arrays.gains import discretize as discretize
     from .arrays.gains import dlqr as dlqr
     from .arrays.gains import lqr as lqr
@@ -51,6 +52,7 @@ _WHERE = {
     'arrays.checking': ('consistency',),
     'arrays.designing': ('design',),
     'arrays.filtering': ('filter', 'smooth'),
+    'arrays.fitting': ('tune',),
     'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),
     'arrays.many_runs': ('monte_carlo',),
     'arrays.observers': ('dlqe', 'lqe'),

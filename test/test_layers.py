@@ -27,9 +27,10 @@ BELOW['pipeline'] = {*BELOW['analysis'], 'analysis', 'codecs'}
 BELOW['bags'] = {*BELOW['pipeline'], 'pipeline'}
 BELOW['nodes'] = {*BELOW['pipeline'], 'pipeline'}
 BELOW['harness'] = {*BELOW['nodes'], 'nodes', 'bags'}
-BELOW['programs'] = {*BELOW['harness'], 'harness', 'report'}
+BELOW['live'] = {*BELOW['harness'], 'harness'}
+BELOW['programs'] = {*BELOW['live'], 'live', 'report'}
 ROS = ('rclpy', '_msgs', 'std_srvs', 'builtin_interfaces', 'ament_index_python')
-WITH_ROS = {'codecs', 'bags', 'nodes', 'harness', 'programs'}
+WITH_ROS = {'codecs', 'bags', 'nodes', 'harness', 'live', 'programs'}
 FILES = sorted(ROOT.rglob('*.py'))
 
 

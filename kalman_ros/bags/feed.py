@@ -63,8 +63,12 @@ class Feed:
         scenario = settings.scenario
         self.online = settings.estimator()
         self.origin = settings.origin()
+        #: Sentences on what the recording lacks.
+        self.notes: list[str] = []
+        own, note = (settings.options.frame, settings.options.child_frame), self.notes.append
         channels = {
-            name: SensorReader(name, each, self.origin) for name, each in scenario.sensors.items()
+            name: SensorReader(name, each, self.origin, own, note)
+            for name, each in scenario.sensors.items()
         }
         input = InputReader(scenario.input)
         self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None)
@@ -72,8 +76,6 @@ class Feed:
         self._intake.longest = settings.options.max_message_size
         self._read_pose = PoseReader(scenario)
         self._resolve = resolve
-        #: Sentences on what the recording lacks.
-        self.notes: list[str] = []
         #: What takes the messages of each topic, by its full name.
         self._take: dict[str, Callable[[bytes], object]] = {}
         self._wire(bag)

@@ -25,7 +25,9 @@ class SensorReplay:
     received
         When each was received (N,).
     stamp
-        When it was taken, by its stamp (N,).
+        When it was taken, by its stamp (N,); when it was received if it has none.
+    stamped
+        Whether it has a stamp (N,).
     value
         The reading (N, m); NaN where the message lacked fields.
     covariance
@@ -47,6 +49,7 @@ class SensorReplay:
 
     received: Array
     stamp: Array
+    stamped: Any
     value: Array
     covariance: Array
     outcome: Any
@@ -105,7 +108,7 @@ class Truth:
         length = self.time[after] - self.time[before]
         share = (time - self.time[before]) / np.where(length > 0.0, length, 1.0)
         change = space.subtract(self.state[after], self.state[before])
-        found = space.wrap(self.state[before] + share[:, np.newaxis] * change)
+        found = space.add(self.state[before], share[:, np.newaxis] * change)
         inside = (time >= self.time[0]) & (time <= self.time[-1])
         return np.where(inside[:, np.newaxis], found, np.nan)
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from kalman_ros.core import Array
 
-from .paths import ANGLES, Path, Way, walk
+from .paths import ANGLES, VECTOR, Path, Way, walk
 
 _XYZ = ('x', 'y', 'z')
 
@@ -44,6 +44,37 @@ _CARRIED: dict[str, dict[str, tuple[str, ...]]] = {
     'RelativeHumidity': {'variance': ('relative_humidity',)},
     'Illuminance': {'variance': ('illuminance',)},
 }
+
+
+#: The numbers of a rotation vector are in the rows of roll, pitch and yaw: these are turns about
+#: fixed axes (geometry_msgs/PoseWithCovariance), as are the errors of a rotation.
+_ROWS = dict(zip(VECTOR, ANGLES))
+#: The first element of a covariance of a message whose driver has no such reading: the comments of
+#: sensor_msgs/Imu.
+ABSENT = -1.0
+#: The types with this convention.
+_DECLARING = ('Imu',)
+
+
+class AbsentError(ValueError):
+    """A message says that it does not contain what is read."""
+
+
+def declaring(paths: Sequence[Path], sample: Any) -> list[Way]:
+    """Return the covariances whose first element may say that a field of ``paths`` is absent."""
+    found = dict.fromkeys(
+        place[0]
+        for place in (_carried(path, sample) for path in paths)
+        if place is not None and type(walk(sample, place[0][:-1])).__name__ in _DECLARING
+    )
+    return list(found)
+
+
+def refuse_absent(ways: Sequence[Way], first: Sequence[float]) -> None:
+    """Raise AbsentError if a covariance of ``ways``, by its first element, is of no reading."""
+    for way, value in zip(ways, first):
+        if value == ABSENT:
+            raise AbsentError(f'{way[-1]}[0] is {ABSENT:g}')
 
 
 @dataclass(frozen=True)
@@ -127,7 +158,7 @@ def _carried(path: Path, sample: Any) -> tuple[Way, int, int] | None:
     """Return the covariance array with a row for ``path``, the row, and the array's width."""
     for depth in range(len(path.way)):
         owner = walk(sample, path.way[:depth])
-        rest = '.'.join(map(str, path.way[depth:]))
+        rest = '.'.join(map(str, (*path.way[depth:-1], _ROWS.get(path.attribute, path.attribute))))
         for attribute, rows in _CARRIED.get(type(owner).__name__, {}).items():
             if rest in rows:
                 return (*path.way[:depth], attribute), rows.index(rest), len(rows)

@@ -58,8 +58,6 @@ class FixCodec:
         The datum of several receivers, which the first fix that is read may set.
     """
 
-    #: A value is computed from several numbers of the message.
-    by_position = False
     carries_covariance = has_covariance = True
 
     def __init__(self, signal: Signal, frame: str = '', origin: Origin | None = None) -> None:

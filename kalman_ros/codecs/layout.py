@@ -15,9 +15,11 @@ from rclpy.serialization import serialize_message
 
 from kalman_ros.core import Array
 
+from .covariances import refuse_absent
 from .messages import STAMP, STAMP_START, leading_stamp, split
 from .padding import without_padding
-from .signal_codecs import Codec
+from .paths import Way
+from .signal_codec import SignalCodec
 
 #: Marks are unlikely numbers: these bits, and a counter.
 _FIRST_MARK = 0x7E57C0DE00000000
@@ -51,6 +53,9 @@ class Layout:
         The elements of the covariance (n, n) in a message, and the position of each; or None.
     stamped
         Whether the message begins with a header.
+    declaring, declared
+        The covariances that may say that a field is absent, and the position of each one's first
+        element.
     """
 
     def __init__(
@@ -60,11 +65,14 @@ class Layout:
         values: _Places,
         covariance: tuple[Any, _Places] | None,
         stamped: bool,
+        declaring: list[Way],
+        declared: _Places,
     ) -> None:
         self._stamped = stamped
         self._length = len(data)
         self._count = (len(data) - _BASE) // _SIZE
         self._values, self._covariance = values, covariance
+        self._declaring, self._declared = declaring, declared
         self._fixed = [(run, data[run]) for run in fixed]
         self._buffer = bytearray(data)
         self._numbers = self._numbers_of(self._buffer)
@@ -73,8 +81,10 @@ class Layout:
         return np.frombuffer(data, '<f8', self._count, _BASE)
 
     def read(self, data: bytes) -> Sample:
-        """Return the contents of a message that `fits`."""
+        """Return the contents of a message that `fits`; AbsentError if it says there are none."""
         numbers = self._numbers_of(data)
+        if self._declaring:
+            refuse_absent(self._declaring, numbers[self._declared].tolist())
         time = leading_stamp(data) if self._stamped else None
         if self._covariance is None:
             return Sample(time, numbers[self._values], None)
@@ -109,7 +119,7 @@ class Layout:
         return True
 
 
-def learn(codec: Codec, message: Any, data: bytes) -> Layout | None:
+def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
     """Return the layout of messages like this one; None if they cannot be read by position.
 
     Every float64 of the message is replaced by a unique mark; their positions in the
@@ -138,12 +148,14 @@ def learn(codec: Codec, message: Any, data: bytes) -> Layout | None:
     if not (_numbers_of(wanted) < count).all():  # a value computed from a field is not a mark
         return None
     places = None if covariance is None else (own, there[_numbers_of(covariance)])
+    declared = there[_numbers_of(np.array(codec.declarations(message)))]
     try:
         used = without_padding(b'\xff' * len(data), message)
     except NotImplementedError:
         return None
     fixed = _fixed_runs(data, marked, used, there, stamped)
-    return Layout(data, fixed, there[_numbers_of(values)], places, stamped)
+    where = there[_numbers_of(values)]
+    return Layout(data, fixed, where, places, stamped, codec.declaring, declared)
 
 
 def _numbers_of(marks: Array) -> npt.NDArray[np.uint64]:

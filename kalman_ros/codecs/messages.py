@@ -22,6 +22,9 @@ _BIG_ENDIAN_STAMP = struct.Struct('>iI')
 STAMP_START = 4
 #: The length of the frame after it, whose last byte is zero.
 _LENGTH = struct.Struct('<I')
+_BIG_ENDIAN_LENGTH = struct.Struct('>I')
+#: The frame of a leading header.
+FRAME_START = STAMP_START + STAMP.size
 
 
 def message_type(name: str) -> Any:
@@ -138,7 +141,17 @@ def leading_stamp(data: bytes) -> int:
 
 def leading_frame(data: bytes) -> str:
     """Return the frame of a serialised message whose type begins with a header, '' if unset."""
-    start = STAMP_START + STAMP.size
-    (length,) = _LENGTH.unpack_from(data, start)
-    text = data[start + _LENGTH.size :][:length]
-    return text.rstrip(b'\0').decode(errors='replace').lstrip('/')
+    return frame_and_end(data)[0]
+
+
+def frame_and_end(data: bytes, *, of_child: bool = False) -> tuple[str, int]:
+    """Return the frame in a leading header, or the ``child_frame_id`` after it, and where it ends.
+
+    A leading slash is left out.
+    """
+    length = _LENGTH if data[1] & 1 else _BIG_ENDIAN_LENGTH
+    start, end = FRAME_START, FRAME_START
+    for _ in range(2 if of_child else 1):
+        start = end + -end % length.size + length.size
+        end = start + length.unpack_from(data, start - length.size)[0]
+    return data[start:end].rstrip(b'\0').decode(errors='replace').lstrip('/'), end

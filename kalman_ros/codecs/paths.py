@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from math import asin, atan2, copysign, cos, pi, sin
+from math import asin, atan2, copysign, cos, pi, sin, sqrt
 from operator import attrgetter
 from typing import Any, Union
 
@@ -25,7 +25,9 @@ Way = tuple[Union[str, int], ...]
 _LONGEST = 100_000
 #: An error lists at most this many names of a message, which may have any number.
 _FEW = 8
+#: Numbers of a quaternion that are computed: its angles, and its rotation vector.
 ANGLES = ('roll', 'pitch', 'yaw')
+VECTOR = ('rx', 'ry', 'rz')
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ def _index(inner: str, most: int | None, text: str) -> int:
 
 def _field(owner: Any, attribute: str, text: str) -> tuple[Any, str]:
     """Return an attribute of a message and its declared type."""
-    if attribute in ANGLES and is_quaternion(owner):
+    if attribute in (*ANGLES, *VECTOR) and is_quaternion(owner):
         return 0.0, 'double'
     known = owner.get_fields_and_field_types() if hasattr(owner, 'SLOT_TYPES') else {}
     if attribute not in known:
@@ -160,9 +162,12 @@ def reader(path: Path, sample: Any) -> Callable[[Any], float]:
 
     The function raises LookupError where an array is too short or has no such name.
     """
-    if path.attribute in ANGLES and path.parent and is_quaternion(walk(sample, path.parent)):
-        parent, which = _getter(path.parent), ANGLES.index(path.attribute)
-        return lambda message: euler(parent(message))[which]
+    computed = (*ANGLES, *VECTOR)
+    if path.attribute in computed and path.parent and is_quaternion(walk(sample, path.parent)):
+        parent, which = _getter(path.parent), computed.index(path.attribute)
+        if which < len(ANGLES):
+            return lambda message: euler(parent(message))[which]
+        return lambda message: rotation_vector(parent(message))[which - len(ANGLES)]
     get = _getter(path.way)
     if path.index is not None:
         index = path.index
@@ -203,6 +208,27 @@ def euler(q: Any) -> tuple[float, float, float]:
     pitch = asin(sine) if abs(sine) < 1.0 else copysign(pi / 2.0, sine)
     roll = atan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z)
     return roll, pitch, atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def rotation_vector(q: Any) -> tuple[float, float, float]:
+    """Return the rotation vector of a quaternion of any length; a zero quaternion reads NaN.
+
+    The axis times the angle, at most pi: J. Diebel, Representing Attitude (2006), section 7.
+    """
+    x, y, z, w = q.x, q.y, q.z, q.w
+    n = sqrt(x * x + y * y + z * z)
+    if not n > 0.0:
+        nothing = 0.0 if abs(w) > 0.0 else float('nan')
+        return nothing, nothing, nothing
+    share = 2.0 * atan2(n, abs(w)) / (n if w >= 0.0 else -n)
+    return share * x, share * y, share * z
+
+
+def write_vector(q: Any, rx: float, ry: float, rz: float) -> None:
+    """Write the unit quaternion of a rotation vector into ``q``, in place."""
+    angle = sqrt(rx * rx + ry * ry + rz * rz)
+    share = sin(angle / 2.0) / angle if angle > 0.0 else 0.5
+    q.x, q.y, q.z, q.w = share * rx, share * ry, share * rz, cos(angle / 2.0)
 
 
 def write_euler(q: Any, roll: float, pitch: float, yaw: float) -> None:

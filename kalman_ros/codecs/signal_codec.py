@@ -10,10 +10,22 @@ import numpy as np
 
 from kalman_ros.core import Array, Signal
 
-from .covariances import Block, blocks, flat_indices
+from .covariances import Block, blocks, declaring, flat_indices, refuse_absent
 from .messages import message_type, write_stamp
 from .numbers import converter
-from .paths import ANGLES, Path, Way, is_quaternion, parse, reader, size_arrays, walk, write_euler
+from .paths import (
+    ANGLES,
+    VECTOR,
+    Path,
+    Way,
+    is_quaternion,
+    parse,
+    reader,
+    size_arrays,
+    walk,
+    write_euler,
+    write_vector,
+)
 
 
 class SignalCodec:
@@ -34,20 +46,20 @@ class SignalCodec:
         If the type is not installed or has no such field; the topic is named.
     """
 
-    #: Whether its values are numbers of the message, each at one place in its bytes.
-    by_position = True
-
     def __init__(self, signal: Signal, frame: str = '', child_frame: str = '') -> None:
         try:
             self.message_type = message_type(signal.type)
             self.message = self.message_type()
             self._paths = [parse(field, self.message) for field in signal.fields]
+            _check_quaternions(self._paths, self.message)
             _size_arrays(self._paths, self.message)
             self._blocks = blocks(self._paths, self.message, signal.covariance)
         except ValueError as error:
             raise ValueError(f"signal '{signal.topic}': {error}") from None
         self.size = len(self._paths)
         self._readers = [reader(path, self.message) for path in self._paths]
+        #: The covariances that may say that a field is absent.
+        self.declaring = declaring(self._paths, self.message)
         covered = sum(len(block.own) for block in self._blocks)
         self.carries_covariance = covered == self.size
         self.has_covariance = covered > 0
@@ -71,8 +83,16 @@ class SignalCodec:
         ------
         LookupError
             If an array of the message is too short or lacks a name.
+        AbsentError
+            If it says that a field has no reading.
         """
+        if self.declaring:
+            refuse_absent(self.declaring, self.declarations(message))
         return np.array([read(message) for read in self._readers], dtype=float)
+
+    def declarations(self, message: Any) -> list[float]:
+        """Return the first elements of the covariances that may say that a field is absent."""
+        return [float(walk(message, way)[0]) for way in self.declaring]
 
     def decode_covariance(self, message: Any) -> Array | None:
         """Return the covariance (n, n) in a message; None if it has none for every field.
@@ -109,6 +129,18 @@ def named(values: Signal, names: tuple[str, ...]) -> Signal:
     return Signal(values.topic, 'sensor_msgs/JointState', tuple(f'position[{n}]' for n in names))
 
 
+def _check_quaternions(paths: list[Path], message: Any) -> None:
+    """Raise ValueError unless a quaternion is read as angles, or as a whole rotation vector."""
+    for path in paths:
+        if path.attribute in VECTOR and is_quaternion(walk(message, path.parent)):
+            found = {other.attribute for other in paths if other.parent == path.parent}
+            if found != {*VECTOR}:
+                others = ', '.join(name for name in (*VECTOR, *ANGLES) if name in found)
+                raise ValueError(
+                    f"fields: '{path.text}' goes with {', '.join(VECTOR)} alone, got {others}"
+                )
+
+
 def _size_arrays(paths: list[Path], message: Any) -> None:
     """Extend every array in a path to its length, and write names beside it."""
     for path in paths:
@@ -131,7 +163,7 @@ def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
     turns: dict[Way, dict[str, int]] = {}
     for number, path in enumerate(paths):
         owner = walk(message, path.parent)
-        if path.attribute in ANGLES and is_quaternion(owner):
+        if path.attribute in (*ANGLES, *VECTOR) and is_quaternion(owner):
             turns.setdefault(path.parent, {})[path.attribute] = number
             slots.append((_NOWHERE, 0, None))
         elif path.index is not None:
@@ -142,8 +174,12 @@ def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
         else:
             slots.append((owner, path.attribute, converter(path.kind)))
     quaternions = [
-        (walk(message, way), [which.get(angle) for angle in ANGLES])
+        (*((write_vector, VECTOR) if VECTOR[0] in which else (write_euler, ANGLES)), way, which)
         for way, which in turns.items()
+    ]
+    rotations = [
+        (turn, walk(message, way), [which.get(name) for name in names])
+        for turn, names, way, which in quaternions
     ]
 
     def write(values: list[float]) -> None:
@@ -153,8 +189,8 @@ def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
                 setattr(owner, place, number)
             else:
                 owner[place] = number
-        for quaternion, numbers in quaternions:
-            write_euler(quaternion, *(0.0 if n is None else values[n] for n in numbers))
+        for turn, quaternion, numbers in rotations:
+            turn(quaternion, *(0.0 if n is None else values[n] for n in numbers))
 
     return write
 

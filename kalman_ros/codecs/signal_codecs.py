@@ -10,8 +10,9 @@ from kalman_ros.core.geodesy import Origin
 
 from .fixes import FixCodec, is_local
 from .signal_codec import SignalCodec
+from .turned_codec import TurnedCodec
 
-Codec = Union[SignalCodec, FixCodec]
+Codec = Union[SignalCodec, FixCodec, TurnedCodec]
 
 
 def codec_of(
@@ -33,6 +34,13 @@ def codec_of(
     ValueError
         If the type is not installed or has no such field; the topic is named.
     """
+    frame = signal.mounting.frame or frame
+    turned = signal.mounting.turned
     if is_local(signal):
+        if turned:
+            why = 'mount.rotation, convention: a fix has no axes'
+            raise ValueError(f"signal '{signal.topic}': {why}")
         return FixCodec(signal, frame, origin)
+    if turned:
+        return TurnedCodec(signal, frame, child_frame)
     return SignalCodec(signal, frame, child_frame)

@@ -17,7 +17,9 @@ from kalman_ros.core import Array
 from .layout import Layout, Sample, learn
 from .messages import decode, stamp_of
 from .padding import without_padding
+from .signal_codec import SignalCodec
 from .signal_codecs import Codec
+from .turned_codec import TurnedCodec
 
 #: Layouts cached per topic: publishers may differ in theirs.
 _MOST_LAYOUTS = 4
@@ -45,9 +47,12 @@ class WireReader:
     """
 
     def __init__(self, codec: Codec) -> None:
+        self._turn = None
+        if isinstance(codec, TurnedCodec) and codec.linear:
+            self._turn, codec = codec.turn, codec.inner
         self._codec = codec
         self.message_type = codec.message_type
-        self._may_learn = _learns and codec.by_position
+        self._may_learn = _learns
         self._layouts: list[Layout] = []
 
     def __call__(self, data: bytes) -> Sample:
@@ -60,6 +65,13 @@ class WireReader:
         LookupError, ValueError
             If an array of the message is too short, too long, or lacks a name.
         """
+        sample = self._read(data)
+        if self._turn is None:
+            return sample
+        time, values, covariance = sample
+        return Sample(time, *self._turn(values, covariance))
+
+    def _read(self, data: bytes) -> Sample:
         for layout in self._layouts:
             if layout.fits(data):
                 return layout.read(data)
@@ -67,7 +79,7 @@ class WireReader:
         message = decode(data, self.message_type)
         values, covariance = codec.decode(message), codec.decode_covariance(message)
         sample = Sample(stamp_of(message), values, covariance)
-        if self._may_learn:
+        if self._may_learn and isinstance(codec, SignalCodec):
             learnt = learn(codec, message, data)
             self._may_learn = learnt is not None
             if learnt is not None:
@@ -99,7 +111,7 @@ def _written_layout(codec: Codec) -> Layout | None:
     """Return the layout of messages of ``codec``; None if they cannot be written by position."""
     n = codec.size
     message = codec.encode(0, np.zeros(n), np.zeros((n, n)))
-    if not codec.by_position:
+    if not isinstance(codec, SignalCodec):
         return None
     data = without_padding(bytes(serialize_message(message)), message)
     layout = learn(codec, decode(data, codec.message_type), data)

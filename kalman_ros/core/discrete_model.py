@@ -11,7 +11,7 @@ import numpy as np
 from kalman_ros.linear.matrices import Array, ArrayLike, matrix, semidefinite, symmetric
 
 from .model import Model, Transition, like, numerical_jacobian
-from .space import Space
+from .space import Space, no_rotation
 
 #: A step may differ from a whole number of periods by this fraction of one; stamps are rounded.
 _TOLERANCE = 1e-3
@@ -40,7 +40,9 @@ class DiscreteModel(Model):
     def next_jacobian(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Return F = d next / d x (n, n) and G = d next / d u (n, m); numerical by default."""
         difference = self.state.subtract
-        F = numerical_jacobian(lambda points: self.next(points, like(u, points)), x, difference)
+        F = numerical_jacobian(
+            lambda points: self.next(points, like(u, points)), x, difference, self.state
+        )
         if not u.size:
             return F, np.zeros((x.size, 0))
         G = numerical_jacobian(lambda points: self.next(like(x, points), points), u, difference)
@@ -103,7 +105,8 @@ class DiscreteLinearSystem(DiscreteModel):
     Raises
     ------
     ValueError
-        If a matrix has the wrong shape, is not finite, or Q is not positive semi-definite.
+        If a matrix has the wrong shape, is not finite, or Q is not positive semi-definite; or if
+        the state has rotations, of which no motion is linear.
     """
 
     def __init__(
@@ -116,6 +119,7 @@ class DiscreteLinearSystem(DiscreteModel):
         period: float = 1.0,
     ) -> None:
         n, m = state.size, input.size
+        no_rotation(state)
         self.state, self.input, self.period = state, input, period
         self.F, self.G = matrix('F', F, (n, n)), matrix('G', G, (n, m))
         self.Q = semidefinite('Q', Q, n)

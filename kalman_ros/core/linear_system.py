@@ -9,7 +9,7 @@ from kalman_ros.linear.discretize import Discretization
 from kalman_ros.linear.matrices import Array, ArrayLike, matrix, semidefinite
 
 from .model import Model, Transition
-from .space import Space
+from .space import Space, no_rotation
 
 #: This many step lengths are cached; sampled loops use one or a few.
 _REMEMBERED = 64
@@ -30,13 +30,15 @@ class LinearSystem(Model):
     Raises
     ------
     ValueError
-        If a matrix has the wrong shape, is not finite, or W is not positive semi-definite.
+        If a matrix has the wrong shape, is not finite, or W is not positive semi-definite; or if
+        the state has rotations, of which no motion is linear.
     """
 
     def __init__(
         self, A: ArrayLike, B: ArrayLike, W: ArrayLike, state: Space, input: Space
     ) -> None:
         n, m = state.size, input.size
+        no_rotation(state)
         self.state, self.input = state, input
         self.A = matrix('A', A, (n, n))
         self.B = matrix('B', B, (n, m))
@@ -86,4 +88,4 @@ class LinearSystem(Model):
 def linearize(model: Model, x: Array, u: Array) -> LinearSystem:
     """Return the linear system of small deviations from ``x`` (n,) and ``u`` (m,)."""
     A, B = model.state_jacobian(x, u), model.input_jacobian(x, u)
-    return LinearSystem(A, B, model.noise_density(x), model.state, model.input)
+    return LinearSystem(A, B, model.noise_density(x), model.state.tangent, model.input)

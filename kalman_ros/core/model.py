@@ -54,6 +54,10 @@ _DIFFERENCE = _PRECISION ** (1.0 / 3.0)
 _DIFFERENCE_OF_STEPS = _PRECISION**0.25
 
 
+#: A space without rotations, of any size.
+_PLAIN = Space(())
+
+
 @lru_cache(maxsize=64)
 def _directions(n: int) -> Array:
     """Return the points at which differences of n coordinates are taken (n, 2n + 1).
@@ -81,14 +85,14 @@ class Differences(NamedTuple):
     step: Array
 
     @staticmethod
-    def about(x: Array, share: float = _DIFFERENCE) -> Differences:
+    def about(x: Array, share: float = _DIFFERENCE, space: Space = _PLAIN) -> Differences:
         """Return the points about ``x``, at a ``share`` of the size of its coordinates."""
         coordinates = np.moveaxis(x, -1, 0) if x.ndim > 1 else x
         step = share * np.maximum(1.0, np.abs(coordinates))
         n = len(step)
         directions = _directions(n).reshape(n, 2 * n + 1, *(1,) * (step.ndim - 1))
         points = coordinates[:, np.newaxis] + directions * step[:, np.newaxis]
-        return Differences(points.transpose((*range(1, points.ndim), 0)), step)
+        return Differences(space.reached(points.transpose((*range(1, points.ndim), 0)), x), step)
 
     def jacobian(
         self, values: Array, subtract: Callable[[Array, Array], Array] = np.subtract
@@ -106,12 +110,14 @@ def numerical_jacobian(
     function: Callable[[Array], Array],
     x: Array,
     subtract: Callable[[Array, Array], Array] = np.subtract,
+    space: Space = _PLAIN,
 ) -> Array:
     """Return d function / d x (..., k, n) at ``x`` (..., n) by central differences, in one call.
 
-    ``function`` takes (..., n); ``subtract`` is the method of its output's space.
+    ``function`` takes (..., n), points of a ``space`` that matters only if it has rotations;
+    ``subtract`` is the method of its output's space.
     """
-    differences = Differences.about(x)
+    differences = Differences.about(x, space=space)
     return differences.jacobian(function(differences.points), subtract)
 
 
@@ -135,7 +141,8 @@ class Model(ABC):
     """A system dx/dt = derivative(x, u) + w, with w white noise.
 
     A subclass sets ``state`` and ``input`` and defines `derivative` and `noise_density`; all else
-    has a default. Arrays may have any leading axes: x (..., n), u (..., m).
+    has a default. Arrays may have any leading axes: x (..., n), u (..., m). Of a rotation, dx/dt
+    is the angular rate in the axes of the world, in which noise and errors are, too.
     """
 
     state: Space
@@ -165,8 +172,13 @@ class Model(ABC):
         return OperatingPoint(np.zeros(self.state.size), np.zeros(self.input.size))
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return A = d derivative / d x (n, n) at x (n,) and u (m,); numerical by default."""
-        return numerical_jacobian(lambda points: self.derivative(points, like(u, points)), x)
+        """Return A (n, n) at x (n,) and u (m,), by which small errors move; numerical by default.
+
+        A is d derivative / d x, and of a rotation in addition the cross product with its rate.
+        """
+        differences = Differences.about(x, space=self.state)
+        rates = self.derivative(differences.points, like(u, differences.points))
+        return self.state.of_errors(differences.jacobian(rates), rates[0])
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return B = d derivative / d u (n, m) at x (n,) and u (m,); numerical by default."""
@@ -185,13 +197,17 @@ class Model(ABC):
         h = dt / substeps
         first = k1 = self.derivative(x, u)
         for left in range(substeps - 1, -1, -1):
-            k2 = self.derivative(x + 0.5 * h * k1, u)
-            k3 = self.derivative(x + 0.5 * h * k2, u)
-            k4 = self.derivative(x + h * k3, u)
-            x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            k2 = self._rate(x, 0.5 * h * k1, u)
+            k3 = self._rate(x, 0.5 * h * k2, u)
+            k4 = self._rate(x, h * k3, u)
+            x = self.state.reached(x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4), x)
             if left:
                 k1 = self.derivative(x, u)
         return x, first
+
+    def _rate(self, x: Array, d: Array, u: Array) -> Array:
+        """Return the rate of change of ``d``, the difference from ``x``."""
+        return self.state.pulled_back(d, self.derivative(self.state.reached(x + d, x), u))
 
     @property
     def analytic(self) -> bool:
@@ -227,20 +243,22 @@ class Model(ABC):
 
         One integration of the points about x (..., n) gives all three.
         """
-        differences = Differences.about(x, _DIFFERENCE_OF_STEPS)
+        differences = Differences.about(x, _DIFFERENCE_OF_STEPS, self.state)
         points = differences.points
         if type(self).step is Model.step:
             moved, slope = self._integrated(points, like(u, points), dt)
         else:
             moved, slope = self.step(points, u, dt), self.derivative(points, like(u, points))
         F = differences.jacobian(moved, self.state.subtract)
-        return self.state.wrap(moved[0]), F, differences.jacobian(slope)
+        A = self.state.of_errors(differences.jacobian(slope), slope[0])
+        return self.state.wrap(moved[0]), F, A
 
     def differenced_slope(self, x: Array, u: Array) -> Array:
         """Return the A (..., n, n) of `differenced_step` alone."""
-        differences = Differences.about(x, _DIFFERENCE_OF_STEPS)
+        differences = Differences.about(x, _DIFFERENCE_OF_STEPS, self.state)
         points = differences.points
-        return differences.jacobian(self.derivative(points, like(u, points)))
+        slope = self.derivative(points, like(u, points))
+        return self.state.of_errors(differences.jacobian(slope), slope[0])
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""

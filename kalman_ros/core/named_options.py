@@ -23,13 +23,17 @@ Value = Union[bool, int, float, str, list[float], list[str]]
 
 @dataclass(frozen=True)
 class About:
-    """The description of an option: a sentence, its unit and range, and whether it is live."""
+    """The description of an option: a sentence, its unit and range, and whether it is live.
+
+    Options of one ``feature`` are left out of a node's help while all have their defaults.
+    """
 
     description: str
     unit: str = ''
     minimum: float = -inf
     maximum: float = inf
     live: bool = False
+    feature: str = ''
 
 
 @dataclass(frozen=True)

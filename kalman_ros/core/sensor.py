@@ -40,11 +40,13 @@ class Sensor(ABC):
     """A reading y = measure(x) + v, with v ~ N(0, covariance).
 
     A subclass sets ``output`` and ``covariance`` (k, k) and defines `measure`. Arrays may have
-    any leading axes: x (..., n).
+    any leading axes: x (..., n). A measured rotation is Exp(v) measure(x).
     """
 
     output: Space
     covariance: Array
+    #: The space of the state, which matters to the default Jacobian where it has rotations.
+    state: Space = Space(())
     #: Whether its Jacobian is the same everywhere.
     linear: bool = False
     #: Its name in the scenario.
@@ -60,7 +62,7 @@ class Sensor(ABC):
 
     def jacobian(self, x: Array) -> Array:
         """Return d measure / d x (k, n) at ``x`` (n,); numerical by default."""
-        return numerical_jacobian(self.measure, x, self.output.subtract)
+        return numerical_jacobian(self.measure, x, self.output.subtract, self.state)
 
     def hypotheses(self, belief: Gaussian, y: Array, count: int) -> Hypotheses | None:
         """Return the belief corrected by ``y`` (k,) as up to ``count`` Gaussians.

@@ -1,22 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the numbers of a vector mean: names, units, and which of them are angles."""
+"""What the numbers of a vector mean: names, units, angles and rotations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from kalman_ros.linear.matrices import Array
+
+from . import rotations as so3
 
 
 @dataclass(frozen=True)
 class Space:
     """The coordinates of a state, an input or a reading.
 
-    Differences and means of vectors use the space, so that an angle near +pi and one
-    near -pi are close everywhere and callers need no special case for angles.
+    Sums, differences and means of vectors use the space, so that an angle near +pi and one
+    near -pi are close everywhere and callers need no special case for angles and rotations.
+
+    A rotation is three numbers, its rotation vector r. Its difference from another one, r_0, is
+    the rotation vector e of the error in the axes of the world, Exp(r) = Exp(e) Exp(r_0), a vector
+    of the tangent space at r_0 (the left side). Covariances, Jacobians, rates of change and noise
+    are of such differences.
 
     Parameters
     ----------
@@ -27,17 +35,23 @@ class Space:
         as by default they all are.
     angles
         The names of the coordinates that wrap at +-pi.
+    rotations
+        The names of the three coordinates of each rotation, which are neighbours in this order; in
+        one string, they are separated by spaces.
 
     Raises
     ------
     ValueError
-        If names repeat, units do not match them, or an angle is not among them.
+        If names repeat, units do not match them, an angle is not among them, or a rotation is not
+        three neighbours.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
     angles: tuple[str, ...] = ()
+    rotations: tuple[tuple[str, ...], ...] = field(repr=False, default=())
     _wrapped: Array | None = field(init=False, repr=False, compare=False, default=None)
+    _turned: tuple[slice, ...] = field(init=False, repr=False, compare=False, default=())
 
     def __post_init__(self) -> None:
         for attribute in ('names', 'units', 'angles'):
@@ -53,6 +67,19 @@ class Space:
         if self.angles:
             mask = np.array([name in self.angles for name in self.names])
             object.__setattr__(self, '_wrapped', mask)
+        triples = tuple(tuple(r.split() if isinstance(r, str) else r) for r in self.rotations)
+        object.__setattr__(self, 'rotations', triples)
+        object.__setattr__(self, '_turned', tuple(map(self._place, triples)))
+
+    def _place(self, rotation: tuple[str, ...]) -> slice:
+        """Return where a rotation is among the coordinates."""
+        first, *others = self.indices(rotation, 'rotations') or [0]
+        if others != [first + 1, first + 2] or {*rotation} & {*self.angles}:
+            raise ValueError(
+                'rotations: expected three neighbours that are no angles, '
+                f'got ({", ".join(rotation)}) in ({", ".join(self.names)})'
+            )
+        return slice(first, first + 3)
 
     def __str__(self) -> str:
         return ', '.join(map(self.label, self.names)) or 'none'
@@ -79,28 +106,78 @@ class Space:
         return found
 
     def select(self, names: Iterable[str]) -> Space:
-        """Return the space of some of the coordinates, in the order of ``names``."""
+        """Return the space of some of the coordinates, in the order of ``names``.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown, or a rotation is not selected whole and in its order.
+        """
         names = tuple(names)
         units = tuple(self.units[index] for index in self.indices(names))
-        return Space(names, units, tuple(name for name in names if name in self.angles))
+        whole = tuple(rotation for rotation in self.rotations if {*rotation} & {*names})
+        try:
+            return Space(names, units, tuple(n for n in names if n in self.angles), whole)
+        except ValueError:
+            if len({*names}) < len(names) or not whole:
+                raise
+            listed = ', '.join(f'({", ".join(rotation)})' for rotation in whole)
+            raise ValueError(
+                f'names: expected a rotation as a whole, {listed}, got ({", ".join(names)})'
+            ) from None
+
+    @property
+    def tangent(self) -> Space:
+        """The space of small differences, in which rotations are vectors."""
+        return Space(self.names, self.units, self.angles) if self.rotations else self
 
     def wrap(self, x: Array) -> Array:
-        """Return ``x`` (..., n) with every angle in [-pi, pi)."""
-        if self._wrapped is None:
-            return x
-        return np.where(self._wrapped, (x + np.pi) % (2.0 * np.pi) - np.pi, x)
+        """Return ``x`` (..., n) with angles in [-pi, pi), and rotations by at most pi."""
+        if self._wrapped is not None:
+            x = np.where(self._wrapped, (x + np.pi) % (2.0 * np.pi) - np.pi, x)
+        return self._each(so3.shortest, x) if self._turned else x
+
+    def add(self, x: Array, d: Array) -> Array:
+        """Return ``x`` (..., n) moved by the difference ``d`` (..., n), the inverse of `subtract`.
+
+        A rotation becomes Exp(d) Exp(x).
+        """
+        return self.wrap(self.reached(x + d, x))
+
+    def reached(self, total: Array, origin: Array) -> Array:
+        """Return the point (..., n) whose plain sum of numbers, ``origin`` + d, is ``total``.
+
+        It is what `add` does of rotations alone: angles are not wrapped, so that a caller may
+        compute the sum as it likes and wrap the result, or none.
+        """
+        if not self._turned:
+            return total
+        return self._each(lambda a, b: so3.compose(a - b, b), total, origin)
 
     def subtract(self, a: Array, b: Array) -> Array:
-        """Return the shortest difference ``a - b`` (..., n)."""
-        return a - b if self._wrapped is None else self.wrap(a - b)
+        """Return the shortest difference ``a - b`` (..., n); of rotations, Log(Exp(a) Exp(-b))."""
+        if self._turned:
+            difference = self._each(lambda p, q: so3.compose(p, -q), a, b, base=a - b)
+        else:
+            difference = a - b
+        return difference if self._wrapped is None else self.wrap(difference)
+
+    def _each(self, function: Any, *points: Array, base: Array | None = None) -> Array:
+        """Return the numbers of ``base``, with those of rotations by a function of ``points``."""
+        result: Array = (points[0] if base is None else base).copy()
+        for place in self._turned:
+            result[..., place] = function(*(p[..., place] for p in points))
+        return result
 
     def mean(self, points: Array, weights: Array) -> Array:
         """Return the weighted mean (..., n) of ``points`` (k, ..., n); angles as directions.
 
         The mean of an angle is the direction of the weighted sum of unit vectors (Mardia and
-        Jupp, Directional Statistics, section 2.2).
+        Jupp, Directional Statistics, section 2.2); about that of rotations their mean error is 0.
         """
         mean = _weighted(weights, points)
+        for place in self._turned:
+            mean[..., place] = so3.mean(points[..., place], weights)
         if self._wrapped is None:
             return mean
         direction = np.arctan2(
@@ -108,10 +185,64 @@ class Space:
         )
         return np.where(self._wrapped, direction, mean)
 
+    def arrived(self, total: Array, origin: Array, P: Array) -> tuple[Array, Array]:
+        """Return mean and covariance of an error that moves its origin to its own mean.
+
+        The error about ``origin`` (..., n) has the mean ``total`` - ``origin``, and the covariance
+        ``P`` (..., n, n); about the new mean it has the covariance J P J', with J the left
+        Jacobian of how far that has turned (J. Sola, Quaternion kinematics for the error-state
+        Kalman filter, arXiv:1711.02508, section 6.3).
+        """
+        if not self._turned:
+            return self.wrap(total), P
+        mean = self.wrap(self.reached(total, origin))
+        return mean, self._congruent(P, total - origin, so3.left_jacobian)
+
+    def from_afar(self, P: Array, d: Array) -> Array:
+        """Return a covariance (..., n, n) about a point ``d`` away (..., n), about the origin."""
+        return self._congruent(P, d, so3.inverse_left_jacobian) if self._turned else P
+
+    def _congruent(self, P: Array, d: Array, jacobian: Callable[[Array], Array]) -> Array:
+        """Return J P J', where J is that of the rotations, by d, and 1 for all else."""
+        found = np.broadcast_to(P, (*d.shape, self.size)).copy()
+        for place in self._turned:
+            J = jacobian(d[..., place])
+            found[..., place, :] = J @ found[..., place, :]
+            found[..., place] = found[..., place] @ np.swapaxes(J, -1, -2)
+        return np.asarray(0.5 * (found + np.swapaxes(found, -1, -2)))
+
+    def pulled_back(self, d: Array, rate: Array) -> Array:
+        """Return the rate (..., n) at which a difference ``d`` grows if its end moves at ``rate``.
+
+        H. Munthe-Kaas, High order Runge-Kutta methods on manifolds, Applied Numerical Mathematics
+        29(1), 1999, with which integrators stay on the group.
+        """
+        return self._each(so3.pulled_back, d, rate, base=rate) if self._turned else rate
+
+    def of_errors(self, slope: Array, rate: Array) -> Array:
+        """Return A (..., n, n) of e' = A e from the ``slope`` of the ``rate`` (..., n) by e.
+
+        A rotation turns its errors with it: A = slope + [rate]x, the adjoint of equation 143 in
+        the source of `rotations`.
+        """
+        if not self._turned:
+            return slope
+        A: Array = slope.copy()
+        for place in self._turned:
+            A[..., place, place] += so3.skew(rate[..., place])
+        return A
+
     def label(self, name: str) -> str:
         """Return ``'name [unit]'``, for the axis of a plot or the head of a column."""
         unit = self.units[self.names.index(name)]
         return f'{name} [{unit}]' if unit else name
+
+
+def no_rotation(state: Space) -> None:
+    """Raise ValueError if a state has rotations, where only vectors can be."""
+    if state.rotations:
+        listed = ', '.join(state.rotations[0])
+        raise ValueError(f'state: expected no rotation in a linear model, got ({listed})')
 
 
 def _weighted(weights: Array, points: Array) -> Array:

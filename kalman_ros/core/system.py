@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from .geodesy import Place
 from .model import Model
+from .mount import STRAIGHT, Mounting
 from .named_options import Value
 
 
@@ -31,6 +32,8 @@ class Signal:
     datum
         The origin of ``east``, ``north`` and ``up`` in a ``sensor_msgs/NavSatFix``; None for the
         first fix.
+    mounting
+        Of the sensor on its body.
     """
 
     topic: str
@@ -38,6 +41,7 @@ class Signal:
     fields: tuple[str, ...]
     covariance: str = ''
     datum: Place | None = None
+    mounting: Mounting = STRAIGHT
 
 
 #: The input of a model without one.

@@ -72,8 +72,8 @@ class LinearUpdate:
         H, R = np.asfortranarray(sensor.jacobian(x)), sensor.covariance.T
         innovation = sensor.output.subtract(y, sensor.measure(x))
         K, S = gain(P, H, R)
-        mean = self.model.state.wrap(corrected(x, K, innovation))
-        return Correction(unchecked((mean, joseph(K, H, P, R))), innovation, S)
+        moved = self.model.state.arrived(corrected(x, K, innovation), x, joseph(K, H, P, R))
+        return Correction(unchecked(moved), innovation, S)
 
 
 def committed(belief: Gaussian) -> tuple[Gaussian, int]:

@@ -46,6 +46,7 @@ def pooled(space: Space, weights: Array, points: Array, P: Array) -> tuple[Array
     """Return mean (n,) and covariance (n, n) of parts with means (k, n) and covariances ``P``."""
     mean = space.mean(points, weights)
     d = space.subtract(points, mean)
+    P = space.from_afar(P, d)
     return mean, symmetric(np.tensordot(weights, P, axes=1) + (weights * d.T) @ d)
 
 

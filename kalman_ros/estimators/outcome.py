@@ -21,6 +21,7 @@ class Outcome(Enum):
     WRONG_SIZE = 'dropped: wrong size'
     BAD_COVARIANCE = 'dropped: covariance not positive definite'
     NO_FIX = 'dropped: no position fix'
+    ABSENT = 'dropped: the message says that it has none'
     OTHER_FRAME = 'dropped: in another frame than declared'
     DUPLICATE = 'dropped: duplicate stamp'
     TOO_OLD = 'dropped: older than the window'
@@ -35,4 +36,6 @@ class Outcome(Enum):
     @property
     def explained(self) -> bool:
         """Whether the reader of the message knows more than the outcome: which field, and why."""
-        return self in (Outcome.WRONG_SIZE, Outcome.NO_FIX, Outcome.OTHER_FRAME)
+        return self in (
+            Outcome.WRONG_SIZE, Outcome.NO_FIX, Outcome.ABSENT, Outcome.OTHER_FRAME,
+        )  # fmt: skip

@@ -100,7 +100,8 @@ def _back(
         F, Q = transition.F, transition.Q
     _, P_p, _ = cholesky(predicted.covariance)
     C = solve(P_p, F @ P).T
-    mean = model.state.wrap(x + C @ model.state.subtract(after.mean, predicted.mean))
+    change = model.state.subtract(after.mean, predicted.mean)
+    P_s = model.state.from_afar(after.covariance, change)
     I_CF = np.eye(x.size) - C @ F
-    covariance = symmetric(I_CF @ P @ I_CF.T + C @ (after.covariance + Q) @ C.T)
-    return Gaussian(mean, covariance)
+    covariance = symmetric(I_CF @ P @ I_CF.T + C @ (P_s + Q) @ C.T)
+    return Gaussian(*model.state.arrived(x + C @ change, x, covariance))

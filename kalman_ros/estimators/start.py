@@ -39,7 +39,8 @@ def match_reading(belief: Gaussian, y: Array, sensor: Sensor) -> Gaussian:
         towards = K @ innovation
         steps = [prior + K @ (innovation + H @ (x - prior)) - x]
         steps += [towards * 0.5**k for k in range(_MOST_HALVINGS)]
-        nearer = next((x + step for step in steps if distance(x + step) < away), None)
+        points = (sensor.state.reached(x + step, x) for step in steps)
+        nearer = next((point for point in points if distance(point) < away), None)
         if nearer is None:
             break
         x, away = nearer, distance(nearer)

@@ -97,15 +97,19 @@ class UnscentedKalmanFilter:
         L, _, _ = cholesky(P)
         return scaled(L, self.directions)
 
+    def _points(self, x: Array, offsets: Array) -> Array:
+        """Return the sigma points (2n + 1, n)."""
+        return self.model.state.reached(plus_each(offsets, x).T, x)
+
     def _spread(self, space: Space, points: Array) -> tuple[Array, Array]:
         """Return mean (k,) and deviations (k, 2n + 1) of ``points`` (2n + 1, k)."""
         mean = space.mean(points, self.mean_weights)
-        return mean, space.wrap(plus_each(points.T, mean, -1.0).T).T
+        return mean, space.subtract(points, mean).T
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Move every point by the model; P = sum of W d d' + Q."""
         x, P = belief
-        points = plus_each(self._offsets(P), x).T
+        points = self._points(x, self._offsets(P))
         moved, Q = carried(self.model, points, u, dt)
         mean, d = self._spread(self.model.state, moved)
         W = self._weights[self._n]
@@ -114,7 +118,7 @@ class UnscentedKalmanFilter:
     def cross_covariance(self, belief: Gaussian, u: Array, dt: float) -> Array:
         """Return the covariance (n, n) of current and predicted state, for smoothing."""
         offsets = self._offsets(belief.covariance)
-        moved = self.model.step(plus_each(offsets, belief.mean).T, u, dt)
+        moved = self.model.step(self._points(belief.mean, offsets), u, dt)
         _, d = self._spread(self.model.state, moved)
         cross: Array = (self._weights[self._n] * offsets) @ d.T
         return cross
@@ -126,15 +130,15 @@ class UnscentedKalmanFilter:
         """
         (x, P), R = belief, sensor.covariance.T
         dx = self._offsets(P)
-        predicted, dy = self._spread(sensor.output, sensor.measure(plus_each(dx, x).T))
+        predicted, dy = self._spread(sensor.output, sensor.measure(self._points(x, dx)))
         innovation = sensor.output.subtract(y, predicted)
         W_dy = self._weights[y.size] * dy
         S = moments(W_dy, dy, R)
         K = divided(moments(W_dy, dx), S)
         left = remainder(dx, K, dy)
         P = mirrored(moments(self._weights[self._n] * left, left, through_gain(K, R)))
-        mean = self.model.state.wrap(corrected(x, K, innovation))
-        return Correction(unchecked((mean, P)), innovation, S)
+        moved = self.model.state.arrived(corrected(x, K, innovation), x, P)
+        return Correction(unchecked(moved), innovation, S)
 
 
 class _Repeated(dict[int, Array]):

@@ -141,3 +141,14 @@ def variances(name: str, deviations: ArrayLike, size: int, *, exact: bool = Fals
     if not (np.isfinite(squares) & ((squares > 0.0) | (sigma == 0.0))).all():
         raise ValueError(f'{name}: the square of a number is not finite and positive, got {sigma}')
     return np.diag(squares)
+
+
+def spectral_densities(size: int, **named: ArrayLike) -> Array:
+    """Return vectors (size,) of densities that are zero or positive, one after the other."""
+    found = [vector(name, values, size) for name, values in named.items()]
+    for name, values in zip(named, found):
+        if not np.all(values >= 0.0):
+            raise ValueError(
+                f'{name}: expected spectral densities, zero or positive, got {values.tolist()}'
+            )
+    return np.concatenate(found)

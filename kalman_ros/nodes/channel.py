@@ -57,7 +57,8 @@ class SensorChannel(Subscribed, SensorReader):
     def __init__(
         self, node: Any, name: str, source: SensorSource, state: Signal, origin: Origin
     ) -> None:
-        super().__init__(name, source, origin)
+        own = node.options.frame, node.options.child_frame
+        super().__init__(name, source, origin, own, node.get_logger().warning)
         self._publish = InnovationPublisher(node, state, name, source.sensor.output)
         self._rate = Rate()
         #: From the stamp of a reading to the publication of its estimate.

@@ -69,6 +69,8 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     def __init__(self, name: str, options: type[Any]) -> None:
         super().__init__(name)
+        #: The options of the configured node, by name.
+        self.known: Mapping[str, Option] = {}
         self._kind, self._build_options = name, options
         parameters.harden(self)
         parameters.free(self, parameters.given(self))
@@ -83,6 +85,7 @@ class ScenarioNode(WatcherNode, ManagedNode):
         values, known, self._shared, self._own, self._extra = choose(
             self._given(), self._build_options, self.extra_options, with_law=self.with_law
         )
+        self.known = known
         self.scenario = scenario.assemble(_of(self._shared, values), with_law=self.with_law)
         self.options, self.extra = self._own_options(values)
         topics.check(self.scenario, self.get_name(), self.get_namespace())

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from textwrap import fill
 from typing import Any
+
+from kalman_ros.core import Option
 
 from .parameters import given
 
@@ -32,6 +34,9 @@ def usage(node: Any) -> str:
         'Parameters and their values; * may change at run time.',
     ]
     values = dict(sorted(given(node).items()))
+    unused = _unused(values, node.known)
+    for name in [name for names in unused.values() for name in names]:
+        del values[name]
     for title, entries in _groups(values).items():
         lines += ['', f'{title}:']
         for key, same in entries.items():
@@ -42,7 +47,37 @@ def usage(node: Any) -> str:
                 meanings = dict.fromkeys(each.rpartition(' of the ')[0] for each in meanings)
             meaning = '; '.join(meanings)
             lines.append(_entry(f'{key}{mark}: {_merged(same)}', meaning))
+    if unused:
+        lines += ['', 'Not used, all at their defaults (docs/reference/parameters.md):']
+        sensors = _sensors(values)
+        for feature, names in unused.items():
+            titles = dict.fromkeys(_title(name, sensors) for name in names)
+            lines.append(_entry(f'{feature}: {", ".join(titles)}', ''))
     return '\n'.join(lines)
+
+
+def _unused(values: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, list[str]]:
+    """Return the parameters of each feature of which all have their defaults."""
+    features: dict[str, list[str]] = {}
+    for name in values:
+        if name in known and known[name].about.feature:
+            features.setdefault(known[name].about.feature, []).append(name)
+    return {
+        feature: names
+        for feature, names in features.items()
+        if all(known[name].check(values[name]) == known[name].default for name in names)
+    }
+
+
+def _sensors(values: Mapping[str, Any]) -> list[str]:
+    listed = values.get('sensors')  # missing on an unconfigured node
+    return [str(sensor) for sensor in listed if sensor] if isinstance(listed, list) else []
+
+
+def _title(name: str, sensors: Container[str]) -> str:
+    """Return the name under which a parameter of a sensor is listed with those of others."""
+    section, _, key = name.partition('.')
+    return f'SENSOR.{key}' if section in sensors else name
 
 
 def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
@@ -50,15 +85,14 @@ def _groups(values: Mapping[str, Any]) -> dict[str, dict[str, dict[str, str]]]:
 
     Parameters that all sensors, or state and input, have in common are listed once.
     """
-    listed_sensors = values.get('sensors')  # missing on an unconfigured node
-    sensors = [str(s) for s in listed_sensors if s] if isinstance(listed_sensors, list) else []
+    sensors = _sensors(values)
     model, listed, topics, own = ({}, {}, {}, {})  # type: ignore[var-annotated]
     for name, value in values.items():
         section, _, key = name.partition('.')
         if section in ('model', 'model_parameters'):
             group, title = model, name
         elif section in sensors:
-            group, title = listed, f'SENSOR.{key}'
+            group, title = listed, _title(name, sensors)
         elif section in _SIGNALS and key:
             group, title = topics, f'SIGNAL.{key}'
         else:

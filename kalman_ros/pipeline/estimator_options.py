@@ -102,8 +102,10 @@ class EstimatorOptions:
     idle_input: IdleInput = 'zero'
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'
-    publish_fix: Annotated[bool, About('the position as NavSatFix on estimate/fix, too')] = False
+    publish_fix: Annotated[
+        bool, About('the position as NavSatFix on estimate/fix, too', feature='fixes')
+    ] = False
     datum_file: Annotated[
         str,
-        About("keeps the datum of the first fix over restarts; '': none"),
+        About("keeps the datum of the first fix over restarts; '': none", feature='fixes'),
     ] = ''

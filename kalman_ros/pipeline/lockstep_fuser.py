@@ -44,12 +44,14 @@ class LockstepFuser:
         self._steps = StepAssembler(topics, answered=bool(scenario.input.fields))
 
     def on_reading(self, name: str, data: bytes) -> None:
-        """Take a message of the sensor ``name``; UndecodableError if it is not one."""
+        """Take a message of the sensor ``name``; UndecodableError if it is not one.
+
+        A step waits for all readings that its tick names, also for those that are not used.
+        """
         source = self._fuser.scenario.sensors[name]
-        if source.timed.enabled:
-            reading = self._fuser.channels[name].read(data, source)
-            self._steps.reading(name, reading.time, reading)
-            self._fuse_steps()
+        reading = self._fuser.channels[name].read(data, source)
+        self._steps.reading(name, reading.time, reading)
+        self._fuse_steps()
 
     def on_input(self, data: bytes) -> None:
         """Take a message of the input."""
@@ -77,6 +79,7 @@ class LockstepFuser:
             received = [
                 Received(y.time or step.time, fuser.channels[name], y, y.refused)
                 for name, y in step.readings
+                if fuser.scenario.sensors[name].timed.enabled
             ]
             if step.input is not None:
                 time, u = step.input

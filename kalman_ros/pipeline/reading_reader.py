@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from kalman_ros.codecs.covariances import AbsentError
 from kalman_ros.codecs.fixes import NoFixError
 from kalman_ros.codecs.messages import leading_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
@@ -19,6 +21,8 @@ from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import SensorSource
+
+from .frame_guard import FrameGuard
 
 
 class Reading(NamedTuple):
@@ -51,11 +55,22 @@ class ReadingReader:
         Of the sensor.
     origin
         The datum that several receivers share; None for that of the signal.
+    own
+        The frames of the estimate: of positions, and of the body.
+    warn
+        Called with a sentence about a frame that was not declared.
     """
 
-    def __init__(self, signal: Signal, origin: Origin | None = None) -> None:
+    def __init__(
+        self,
+        signal: Signal,
+        origin: Origin | None = None,
+        own: Sequence[str] = (),
+        warn: Callable[[str], object] = str,
+    ) -> None:
         self._read = WireReader(codec_of(signal, origin=origin))
         self.message_type = self._read.message_type
+        self._guard = FrameGuard(signal, self.message_type, own, warn)
         #: Why the last unreadable message was refused; '' before the first.
         self.trouble = ''
 
@@ -71,8 +86,13 @@ class ReadingReader:
             time, values, covariance = self._read(data)
         except NoFixError as error:
             return self._refused(leading_stamp(data), Outcome.NO_FIX, error)
+        except AbsentError as error:
+            return self._refused(leading_stamp(data), Outcome.ABSENT, error)
         except (LookupError, ValueError) as error:
             return self._refused(None, Outcome.WRONG_SIZE, error)
+        other = self._guard(data)
+        if other:
+            return self._refused(time, Outcome.OTHER_FRAME, other)
         return Reading(time, values, source.used(covariance))
 
     def _refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:
@@ -94,9 +114,16 @@ class InputReader:
 class SensorReader:
     """Reads a sensor's messages, and judges whether its innovations scatter as expected."""
 
-    def __init__(self, name: str, source: SensorSource, origin: Origin | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        source: SensorSource,
+        origin: Origin | None = None,
+        own: Sequence[str] = (),
+        warn: Callable[[str], object] = str,
+    ) -> None:
         self.name = name
-        self._read = ReadingReader(source.signal, origin)
+        self._read = ReadingReader(source.signal, origin, own, lambda why: warn(f'{name}: {why}'))
         self.message_type: Any = self._read.message_type
         self.nis = ChiSquareWindow(source.sensor.output.size)
 

@@ -27,6 +27,7 @@ from kalman_ros.core import (
     vector,
 )
 from kalman_ros.core.geodesy import Place, datum
+from kalman_ros.core.mount import mounting
 from kalman_ros.estimators import FILTERS
 
 from .body_roles import body_of
@@ -137,20 +138,25 @@ def _source(
     policy = given.pop('covariance_from')
     reliable, gate = given.pop('reliable'), given.pop('gate')
     wire = {key: given.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
-    arm = given.pop('mount.translation')
+    arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
+    rotation, convention = given.pop('mount.rotation'), given.pop('convention')
+    frame = given.pop('frame')
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
         sensor = sensors.build(own['kind'], model.state, own['noise'], given)
         check_attributes(sensor)
-        if any(arm):
-            sensor = LeverArm(sensor, body_of(model.state, state), wire['fields'], arm)
-        sensor.name = name
+        mount = mounting(rotation, convention, frame, arm)
+        if any(arm) or gravity:
+            body = body_of(model.state, state)
+            sensor = LeverArm(sensor, body, wire['fields'], arm, gravity)
+        sensor.name, sensor.state = name, model.state
         ratio(own['rate'], loop_rate)
         timed = TimedSensor(sensor, own['rate'], own['enabled'])
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
-    signal = replace(_signal(name, wire, sensor.output.size), datum=origin)
+    signal = _signal(name, wire, sensor.output.size)
+    signal = replace(signal, datum=origin, mounting=mount)
     return SensorSource(timed, signal, policy, reliable, gate)
 
 

@@ -34,10 +34,14 @@ def _shared(
     ] = 100.0,
     datum: Annotated[
         Sequence[float],
-        About('origin: latitude, longitude, altitude; .inf: the first fix'),
+        About('origin: latitude, longitude, altitude; .inf: the first fix', feature='fixes'),
     ] = (inf,),
 ) -> None:
     """Carry the options that do not depend on the model."""
+
+
+#: The feature of turned and displaced sensors, and of the frames of messages.
+_FRAMES = 'frames'
 
 
 def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
@@ -67,7 +71,25 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         ),
         'mount.translation': (
             [0.0, 0.0, 0.0],
-            About('forward, left, up of the body', 'm'),
+            About('forward, left, up of the body', 'm', feature=_FRAMES),
+        ),
+        'mount.rotation': (
+            [0.0, 0.0, 0.0],
+            About('roll, pitch, yaw on the body', 'rad', feature=_FRAMES),
+        ),
+        'mount.gravity': (
+            0.0,
+            About('what an accelerometer reads upwards at rest', 'm/s^2', feature=_FRAMES),
+        ),
+        'convention': (
+            'enu',
+            About(
+                "axes of the messages: 'enu', or 'ned' and forward, right, down", feature=_FRAMES
+            ),
+        ),
+        'frame': (
+            '',
+            About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),
         ),
         'gate': (
             1.0,

@@ -8,20 +8,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Hypotheses, Sensor, numerical_jacobian, vector
+from kalman_ros.core.quantity import ACCELERATION, ATTITUDE, PLACE, RATE, VELOCITY, quantity
 
 from .body_roles import Body
-
-#: What a field reads, by its end.
-_POSITION, _VELOCITY, _ACCELERATION, _ANYWHERE = 'position', 'velocity', 'acceleration', ''
-_ENDS = {
-    **{f'position.{axis}': (_POSITION, i) for i, axis in enumerate('xyz')},
-    **{field: (_POSITION, i) for i, field in enumerate(('east', 'north', 'up'))},
-    **{f'linear.{axis}': (_VELOCITY, i) for i, axis in enumerate('xyz')},
-    **{f'linear_acceleration.{axis}': (_ACCELERATION, i) for i, axis in enumerate('xyz')},
-    **{f'angular.{axis}': (_ANYWHERE, i) for i, axis in enumerate('xyz')},
-    **{f'angular_velocity.{axis}': (_ANYWHERE, i) for i, axis in enumerate('xyz')},
-    **{f'orientation.{angle}': (_ANYWHERE, i) for i, angle in enumerate(('roll', 'pitch', 'yaw'))},
-}
 
 
 class LeverArm(Sensor):
@@ -30,7 +19,8 @@ class LeverArm(Sensor):
     With R the attitude, w the angular rate and l the lever arm, both in the axes of the body, the
     position there is p + R l, the velocity v + w x l and the acceleration a + w x (w x l) (J. J.
     Craig, Introduction to Robotics, sections 2.4, 5.6 and 6.2; without the angular acceleration,
-    which no state has).
+    which no state has). An accelerometer that reads g upwards at rest adds R' (0, 0, g); without
+    roll and pitch in the state the body is taken to be level.
 
     Parameters
     ----------
@@ -42,6 +32,8 @@ class LeverArm(Sensor):
         What each coordinate reads, as a field of a message.
     arm
         The place, (3,) in m: forward, left, up.
+    gravity
+        What an accelerometer reads upwards at rest, in m/s^2.
 
     Raises
     ------
@@ -50,15 +42,24 @@ class LeverArm(Sensor):
     """
 
     def __init__(
-        self, sensor: Sensor, body: Body, fields: Sequence[str], arm: Sequence[float]
+        self,
+        sensor: Sensor,
+        body: Body,
+        fields: Sequence[str],
+        arm: Sequence[float],
+        gravity: float = 0.0,
     ) -> None:
         self._at_centre, self._body = sensor, body
         self._arm = vector('mount.translation', arm, 3)
+        self._up = np.array([0.0, 0.0, gravity])
         self.output, self.covariance = sensor.output, sensor.covariance
         self._effects = [_effect(field) for field in fields]
         kinds = {kind for kind, _ in self._effects}
-        for kind, role in ((_POSITION, 'yaw'), (_VELOCITY, 'wz'), (_ACCELERATION, 'wz')):
-            if kind in kinds and role not in body.index:
+        if gravity and ACCELERATION not in kinds:
+            listed = ', '.join(fields)
+            raise ValueError(f'mount.gravity: expected an acceleration among the fields {listed}')
+        for kind, role in ((PLACE, 'yaw'), (VELOCITY, 'wz'), (ACCELERATION, 'wz')):
+            if any(arm) and kind in kinds and role not in body.index:
                 what = 'heading (yaw)' if role == 'yaw' else 'yaw rate'
                 raise ValueError(
                     f'mount.translation: a {kind} off the centre takes a state with a {what}'
@@ -80,11 +81,11 @@ class LeverArm(Sensor):
         """Return what the lever arm adds to each coordinate (..., k)."""
         found: dict[str, Array] = {}
         makers: dict[str, Callable[[Array], Array]] = {
-            _POSITION: self._moved, _VELOCITY: self._swung, _ACCELERATION: self._drawn,
+            PLACE: self._moved, VELOCITY: self._swung, ACCELERATION: self._drawn,
         }  # fmt: skip
         columns = []
         for kind, axis in self._effects:
-            if kind == _ANYWHERE:
+            if kind not in makers:
                 columns.append(np.zeros(x.shape[:-1]))
                 continue
             if kind not in found:
@@ -113,13 +114,22 @@ class LeverArm(Sensor):
         return np.cross(self._rate(x), self._arm)
 
     def _drawn(self, x: Array) -> Array:
-        """Return w x (w x l)."""
+        """Return w x (w x l) + R' (0, 0, g)."""
         rate = self._rate(x)
-        return np.cross(rate, np.cross(rate, self._arm))
+        drawn = np.cross(rate, np.cross(rate, self._arm))
+        if not self._up.any():
+            return np.asarray(drawn)
+        roll, pitch = self._role(x, 'roll'), self._role(x, 'pitch')
+        up = (-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch))
+        return np.asarray(drawn + self._up[2] * np.stack(up, axis=-1))
+
+
+#: What reads the same at every place of a body, or is moved.
+_KNOWN = (PLACE, ATTITUDE, VELOCITY, ACCELERATION, RATE)
 
 
 def _effect(field: str) -> tuple[str, int]:
-    for end, effect in _ENDS.items():
-        if field == end or field.endswith(f'.{end}'):
-            return effect
-    raise ValueError(f"mount.translation: nothing is known of a lever arm of '{field}'")
+    found = quantity(field)
+    if found is None or found.kind not in _KNOWN:
+        raise ValueError(f"mount.translation: nothing is known of a lever arm of '{field}'")
+    return found.kind, found.axis

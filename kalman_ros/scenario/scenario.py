@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from kalman_ros.core import Array, Gaussian, Model, Sensor, Signal, TimedSensor, Value
 from kalman_ros.core.geodesy import Place
 from kalman_ros.estimators.filter import Plan
@@ -29,10 +31,15 @@ class SensorSource:
     def used(self, carried: Array | None) -> Array | None:
         """Return the covariance (k, k) to use for a reading; None for the configured one.
 
-        ``carried`` is the covariance in its message, None if there is none.
+        ``carried`` is the covariance in its message, None if there is none. Of its coordinates
+        with nothing but zeros the covariance is unknown (the comments of sensor_msgs/Imu): there
+        the configured one is used.
         """
         if carried is None or self.covariance_from == 'configuration':
             return None
+        if not carried.diagonal().all():
+            known = carried.any(axis=0)
+            carried = np.where(np.outer(known, known), carried, self.sensor.covariance)
         if self.covariance_from == 'message':
             return carried
         return carried if carried.trace() > self.sensor.covariance.trace() else None

@@ -75,4 +75,5 @@ def build(kind: str, state: Space, noise: Sequence[float], options: Mapping[str,
         raise ValueError(f"kind: '{kind}': {_EXPECTED}; {reason}") from error
     if not isinstance(sensor, Sensor):
         raise ValueError(f"kind: '{kind}': {_EXPECTED}; it is a {type(sensor).__name__}")
+    sensor.state = state
     return sensor

@@ -114,13 +114,13 @@ class Bearing(Sensor):
         shares, angles = _directions_of(z, P)
         return Hypotheses(np.array(logs), parts, shares, angles[:, np.newaxis])
 
-    @staticmethod
     def _moved(
-        belief: Gaussian, z: Array, P: Array, regression: Array, place: Gaussian
+        self, belief: Gaussian, z: Array, P: Array, regression: Array, place: Gaussian
     ) -> Gaussian:
         """Return the belief if the line of sight is ``place`` and not N(z, P)."""
-        mean = belief.mean + regression @ (place.mean - z)
+        total = belief.mean + regression @ (place.mean - z)
         change = regression @ (place.covariance - P) @ regression.T
+        mean = self.state.reached(total, belief.mean)
         return belief._replace(mean=mean, covariance=symmetric(belief.covariance + change))
 
 

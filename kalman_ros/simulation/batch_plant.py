@@ -122,8 +122,8 @@ class BatchPlant:
         for name, timed in self.sensors.items():
             if is_due(self.steps, self._shares[name]):
                 sensor = timed.sensor
-                y = sensor.measure(self.state) + self._sensor_noise[name].draw()
-                found[name] = sensor.output.wrap(y)
+                noise = self._sensor_noise[name].draw()
+                found[name] = sensor.output.add(sensor.measure(self.state), noise)
         return found
 
     def step(self, u: Array) -> None:
@@ -136,7 +136,7 @@ class BatchPlant:
         if not dynamics.linear:
             Q = dynamics.step_noise(x, u, self.dt)
             noise = times(semidefinite_factor(Q), noise)
-        moved = self.model.state.wrap(dynamics.step(x, u, self.dt) + noise)
+        moved = self.model.state.add(dynamics.step(x, u, self.dt), noise)
         flat = moved.ravel('K')
         if not np.isfinite(flat.dot(flat)):
             # as that of one run, a state whose square is not finite stays where it is

@@ -104,7 +104,7 @@ class SimulatedPlant:
         for duration, acting in self.actuator(self._command, self.dt):
             moving = acting if faults is None else faults.moved(acting)
             x = model.step(x, moving + push, duration)
-        return model.state.wrap(x + noise)
+        return model.state.add(x, noise)
 
     def rest(self) -> None:
         """Advance time by one step while something holds the body in place."""
@@ -123,5 +123,5 @@ class SimulatedPlant:
             if timed.enabled and is_due(self.steps, self._shares[name]):
                 sensor = timed.sensor
                 noise = self._sensor_noise[name].draw(sensor.covariance)
-                result[name] = sensor.output.wrap(sensor.measure(self.state) + noise)
+                result[name] = sensor.output.add(sensor.measure(self.state), noise)
         return result

@@ -7,6 +7,7 @@ import pytest
 
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.evidence import misfit
+from kalman_ros.programs.doctor.cases import cases
 from kalman_ros.programs.doctor.recordings import (
     Injection,
     recorded,
@@ -63,6 +64,13 @@ def test_the_right_cause_comes_first(kind):
 @pytest.mark.parametrize('seed', range(4))
 def test_nothing_is_found_in_a_clean_recording(seed):
     assert found_in(None, seconds=8.0, seed=seed) == ()
+
+
+def test_a_reading_of_something_else_is_unrelated():
+    case = next(c for c in cases() if c.fault == 'unrelated' and c.scenario == 'diff_drive')
+    [first, *_] = found_in(case.injection, 60.0, 7, case.scenario)
+    assert (first.kind, first.subject) == ('unrelated', 'imu')
+    assert first.change == {'imu.enabled': False}
 
 
 def test_two_faults_are_both_found():

@@ -52,6 +52,18 @@ TURNED = {
         'a', 'nav_msgs/Odometry', ('pose.pose.position.x', 'pose.pose.orientation.yaw')
     ),
 }
+WHOLE = {
+    'rotation': Signal(
+        'a',
+        'nav_msgs/Odometry',
+        (
+            'pose.pose.position.x',
+            'pose.pose.orientation.rx',
+            'pose.pose.orientation.ry',
+            'pose.pose.orientation.rz',
+        ),
+    )
+}
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
 times = st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1)
 
@@ -101,9 +113,54 @@ def test_three_angles_are_those_of_rotations_about_fixed_axes(roll, pitch, yaw):
     np.testing.assert_allclose(WireReader(codec)(raw).values, [roll, pitch, yaw], atol=1e-7)
 
 
-@pytest.mark.parametrize('name', ['odometry', 'pose', 'imu', 'attitude', 'heading', 'pressure'])
+VECTOR = ('orientation.rx', 'orientation.ry', 'orientation.rz')
+
+
+@given(st.tuples(*[st.floats(-1.8, 1.8)] * 3))
+def test_a_rotation_vector_is_that_of_the_quaternion(vector):
+    codec = SignalCodec(Signal('a', 'sensor_msgs/Imu', VECTOR))
+    q = codec.encode(0, np.array(vector)).orientation
+    expected = Rotation.from_rotvec(vector)
+    found = Rotation.from_quat([q.x, q.y, q.z, q.w])
+    np.testing.assert_allclose((found.inv() * expected).magnitude(), 0.0, atol=1e-12)
+    raw = over_the_wire(codec, 0, vector)
+    np.testing.assert_allclose(WireReader(codec)(raw).values, vector, rtol=1e-14, atol=1e-150)
+
+
+def test_a_quaternion_of_any_sign_and_length_is_a_rotation_of_at_most_pi():
+    codec = SignalCodec(Signal('a', 'sensor_msgs/Imu', VECTOR))
+    message = codec.message_type()
+    q = message.orientation
+    for numbers in ((0.0, 0.0, -2.0, -2.0), (0.0, 0.0, 0.0, -1.0), (0.0, 3.0, 0.0, 0.0)):
+        q.x, q.y, q.z, q.w = numbers
+        expected = Rotation.from_quat(numbers).as_rotvec()
+        np.testing.assert_allclose(codec.decode(message), expected, atol=1e-15)
+    q.x, q.y, q.z, q.w = 0.0, 0.0, 0.0, 0.0
+    assert np.isnan(codec.decode(message)).all()
+
+
+@pytest.mark.parametrize(
+    'fields', [VECTOR[:2], (*VECTOR, 'orientation.yaw'), ('orientation.rz', 'orientation.yaw')]
+)
+def test_a_rotation_vector_is_whole_and_no_angle_beside_it(fields):
+    with pytest.raises(ValueError, match=r"fields: 'orientation.r.' goes with rx, ry, rz alone"):
+        SignalCodec(Signal('a', 'sensor_msgs/Imu', fields))
+
+
+def test_errors_of_a_rotation_are_the_fixed_axes_of_a_pose():
+    """geometry_msgs/PoseWithCovariance: rows 3 to 5 are turns about fixed axes."""
+    fields = tuple(f'pose.pose.orientation.{name}' for name in ('rx', 'ry', 'rz'))
+    codec = SignalCodec(Signal('a', 'nav_msgs/Odometry', fields))
+    P = np.diag([1.0, 2.0, 3.0]) + 0.1
+    message = codec.encode(0, np.zeros(3), P)
+    np.testing.assert_array_equal(message.pose.covariance.reshape(6, 6)[3:, 3:], P)
+
+
+@pytest.mark.parametrize(
+    'name', ['odometry', 'pose', 'imu', 'attitude', 'heading', 'rotation', 'pressure']
+)
 def test_covariance_blocks_come_back(name):
-    codec = SignalCodec({**PLAIN, **TURNED}[name])
+    codec = SignalCodec({**PLAIN, **TURNED, **WHOLE}[name])
     reader = WireReader(codec)
     rng = np.random.default_rng(0)
     for _ in range(3):

@@ -172,7 +172,7 @@ class TestSensor:
     def test_the_analytic_jacobian_is_the_numerical_one(self, name, sensor):
         found = sensor_of(name, sensor)
         for x in points(models.find_model(name)())[0]:
-            expected = numerical_jacobian(found.measure, x, found.output.subtract)
+            expected = numerical_jacobian(found.measure, x, found.output.subtract, found.state)
             np.testing.assert_allclose(found.jacobian(x), expected, atol=1e-7)
 
     def test_another_covariance_leaves_the_sensor_as_it_was(self, name, sensor):

@@ -35,3 +35,16 @@ def test_covariance_from(policy, carried, used):
         assert found is None
     else:
         np.testing.assert_allclose(found, used * np.eye(2))
+
+
+def test_a_covariance_of_zeros_is_unknown():
+    source = scenario.build({}).sensors['position']
+    mixed = np.diag([0.0, 4.0])
+    for carried, used in (
+        (np.zeros((2, 2)), source.sensor.covariance),
+        (mixed, np.diag([CONFIGURED, 4.0])),
+        (np.array([[0.0, 0.1], [0.1, 4.0]]), np.array([[0.0, 0.1], [0.1, 4.0]])),  # nonsense
+    ):
+        data = WireWriter(SignalCodec(source.signal))(1, np.zeros(2), carried)
+        found = ReadingReader(source.signal)(data, source).covariance
+        np.testing.assert_allclose(found, used)

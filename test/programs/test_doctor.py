@@ -98,7 +98,8 @@ def test_every_fault_of_the_injector_is_scored():
     assert options <= injected
     assert {'actuator_loss', 'actuator_dead_zone', 'disturbance_constant'} <= injected
     assert {'disturbance_noise'} <= set(BodyOptions.__dataclass_fields__) & injected
-    assert {'unit', 'sign', 'swap', 'rotation', 'clock_offset'} <= injected
+    assert {'unit', 'sign', 'swap', 'rotation', 'clock_offset', 'unrelated'} <= injected
+    assert {'input_gain', 'input_sign'} <= injected
     assert len(injected) >= 20
     assert all(one.scenario == two.scenario for one, two in pairs())
 

@@ -71,6 +71,16 @@ def test_an_acceleration_points_to_the_axis(x):
     np.testing.assert_allclose(added(fields, x), np.cross(rate, np.cross(rate, ARM)))
 
 
+def test_gravity_is_along_the_axis_of_the_world_that_is_up(x):
+    fields = tuple(f'linear_acceleration.{axis}' for axis in 'xyz')
+    level = LeverArm(Zero(3), BODY, fields, [0.0] * 3, 9.8)
+    up = Rotation.from_euler('xyz', x[3:6]).inv().apply([0.0, 0.0, 9.8])
+    np.testing.assert_allclose(level.measure(x), up)
+    np.testing.assert_allclose(level.jacobian(x), numerical_jacobian(level.measure, x), atol=1e-8)
+    both = LeverArm(Zero(3), BODY, fields, ARM, 9.8)
+    np.testing.assert_allclose(both.measure(x), up + added(fields, x))
+
+
 def test_the_velocity_of_a_place_is_the_rate_of_its_position(x):
     """The two formulas agree, by differences."""
     dt, rotation = 1e-6, Rotation.from_euler('xyz', x[3:6])
@@ -99,6 +109,7 @@ def test_a_body_goes_by_the_names_of_its_states():
     [
         ({'gnss.mount.translation': [1.0, 2.0]}, 'gnss.mount.translation: .*3'),
         ({'gnss.mount.translation': [1.0, 2.0, float('nan')]}, 'expected a number m, got nan'),
+        ({'gnss.mount.gravity': 9.8}, 'gnss.mount.gravity: expected an acceleration among'),
         ({'gnss.fields': ['latitude', 'longitude']}, "nothing is known of a lever arm of 'lat"),
         (
             {'model': 'constant_velocity', 'sensors': ['gnss'], 'initial_state': [0.0] * 4},

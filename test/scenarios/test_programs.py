@@ -244,6 +244,17 @@ def test_the_help_of_the_estimator_is_about_the_estimator(environment):
         assert own in output
 
 
+def test_help_explains_a_feature_that_is_used_and_only_names_another(environment):
+    unused = 'Not used, all at their defaults (docs/reference/parameters.md):\n'
+    _, output = finish(start(environment, 'estimator', '--help'))
+    assert f'{unused}  frames: SENSOR.convention, SENSOR.frame, SENSOR.mount.gravity,' in output
+    assert 'SENSOR.frame:' not in output
+    one = ['--help', '--ros-args', '-p', 'velocity.frame:=base_link']
+    _, output = finish(start(environment, 'estimator', *one))
+    assert "SENSOR.frame: position ''; velocity 'base_link'  (frame of the" in output
+    assert "SENSOR.convention: 'enu'  (axes of" in output and 'frames: ' not in output
+
+
 @pytest.mark.parametrize(
     ('text', 'says'),
     [

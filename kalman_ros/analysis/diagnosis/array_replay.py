@@ -148,7 +148,8 @@ class _Replay:
         received, stamp, value, carried = self._readings.get(name, none)
         N = len(received)
         # the node takes a reading without a stamp for one taken when it was received
-        stamp = np.where(stamp == 0.0, received, stamp)
+        stamped = stamp != 0.0
+        stamp = np.where(stamped, stamp, received)
         covariance = np.broadcast_to(source.sensor.covariance, (N, k, k)).copy()
         for index in range(N if carried is not None else 0):
             used = source.used(carried[index])
@@ -161,7 +162,9 @@ class _Replay:
                 S[index], nis[index] = correction.innovation_covariance, correction.nis
         outcome = np.full(N, '', dtype=object)
         outcome[: len(found)] = [outcome for outcome, _ in found]
-        return SensorRecord(received, stamp, value, covariance, outcome, innovation, S, nis)
+        return SensorRecord(
+            received, stamp, stamped, value, covariance, outcome, innovation, S, nis
+        )
 
     def beliefs(self) -> Beliefs:
         """Return the belief after every reading that was fused."""

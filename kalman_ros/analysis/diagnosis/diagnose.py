@@ -32,6 +32,7 @@ from . import (
     stamps,
     units,
     unobserved_states,
+    unrelated,
 )
 from .evidence import Evidence, improvement, misfit
 from .examination import CHANCE, Examination
@@ -47,13 +48,13 @@ PLAIN: Sequence[Detector] = (
 )  # fmt: skip
 #: What a filter's innovations show.
 FITTED: Sequence[Detector] = (
-    units.find, mounting.find, outliers.find, lateness.hidden, bias.find, inputs.find,
-    contradicted_parameters.find, first_belief.find, noise_levels.find,
+    units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
+    inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
 )  # fmt: skip
 #: How much simpler a cause is than others that explain as much: its gain is multiplied by this.
 SIMPLER = {
-    'unit': 1.1, 'sign': 1.1, 'swapped': 1.1, 'rotated': 1.05, 'outliers': 1.1, 'bias': 1.02,
-    'noise too small': 0.9, 'noise too large': 0.9,
+    'unit': 1.1, 'sign': 1.1, 'swapped': 1.1, 'rotated': 1.05,
+    'outliers': 1.1, 'bias': 1.02, 'noise too small': 0.9, 'noise too large': 0.9,
     'process noise too small': 0.85, 'process noise too large': 0.85, 'random walk': 0.95,
     'parameter': 0.9, 'scale': 0.25, 'input gain': 1.02, 'input sign': 1.1,
 }  # fmt: skip

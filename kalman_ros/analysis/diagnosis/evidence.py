@@ -22,6 +22,8 @@ class SensorRecord:
     received, stamp
         When each was received and its stamp, when it was taken (N,), in seconds
         of one origin. A reading without a stamp has that of its receipt.
+    stamped
+        Whether each has a stamp (N,).
     value
         The readings (N, k).
     covariance
@@ -34,6 +36,7 @@ class SensorRecord:
 
     received: Array
     stamp: Array
+    stamped: Any
     value: Array
     covariance: Array
     outcome: Any

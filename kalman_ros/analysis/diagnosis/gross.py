@@ -13,7 +13,7 @@ from .examination import CHANCE, Examination
 from .finding import Finding
 from .mounting import exchanged
 from .passage import explained, passage
-from .units import scaled
+from .units import conversions, scaled
 
 #: A filter is lost if its innovations squared are larger than expected by this factor.
 _LOST = 3.0
@@ -52,7 +52,10 @@ def _candidates(case: Examination) -> Iterator[Finding]:
     for name in dict.fromkeys(event.sensor for event in case.passage.events):
         size = case.evidence.scenario.sensors[name].sensor.output.size
         for index in range(size):
+            sensible = conversions(case, name, (index,))
             for factor in _FACTORS:
+                if factor > 0.0 and factor not in sensible:
+                    continue
                 yield scaled(case, name, (index,), factor, 0.0, 0.0)
         if size == 2:
             yield exchanged(case, name, (1, 0), 0.0)

@@ -45,7 +45,7 @@ def _numbers(name: str, record: SensorRecord) -> Iterator[Finding]:
 
 
 def _losses(name: str, record: SensorRecord, declared: float) -> Iterator[Finding]:
-    stamps = np.unique(np.round(record.stamp[record.stamp != record.received], 6))
+    stamps = np.unique(np.round(record.stamp[record.stamped], 6))
     gaps = np.diff(stamps)
     if len(gaps) < 5:
         return

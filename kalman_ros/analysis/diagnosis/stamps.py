@@ -19,8 +19,6 @@ from .passage import explained, passage
 #: A stamp may be ahead of the recorder by this (s), and behind by that, before its clock is
 #: suspected.
 _AHEAD, _BEHIND = 0.005, 0.02
-#: A stamp is that of receipt by chance less often than this.
-_UNSTAMPED = 3
 #: A clock that drifts by less than this over the recording (s) does no harm.
 _DRIFTED = 0.005
 
@@ -61,8 +59,8 @@ def picture(name: str, record: SensorRecord, title: str) -> Figure:
 
 
 def _zero(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
-    zero = record.stamp == record.received
-    if zero.sum() >= _UNSTAMPED:
+    zero = ~record.stamped
+    if zero.any():
         usual = latency(record)[~zero]
         late = float(np.median(usual)) if len(usual) else 1e-9
         stamp = np.where(zero, record.received - late, record.stamp)
@@ -71,12 +69,14 @@ def _zero(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Findi
             f'{zero.sum()} of {len(record)} stamps of {name} are zero: its driver does not stamp '
             'them, so they are taken for the time of receipt. Stamp them where they are read.',
             inf, figure=picture(name, record, 'stamps that are zero'),
-            mended=lambda: evidence.with_sensor(name, replace(record, stamp=stamp)),
+            mended=lambda: evidence.with_sensor(
+                name, replace(record, stamp=stamp, stamped=np.ones_like(zero))
+            ),
         )  # fmt: skip
 
 
 def _repeated(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
-    real = record.stamp != record.received
+    real = record.stamped
     _, first = np.unique(record.stamp[real], return_index=True)
     count = int(real.sum()) - len(first)
     if count:
@@ -92,7 +92,7 @@ def _repeated(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[F
 
 
 def _backward(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
-    real = record.stamp[record.stamp != record.received]
+    real = record.stamp[record.stamped]
     back = np.diff(real)
     count, usual = int((back < 0.0).sum()), np.median(np.abs(back)) if len(back) else 0.0
     jitter = np.ptp(np.quantile(latency(record), (0.1, 0.9)))
@@ -111,7 +111,7 @@ def _backward(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[F
 def _clock(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
     """Yield an offset or a drift of the clock that stamps, against the recorder's."""
     evidence, late = case.evidence, latency(record)
-    real = record.stamp != record.received
+    real = record.stamped
     late, received = late[real], record.received[real]
     if len(late) < 3:
         return

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import log, pi
 from typing import Any
@@ -17,23 +18,26 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 
-#: What a reading is multiplied by to be in SI units, and what it is in then.
-UNITS = {
-    pi / 180.0: 'degrees',
-    180.0 / pi: 'radians, where degrees are expected',
-    1.0 / 3.6: 'km/h',
-    3.6: 'm/s, where km/h are expected',
-    1e-3: 'thousandths (mm, mm/s)',
-    1e3: 'thousands (km)',
-    1e-2: 'hundredths (cm, cm/s)',
-    1e2: 'hundreds',
-    0.3048: 'feet',
-    1.0 / 0.3048: 'metres, where feet are expected',
-    0.44704: 'miles an hour',
-    9.80665: 'g',
-    1.0 / 9.80665: 'm/s^2, where g are expected',
-    2.0 * pi / 60.0: 'revolutions a minute',
-    2.0 * pi: 'turns',
+_LENGTH, _SPEED, _ANGLE, _TURN = ('m',), ('m/s',), ('rad', 'rad/s'), ('rad/s',)
+_DEGREES, _ACCELERATION = ('deg', 'deg/s'), ('m/s^2',)
+#: What a reading is multiplied by to be in the model's unit, what it is in then, and which units
+#: the model can have; none: any.
+UNITS: dict[float, tuple[str, tuple[str, ...]]] = {
+    pi / 180.0: ('degrees', _ANGLE),
+    180.0 / pi: ('radians, where degrees are expected', _DEGREES),
+    1.0 / 3.6: ('km/h', _SPEED),
+    3.6: ('m/s, where km/h are expected', ('km/h',)),
+    1e-3: ('thousandths (mm, mm/s)', ()),
+    1e3: ('thousands (km)', ()),
+    1e-2: ('hundredths (cm, cm/s)', (*_LENGTH, *_SPEED)),
+    1e2: ('metres, where centimetres are expected', ('cm', 'cm/s')),
+    0.3048: ('feet', _LENGTH),
+    1.0 / 0.3048: ('metres, where feet are expected', ('ft',)),
+    0.44704: ('miles an hour', _SPEED),
+    9.80665: ('g', _ACCELERATION),
+    1.0 / 9.80665: ('m/s^2, where g are expected', ('g',)),
+    2.0 * pi / 60.0: ('revolutions a minute', _TURN),
+    2.0 * pi: ('turns', _ANGLE),
 }
 #: A unit that the fit does not name must explain this part of the misfit.
 _EXPLAINED = 0.5
@@ -83,10 +87,17 @@ def _likeliest(
 
     if abs(factor) < 1e-6:
         factor = 1e-6
-    best = max((-1.0, *UNITS), key=gain)
+    best = max((-1.0, *conversions(case, name, group)), key=gain)
     excess = sum(float(e @ e) - len(e) for e in case.passage.whitened)
     likelier = gain(best) > max(gain(factor), _EXPLAINED * excess)
     return (best, 0.0) if likelier else (factor, std)
+
+
+def conversions(case: Examination, name: str, group: tuple[int, ...]) -> list[float]:
+    """Return the factors of `UNITS` that make sense for the units of some coordinates."""
+    space = case.evidence.scenario.sensors[name].sensor.output
+    own = {space.units[index] for index in group}
+    return [factor for factor, (_, units) in UNITS.items() if not units or own <= {'', *units}]
 
 
 def scaling(case: Examination, name: str, group: tuple[int, ...], factor: float) -> Array:
@@ -117,7 +128,7 @@ def scaled(
     evidence = case.evidence
     space, index = evidence.scenario.sensors[name].sensor.output, group[0]
     label = f'{name}.{space.names[index]}' if len(group) == 1 else name
-    kind, factor, why = _named(factor, std)
+    kind, factor, why = _named(factor, std, conversions(case, name, group))
     M = scaling(case, name, group, factor)
     exact, dues = replaced(case, name, M)
     record = evidence.sensors[name]
@@ -134,16 +145,16 @@ def scaled(
     )  # fmt: skip
 
 
-def _named(factor: float, std: float) -> tuple[str, float, str]:
+def _named(factor: float, std: float, conversions: Sequence[float]) -> tuple[str, float, str]:
     """Return the kind of a factor, the one of a unit or a sign if it is near, and why."""
     if factor < 0.0:
         if abs(factor + 1.0) < max(0.35, 4.0 * std):
             return 'sign', -1.0, ': they have the wrong sign'
         return 'sign', factor, f' +- {std:.1g}: they have the wrong sign, and another scale'
-    near = min(UNITS, key=lambda unit: abs(log(factor / unit)))
+    near = min(conversions, key=lambda unit: abs(log(factor / unit)))
     close = max(_CLOSE, min(4.0 * std / factor, 0.25))
     if factor > 0.0 and abs(log(factor / near)) < close:
-        return 'unit', near, f': they are in {UNITS[near]}'
+        return 'unit', near, f': they are in {UNITS[near][0]}'
     return 'scale', factor, f' +- {std:.1g}: their scale is wrong'
 
 

@@ -91,8 +91,9 @@ class BatchLinearUpdate:
         HP = product(H, P)
         S = symmetric(product_transposed(HP, H) + R)
         K = divided(HP, factor(S))
-        mean = self.dynamics.model.state.wrap(x + times(K, innovation))
-        return BatchCorrection(unchecked((mean, joseph(K, H, P, R))), innovation, S)
+        state = self.dynamics.model.state
+        moved = state.arrived(x + times(K, innovation), x, joseph(K, H, P, R))
+        return BatchCorrection(unchecked(moved), innovation, S)
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ class BatchUnscented:
         """Return the points (2n + 1, ..., n) for ``offsets`` (..., n, 2n + 1)."""
         if offsets.ndim == 2:
             offsets = offsets.reshape(*(1,) * (x.ndim - 1), *offsets.shape)
-        return np.moveaxis(offsets, -1, 0) + x
+        return self.filter.model.state.reached(np.moveaxis(offsets, -1, 0) + x, x)
 
     def _offsets(self, P: Array) -> Array:
         """Return the sigma points minus the mean (..., n, 2n + 1)."""
@@ -166,8 +167,8 @@ class BatchUnscented:
         K = divided(product_transposed(W * dy, dx), factor(S))
         left = dx - product(K, dy)
         P = symmetric(product_transposed(W * left, left) + sandwich(K, R, np.zeros(())))
-        mean = self.filter.model.state.wrap(x + times(K, innovation))
-        return BatchCorrection(unchecked((mean, P)), innovation, S)
+        moved = self.filter.model.state.arrived(x + times(K, innovation), x, P)
+        return BatchCorrection(unchecked(moved), innovation, S)
 
 
 def batched(filter: Filter) -> BatchFilter:

@@ -52,7 +52,10 @@ class Dynamics:
             n, m = model.state.size, model.input.size
             return _of_both(lambda x, u: model.next_jacobian(x, u)[0], n, m)
         return lambda x, u: numerical_jacobian(
-            lambda points: model.next(points, like(u, points)), x, model.state.subtract
+            lambda points: model.next(points, like(u, points)),
+            x,
+            model.state.subtract,
+            model.state,
         )
 
     def step(self, x: Array, u: Array, dt: float) -> Array:

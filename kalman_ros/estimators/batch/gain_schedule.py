@@ -56,9 +56,10 @@ class GainSchedule:
             model = filter.system
         elif isinstance(filter, (KalmanFilter, ExtendedKalmanFilter)):
             model = filter.model
-        #: Whether the filter, and its model, are linear.
-        self.applies = isinstance(model, (LinearSystem, DiscreteLinearSystem))
+        #: Whether the filter, its model and its space are linear.
+        self.applies = False
         if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
+            self.applies = not model.state.rotations
             self._model: SampledLinear = model
         self._known: dict[tuple[bytes, float], ScheduledPrediction | ScheduledCorrection] = {}
         self._sensors: dict[int, Sensor] = {}

@@ -55,7 +55,8 @@ def _drawn(values: Mapping[str, Any]) -> Callable[[float, np.random.Generator], 
 
     def start(width: float, rng: np.random.Generator) -> Scenario:
         mean, P = built.initial_belief.mean, width**2 * built.initial_belief.covariance
-        truth = built.model.state.wrap(rng.multivariate_normal(mean, P, method='cholesky'))
+        drawn, state = rng.multivariate_normal(mean, P, method='cholesky'), built.model.state
+        truth = state.wrap(state.reached(drawn, mean))
         return replace(built, initial_state=truth, initial_belief=Gaussian(mean, P))
 
     return start

@@ -8,6 +8,9 @@ from math import cos, pi, radians, sin
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
+
+from kalman_ros.core import Array
 
 from .recordings import Injection, stamps_of, values_of
 
@@ -113,6 +116,10 @@ def _bodies() -> list[Case]:
         if mass:  # on the mass, what is lost is less than the force noise
             found.append(Case(fault, _MASS, Injection(body=mass), kinds, subject))
         found.append(Case(fault, _POLE, Injection(body=pole), kinds, subject))
+    for fault, factor in {'input_gain': 1.6, 'input_sign': -1.0}.items():
+        right = fault.replace('_', ' ')
+        for scenario in (_MASS, _POLE):
+            found.append(Case(fault, scenario, Injection(command=factor), (right,), 'f'))
     return found
 
 
@@ -127,6 +134,18 @@ def _swapped(sensor: str) -> Injection:
 def _turned(sensor: str, degrees: float) -> Injection:
     c, s = cos(radians(degrees)), sin(radians(degrees))
     return Injection(edits={sensor: values_of(lambda y: y @ np.array([[c, s], [-s, c]]))})
+
+
+def _foreign(sensor: str, size: float) -> Injection:
+    """Return readings of something else: slow noise of one second, of this standard deviation."""
+
+    def edit(y: Array) -> Array:
+        rng, keep = np.random.default_rng(len(y)), 0.95
+        noise = rng.normal(scale=size * (1.0 - keep**2) ** 0.5, size=y.shape)
+        noise[0] = 0.0
+        return np.asarray(lfilter([1.0], [1.0, -keep], noise, axis=0))
+
+    return Injection(edits={sensor: values_of(edit)})
 
 
 def _shifted(sensor: str, seconds: float) -> Injection:
@@ -150,6 +169,8 @@ def _edits() -> list[Case]:
         Case('swap', _POLE, _swapped('joint_states'), swap, 'joint_states'),
         Case('swap', _DRIVE, _swapped('odometry'), swap, 'odometry'),
         Case('swap', _GNSS, _swapped('gnss'), swap, 'gnss'),
+        Case('unrelated', _MASS, _foreign('position', 0.5), ('unrelated',), 'position'),
+        Case('unrelated', _DRIVE, _foreign('imu', 0.3), ('unrelated',), 'imu'),
         Case('rotation', _MASS, _turned('position', 30.0), ('rotated',), 'position'),
         Case('rotation', _MASS, _turned('velocity', 90.0), ('rotated',), 'velocity'),
         Case('clock_offset', _MASS, _shifted('velocity', 0.2), ('clock offset',), 'velocity'),

@@ -20,9 +20,6 @@ from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
-#: In lockstep nothing takes time (s).
-_AT_ONCE = 1e-6
-
 
 def load(bag: str | Path, params: str | Path | None) -> Evidence:
     """Return the evidence of a bag: what the estimator of a parameter file makes of it.
@@ -48,10 +45,10 @@ def replayed(bag: Bag, parameters: Mapping[str, Any]) -> Evidence:
     found = replay_bag(bag, estimator_settings(parameters))
     sensors = {}
     for name, each in found.sensors.items():
-        received = each.stamp + _AT_ONCE if found.lockstep else each.received
+        received = each.stamp if found.lockstep else each.received
         sensors[name] = SensorRecord(
-            received, each.stamp, each.value, each.covariance, each.outcome, each.innovation,
-            each.innovation_covariance, each.nis,
+            received, each.stamp, each.stamped, each.value, each.covariance, each.outcome,
+            each.innovation, each.innovation_covariance, each.nis,
         )  # fmt: skip
     inputs, beliefs = found.inputs, found.beliefs
     return Evidence(

@@ -55,6 +55,8 @@ class Injection:
         Parameters that the estimator is given, over those of the file.
     edits
         By sensor, what happens to its readings on the recorder's side.
+    command
+        What is recorded of an input that acts, as a factor: 2 where half of it acts.
     """
 
     links: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -62,6 +64,7 @@ class Injection:
     plant: Mapping[str, Any] = field(default_factory=dict)
     estimator: Mapping[str, Any] = field(default_factory=dict)
     edits: Mapping[str, Callable[[Readings], Readings]] = field(default_factory=dict)
+    command: float = 1.0
 
     def __add__(self, other: Injection) -> Injection:
         """Return both at once."""
@@ -74,7 +77,7 @@ class Injection:
             edits[name] = _one_after_the_other(self.edits[name], other.edits[name])
         return Injection(
             links, {**self.body, **other.body}, {**self.plant, **other.plant},
-            {**self.estimator, **other.estimator}, edits,
+            {**self.estimator, **other.estimator}, edits, self.command * other.command,
         )  # fmt: skip
 
 
@@ -128,7 +131,7 @@ def simulated(
             row = (now + late, arrival.stamp * 1e-9, arrival.values)
             arrivals[arrival.name].append(row)
         u = act(now - _BEGIN, healthy)
-        commands.append((now + _TRANSPORT, now, u))
+        commands.append((now + _TRANSPORT, now, wrong.command * u))
         plant.step(u)
     readings = {each: _readings(rows, real, each) for each, rows in arrivals.items()}
     for each, edit in wrong.edits.items():

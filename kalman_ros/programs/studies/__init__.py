@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The claims of the LQG argument, one per file, each measured on the real nodes.
+"""The claims of the LQG argument, one per file, measured on the real nodes.
 
 A study is a module with a docstring, whose first line is its claim, and a function
 ``study(size)``: at size 1 the whole study, below 1 a shorter one, for tests.
@@ -19,19 +19,26 @@ from kalman_ros.estimators.consistency import chi_square_bounds
 
 #: In the order of the argument.
 STUDIES = (
+    'modes',
     'stability',
     'placement',
     'lqr_weights',
     'upright',
     'inversion',
+    'decay',
     'observer_noise',
     'kalman_gain',
+    'predict_update',
     'separation',
     'cost',
     'bandwidth',
     'margins',
+    'phase',
     'doyle',
     'recovery',
+    'sampling',
+    'sigma_points',
+    'one_bearing',
 )
 
 

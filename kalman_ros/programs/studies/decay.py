@@ -1,33 +1,101 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cost of a loop from a start to rest, and its scatter by small noise."""
+"""The error of an observer falls with the poles of A - L C; with noise it never reaches zero.
+
+A cart drifts, and an observer starts 10 m and 10 m/s away from it. At first its sensor is exact;
+after 5 s the sensor becomes noisy. Where the cart goes does not matter to the error.
+"""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 
-from kalman_ros.control.lqr import Cost
-from kalman_ros.core import Array, Transition
+from kalman_ros.analysis.checks import Check
+from kalman_ros.control.identification import fit
+from kalman_ros.harness import Run
+from kalman_ros.linear.placement import place_observer
+from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
+from kalman_ros.simulation.trajectory import Trajectory
 
-from .stationary import SIGMAS
+from . import Findings, between, close
+from .stationary import Stationary, estimation_error
+from .systems import CART_READING, cart, plant
 
-#: The relative rounding error of a sum of thousands of products.
-ROUNDING = 1e-9
+POLES = (-2.0, -5.0)
+DT, NOISE = 0.02, 0.1
+#: Of process noise and of an exact sensor: so little that it does not count.
+TINY = 1e-12
+START = np.array([10.0, 10.0])
+#: Seconds with the exact sensor, and until the noise has filled the observer.
+EXACT, FILLED = 5.0, 3.0
+CART = cart(
+    [0.0, TINY**2], NOISE, 1.0 / DT, enabled=False, filter='luenberger',
+    observer_poles=list(POLES), initial_state=[0.0, 1.0], initial_estimate=(-START).tolist(),
+)  # fmt: skip
 
 
-def price(
-    step: Transition, gain: Array, cost: Cost, start: Array, steps: int
-) -> tuple[float, float]:
-    """Return the sum over ``steps`` samples of the cost of u = -K x, and its tolerance.
+def study(size: float = 1.0) -> Findings:
+    """Observe the cart for 5 s without noise, and for 40 s with it."""
+    nodes = ('estimator', 'controller', 'plant')
+    with Run(CART, only={'plant': {'reading.noise': [TINY]}}, nodes=nodes) as run:
+        run.advance(EXACT)
+        run.set_parameter('reading.noise', [NOISE])
+        run.advance(FILLED + 37.0 * size)
+        found = run.trajectory()
+    return Findings(_checks(found), lambda path: _draw(found, path))
 
-    The infinite sum from x is x'X x, with X from the Lyapunov equation; the part after
-    the last sample is subtracted. Process noise w adds 2 x'X w at each x, to first order.
-    """
-    M = step.F - step.G @ gain
-    stacked = np.vstack((np.eye(len(M)), -gain))
-    X = solve_discrete_lyapunov(M.T, stacked.T @ cost.weight @ stacked)
-    last = np.linalg.matrix_power(M, steps) @ start
-    expected = float(start @ X @ start - last @ X @ last)
-    scatter = solve_discrete_lyapunov(M.T, 4.0 * X @ step.Q @ X)
-    deviation = float(np.sqrt(start @ scatter @ start))
-    return expected, SIGMAS * deviation + ROUNDING * expected
+
+def _theory() -> Stationary:
+    """Return the error of the observer, whose readings correct by L DT each."""
+    system = plant(CART)
+    L = place_observer(system.A, CART_READING, POLES).gain * DT
+    return estimation_error(system.sampled(DT), CART_READING, np.array([[NOISE**2]]), L)
+
+
+def _checks(run: Trajectory) -> list[Check]:
+    """Compare the recursion without noise with A - L C sampled, and the rest with Lyapunov."""
+    error, theory = run.truth - run.estimate, _theory()
+    falling, left = error[run.time < EXACT], error[run.time > EXACT + FILLED]
+    checks = []
+    for asked, expected, pole in zip(
+        POLES, _rates(eigenvalues(theory.matrix)), _rates(fit(falling[:-1], falling[1:]).poles)
+    ):
+        checks.append(close(f'pole of the error for {asked:g}', '1/s', expected, pole, 1e-4))
+    share = float(np.linalg.norm(falling[-1]) / np.linalg.norm(falling[0]))
+    return [
+        *checks,
+        between('exact sensor: share left after 5 s', '', 0.0, share, 1e-3),
+        theory.rms('noisy sensor: RMS error of x', 'm', 0, left[:, 0]),
+        theory.rms('noisy sensor: RMS error of v', 'm/s', 1, left[:, 1]),
+    ]
+
+
+def _rates(poles: ComplexArray) -> list[float]:
+    """Return the real parts of sampled poles in 1/s, the slowest first."""
+    found: list[float] = sorted(continuous_poles(poles, DT).real.tolist(), reverse=True)
+    return found
+
+
+def _draw(run: Trajectory, path: Path) -> None:
+    from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, figure_with
+
+    with figure_with(path, 1, 2, (9.0, 3.2)) as (_, ((where, size),)):
+        where.plot(run.time, run.truth[:, 0], color=TRUTH, label='truth')
+        where.plot(run.time, run.estimate[:, 0], color=ESTIMATE, label='estimate')
+        where.set(title='The cart drifts, the estimate finds it', ylabel='x [m]',
+                  xlabel='time [s]', xlim=(0.0, EXACT), ylim=(-11.0, 7.0))  # fmt: skip
+        where.legend(loc='lower right')
+        error = np.abs(run.truth - run.estimate)[:, 0]
+        size.semilogy(run.time, error, color=ESTIMATE, label='error of x', lw=1.0)
+        slow = _rates(eigenvalues(_theory().matrix))[0]
+        anchor = error[round(2.0 / DT)]
+        size.semilogy(run.time, anchor * np.exp(slow * (run.time - 2.0)), '--', color=INPUT,
+                      lw=1.0, label=f'exp({slow:.3g} t)')  # fmt: skip
+        size.axhline(np.sqrt(_theory().covariance[0, 0]), color=TRUTH, lw=1.0, ls=':',
+                     label='RMS by Lyapunov')  # fmt: skip
+        size.axvline(EXACT, color=READING, lw=0.8)
+        size.annotate(' noise on', (EXACT, 3.0), fontsize=8)
+        size.set(title='Its error', ylabel='|error of x| [m]', xlabel='time [s]',
+                 xlim=(0.0, 12.0), ylim=(1e-5, 30.0))  # fmt: skip
+        size.legend(loc='lower left', fontsize=8)

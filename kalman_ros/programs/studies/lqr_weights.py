@@ -22,7 +22,7 @@ from kalman_ros.linear.placement import sampled_place
 from kalman_ros.linear.structure import describe
 
 from . import Findings, between, close
-from .decay import price
+from .cost_to_rest import price
 from .systems import cart, carts, plant
 
 #: Weights R of u^2 beside a weight 1 of x^2.

@@ -20,7 +20,7 @@ from kalman_ros.linear.structure import continuous_poles
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, close
-from .decay import price
+from .cost_to_rest import price
 from .stationary import SIGMAS
 from .systems import cart, plant
 

@@ -22,7 +22,7 @@ from kalman_ros.scenario import Scenario, build
 from kalman_ros.scenario.regulator import feedback
 
 from . import Findings, between, close
-from .decay import price
+from .cost_to_rest import price
 
 #: x, z, pitch and their rates: the default weights, and the reverse.
 WEIGHTS: Mapping[str, list[float]] = {

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Readings of something that the model does not have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.core import Array, Space
+
+from .evidence import SensorRecord
+from .examination import Examination
+from .finding import Curve, Figure, Finding
+from .passage import DROPPED, LOG_2_PI, Passage, explained, passage, usable
+
+#: A sensor is suspected if its innovations squared are larger than expected by this factor.
+_SUSPECT = 4.0
+#: The fewest readings that are judged.
+_FEWEST = 50
+#: Correlations with all states are looked at within this many seconds, and are none below this.
+_LAG, _CORRELATED = 1.0, 0.4
+#: The slope of readings over predictions is this many deviations below 1.
+_FAR = 4.0
+#: The other sensors know what it should read if this varies by more than their uncertainty.
+_EXCITED = 1.0
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """Readings (N, k) beside what the others predict (N, k), and the correlations between."""
+
+    time: Array
+    read: Array
+    predicted: Array
+    largest: float
+    z: float
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the sensors whose readings have nothing to do with the states of the model.
+
+    The other sensors predict what it should have read. Where they know that well, and the
+    readings follow neither this nor any other state, also not later or earlier, they are of
+    something else.
+    """
+    names = dict.fromkeys(event.sensor for event in case.passage.events)
+    found = []
+    for name in names if len(names) > 1 else ():
+        whitened = [case.passage.whitened[i] for i in case.passage.of(name)]
+        if np.mean([e @ e / len(e) for e in whitened]) > _SUSPECT:
+            found += _judged(case, name)
+    return found
+
+
+def _judged(case: Examination, name: str) -> list[Finding]:
+    record = case.evidence.sensors[name]
+    rest = case.evidence.with_sensor(name, record.select(slice(0)))
+    without = passage(rest, strict=False)
+    compared = _compared(case, name, without)
+    if compared is None or compared.largest > _CORRELATED or compared.z < _FAR:
+        return []
+    events = [case.passage.events[i] for i in case.passage.of(name)]
+    by_itself = _misfit_alone(record.value[[event.index for event in events]])
+    left_out = sum(event.log + event.innovation.size + DROPPED for event in events)
+    dues = by_itself - left_out
+    label = case.evidence.scenario.sensors[name].sensor.output.names[0]
+    time = compared.time - case.evidence.start
+    figure = Figure(
+        f'{name}: readings beside what the other sensors predict', 'time [s]', label,
+        (Curve('readings', time, compared.read[:, 0], 'dots'),
+         Curve('predicted', time, compared.predicted[:, 0])),
+    )  # fmt: skip
+    finding = Finding(
+        'unrelated', name,
+        f'{name} reads something that the model does not have: it correlates with no state '
+        f'(at most {compared.largest:.2f} within {_LAG:g} s), though the other sensors predict '
+        'what it should read. Is it the right topic, and the right field?',
+        compared.z, {f'{name}.enabled': False}, gain=explained(case.passage, without) - dues,
+        figure=figure, dues=dues, mended=lambda: rest,
+    )  # fmt: skip
+    return [finding]
+
+
+def _misfit_alone(values: Array) -> float:
+    """Return -2 log likelihood of readings (N, k) of which each follows only the one before it.
+
+    A line through successive readings, with normal residuals, in place of the model.
+    """
+    total = 0.0
+    for y in values.T:
+        line = np.column_stack((y[:-1], np.ones(len(y) - 1)))
+        residual = y[1:] - line @ np.linalg.lstsq(line, y[1:], rcond=None)[0]
+        variance = max(float(residual.var()), 1e-300)
+        total += len(y) * (LOG_2_PI + np.log(variance) + 1.0)
+    return total
+
+
+def _compared(case: Examination, name: str, without: Passage) -> _Comparison | None:
+    """Return readings beside predictions; None if they do not suffice to judge."""
+    record = case.evidence.sensors[name]
+    record = record.select(usable(record))
+    sensor, states = case.evidence.scenario.sensors[name].sensor, without.events
+    if len(record) < _FEWEST or len(states) < _FEWEST:
+        return None
+    order = np.argsort(record.stamp, kind='stable')
+    record = record.select(order)
+    at = np.searchsorted([event.time for event in states], record.stamp, 'right') - 1
+    events = [states[i] for i in np.maximum(at, 0)]
+    x = np.array([event.x for event in events])
+    predicted = np.array([sensor.measure(each) for each in x])
+    H = [sensor.jacobian(event.x) for event in events[:: max(1, len(events) // _FEWEST)]]
+    P = [event.P for event in events[:: max(1, len(events) // _FEWEST)]]
+    unsure = np.median([(h @ p @ h.T).diagonal() for h, p in zip(H, P)], axis=0)
+    y, expected = _straight(sensor.output, record.value), _straight(sensor.output, predicted)
+    known = expected.var(axis=0) > _EXCITED * unsure
+    if not known.any() or not (y.std(axis=0) > 0.0).all():
+        return None
+    signals = np.column_stack((expected, _straight(case.evidence.scenario.model.state, x)))
+    largest = max(_correlated(record, column, signals) for column in y.T)
+    z = min(_distance(y[:, i], expected[:, i]) for i in np.flatnonzero(known))
+    return _Comparison(record.stamp, y, expected, largest, z)
+
+
+def _straight(space: Space, values: Array) -> Array:
+    """Return values (N, k) with the sine for each angle."""
+    angles = [name in space.angles for name in space.names]
+    return np.where(angles, np.sin(values), values)
+
+
+def _correlated(record: SensorRecord, y: Array, signals: Array) -> float:
+    """Return the largest correlation of readings (N,) with signals (N, m), at any lag."""
+    interval = max(float(np.median(np.diff(record.stamp))), 1e-6)
+    grid = np.arange(record.stamp[0], record.stamp[-1], interval)
+    size, lags = 2 * len(grid), int(_LAG / interval)
+    keep = np.r_[0 : min(lags, len(grid)), max(size - lags, len(grid)) : size]
+
+    def spectrum(values: Array) -> Array:
+        even = np.interp(grid, record.stamp, values)
+        even = even - even.mean()
+        norm = float(np.linalg.norm(even))
+        return np.asarray(np.fft.rfft(even / norm if norm > 0.0 else even, size))
+
+    first = spectrum(y)
+    return max(
+        float(np.abs(np.fft.irfft(first * spectrum(each).conj(), size)[keep]).max())
+        for each in signals.T
+    )
+
+
+def _distance(y: Array, expected: Array) -> float:
+    """Return by how many standard deviations the slope of readings over predictions is below 1.
+
+    The slope's deviation counts N (1 - r) / (1 + r) independent readings, r the product of the
+    autocorrelations at one step (M. Bartlett, Some Aspects of the Time-Correlation Problem, J.
+    Royal Statistical Society 98(3), 1935).
+    """
+
+    def successive(values: Array) -> float:
+        return float(np.corrcoef(values[1:], values[:-1])[0, 1])
+
+    r = min(max(successive(y) * successive(expected), 0.0), 1.0 - 1e-9)
+    independent = len(y) * (1.0 - r) / (1.0 + r)
+    ratio = float(y.std() / expected.std())
+    slope = ratio * float(np.corrcoef(y, expected)[0, 1])
+    return float((1.0 - abs(slope)) / (ratio / max(independent, 1.0) ** 0.5))

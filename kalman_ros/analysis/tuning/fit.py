@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A maximum likelihood fit: values, intervals, correlations, and what is not determined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, nan
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .ascent import Report, _ignore, maximum
+from .identifiability import Determination, determination
+from .likelihood import Expansion, Likelihood
+
+#: Of the normal distribution, both sides of 95 %.
+_95 = 1.959964
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A parameter after the fit.
+
+    Parameters
+    ----------
+    name, unit
+        Of the parameter.
+    start, value
+        Before and after the fit. Where it is not determined, ``value`` is one of many.
+    low, high
+        The 95 % interval; NaN where it is not determined.
+    reason
+        Why the data do not determine it; '' if they do.
+    """
+
+    name: str
+    unit: str
+    start: float
+    value: float
+    low: float
+    high: float
+    reason: str = ''
+
+    @property
+    def determined(self) -> bool:
+        """Whether the data determine it."""
+        return not self.reason
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit.
+
+    Parameters
+    ----------
+    parameters
+        In the order in which they were asked for.
+    correlation
+        Between their errors (p, p); NaN where one is not determined.
+    before, after
+        The log-likelihood at the start (-inf if there is none) and of the fit, without priors.
+    rank
+        The number of combinations of parameters that the data determine.
+    count
+        The numbers read that were fitted to.
+    converged, steps
+        Whether the maximum was reached, and in how many steps.
+    top
+        The expansion at the maximum.
+    """
+
+    parameters: tuple[Fitted, ...]
+    correlation: Array
+    before: float
+    after: float
+    rank: int
+    count: int
+    converged: bool
+    steps: int
+    top: Expansion
+    determination: Determination
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The values by name; those that the data do not determine are one choice of many."""
+        return {each.name: each.value for each in self.parameters}
+
+    @property
+    def aic(self) -> tuple[float, float]:
+        """Akaike's information criterion, 2 p - 2 log L, before and after; lower is better."""
+        return -2.0 * self.before, 2.0 * self.rank - 2.0 * self.after
+
+
+def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
+    """Return the maximum likelihood fit, or with priors the likeliest values after the data.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to fit, or no likelihood.
+    """
+    if not likelihood.parameters:
+        raise ValueError('fit: expected at least one parameter, got none')
+    ascent = maximum(likelihood, report)
+    top = ascent.top
+    start = float(likelihood.values([likelihood.start])[0] - likelihood.prior(likelihood.start)[0])
+    found = determination(likelihood.parameters, top.information, top.z)
+    fitted = []
+    for index, each in enumerate(likelihood.parameters):
+        z, reach = float(top.z[index]), _95 * float(found.std[index])
+        if not found.seen[index]:
+            z = each.scaled(each.start)
+        low, high = (
+            (each.value(z - reach), each.value(z + reach)) if isfinite(reach) else (nan, nan)
+        )
+        fitted.append(
+            Fitted(
+                each.name, each.unit, each.start, each.value(z), low, high, found.reasons[index]
+            )
+        )
+    events = likelihood.observations.events({}, likelihood.until)
+    count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
+    return Fit(
+        tuple(fitted), found.correlation, start, top.data, found.rank, count,
+        ascent.converged, ascent.steps, top, found,
+    )  # fmt: skip
+
+
+def sampled(
+    likelihood: Likelihood, found: Fit, count: int, seed: int = 0
+) -> list[dict[str, float]]:
+    """Return values on the edge of the 95 % region, along each axis and in random directions.
+
+    The region of r determined parameters is where (z - z0)' I (z - z0) is below the quantile of
+    chi-square with r degrees of freedom; the others stay where they are.
+    """
+    from kalman_ros.estimators.consistency import chi_square_gate
+
+    known = np.array([each.determined for each in found.parameters])
+    r = int(known.sum())
+    if not r:
+        return []
+    std = found.determination.std[known]
+    P = found.correlation[np.ix_(known, known)] * np.outer(std, std)
+    values, vectors = np.linalg.eigh(P)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    directions = np.random.default_rng(seed).standard_normal((count, r))
+    directions = np.concatenate((np.eye(r), -np.eye(r), directions))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    edge = np.sqrt(chi_square_gate(0.95, r)) * directions @ root.T
+    result = []
+    for away in edge:
+        z = found.top.z.copy()
+        z[known] += away
+        pairs = zip(likelihood.parameters, z.tolist())
+        result.append({each.name: each.value(at) for each, at in pairs})
+    return result

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A number that is fitted, and the scale on which it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, inf, isfinite, log
+
+#: The steps of differences, on the scale of the fit.
+STEP = 1e-4
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A number to be fitted.
+
+    The fit moves z: the logarithm of a positive number, else the number in units of ``scale``.
+
+    Parameters
+    ----------
+    name
+        Of the number, such as ``position.noise``.
+    start
+        The value that the fit starts from.
+    low, high
+        The bounds of the value.
+    positive
+        Whether it is fitted on a logarithmic scale.
+    scale
+        The typical size of its changes; for one that is not positive.
+    unit
+        Of the value.
+    prior
+        Mean and standard deviation of the prior distribution; a positive number is log-normal,
+        with these as its median and its relative deviation times the median.
+
+    Raises
+    ------
+    ValueError
+        If the bounds exclude the start, or a logarithm has no meaning.
+    """
+
+    name: str
+    start: float
+    low: float = -inf
+    high: float = inf
+    positive: bool = False
+    scale: float = 1.0
+    unit: str = ''
+    prior: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not isfinite(self.start):
+            raise ValueError(f'{self.name}: expected a finite start, got {self.start:g}')
+        if self.positive and self.start <= 0.0:
+            raise ValueError(
+                f'{self.name}: expected a start above 0, for it is fitted on a logarithmic '
+                f'scale, got {self.start:g}'
+            )
+        if not self.low < self.high:
+            raise ValueError(
+                f'{self.name}: expected bounds LOW < HIGH, got {self.low:g} and {self.high:g}'
+            )
+        if not self.low <= self.start <= self.high:
+            raise ValueError(
+                f'{self.name}: the bounds {self.low:g} to {self.high:g} exclude the start, '
+                f'{self.start:g}'
+            )
+        if self.prior is not None:
+            mean, std = self.prior
+            if not (isfinite(mean) and 0.0 < std < inf) or (self.positive and mean <= 0.0):
+                raise ValueError(
+                    f'{self.name}: expected a prior of a mean and a standard deviation above 0, '
+                    f'got {mean:g} and {std:g}'
+                )
+
+    def scaled(self, value: float) -> float:
+        """Return z of a value."""
+        if self.positive:
+            return log(value) if value > 0.0 else -inf
+        return value / self.scale
+
+    def value(self, z: float) -> float:
+        """Return the value of z, within the bounds."""
+        found = exp(min(z, 700.0)) if self.positive else z * self.scale
+        return min(max(found, self.low), self.high)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The bounds of z, with room for a difference of the likelihood."""
+        room = 2.0 * STEP
+        low, high = self.scaled(self.low), self.scaled(self.high)
+        return low + room, high - room
+
+    @property
+    def prior_scaled(self) -> tuple[float, float] | None:
+        """Mean and standard deviation of z before any data; None if nothing is known."""
+        if self.prior is None:
+            return None
+        mean, std = self.prior
+        if self.positive:
+            return log(mean), std / mean
+        return mean / self.scale, std / self.scale

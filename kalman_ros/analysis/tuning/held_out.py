@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a filter makes of a part of a recording: likelihood, NIS and whiteness by sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, sqrt
+
+import numpy as np
+from scipy.special import ndtri
+
+from kalman_ros.core import Array
+from kalman_ros.estimators.consistency import chi_square_bounds
+from kalman_ros.linear.batched import factor, whitened
+
+from .likelihood import Likelihood
+
+#: The probability that a consistent filter fails any of its checks.
+MISS = 1e-3
+#: With fewer readings a sensor is not judged.
+_LEAST = 20
+
+
+@dataclass(frozen=True)
+class SensorJudgement:
+    """The innovations of one sensor.
+
+    Parameters
+    ----------
+    time
+        In seconds from the first reading (N,).
+    squares
+        The NIS of each reading by its degrees of freedom (N,).
+    nis
+        Their mean: 1 for a consistent filter, within ``nis_bounds``.
+    whiteness
+        The correlation of normalised innovations with the next; within +-``white_bound``.
+    rejected
+        The number of readings that the gates rejected.
+    """
+
+    time: Array
+    squares: Array
+    nis: float
+    nis_bounds: tuple[float, float]
+    whiteness: float
+    white_bound: float
+    rejected: int
+
+    @property
+    def judged(self) -> bool:
+        """Whether there are enough readings to judge."""
+        return len(self.squares) >= _LEAST
+
+    @property
+    def consistent(self) -> bool:
+        """Whether NIS and whiteness are within their bounds."""
+        low, high = self.nis_bounds
+        return low <= self.nis <= high and abs(self.whiteness) <= self.white_bound
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The log-likelihood of a part of a recording (-inf if there is none), and its sensors."""
+
+    log_likelihood: float
+    count: int
+    sensors: Mapping[str, SensorJudgement]
+
+    @property
+    def consistent(self) -> bool:
+        """Whether every sensor with enough readings is."""
+        return isfinite(self.log_likelihood) and all(
+            each.consistent for each in self.sensors.values() if each.judged
+        )
+
+
+def judge(likelihood: Likelihood, values: Mapping[str, float], after: int | None) -> Judgement:
+    """Return what the filter at these values makes of the readings after a stamp.
+
+    The filter runs from the start of the recording; ``after`` None judges all readings.
+    """
+    whole = replace(likelihood, until=None)
+    first = likelihood.observations.span[0]
+    columns: dict[str, list[tuple[Array, Array, int, Array]]] = {}
+    total, count = 0.0, 0
+    try:
+        with np.errstate(all='ignore'):
+            for block in whole.walk([likelihood.build(values)]).blocks():
+                use = np.ones(len(block.time), bool) if after is None else block.time > after
+                if not use.any():
+                    continue
+                total += float(whole.terms(block)[use].sum())
+                count += int(use.sum())
+                accepted = block.accepted[use, 0]
+                E, S = block.innovation[use][accepted, 0], block.covariance[use][accepted, 0]
+                z = whitened(factor(S), E)
+                times = (block.time[use][accepted] - first) * 1e-9
+                columns.setdefault(block.sensor, []).append(
+                    (times, z, int((~accepted).sum()), np.sum(z * z, axis=1) / z.shape[1])
+                )
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+        total = -np.inf
+    if not isfinite(total):
+        return Judgement(-np.inf, count, {})
+    checks = max(1, 2 * len(columns))
+    return Judgement(
+        total, count, {name: _judged(parts, MISS / checks) for name, parts in columns.items()}
+    )
+
+
+def _judged(parts: Sequence[tuple[Array, Array, int, Array]], miss: float) -> SensorJudgement:
+    width = max(z.shape[1] for _, z, _, _ in parts)
+    time = np.concatenate([t for t, _, _, _ in parts])
+    squares = np.concatenate([s for _, _, _, s in parts])
+    order = np.argsort(time, kind='stable')
+    # readings with missing values do not count for whiteness
+    z = np.concatenate([z for _, z, _, _ in parts if z.shape[1] == width])
+    degrees = sum(z.size for _, z, _, _ in parts)
+    nis = float(sum(np.sum(z * z) for _, z, _, _ in parts) / max(degrees, 1))
+    bounds = chi_square_bounds(1.0, 2.0 / max(degrees, 1), miss)
+    power = float(np.sum(z * z))
+    white = float(np.sum(z[1:] * z[:-1])) / power if power > 0.0 else 0.0
+    bound = float(-ndtri(miss / 2.0)) / sqrt(max(z.size, 1))
+    rejected = sum(r for _, _, r, _ in parts)
+    return SensorJudgement(time[order], squares[order], nis, bounds, white, bound, rejected)

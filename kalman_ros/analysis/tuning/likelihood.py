@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The likelihood of parameters, its gradient and its Fisher information, by batched filters.
+
+By the prediction-error decomposition, with innovations v and their covariances S,
+
+    log L = -1/2 sum of v' S^-1 v + log |2 pi S|,
+    I_ij = sum of dv/di' S^-1 dv/dj + 1/2 tr(S^-1 dS/di S^-1 dS/dj)
+
+(A. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989, section 3.4;
+N. Gupta and R. Mehra, IEEE Trans. Automatic Control 19(6), 1974). All derivatives are central
+differences of filters that run side by side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import log, pi
+
+import numpy as np
+
+from kalman_ros.core import Array
+from kalman_ros.linear.batched import factor, log_determinant, whitened
+
+from .candidate import Build, Candidate
+from .free_parameter import STEP, FreeParameter
+from .observations import Observations
+from .walk import Block, Conditions, Walk
+
+#: Called with the share of a pass that is done.
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """The log-likelihood about a point z (p,): its value, gradient and Fisher information.
+
+    ``data`` is the log-likelihood alone; ``value`` includes the priors.
+    """
+
+    z: Array
+    value: float
+    data: float
+    gradient: Array
+    information: Array
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """The likelihood of parameters on a recording.
+
+    Parameters
+    ----------
+    parameters
+        What is fitted.
+    build
+        From values to a candidate.
+    observations, conditions
+        The recording, and how the estimator takes it.
+    until
+        The last stamp that counts, in nanoseconds; None for all.
+    """
+
+    parameters: Sequence[FreeParameter]
+    build: Build
+    observations: Observations
+    conditions: Conditions
+    until: int | None = None
+
+    def candidate(self, z: Array) -> Candidate:
+        """Return the candidate at a point z (p,)."""
+        pairs = zip(self.parameters, z.tolist())
+        return self.build({each.name: each.value(at) for each, at in pairs})
+
+    @property
+    def start(self) -> Array:
+        """The start of the fit (p,)."""
+        return np.array([each.scaled(each.start) for each in self.parameters])
+
+    def values(self, points: Sequence[Array]) -> Array:
+        """Return the log-likelihood with the priors at each point; -inf where there is none."""
+        found = self._values([self._candidate(z) for z in points])
+        return np.asarray(found + [self.prior(z)[0] for z in points])
+
+    def _candidate(self, z: Array) -> Candidate | None:
+        try:
+            return self.candidate(z)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+            return None
+
+    def _values(self, candidates: Sequence[Candidate | None]) -> Array:
+        built = [each for each in candidates if each is not None]
+        found = np.full(len(candidates), -np.inf)
+        if built:
+            which = [index for index, each in enumerate(candidates) if each is not None]
+            found[which] = self._together(built)
+        return found
+
+    def _together(self, candidates: Sequence[Candidate]) -> Array:
+        total = np.zeros(len(candidates))
+        try:
+            with np.errstate(all='ignore'):
+                for block in self.walk(candidates).blocks(self.until):
+                    total += self.terms(block).sum(axis=0)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+            if len(candidates) == 1:
+                return np.array([-np.inf])
+            half = len(candidates) // 2
+            parts = candidates[:half], candidates[half:]
+            return np.concatenate([self._together(each) for each in parts])
+        return np.where(np.isfinite(total), total, -np.inf)
+
+    def walk(self, candidates: Sequence[Candidate], together: bool = False) -> Walk:
+        """Return the candidates before the first reading."""
+        return Walk(self.observations, self.conditions, candidates, together)
+
+    def terms(self, block: Block) -> Array:
+        """Return what each reading adds to the log-likelihood (N, p).
+
+        A reading that a gate rejects is an outlier, which may be anywhere in the range of the
+        readings: else noise that is too small, so that nothing passes, would be the likeliest.
+        """
+        L = factor(block.covariance)
+        z = whitened(L, block.innovation)
+        k = block.innovation.shape[-1]
+        found = -0.5 * (np.sum(z * z, axis=-1) + log_determinant(L) + k * log(2.0 * pi))
+        if block.accepted.all():
+            return np.asarray(found)
+        values = self.observations.readings[block.sensor].value
+        reach = np.nanmax(values, axis=0) - np.nanmin(values, axis=0)
+        elsewhere = -float(np.log(np.where(reach > 0.0, reach, 1.0)).sum())
+        return np.where(block.accepted, found, elsewhere)
+
+    def expand(self, z: Array, progress: Progress | None = None) -> Expansion | None:
+        """Return value, gradient and information at z (p,); None if there is no likelihood."""
+        p = len(z)
+        points = [z, *(z + s * STEP * e for e in np.eye(p) for s in (1.0, -1.0))]
+        try:
+            candidates = [self.candidate(each) for each in points]
+            total, information = np.zeros(2 * p + 1), np.zeros((p, p))
+            with np.errstate(all='ignore'):
+                walk = self.walk(candidates, together=True)
+                for block in walk.blocks(self.until, progress):
+                    total += self.terms(block).sum(axis=0)
+                    information += _information(block)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+            return None
+        if not np.isfinite(total).all() or not np.isfinite(information).all():
+            return None
+        gradient = (total[1::2] - total[2::2]) / (2.0 * STEP)
+        value, slope, curvature = self.prior(z)
+        return Expansion(
+            z, total[0] + value, float(total[0]), gradient + slope, information + curvature
+        )
+
+    def prior(self, z: Array) -> tuple[float, Array, Array]:
+        """Return the log-density of the priors at z (p,), its gradient and its information."""
+        value, slope, curvature = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
+        for index, each in enumerate(self.parameters):
+            known = each.prior_scaled
+            if known is not None:
+                mean, std = known
+                away = (z[index] - mean) / std
+                value -= 0.5 * away**2
+                slope[index], curvature[index, index] = -away / std, std**-2
+        return float(value), slope, curvature
+
+
+def _information(block: Block) -> Array:
+    """Return the information (p, p) of readings, of candidates at z and on both sides of it."""
+    use = block.accepted[:, 0]
+    if not use.any():
+        return np.zeros(())
+    E, S = block.innovation[use], block.covariance[use]
+    L = factor(S[:, 0])
+    N, k, count = len(E), E.shape[2], (E.shape[1] - 1) // 2
+    dE = block.output.subtract(E[:, 1::2], E[:, 2::2]) / (2.0 * STEP)
+    dS = (S[:, 1::2] - S[:, 2::2]) / (2.0 * STEP)
+    W = whitened(L[:, np.newaxis], dE)
+    one = whitened(L[:, np.newaxis, np.newaxis], dS)  # rows are S' L^-T
+    M = whitened(L[:, np.newaxis, np.newaxis], one.swapaxes(-1, -2))
+    W = np.moveaxis(W, 1, 0).reshape(count, N * k)
+    M = np.moveaxis(M, 1, 0).reshape(count, N * k * k)
+    return np.asarray(W @ W.T + 0.5 * (M @ M.T))

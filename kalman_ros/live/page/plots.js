@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+// Curves over time on a canvas.
+
+import { data } from './data.js';
+
+const cache = new Map();
+
+// a colour of the style sheet
+export function colour(name) {
+  if (!cache.has(name)) {
+    cache.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  }
+  return cache.get(name);
+}
+
+export const forgetColours = () => cache.clear();
+
+// a context whose unit is a CSS pixel; null where the canvas is not to be seen
+export function prepare(canvas) {
+  const box = canvas.getBoundingClientRect();
+  if (!box.width || box.bottom < 0 || box.top > innerHeight) return null;
+  const ratio = Math.min(devicePixelRatio || 1, 2);
+  const width = Math.round(box.width * ratio), height = Math.round(box.height * ratio);
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  const pen = canvas.getContext('2d');
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, box.width, box.height);
+  pen.font = '11px system-ui, sans-serif';
+  pen.lineJoin = 'round';
+  return { pen, width: box.width, height: box.height };
+}
+
+export function short(value) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  if (size !== 0 && (size >= 1e5 || size < 1e-3)) return value.toExponential(1).replace('e+', 'e');
+  return String(Number(value.toPrecision(3)));
+}
+
+// round numbers within an interval
+export function ticks(low, high, count) {
+  const rough = (high - low) / count;
+  if (!(rough > 0)) return [low];
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough);
+  const found = [];
+  for (let k = Math.ceil(low / step); k * step <= high && found.length < 20; k++) found.push(k * step);
+  return found;
+}
+
+const DASHES = { solid: [], dashed: [6, 4], dotted: [2, 3] };
+
+export function stroke(pen, name, width = 1.5, dash = 'solid') {
+  pen.strokeStyle = colour(name);
+  pen.lineWidth = width;
+  pen.setLineDash(DASHES[dash]);
+}
+
+// Draw one plot. `curves` have rows, a value (row) => number, and a look; a `band` has low and high.
+export function plot(canvas, { title, curves = [], bands = [], marks = [], lines = [], log = false }) {
+  const area = prepare(canvas);
+  if (!area) return;
+  const { pen, width, height } = area;
+  const left = 46, right = width - 6, top = 15, bottom = height - 14;
+  const end = data.now, start = end - data.span;
+  const scale = log ? (v) => (v > 0 ? Math.log10(v) : NaN) : (v) => v;
+  const recent = (rows) => (rows ?? []).filter((row) => row[0] >= start);
+  let low = Infinity, high = -Infinity;
+  const extend = (value) => {
+    if (value === null || !Number.isFinite(value)) return;
+    low = Math.min(low, value);
+    high = Math.max(high, value);
+  };
+  const shown = curves.map((curve) => ({ ...curve, points: recent(curve.rows).map((row) => [row[0], scale(curve.value(row))]) }));
+  const filled = bands.map((band) => ({ ...band, points: recent(band.rows).map((row) => [row[0], scale(band.low(row)), scale(band.high(row))]) }));
+  for (const { points } of shown) for (const [, y] of points) extend(y);
+  for (const { points } of filled) {
+    // a band that is much wider than the curves, as at the start, is cut
+    const widths = points.map(([, a, b]) => b - a).sort((a, b) => a - b);
+    const usual = widths[Math.floor(widths.length / 2)] ?? 0;
+    for (const [, a, b] of points) if (b - a <= 4 * usual) { extend(a); extend(b); }
+  }
+  for (const { rows, value, dot } of marks) if (dot) for (const row of recent(rows)) extend(scale(value(row)));
+  for (const line of lines) extend(scale(line.value));
+  if (!(high > low)) { const middle = Number.isFinite(low) ? low : 0; low = middle - 0.5; high = middle + 0.5; }
+  const pad = 0.06 * (high - low);
+  low -= pad; high += pad;
+  const X = (t) => left + (right - left) * (t - start) / (end - start || 1);
+  const Y = (v) => bottom - (bottom - top) * (v - low) / (high - low);
+  pen.fillStyle = colour('soft');
+  pen.textBaseline = 'middle';
+  pen.textAlign = 'right';
+  stroke(pen, 'line', 1);
+  for (const v of ticks(low, high, 4)) {
+    pen.beginPath(); pen.moveTo(left, Y(v)); pen.lineTo(right, Y(v)); pen.stroke();
+    pen.fillText(short(log ? 10 ** v : v), left - 4, Y(v));
+  }
+  pen.textAlign = 'center';
+  pen.textBaseline = 'top';
+  for (const t of ticks(start, end, Math.max(2, width / 110))) if (X(t) > left + 8 && X(t) < right - 14) pen.fillText(`${short(t)} s`, X(t), bottom + 3);
+  pen.save();
+  pen.beginPath(); pen.rect(left, top - 2, right - left, bottom - top + 4); pen.clip();
+  for (const { points, look } of filled) {
+    pen.fillStyle = colour(look);
+    pen.beginPath();
+    points.forEach(([t, a], k) => (k ? pen.lineTo(X(t), Y(a)) : pen.moveTo(X(t), Y(a))));
+    [...points].reverse().forEach(([t, , b]) => pen.lineTo(X(t), Y(b)));
+    pen.fill();
+  }
+  for (const { value, look, dash } of lines) {
+    stroke(pen, look, 1.2, dash ?? 'dotted');
+    pen.beginPath(); pen.moveTo(left, Y(scale(value))); pen.lineTo(right, Y(scale(value))); pen.stroke();
+  }
+  for (const { points, look, dash, width: wide, turns } of shown) {
+    stroke(pen, look, wide ?? 1.5, dash);
+    pen.beginPath();
+    let before = null;
+    for (const [t, y] of points) {
+      if (y === null || !Number.isFinite(y)) { before = null; continue; }
+      // no stroke across the wrap of an angle
+      if (before === null || (turns && Math.abs(y - before) > Math.PI)) pen.moveTo(X(t), Y(y));
+      else pen.lineTo(X(t), Y(y));
+      before = y;
+    }
+    pen.stroke();
+  }
+  for (const { rows, value, look, dot } of marks) {
+    stroke(pen, look, 1.2);
+    pen.beginPath();
+    for (const row of recent(rows)) {
+      const x = X(row[0]), y = Y(scale(value(row)));
+      if (!Number.isFinite(y)) continue;
+      if (dot) { pen.moveTo(x + 1.8, y); pen.arc(x, y, 1.8, 0, 7); }
+      else { pen.moveTo(x - 2.5, y); pen.lineTo(x + 2.5, y); pen.moveTo(x, y - 2.5); pen.lineTo(x, y + 2.5); }
+    }
+    pen.stroke();
+  }
+  pen.restore();
+  pen.setLineDash([]);
+  pen.fillStyle = colour('ink');
+  pen.textAlign = 'left';
+  pen.textBaseline = 'top';
+  pen.fillText(title, left, 1);
+}

@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: Apache-2.0
+// The system itself: truth solid, estimate dashed with an ellipse of two standard deviations.
+
+import { data, last } from './data.js';
+import { colour, prepare, short, stroke, ticks } from './plots.js';
+
+const TWO_SIGMA = 2;
+const FRESH = 600;  // milliseconds for which a reading is shown
+
+// truth, estimate and covariance by the names of the states
+function now(scene) {
+  const names = scene.state.names, n = names.length;
+  const truth = last('truth'), estimate = last('estimate'), input = last('input');
+  const at = (row, first) => Object.fromEntries(names.map((name, k) => [name, row?.[first + k] ?? null]));
+  const cell = (P, a, b) => (P ? P[names.indexOf(a) * n + names.indexOf(b)] : 0);
+  const prior = data.prior && { x: at(data.prior.x, 0), P: (a, b) => cell(data.prior.P, a, b) };
+  return {
+    truth: truth && at(truth, 1),
+    estimate: estimate && { x: at(estimate, 1), P: (a, b) => cell(data.P, a, b) },
+    prior,
+    input: (input ?? []).slice(1),
+  };
+}
+
+const deviation = (belief, name) => Math.sqrt(Math.max(0, belief.P(name, name) ?? 0));
+
+function arrow(pen, x, y, dx, dy, look = 'input') {
+  const size = Math.hypot(dx, dy);
+  if (size < 2) return;
+  stroke(pen, look, 3);
+  pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + dx, y + dy); pen.stroke();
+  const a = Math.atan2(dy, dx), h = Math.min(10, size);
+  pen.fillStyle = colour(look);
+  pen.beginPath();
+  pen.moveTo(x + dx, y + dy);
+  for (const s of [2.6, -2.6]) pen.lineTo(x + dx + h * Math.cos(a + s), y + dy + h * Math.sin(a + s));
+  pen.fill();
+}
+
+// the length in pixels of an input: large ones are shortened
+const reach = (scene, value) => 70 * Math.tanh((value ?? 0) / (scene.force || 1));
+
+function spring(pen, x0, y0, x1, y1) {
+  const length = Math.hypot(x1 - x0, y1 - y0), turns = 9, a = Math.atan2(y1 - y0, x1 - x0);
+  stroke(pen, 'soft', 1.4);
+  pen.save();
+  pen.translate(x0, y0); pen.rotate(a);
+  pen.beginPath(); pen.moveTo(0, 0);
+  for (let k = 0; k <= 2 * turns; k++) pen.lineTo(length * (0.08 + 0.84 * k / (2 * turns)), k % 2 ? 6 : -6);
+  pen.lineTo(length, 0); pen.stroke();
+  pen.restore();
+}
+
+// the ellipse of a 2 x 2 covariance about a point, in pixels; y points up in the world
+function ellipse(pen, X, Y, belief, a, b, look, dash) {
+  const [mx, my] = [belief.x[a], belief.x[b]];
+  if (mx === null || my === null) return;
+  const p = belief.P(a, a), q = belief.P(a, b), r = belief.P(b, b);
+  const middle = (p + r) / 2, off = Math.hypot((p - r) / 2, q);
+  const turn = 0.5 * Math.atan2(2 * q, p - r);
+  const scale = Math.abs(X(1) - X(0)), limit = 1e5;
+  const long = Math.min(limit, TWO_SIGMA * Math.sqrt(Math.max(0, middle + off)) * scale);
+  const wide = Math.min(limit, TWO_SIGMA * Math.sqrt(Math.max(0, middle - off)) * scale);
+  pen.beginPath();
+  pen.ellipse(X(mx), Y(my), Math.max(long, 0.5), Math.max(wide, 0.5), -turn, 0, 2 * Math.PI);
+  if (look === 'estimate') { pen.fillStyle = colour('band'); pen.fill(); }
+  stroke(pen, look, 2, dash);
+  pen.stroke();
+  pen.beginPath(); pen.arc(X(mx), Y(my), 2.5, 0, 7); pen.fillStyle = colour(look); pen.fill();
+}
+
+function beliefs(pen, seen, draw) {
+  if (seen.prior) draw(seen.prior, 'prior', 'dotted');
+  if (seen.estimate) draw(seen.estimate, 'estimate', 'dashed');
+}
+
+// readings of two states as crosses, which fade
+function crosses(pen, scene, X, Y, a, b) {
+  for (const [name, sensor] of Object.entries(scene.sensors)) {
+    const i = sensor.names.indexOf(a), j = sensor.names.indexOf(b), row = last(`reading ${name}`);
+    if (i < 0 || j < 0 || !row || performance.now() - data.arrived[name] > FRESH) continue;
+    const x = X(row[1 + i]), y = Y(row[1 + j]);
+    stroke(pen, 'reading', 2);
+    pen.beginPath(); pen.moveTo(x - 6, y); pen.lineTo(x + 6, y); pen.moveTo(x, y - 6); pen.lineTo(x, y + 6); pen.stroke();
+  }
+}
+
+// metres from the middle to the edge: a little more than the recent motion, changing slowly
+const zoomed = { run: -1, reach: 0 };
+
+function zoom(scene, names) {
+  const at = names.map((name) => 1 + scene.state.names.indexOf(name));
+  const rows = (data.rows.truth ?? []).slice(-400);
+  const goal = Math.max(0.3, 1.35 * Math.max(...rows.map((row) => Math.max(...at.map((k) => Math.abs(row[k]))))));
+  zoomed.reach += (zoomed.run === scene.run ? 0.06 : 1) * (goal - zoomed.reach);
+  zoomed.run = scene.run;
+  return zoomed.reach;
+}
+
+const DRAW = {
+  spring(pen, w, h, scene, seen) {
+    const scale = w / 2 / zoom(scene, ['x']), X = (x) => w / 2 + x * scale, y = h * 0.55, size = 44;
+    stroke(pen, 'soft', 2);
+    pen.beginPath(); pen.moveTo(12, y - 50); pen.lineTo(12, y + size / 2); pen.lineTo(w - 12, y + size / 2); pen.stroke();
+    const { truth } = seen;
+    if (!truth) return;
+    spring(pen, 12, y, X(truth.x) - size / 2, y);
+    stroke(pen, 'ink', 3);
+    pen.strokeRect(X(truth.x) - size / 2, y - size / 2, size, size);
+    beliefs(pen, seen, (belief, look, dash) => {
+      const x = X(belief.x.x), d = TWO_SIGMA * deviation(belief, 'x') * scale, v = look === 'prior' ? 16 : 0;
+      pen.fillStyle = colour('band');
+      if (!v) pen.fillRect(x - d, y - size / 2 - 8, 2 * d, size + 16);
+      stroke(pen, look, 2, dash);
+      pen.strokeRect(x - size / 2, y - size / 2, size, size);
+      stroke(pen, look, 2);
+      pen.beginPath(); pen.moveTo(x - d, y + size + v); pen.lineTo(x + d, y + size + v);
+      for (const e of [-d, 0, d]) { pen.moveTo(x + e, y + size + v - 5); pen.lineTo(x + e, y + size + v + 5); }
+      pen.stroke();
+    });
+    const reading = last('reading position');
+    if (reading && performance.now() - data.arrived.position < FRESH) {
+      stroke(pen, 'reading', 2);
+      pen.beginPath(); pen.moveTo(X(reading[1]), y - size); pen.lineTo(X(reading[1]), y + size); pen.stroke();
+    }
+    arrow(pen, X(truth.x), y - size, reach(scene, seen.input[0]), 0);
+    rule(pen, X, w, h, scale);
+  },
+
+  springs(pen, w, h, scene, seen) {
+    const scale = Math.min(w, h) / 2 / zoom(scene, ['x', 'y']), X = (x) => w / 2 + x * scale, Y = (y) => h / 2 - y * scale;
+    const { truth } = seen;
+    stroke(pen, 'soft', 2);
+    pen.strokeRect(10, 10, w - 20, h - 20);
+    if (!truth) return;
+    const [x, y] = [X(truth.x), Y(truth.y)];
+    for (const [a, b] of [[10, h / 2], [w - 10, h / 2], [w / 2, 10], [w / 2, h - 10]]) spring(pen, a, b, x, y);
+    beliefs(pen, seen, (belief, look, dash) => ellipse(pen, X, Y, belief, 'x', 'y', look, dash));
+    stroke(pen, 'ink', 3);
+    pen.beginPath(); pen.arc(x, y, 9, 0, 7); pen.stroke();
+    crosses(pen, scene, X, Y, 'x', 'y');
+    arrow(pen, x, y, reach(scene, seen.input[0]), -reach(scene, seen.input[1]));
+    rule(pen, X, w, h, scale);
+  },
+
+  cart_pole(pen, w, h, scene, seen) {
+    const { truth } = seen;
+    if (!truth) return;
+    const scale = Math.min(w / 3, h / 1.9), ground = h * 0.72, long = 2 * scene.length * scale;
+    const centre = Math.abs(truth.x) > 1.2 ? truth.x : 0, X = (x) => w / 2 + (x - centre) * scale;
+    stroke(pen, 'soft', 2);
+    pen.beginPath(); pen.moveTo(0, ground + 24); pen.lineTo(w, ground + 24); pen.stroke();
+    const pole = (x, theta, look, width, dash) => {
+      stroke(pen, look, width, dash);
+      pen.strokeRect(X(x) - 32, ground - 8, 64, 26);
+      pen.beginPath(); pen.moveTo(X(x), ground - 8); pen.lineTo(X(x) - long * Math.sin(theta), ground - 8 - long * Math.cos(theta)); pen.stroke();
+    };
+    pole(truth.x, truth.theta, 'ink', 4);
+    beliefs(pen, seen, (belief, look, dash) => {
+      const d = Math.min(Math.PI, TWO_SIGMA * deviation(belief, 'theta')), x = X(belief.x.x), a = -Math.PI / 2 - belief.x.theta;
+      pen.fillStyle = colour('band');
+      pen.beginPath(); pen.moveTo(x, ground - 8); pen.arc(x, ground - 8, long * 1.06, a - d, a + d); pen.fill();
+      pole(belief.x.x, belief.x.theta, look, 2, dash);
+      const s = TWO_SIGMA * deviation(belief, 'x') * scale;
+      stroke(pen, look, 2);
+      pen.beginPath(); pen.moveTo(x - s, ground + 32); pen.lineTo(x + s, ground + 32); pen.stroke();
+    });
+    arrow(pen, X(truth.x), ground + 5, reach(scene, seen.input[0]), 0);
+    rule(pen, X, w, h, scale, centre);
+  },
+
+  motor(pen, w, h, scene, seen) {
+    const { truth } = seen, x = w / 2, y = h / 2, r = Math.min(w, h) * 0.36;
+    stroke(pen, 'soft', 2);
+    pen.beginPath(); pen.arc(x, y, r, 0, 7); pen.stroke();
+    if (!truth) return;
+    const hand = (angle, look, width, dash) => {
+      stroke(pen, look, width, dash);
+      pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + r * Math.cos(angle), y - r * Math.sin(angle)); pen.stroke();
+    };
+    beliefs(pen, seen, (belief, look, dash) => {
+      const d = Math.min(Math.PI, TWO_SIGMA * deviation(belief, 'theta')), a = -belief.x.theta;
+      pen.fillStyle = colour('band');
+      pen.beginPath(); pen.moveTo(x, y); pen.arc(x, y, r * 1.08, a - d, a + d); pen.fill();
+      hand(belief.x.theta, look, 2, dash);
+    });
+    hand(truth.theta, 'ink', 4);
+    arrow(pen, 24, h - 16, 0, -Math.abs(reach(scene, seen.input[0])));
+    pen.fillStyle = colour('soft');
+    pen.fillText(`${short(seen.input[0])} ${scene.input.units[0]}`, 36, h - 16);
+  },
+
+  submersible(pen, w, h, scene, seen) {
+    const { truth } = seen;
+    if (!truth) return;
+    const scale = w / 9, X = (x) => w / 2 + (x - truth.x) * scale, Y = (z) => h * 0.12 - z * scale * 0.9;
+    stroke(pen, 'estimate', 2, 'dotted');
+    pen.beginPath(); pen.moveTo(0, Y(0)); pen.lineTo(w, Y(0)); pen.stroke();
+    const body = (x, z, pitch, look, width, dash) => {
+      stroke(pen, look, width, dash);
+      pen.save(); pen.translate(X(x), Y(z)); pen.rotate(pitch);
+      pen.beginPath(); pen.ellipse(0, 0, 36, 12, 0, 0, 7); pen.moveTo(36, 0); pen.lineTo(46, 0); pen.moveTo(-36, -8); pen.lineTo(-36, 8); pen.stroke();
+      pen.restore();
+    };
+    beliefs(pen, seen, (belief, look, dash) => {
+      ellipse(pen, X, (z) => Y(z), belief, 'x', 'z', look, dash);
+      body(belief.x.x, belief.x.z, belief.x.pitch, look, 2, dash);
+    });
+    body(truth.x, truth.z, truth.pitch, 'ink', 3);
+    const along = Math.cos(truth.pitch), down = Math.sin(truth.pitch), [surge, fore, aft] = seen.input;
+    const at = (s) => [X(truth.x) + s * along, Y(truth.z) + s * down];
+    const push = (s, dx, dy, value) => { const [x, y] = at(s), size = reach(scene, value); arrow(pen, x, y, size * dx, size * dy); };
+    push(-38, along, down, surge);
+    push(26, down, -along, fore);
+    push(-26, down, -along, aft);
+    rule(pen, X, w, h, scale, truth.x);
+  },
+
+  plane(pen, w, h, scene, seen) {
+    const { truth } = seen;
+    if (!truth) return;
+    const view = frame(scene, seen, w, h);
+    const X = (x) => w / 2 + (x - view.x) * view.scale, Y = (y) => h / 2 - (y - view.y) * view.scale;
+    stroke(pen, 'line', 1);
+    pen.fillStyle = colour('soft');
+    for (const x of ticks(view.x - w / 2 / view.scale, view.x + w / 2 / view.scale, 6)) {
+      pen.beginPath(); pen.moveTo(X(x), 0); pen.lineTo(X(x), h); pen.stroke(); pen.fillText(`${short(x)} m`, X(x) + 3, h - 5);
+    }
+    for (const y of ticks(view.y - h / 2 / view.scale, view.y + h / 2 / view.scale, 5)) {
+      pen.beginPath(); pen.moveTo(0, Y(y)); pen.lineTo(w, Y(y)); pen.stroke(); pen.fillText(`${short(y)} m`, 3, Y(y) - 3);
+    }
+    const i = 1 + scene.state.names.indexOf('x'), j = 1 + scene.state.names.indexOf('y');
+    for (const [rows, look, dash] of [['estimate', 'estimate', 'dashed'], ['truth', 'ink', 'solid']]) {
+      stroke(pen, look, 1.4, dash);
+      pen.beginPath();
+      (data.rows[rows] ?? []).forEach((row, k) => (k ? pen.lineTo(X(row[i]), Y(row[j])) : pen.moveTo(X(row[i]), Y(row[j]))));
+      pen.stroke();
+    }
+    places(pen, scene, X, Y, w + h);
+    beliefs(pen, seen, (belief, look, dash) => ellipse(pen, X, Y, belief, 'x', 'y', look, dash));
+    crosses(pen, scene, X, Y, 'x', 'y');
+    const heading = scene.drawing.heading;
+    const a = heading ? truth[heading] : Math.atan2(truth.v_y ?? 0, truth.v_x ?? 1);
+    pen.save(); pen.translate(X(truth.x), Y(truth.y)); pen.rotate(-a);
+    stroke(pen, 'ink', 2.5);
+    pen.beginPath(); pen.moveTo(12, 0); pen.lineTo(-8, 7); pen.lineTo(-4, 0); pen.lineTo(-8, -7); pen.closePath(); pen.stroke();
+    pen.restore();
+  },
+
+  bars(pen, w, h, scene, seen) {
+    const names = scene.state.names, row = h / names.length;
+    names.forEach((name, k) => {
+      const y = row * (k + 0.55), all = [...(data.rows.truth ?? []), ...(data.rows.estimate ?? [])].map((r) => r[1 + k]);
+      const low = Math.min(...all.slice(-2000)), high = Math.max(...all.slice(-2000)), pad = 0.3 * (high - low) || 1;
+      const X = (v) => 70 + (w - 90) * (v - low + pad) / (high - low + 2 * pad);
+      pen.fillStyle = colour('ink');
+      pen.fillText(`${name} [${scene.state.units[k]}]`, 8, y - row * 0.3);
+      stroke(pen, 'line', 1);
+      pen.beginPath(); pen.moveTo(70, y); pen.lineTo(w - 20, y); pen.stroke();
+      pen.fillStyle = colour('soft');
+      for (const v of ticks(low - pad, high + pad, 4)) pen.fillText(short(v), X(v) - 8, y + row * 0.3);
+      beliefs(pen, seen, (belief, look, dash) => {
+        const d = TWO_SIGMA * deviation(belief, name), x = belief.x[name];
+        pen.fillStyle = colour('band');
+        pen.fillRect(X(x - d), y - 12, X(x + d) - X(x - d), 24);
+        stroke(pen, look, 2, dash);
+        pen.strokeRect(X(x - d), y - 12, X(x + d) - X(x - d), 24);
+        pen.beginPath(); pen.moveTo(X(x), y - 12); pen.lineTo(X(x), y + 12); pen.stroke();
+      });
+      if (seen.truth) {
+        stroke(pen, 'ink', 4);
+        pen.beginPath(); pen.moveTo(X(seen.truth[name]), y - 16); pen.lineTo(X(seen.truth[name]), y + 16); pen.stroke();
+      }
+    });
+  },
+};
+
+// bearings as lines from their sensors
+function places(pen, scene, X, Y, far) {
+  for (const [name, sensor] of Object.entries(scene.sensors)) {
+    if (!sensor.place) continue;
+    const [x, y] = [X(sensor.place[0]), Y(sensor.place[1])], row = last(`reading ${name}`);
+    stroke(pen, 'soft', 2);
+    pen.beginPath(); pen.moveTo(x - 6, y + 5); pen.lineTo(x + 6, y + 5); pen.lineTo(x, y - 7); pen.closePath(); pen.stroke();
+    pen.fillStyle = colour('soft');
+    pen.fillText(scene.relative ? 'observer' : name, x + 9, y + 4);
+    if (!row) continue;
+    const a = row[1 + sensor.names.indexOf('bearing')];
+    stroke(pen, 'reading', 1.5, performance.now() - data.arrived[name] < FRESH ? 'solid' : 'dotted');
+    pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + far * Math.cos(a), y - far * Math.sin(a)); pen.stroke();
+  }
+}
+
+// what of the plane is shown: the recent tracks, the sensors, and an ellipse that is not larger
+const shown = { x: 0, y: 0, scale: 0, run: -1 };
+
+function frame(scene, seen, w, h) {
+  const i = 1 + scene.state.names.indexOf('x'), j = 1 + scene.state.names.indexOf('y');
+  const points = [...(data.rows.truth ?? []), ...(data.rows.estimate ?? [])].map((row) => [row[i], row[j]]);
+  for (const sensor of Object.values(scene.sensors)) if (sensor.place) points.push(sensor.place);
+  const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
+  const box = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+  if (seen.estimate) {
+    const { x, P } = seen.estimate, size = Math.max(box[1] - box[0], box[3] - box[2], 1);
+    const [dx, dy] = [P('x', 'x'), P('y', 'y')].map((v) => Math.min(TWO_SIGMA * Math.sqrt(Math.max(0, v)), size));
+    box[0] = Math.min(box[0], x.x - dx); box[1] = Math.max(box[1], x.x + dx);
+    box[2] = Math.min(box[2], x.y - dy); box[3] = Math.max(box[3], x.y + dy);
+  }
+  const scale = 0.85 * Math.min(w / Math.max(box[1] - box[0], 1e-3), h / Math.max(box[3] - box[2], 1e-3));
+  const goal = { x: (box[0] + box[1]) / 2, y: (box[2] + box[3]) / 2, scale };
+  const follow = shown.run === scene.run && shown.scale ? 0.08 : 1;
+  for (const key of ['x', 'y', 'scale']) shown[key] += follow * (goal[key] - shown[key]);
+  shown.run = scene.run;
+  return shown;
+}
+
+// a scale along the lower edge
+function rule(pen, X, w, h, scale, centre = 0) {
+  pen.fillStyle = colour('soft');
+  stroke(pen, 'soft', 1);
+  for (const x of ticks(centre - w / 2 / scale, centre + w / 2 / scale, 6)) {
+    pen.beginPath(); pen.moveTo(X(x), h - 14); pen.lineTo(X(x), h - 20); pen.stroke();
+    pen.fillText(`${short(x)} m`, X(x) - 10, h - 3);
+  }
+}
+
+export function drawSystem(canvas, scene) {
+  const area = prepare(canvas);
+  if (!area) return;
+  area.pen.textAlign = 'left';
+  area.pen.textBaseline = 'alphabetic';
+  DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene));
+}

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What does not change while the nodes of a live page run: names, units, what to draw."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kalman_ros.control.laws import LAWS
+from kalman_ros.core import DesignError, Space
+from kalman_ros.estimators import FILTERS
+from kalman_ros.scenario.regulator import feedback
+
+from .adjustments import Adjustments
+from .controls import Control
+
+#: Models with a special drawing; others are drawn in the plane, or as bars.
+_DRAWINGS = {
+    'mass_spring_damper': 'spring',
+    'mass_spring_damper_2d': 'springs',
+    'cart_pole': 'cart_pole',
+    'dc_motor': 'motor',
+    'submersible': 'submersible',
+}
+#: Names of headings.
+_HEADINGS = ('psi', 'yaw', 'theta')
+
+
+def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, Any]:
+    """Return the scene of a scenario for JSON."""
+    plant = adjustments.scenario('plant')
+    state, input = plant.model.state, plant.model.input
+    return {
+        'name': adjustments.file.stem,
+        'model': adjustments.value('plant', 'model'),
+        'rate': plant.rate,
+        'state': _space(state),
+        'input': _space(input),
+        'sensors': {
+            name: {**_space(source.sensor.output), **_place(adjustments, name)}
+            for name, source in plant.sensors.items()
+        },
+        'drawing': _drawing(str(adjustments.value('plant', 'model')), state),
+        'relative': adjustments.value('plant', 'model') == 'bearing_tracker',
+        'length': _length(adjustments),
+        'equilibrium': plant.model.equilibrium.state.tolist(),
+        'force': force_scale(adjustments),
+        'controls': [control.described() for control in controls.values()],
+        'choices': {
+            'filter': list(FILTERS),
+            **({'law': list(LAWS)} if adjustments.driven else {}),
+        },
+        'linear': plant.plan.linear,
+    }
+
+
+def force_scale(adjustments: Adjustments) -> float:
+    """Return the size of an input that moves the system visibly."""
+    if not adjustments.driven:
+        return 1.0
+    scenario = adjustments.scenario('controller')
+    model, start = scenario.model, adjustments.scenario('plant').initial_state
+    try:
+        K = feedback(scenario).gain
+    except DesignError:
+        return 1.0
+    found = abs(K @ model.state.subtract(start, model.equilibrium.state)).max()
+    return float(f'{found:.2g}') if found > 0.0 else 1.0
+
+
+def _space(space: Space) -> dict[str, Any]:
+    return {'names': space.names, 'units': space.units, 'angles': space.angles}
+
+
+def _place(adjustments: Adjustments, sensor: str) -> dict[str, Any]:
+    """Return where a sensor is that measures a bearing."""
+    if 'bearing' not in adjustments.scenario('plant').sensors[sensor].sensor.output.names:
+        return {}
+    try:
+        return {'place': adjustments.value('plant', f'{sensor}.position')}
+    except KeyError:
+        return {'place': [0.0, 0.0]}
+
+
+def _drawing(model: str, state: Space) -> dict[str, Any]:
+    kind = _DRAWINGS.get(model)
+    if kind is None:
+        kind = 'plane' if {'x', 'y'} <= {*state.names} else 'bars'
+    heading = next((name for name in _HEADINGS if name in state.angles), None)
+    return {'kind': kind, 'heading': heading}
+
+
+def _length(adjustments: Adjustments) -> float:
+    """Return the drawn length in metres."""
+    try:
+        return float(adjustments.value('plant', 'model_parameters.length'))
+    except KeyError:
+        return 1.0

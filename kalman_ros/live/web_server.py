@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The server of the page: its files, and one socket for each tab."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from http import HTTPStatus
+from pathlib import Path
+from threading import Event, Thread
+from time import monotonic
+from typing import Any
+from urllib.parse import urlsplit
+
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from .board import Board, Cursor
+from .web_access import Access
+
+#: The most tabs at once, bytes of one command, and commands a second from one tab.
+_TABS, _LONGEST, _COMMANDS = 32, 4096, 200
+#: Least seconds between two messages to a tab.
+_PERIOD = 0.02
+#: The folder of the page, and the types of its files.
+_PAGE = Path(__file__).with_name('page')
+_TYPES = {'.html': 'text/html', '.css': 'text/css', '.js': 'text/javascript'}
+#: The path of the socket.
+_SOCKET = '/socket'
+
+
+class WebServer:
+    """Serves a board to tabs, and passes their commands on, in a separate thread.
+
+    Parameters
+    ----------
+    board
+        What the tabs show.
+    command
+        Called with each command, a JSON object, and the monotonic time of its arrival.
+    access
+        Address, port and rules.
+    """
+
+    def __init__(
+        self, board: Board, command: Callable[[dict[str, Any], float], None], access: Access
+    ) -> None:
+        self._board, self._command, self._access = board, command, access
+        self._files = {f'/{path.name}': path for path in _PAGE.iterdir()}
+        self._tabs: set[asyncio.Event] = set()
+        self._started, self._error = Event(), ''
+        self._stop: Callable[[], None] = lambda: None
+        self._thread = Thread(target=lambda: asyncio.run(self._run()), daemon=True)
+
+    def __enter__(self) -> WebServer:
+        self._thread.start()
+        self._started.wait()
+        if self._error:
+            raise ValueError(self._error)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop()
+        self._thread.join(5.0)
+
+    @property
+    def tabs(self) -> int:
+        """The number of connected tabs."""
+        return len(self._tabs)
+
+    async def _run(self) -> None:
+        loop, over = asyncio.get_running_loop(), asyncio.Event()
+        address, port = self._access.address, self._access.port
+        try:
+            server: Server = await serve(
+                self._tab, address, port, process_request=self._respond, compression=None,
+                max_size=_LONGEST, max_queue=16, open_timeout=5.0, close_timeout=1.0,
+                server_header=None,
+            )  # fmt: skip
+        except OSError as error:
+            self._error = f'--port: {address}:{port} cannot be used: {error.strerror}'
+            self._started.set()
+            return
+        self._stop = lambda: _call(loop, over.set)
+        self._board.on_change = lambda: _call(loop, self._wake)
+        self._started.set()
+        await over.wait()
+        server.close()
+        await server.wait_closed()
+
+    def _wake(self) -> None:
+        for tab in self._tabs:
+            tab.set()
+
+    def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Return a file or a refusal; None to open a socket."""
+        access = self._access
+        # several headers of one kind are joined, and then match nothing
+        host, origin = (_all(request.headers, name) for name in ('Host', 'Origin'))
+        where = urlsplit(request.path)
+        if not access.knows(host):
+            return _refusal(HTTPStatus.MISDIRECTED_REQUEST, 'this server has another name')
+        if origin and not access.trusts(origin, host):
+            return _refusal(HTTPStatus.FORBIDDEN, 'this request is not from the page')
+        if access.logs_in(where.query):
+            cookie = f'{access.cookie}={access.token}; HttpOnly; SameSite=Strict; Path=/'
+            return _response(HTTPStatus.SEE_OTHER, b'', {'Location': '/', 'Set-Cookie': cookie})
+        if not access.admits(_all(request.headers, 'Cookie', '; ')):
+            return _refusal(HTTPStatus.UNAUTHORIZED, 'open the address with its token')
+        if where.path == _SOCKET:
+            if not origin:
+                return _refusal(HTTPStatus.FORBIDDEN, 'this request is not from the page')
+            full = len(self._tabs) >= _TABS
+            return _refusal(HTTPStatus.SERVICE_UNAVAILABLE, 'too many tabs') if full else None
+        return self._file(where.path, host)
+
+    def _file(self, path: str, host: str) -> Response:
+        found = self._files.get('/live.html' if path == '/' else path)
+        if found is None:
+            return _refusal(HTTPStatus.NOT_FOUND, 'there is no such page')
+        kind = f'{_TYPES[found.suffix]}; charset=utf-8'
+        policy = (
+            f"default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+            f"connect-src ws://{host}; base-uri 'none'; form-action 'none'; "
+            f"frame-ancestors 'none'"
+        )
+        headers = {'Content-Type': kind, 'Content-Security-Policy': policy}
+        return _response(HTTPStatus.OK, found.read_bytes(), headers)
+
+    async def _tab(self, connection: ServerConnection) -> None:
+        """Serve one tab until it closes."""
+        news = asyncio.Event()
+        self._tabs.add(news)
+        sending = asyncio.create_task(self._send(connection, news))
+        try:
+            await self._receive(connection)
+        except ConnectionClosed:
+            pass
+        finally:
+            sending.cancel()
+            self._tabs.discard(news)
+
+    async def _send(self, connection: ServerConnection, news: asyncio.Event) -> None:
+        """Send what has changed, as fast as the tab takes it."""
+        cursor = Cursor()
+        try:
+            while True:
+                for text in self._board.news(cursor):
+                    await connection.send(text)
+                await asyncio.sleep(_PERIOD)
+                await news.wait()
+                news.clear()
+        except ConnectionClosed:
+            return
+
+    async def _receive(self, connection: ServerConnection) -> None:
+        """Pass on the commands of a tab, at a limited rate."""
+        start, count = monotonic(), 0
+        async for text in connection:
+            now = monotonic()
+            start, count = (now, 0) if now - start > 1.0 else (start, count + 1)
+            if count > _COMMANDS:
+                await connection.close(1008, 'too many commands')
+                return
+            try:
+                command = json.loads(text, parse_constant=_no_number)
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(command, dict):
+                self._command(command, now)
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f'{text} is not JSON')
+
+
+def _call(loop: asyncio.AbstractEventLoop, function: Callable[[], None]) -> None:
+    with suppress(RuntimeError):  # the server has ended
+        loop.call_soon_threadsafe(function)
+
+
+def _all(headers: Headers, name: str, separator: str = ', ') -> str:
+    return separator.join(headers.get_all(name))
+
+
+def _refusal(status: HTTPStatus, why: str) -> Response:
+    return _response(status, f'{why}\n'.encode(), {'Content-Type': 'text/plain; charset=utf-8'})
+
+
+def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> Response:
+    always = {
+        'Content-Length': str(len(body)),
+        'Connection': 'close',
+        'Cache-Control': 'no-store',
+        'X-Content-Type-Options': 'nosniff',
+        'X-Frame-Options': 'DENY',
+        'Referrer-Policy': 'no-referrer',
+        'Cross-Origin-Resource-Policy': 'same-origin',
+    }
+    return Response(status.value, status.phrase, Headers({**headers, **always}), body)

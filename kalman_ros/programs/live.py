@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page on this machine that shows the running loop and changes it."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import webbrowser
+from collections.abc import Sequence
+
+from kalman_ros import models
+from kalman_ros.harness import NodeError
+from kalman_ros.live.board import Board
+from kalman_ros.live.live_loop import LiveLoop
+from kalman_ros.live.web_access import Access
+from kalman_ros.programs.refusal import refuse
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import overrides
+
+#: The default port.
+_PORT = 8642
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='live',
+        description='Start the nodes of a scenario in real time, and a page that shows them and '
+        'changes their parameters. Ctrl-C ends both.',
+        epilog='The page is only for this machine, unless --listen says otherwise: then '
+        'everyone with the token can change the loop, and nothing is encrypted.',
+    )
+    parser.add_argument(
+        'scenario', nargs='?', default=models.DEFAULT,
+        help='a name in config/, or a parameter file of your own (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--port', type=int, default=_PORT, metavar='N', help='default: %(default)s'
+    )
+    parser.add_argument('--no-browser', action='store_true', help='only print the address')
+    parser.add_argument(
+        '--listen', default='127.0.0.1', metavar='ADDRESS',
+        help='also for other machines: an address of this one, or 0.0.0.0 for all',
+    )  # fmt: skip
+    parser.add_argument(
+        '--token', default='', help='that --listen requires of a browser (default: a random one)'
+    )
+    parser.add_argument('--seed', type=int, default=0, metavar='N', help='of all noise')
+    parser.add_argument(
+        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
+        help='a parameter for every node, as with --ros-args; may be repeated',
+    )  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def access(options: argparse.Namespace) -> Access:
+    """Return who may use the page; ValueError if an option is wrong."""
+    if not 1 <= options.port <= 65535:
+        raise ValueError(f'--port: expected 1 to 65535, got {options.port}')
+    token = options.token
+    if options.listen != '127.0.0.1' and not token:
+        token = secrets.token_urlsafe(16)
+    return Access(options.listen, options.port, token)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the nodes and the page until a signal."""
+    options = arguments(argv)
+    try:
+        from kalman_ros.live.web_server import WebServer
+    except ModuleNotFoundError:
+        refuse('live', RuntimeError('it needs the library websockets: pip install websockets'))
+    board = Board()
+    try:
+        rules = access(options)
+        file = shipped.file(options.scenario)
+        loop = LiveLoop(file, overrides(options.parameters), options.seed, board)
+        with WebServer(board, loop.command, rules):
+            print(f'{file.stem}: {rules.url}  (Ctrl-C ends)', flush=True)
+            if not options.no_browser:
+                webbrowser.open(rules.url)
+            loop.run()
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+    except (ValueError, NodeError, RuntimeError, OSError) as error:
+        refuse('live', error)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""However an IMU is mounted, the robot ends at the same place; readings of other frames do not
+count.
+"""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+pytest.importorskip('rclpy')
+
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import Imu
+
+from kalman_ros.bags.recording_writer import RecordingWriter
+from kalman_ros.bags.replay import replay
+from kalman_ros.codecs.messages import write_stamp
+from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file
+
+DRIVE = from_file(shipped.file('diff_drive'), 'estimator')
+STEP, COUNT = 20_000_000, 500
+START = 1_700_000_000_000_000_000
+#: Of the gyroscope, along the axes of the body.
+VARIANCES = np.diag([0.04, 0.09, 4e-4])
+QUARTER = np.pi / 2
+
+
+def recorded(folder, mount=(0.0, 0.0, 0.0), frame='base_link', wheels='base_link'):
+    """Write 10 s of an S at 1 m/s: the wheels' speed, and the rate of a turned gyroscope."""
+    rng, turn = np.random.default_rng(4), Rotation.from_euler('xyz', mount).as_matrix()
+    C = (turn.T @ VARIANCES @ turn).ravel()
+    with RecordingWriter(folder) as writer:
+        writer.add('/odom', 'nav_msgs/msg/Odometry')
+        writer.add('/imu', 'sensor_msgs/msg/Imu')
+        for k in range(COUNT):
+            time = START + k * STEP
+            odometry, imu = Odometry(), Imu()
+            odometry.header.frame_id, odometry.child_frame_id = 'odom', wheels
+            imu.header.frame_id = frame
+            odometry.twist.twist.linear.x = 1.0
+            odometry.twist.covariance[[0, 35]] = 1e-4, 1.0
+            rate = turn.T @ (np.array([0.0, 0.0, np.sin(0.01 * k)]) + 0.1 * rng.normal(size=3))
+            a = imu.angular_velocity
+            a.x, a.y, a.z = rate.tolist()
+            imu.angular_velocity_covariance[:] = C
+            for topic, message in (('/odom', odometry), ('/imu', imu)):
+                write_stamp(message.header.stamp, time)
+                writer.write(topic, time, bytes(serialize_message(message)))
+    return folder
+
+
+@pytest.fixture(scope='module')
+def straight(tmp_path_factory):
+    return replay(recorded(tmp_path_factory.mktemp('bag') / 'straight'), DRIVE)
+
+
+@pytest.mark.parametrize('mount', [(QUARTER, 0.0, 0.0), (0.0, QUARTER, 0.0), (0.4, -1.2, 3.0)])
+def test_an_imu_mounted_at_90_degrees_ends_at_the_same_place(tmp_path, straight, mount):
+    found = replay(recorded(tmp_path / 'a', mount), DRIVE, {'imu.mount.rotation': [*mount]})
+    assert found.sensors['imu'].fused == straight.sensors['imu'].fused == COUNT
+    np.testing.assert_allclose(found.beliefs.mean, straight.beliefs.mean, atol=1e-9)
+    np.testing.assert_allclose(found.beliefs.covariance, straight.beliefs.covariance, atol=1e-9)
+    assert found.notes == straight.notes == ()
+    lost = replay(tmp_path / 'a', DRIVE)
+    assert np.hypot(*(lost.beliefs.mean - straight.beliefs.mean)[-1, :2]) > 1.0
+
+
+def test_an_imu_of_another_frame_than_declared_is_counted_and_not_fused(tmp_path, straight):
+    bag = recorded(tmp_path / 'a', (0.0, QUARTER, 0.0), frame='camera_imu')
+    found = replay(bag, DRIVE, {'imu.frame': 'imu_link'})
+    assert dict(found.sensors['imu'].counts) == {Outcome.OTHER_FRAME: COUNT}
+    declared = replay(recorded(tmp_path / 'b', frame='imu_link'), DRIVE, {'imu.frame': 'imu_link'})
+    np.testing.assert_array_equal(declared.beliefs.mean, straight.beliefs.mean)
+    assert declared.notes == ()
+
+
+def test_an_undeclared_frame_is_taken_for_that_of_the_body_with_a_warning(tmp_path):
+    bag = recorded(tmp_path / 'a', frame='imu_link', wheels='base_footprint')
+    taken = "frame '{}' is taken for base_link; declare frame and mount to be sure"
+    assert replay(bag, DRIVE).notes == (
+        f'odometry: {taken.format("base_footprint")}',
+        f'imu: {taken.format("imu_link")}',
+    )
+    assert (
+        replay(bag, DRIVE, {'child_frame': 'base_footprint', 'imu.frame': 'imu_link'}).notes == ()
+    )

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The server over real sockets: what it refuses, what tabs see, and what becomes of commands."""
+
+import json
+import re
+import socket
+import time
+from http.client import HTTPConnection
+from pathlib import Path
+from queue import Queue
+
+import pytest
+
+pytest.importorskip('websockets')
+
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from kalman_ros.live.board import Board
+from kalman_ros.live.web_access import Access
+from kalman_ros.live.web_server import WebServer
+
+PAGE = Path(__file__).parents[2] / 'kalman_ros' / 'live' / 'page'
+
+
+class Served:
+    """A server on a free port, its board and its commands."""
+
+    def __init__(self, token=''):
+        with socket.socket() as probe:
+            probe.bind(('127.0.0.1', 0))
+            self.port = probe.getsockname()[1]
+        self.board, self.commands = Board(), Queue()
+        self.access = Access('127.0.0.1', self.port, token)
+        self.server = WebServer(
+            self.board, lambda command, _: self.commands.put(command), self.access
+        )
+
+    @property
+    def host(self):
+        return f'127.0.0.1:{self.port}'
+
+    def get(self, path='/', headers=()):
+        connection = HTTPConnection('127.0.0.1', self.port, timeout=5)
+        connection.request('GET', path, headers=dict(headers))
+        response = connection.getresponse()
+        return response.status, response.read().decode(), response.headers
+
+    def tab(self, origin=None, headers=()):
+        return connect(
+            f'ws://{self.host}/socket', origin=origin or f'http://{self.host}',
+            additional_headers=dict(headers), compression=None, proxy=None,
+        )  # fmt: skip
+
+
+@pytest.fixture
+def served():
+    found = Served()
+    with found.server:
+        yield found
+
+
+def of_kind(tab, kind):
+    """Return the next message of a kind."""
+    while True:
+        message = json.loads(tab.recv(5))
+        if message['kind'] == kind:
+            return message
+
+
+def test_the_page_loads_nothing_from_elsewhere(served):
+    status, _, headers = served.get()
+    assert status == 200
+    assert "script-src 'self'" in headers['Content-Security-Policy']
+    for file in PAGE.iterdir():
+        status, text, _ = served.get(f'/{file.name}')
+        assert status == 200
+        assert text == file.read_text()
+        assert not re.search(r'https?://(?!\$)|@import|//cdn', text), file.name
+
+
+@pytest.mark.parametrize(
+    'path',
+    ['/nothing', '/../board.py', '/%2e%2e/board.py', '//etc/passwd', '/live.js/', '/socket2'],
+)
+def test_only_the_files_of_the_page_are_served(served, path):
+    assert served.get(path)[0] == 404
+
+
+@pytest.mark.parametrize('path', ['/', '/live.js', '/socket'])
+@pytest.mark.parametrize('host', ['evil.example', 'evil.example:{port}', 'localhost:1'])
+def test_a_name_that_points_here_is_refused(served, path, host):
+    status, text, _ = served.get(path, {'Host': host.format(port=served.port)})
+    assert (status, text) == (421, 'this server has another name\n')
+
+
+@pytest.mark.parametrize('origin', ['http://evil.example', 'null', 'http://localhost:{port}'])
+def test_another_page_cannot_open_the_socket(served, origin):
+    with pytest.raises(InvalidStatus) as refusal, served.tab(origin.format(port=served.port)):
+        pass
+    assert refusal.value.response.status_code == 403
+
+
+def test_a_socket_without_an_origin_is_refused(served):
+    with pytest.raises(InvalidStatus) as refusal:
+        connect(f'ws://{served.host}/socket', proxy=None)
+    assert refusal.value.response.status_code == 403
+
+
+def test_with_a_token_nothing_is_served_without_it():
+    served = Served('secret')
+    with served.server:
+        assert served.get()[0] == served.get('/live.js')[0] == served.get('/?token=no')[0] == 401
+        with pytest.raises(InvalidStatus) as refusal, served.tab():
+            pass
+        assert refusal.value.response.status_code == 401
+        status, _, headers = served.get('/?token=secret')
+        assert (status, headers['Location']) == (303, '/')
+        assert {'HttpOnly', 'SameSite=Strict'} <= {*headers['Set-Cookie'].split('; ')}
+        cookie = {'Cookie': headers['Set-Cookie'].split(';')[0]}
+        assert served.get('/', cookie)[0] == 200
+        served.board.put('scene', {'name': 'here'})
+        with served.tab(headers=cookie) as tab:
+            assert of_kind(tab, 'scene')['name'] == 'here'
+
+
+def test_all_tabs_see_the_same(served):
+    served.board.put('scene', {'name': 'first'})
+    served.board.add({'t': 1})
+    with served.tab() as one, served.tab() as other:
+        for tab in (one, other):
+            assert of_kind(tab, 'scene')['name'] == 'first'
+            assert of_kind(tab, 'frames')['frames'] == [{'t': 1}]
+        served.board.put('scene', {'name': 'second'})
+        served.board.add({'t': 2})
+        for tab in (one, other):
+            assert of_kind(tab, 'scene')['name'] == 'second'
+            assert of_kind(tab, 'frames')['frames'] == [{'t': 2}]
+
+
+def test_commands_are_passed_on_and_noise_is_dropped(served):
+    with served.tab() as tab:
+        for text in ('{', '[1]', '"x"', '{"value": NaN}', '[' * 4000, '{"do": "push"}'):
+            tab.send(text)
+        assert served.commands.get(timeout=5) == {'do': 'push'}
+    assert served.commands.empty()
+
+
+def test_a_tab_that_sends_too_much_is_closed(served):
+    with served.tab() as tab:
+        tab.send('x' * 5000)
+        with pytest.raises(Exception, match='1009|too big'):
+            tab.recv(5)
+    with served.tab() as tab, pytest.raises(Exception, match='1008|too many'):
+        for _ in range(1000):
+            tab.send('{}')
+        tab.recv(5)
+    assert served.get()[0] == 200
+
+
+def test_a_port_in_use_is_named():
+    served = Served()
+    with served.server:
+        again = WebServer(Board(), print, served.access)
+        with (
+            pytest.raises(ValueError, match=f'--port: 127.0.0.1:{served.port} cannot be used'),
+            again,
+        ):
+            pass
+
+
+def test_a_slow_tab_costs_no_memory():
+    board = Board()
+    for k in range(5000):
+        board.add({'k': k})
+    assert len(board._frames) == 600
+
+
+def test_the_server_ends_at_once_with_an_open_tab(served):
+    with served.tab():
+        start = time.monotonic()
+        served.server.__exit__()
+        assert time.monotonic() - start < 4.0
