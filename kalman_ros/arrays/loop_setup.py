@@ -22,7 +22,7 @@ from .scenarios import BELIEVED, load, values_of
 
 
 class Given(NamedTuple):
-    """What is said of a controller, instead of what its scenario says."""
+    """The arguments that replace parts of a scenario's controller."""
 
     reference: Reference = None
     gain: ArrayLike | None = None

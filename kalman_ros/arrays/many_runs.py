@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many closed loops at once, each with noise of its own: a Monte Carlo experiment."""
+"""Many closed loops at once, with independent noise: a Monte Carlo experiment."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def monte_carlo(
 ) -> ManyRuns:
     """Return many runs of a loop, computed together, with the statistics of their errors.
 
-    Each is a run of `simulate` with a seed of its own, spawned from ``seed``: run k is the same
+    Each is a run of `simulate` with a separate seed, spawned from ``seed``: run k is the same
     however many runs there are, and however they are divided among chunks and processes. Where
     no reading changes the covariances, as in a linear loop without gates, all runs share them.
 

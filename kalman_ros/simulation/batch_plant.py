@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plants of many runs at once: each is a `SimulatedPlant` with a seed of its own."""
+"""The plants of many runs at once: each is a `SimulatedPlant` with a separate seed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many runs of a loop, in chunks, by one or several processes.
 
-Each run has a seed of its own, so that its numbers depend neither on the other runs nor on how
+Each run has a separate seed, so that its numbers depend neither on the other runs nor on how
 the runs are divided.
 """
 

@@ -79,7 +79,7 @@ _OF_STEPS = ('count', 'step_squares', 'step_variance', 'step_nees')
 
 
 class RunStatistics:
-    """Gathers the `Outcomes` of a batch.
+    """Accumulates the `Outcomes` of a batch.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ class RunStatistics:
 def outcomes_of(
     loop: Loop, run: Trajectory, weight: Array | None, first: int, limited: int
 ) -> Outcomes:
-    """Return the outcomes of one run, as `RunStatistics` would gather them."""
+    """Return the outcomes of one run, as `RunStatistics` counts them."""
     space, rest = loop.scenario.model.state, loop.scenario.model.equilibrium
     error = space.subtract(run.truth, run.estimate)
     variance = run.covariance.diagonal(axis1=1, axis2=2)

@@ -29,7 +29,7 @@ def spread(
     task
         A function of one item, without side effects: Dask may repeat it.
     items
-        What it is called with.
+        The arguments.
     workers
         Processes of this machine.
     dask

@@ -37,11 +37,11 @@ def test_a_run_again_is_simulate_with_its_seed(many):
 
 
 def test_the_repr_fits_and_says_what_is_wrong(many):
-    said = repr(many)
-    assert max(map(len, said.splitlines())) <= 79
-    assert '120 runs of LinearSystem for 12 s at 100 Hz' in said
-    assert 'within' in said and 'consistent' in said and 'cost per second' in said
-    # a gate that drops half of what is good makes the filter too sure
+    printed = repr(many)
+    assert max(map(len, printed.splitlines())) <= 79
+    assert '120 runs of LinearSystem for 12 s at 100 Hz' in printed
+    assert 'within' in printed and 'consistent' in printed and 'cost per second' in printed
+    # a gate that rejects half of the good readings makes the filter overconfident
     wrong = kr.monte_carlo(
         'mass_spring_damper_2d', {'position.gate': 0.5}, runs=10, seconds=2, after=0.5
     )

@@ -52,9 +52,9 @@ def test_ranges(typed, name, plant, believed, values):
 def test_what_is_refused(typed, says, tmp_path, capsys):
     with pytest.raises(SystemExit) as exit:
         sweep.main(['--over', typed, *FEW, '--out', str(tmp_path)])
-    said = capsys.readouterr().err
-    assert exit.value.code == 2 and said.startswith('sweep: ') and said.count('\n') == 1
-    assert says in said
+    printed = capsys.readouterr().err
+    assert exit.value.code == 2 and printed.startswith('sweep: ') and printed.count('\n') == 1
+    assert says in printed
 
 
 def test_cost_and_errors_beside_theory(tmp_path, capsys):

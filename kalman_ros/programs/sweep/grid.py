@@ -102,7 +102,7 @@ class Grid:
     seeds
         Of the runs at each point, the same at all.
     seconds, after
-        Of each run, and of its start that averages omit; None for what theory says.
+        Of each run, and of its start that averages omit; by default the settling time in theory.
     """
 
     plant: Mapping[str, Any]

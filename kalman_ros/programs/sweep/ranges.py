@@ -14,7 +14,7 @@ import numpy as np
 from kalman_ros import scenario
 from kalman_ros.core import refuse_unknown
 
-#: Whose parameter it is: of the plant, of what estimator and controller believe, or of both.
+#: Whose parameter it is: the plant's, the believed one of estimator and controller, or both.
 PLANT, ESTIMATOR = 'plant.', 'estimator.'
 #: Limits of the actuators, which are not part of a scenario.
 LIMITS = ('input_limit', 'input_rate_limit')
@@ -95,7 +95,7 @@ def parsed(given: str) -> Range:
     Raises
     ------
     ValueError
-        If it is none; the message shows the form.
+        If it has another form; the message shows the expected one.
     """
     match = _PATTERN.fullmatch(given)
     if match is None:
