@@ -8,7 +8,8 @@ any but `Run` and `replay`. Names load lazily, so the import itself takes no tim
 - models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
   `DiscreteModel`, `Sensor`; `Space` names coordinates
 - estimation: `filter`, `smooth`, `consistency`, `Gaussian`; `tune` fits parameters
-- whole loops: `make_scenario`, `load`, `design`, `simulate`, and `Run`, on the real nodes
+- whole loops: `make_scenario`, `load`, `design`, `simulate`, `monte_carlo` for many runs at once,
+  and `Run`, on the real nodes
 - recordings: `replay`
 """
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from .arrays.gains import lqr as lqr
     from .arrays.gains import margins as margins
     from .arrays.gains import place as place
+    from .arrays.many_runs import monte_carlo as monte_carlo
     from .arrays.observers import dlqe as dlqe
     from .arrays.observers import lqe as lqe
     from .arrays.problems import continuous_model as continuous_model
@@ -52,6 +54,7 @@ _WHERE = {
     'arrays.filtering': ('filter', 'smooth'),
     'arrays.fitting': ('tune',),
     'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),
+    'arrays.many_runs': ('monte_carlo',),
     'arrays.observers': ('dlqe', 'lqe'),
     'arrays.problems': ('continuous_model', 'discrete_model', 'sensor'),
     'arrays.scenarios': ('load', 'make_scenario'),

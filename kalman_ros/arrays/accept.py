@@ -198,6 +198,15 @@ def number(name: str, value: Any, what: str = 'a number') -> float:
         raise ValueError(f'{name}: expected {what}, got {got(value)}') from None
 
 
+def whole(name: str, value: Any, least: int = 0) -> int:
+    """Return a whole number of at least ``least``; ValueError otherwise."""
+    good = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not good or value < least:
+        got = repr(value) if isinstance(value, (int, str)) else type(value).__name__
+        raise ValueError(f'{name}: expected a whole number from {least}, got {got}')
+    return int(value)
+
+
 def duration(name: str, value: Any) -> float:
     """Return a positive, finite number of seconds."""
     seconds = number(name, value, 'a number of seconds')

@@ -3,40 +3,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import inf
 from pathlib import Path
-from typing import Any, Union
+from typing import Any
 
 import numpy as np
 
-from kalman_ros import scenario as scenarios
-from kalman_ros.control.feedback import Feedback, Regulator
-from kalman_ros.control.limiter import Limiter
-from kalman_ros.core import (
-    Array,
-    ArrayLike,
-    DiscreteModel,
-    OperatingPoint,
-    matrix,
-    refuse_unknown,
-    vector,
-)
+from kalman_ros.core import ArrayLike, refuse_unknown
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario import regulator as regulators
 from kalman_ros.simulation import closed_loop
+from kalman_ros.simulation.batch_loop import Loop
+from kalman_ros.simulation.loop_law import Reference
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import text
-from .accept import duration, numbers
+from .accept import duration, whole
 from .estimates import _path
-from .gains import dlqr
 from .known_names import KnownNames
-from .scenarios import BELIEVED, load, values_of
+from .loop_setup import Given, loop_of
 
-#: A state (n,), or some of its coordinates by name; or a function of time that returns either.
-Reference = Union[ArrayLike, Mapping[str, float], Callable[[float], Any], None]
 #: The pictures of a run.
 PICTURES = ('overview', 'states', 'errors', 'innovations', 'force')
 
@@ -138,103 +124,17 @@ def simulate(
     DesignError
         If the law has no solution.
     """
-    real, believed, values = _scenarios(scenario, overrides)
-    seconds = duration('seconds', seconds)
-    if not isinstance(seed, (int, np.integer)) or seed < 0:
-        got = repr(seed) if isinstance(seed, (int, str)) else type(seed).__name__
-        raise ValueError(f'seed: expected a whole number from 0, got {got}')
-    limits = regulators.limits(
-        believed,
-        *(
-            numbers(name, values.get(name, inf) if given is None else given).ravel()
-            for name, given in (
-                ('input_limit', input_limit),
-                ('input_rate_limit', input_rate_limit),
-            )
-        ),
+    given = Given(reference, gain, input_limit, input_rate_limit)
+    real, believed, law = loop_of(scenario, overrides, given)
+    seconds, seed = duration('seconds', seconds), whole('seed', seed)
+    return run_of(Loop(real, believed, seconds, law), seed)
+
+
+def run_of(loop: Loop, seed: int) -> SimulatedRun:
+    """Return the run of a loop with a seed."""
+    answer = loop.answer and loop.answer()
+    found = closed_loop.run(
+        loop.scenario, None, loop.seconds, seed, believed=loop.believed, answer=answer
     )
-    if not real.model.input.size:
-        for name, value in {'reference': reference, 'gain': gain}.items():
-            if value is not None:
-                raise ValueError(f'{name}: expected none, for the model has no input')
-        return _run(closed_loop.run(real, None, seconds, seed, believed=believed), believed, 0)
-    model = believed.model
-    regulator = Regulator(model.state, _feedback(believed, gain), model.equilibrium)
-    limiter = Limiter(limits, np.zeros(model.input.size))
-    answer = _Answer(believed, regulator, limiter, reference)
-    found = closed_loop.run(real, None, seconds, seed, believed=believed, answer=answer)
-    return _run(found, believed, limiter.limited)
-
-
-def _run(found: Trajectory, scenario: Scenario, limited: int) -> SimulatedRun:
     values = {field.name: getattr(found, field.name) for field in fields(Trajectory)}
-    return SimulatedRun(**values, scenario=scenario, limited=limited)
-
-
-def _scenarios(
-    given: Any, overrides: Mapping[str, Any] | None
-) -> tuple[Scenario, Scenario, Mapping[str, Any]]:
-    """Return the plant's scenario, the estimator's, and the values of the controller."""
-    if isinstance(given, Scenario):
-        return load(given, overrides), given, {}
-    values = values_of(given, {} if overrides is None else overrides, *BELIEVED)
-    return load(given, overrides), scenarios.build(values), values
-
-
-def _feedback(scenario: Scenario, gain: Any) -> Feedback:
-    """Return the gains of the argument, else those of the scenario's law."""
-    model = scenario.model
-    n, m = model.state.size, model.input.size
-    if gain is not None:
-        K = matrix('gain', numbers('gain', gain), (m, n))
-    elif isinstance(model, DiscreteModel):
-        if scenario.law != 'lqr':
-            raise ValueError(f'law: expected lqr or a gain in discrete time, got {scenario.law}')
-        K = dlqr(model, scenario.state_cost, scenario.input_cost).gain
-    else:
-        return regulators.feedback(scenario)
-    return Feedback(K, np.empty((m, 0)), (), np.empty(0, dtype=complex))
-
-
-class _Answer:
-    """The input for each estimate, as from the controller node in lockstep."""
-
-    def __init__(
-        self, scenario: Scenario, regulator: Regulator, limiter: Limiter, reference: Reference
-    ) -> None:
-        self._scenario, self._regulator, self._limiter = scenario, regulator, limiter
-        self._reference: Any = reference
-        self._last: int | None = None
-        self._wanted: Array | None = None
-        if reference is not None:
-            self._equilibria = regulators.tracking(scenario)
-            self._follow(0.0)
-
-    def __call__(self, time: int, x: Array) -> Array:
-        if callable(self._reference):
-            self._follow(time * 1e-9)
-        dt = 0.0 if self._last is None else (time - self._last) * 1e-9
-        self._last = time
-        wanted = self._regulator.propose(x, dt)
-        u = self._limiter.toward(wanted, dt or 1.0 / self._scenario.rate)
-        self._regulator.applied(x, wanted, u, dt)
-        return u
-
-    def _follow(self, time: float) -> None:
-        """Hold the reference of a time; nothing changes while it stays the same."""
-        given = self._reference(time) if callable(self._reference) else self._reference
-        wanted = self._state(given)
-        if self._wanted is None or not np.array_equal(wanted, self._wanted):
-            self._wanted = wanted
-            self._regulator.target = self._target(wanted)
-
-    def _target(self, wanted: Array) -> OperatingPoint:
-        return regulators.target(self._scenario, self._equilibria, wanted)
-
-    def _state(self, given: Any) -> Array:
-        space, rest = self._scenario.model.state, self._scenario.model.equilibrium.state
-        if not isinstance(given, Mapping):
-            return vector('reference', given, space.size)
-        wanted: Array = rest.copy()
-        wanted[space.indices(given, 'reference')] = vector('reference', [*given.values()])
-        return wanted
+    return SimulatedRun(**values, scenario=loop.believed, limited=answer.limited if answer else 0)

@@ -16,6 +16,7 @@ from math import exp
 import numpy as np
 
 from kalman_ros.core import Array, Space
+from kalman_ros.linear.batched import times
 from kalman_ros.linear.structure import ComplexArray
 
 from .state_space import StateSpace
@@ -52,7 +53,8 @@ class Feedback:
 class Regulator:
     """Turns states into inputs by a `Feedback`.
 
-    It proposes an input and is then given the one applied; limits are the caller's.
+    It proposes an input and is then given the one applied; limits are the caller's. States (n,)
+    and inputs (m,) may have leading axes: as many loops at once.
 
     Parameters
     ----------
@@ -109,14 +111,14 @@ class Regulator:
         state, input = self.target
         error = self._space.subtract(x, state)
         feedback = self._feedback
-        u: Array = input - feedback.gain.dot(error) - feedback.integral_gain.dot(self._integral)
-        return u
+        u: Array = input - times(feedback.gain, error)
+        return u - times(feedback.integral_gain, self._integral) if feedback.tracked else u
 
     def _integrate(self, x: Array, excess: Array, dt: float) -> None:
         feedback = self._feedback
         if not feedback.tracked:
             return
-        error = self._space.subtract(x, self.target[0])[list(feedback.tracked)]
-        more = -feedback.integral_gain.dot(error)
-        if not np.any(more * excess > 0.0):
-            self._integral = self._integral + error * dt
+        error = self._space.subtract(x, self.target[0])[..., list(feedback.tracked)]
+        more = -times(feedback.integral_gain, error)
+        held = np.any(more * excess > 0.0, axis=-1, keepdims=True)
+        self._integral = self._integral + np.where(held, 0.0, error * dt)

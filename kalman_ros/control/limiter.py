@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class Limiter:
     """Moves an input towards a wanted one, within `Limits`, starting at the idle input.
 
     Where the limits conflict, after the magnitude was reduced, the rate limit applies and
-    the magnitude is reached as soon as the rate allows.
+    the magnitude is reached as soon as the rate allows. Inputs (m,) may have leading axes.
 
     Parameters
     ----------
@@ -54,14 +55,15 @@ class Limiter:
     def __init__(self, limits: Limits, idle: Array) -> None:
         #: The current input (m,).
         self.value = idle
-        #: The number of inputs that a limit has changed.
-        self.limited = 0
+        #: The number of inputs that a limit has changed; with leading axes, of each.
+        self.limited: Any = 0
         self.adopt(limits, idle)
 
     def adopt(self, limits: Limits, idle: Array) -> None:
         """Use other limits and another idle input from now on; the input is unchanged."""
         check_idle(limits, idle)
         self._limits, self.idle = limits, idle
+        self._free = bool(np.isinf([limits.magnitude, limits.rate]).all())
 
     @property
     def at_idle(self) -> bool:
@@ -70,9 +72,13 @@ class Limiter:
 
     def toward(self, wanted: Array, seconds: float) -> Array:
         """Return the input (m,) closest to ``wanted`` (m,) that can be reached in ``seconds``."""
+        if self._free:
+            self.value = wanted
+            return wanted
         most = self._limits.magnitude
         self.value = self._within_reach(np.clip(wanted, -most, most), seconds)
-        self.limited += int(np.any(self.value != wanted))
+        changed = np.any(self.value != wanted, axis=-1)
+        self.limited = self.limited + (int(changed) if wanted.ndim == 1 else changed)
         return self.value
 
     def toward_idle(self, seconds: float) -> Array:

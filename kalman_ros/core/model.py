@@ -258,6 +258,13 @@ class Model(ABC):
         A = self.state.of_errors(differences.jacobian(slope), slope[0])
         return self.state.wrap(moved[0]), F, A
 
+    def differenced_slope(self, x: Array, u: Array) -> Array:
+        """Return the A (..., n, n) of `differenced_step` alone."""
+        differences = Differences.about(x, _DIFFERENCE_OF_STEPS, self.state)
+        points = differences.points
+        slope = self.derivative(points, like(u, points))
+        return self.state.of_errors(differences.jacobian(slope), slope[0])
+
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
         if self.analytic:

@@ -33,6 +33,10 @@ def product_transposed(A: Array, B: Array) -> Array:
 
 def times(A: Array, x: Array) -> Array:
     """Return A x (..., n) for A (..., n, m) and x (..., m)."""
+    if x.ndim == 1 and A.ndim == 2:
+        return np.asarray(A.dot(x))
+    if A.ndim == x.ndim == 2:
+        return np.asarray(A.dot(x.T).T)
     if A.ndim == 2:
         return np.asarray(x.dot(A.T))
     return np.asarray(np.einsum('...ij,...j->...i', A, x))
@@ -99,8 +103,11 @@ def _columns(P: Array, tolerance: float) -> Array:
     L = np.zeros_like(entries, order='C')
     for j in range(n):
         column = entries[j:, j].copy()
-        for k in range(j):
-            column -= L[j:, k] * L[j, k]
+        if P.ndim == 2:
+            column -= L[j:, :j].dot(L[j, :j])
+        else:
+            for k in range(j):
+                column -= L[j:, k] * L[j, k]
         pivot = column[0]
         if tolerance == tolerance:
             good = pivot > tolerance * entries[j, j]

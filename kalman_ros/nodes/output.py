@@ -87,7 +87,7 @@ class OutputStage:
     @property
     def limited(self) -> int:
         """The number of inputs that a limit has changed."""
-        return self._limiter.limited
+        return int(self._limiter.limited)
 
     @property
     def closed(self) -> bool:

@@ -14,8 +14,7 @@ from rich.console import Console
 from kalman_ros import models, scenario
 from kalman_ros.analysis import design_theory, design_warnings
 from kalman_ros.analysis import path as paths
-from kalman_ros.core import refuse_unknown
-from kalman_ros.pipeline import names
+from kalman_ros.programs.known_parameters import refuse_unknown_parameters
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.parameter_files import DEMO, from_file, overrides, own_section
@@ -70,11 +69,7 @@ def believed(path: Path, changes: dict[str, Any]) -> Scenario:
         If a parameter is unknown or wrong.
     """
     values = {**from_file(path, 'estimator', 'controller'), **changes}
-    known = scenario.options(values)
-    listed = known['sensors']
-    sensors = scenario.sensor_names(listed.check(values.get('sensors', listed.default)))
-    driven = 'input.topic' in known
-    refuse_unknown(values, {*known, *names.known(sensors, driven=driven)}, 'parameter')
+    refuse_unknown_parameters(values)
     return scenario.build(values)
 
 

@@ -31,11 +31,11 @@ class NoiseSource:
     def draw(self, covariance: Array) -> Array:
         """Return one draw (n,) from a positive semi-definite ``covariance`` (n, n)."""
         if covariance is not self._covariance:
-            self._covariance, self._factor = covariance, _root(covariance)
+            self._covariance, self._factor = covariance, root(covariance)
         return np.asarray(self._factor @ self._generator.standard_normal(len(self._factor)))
 
 
-def _root(covariance: Array) -> Array:
+def root(covariance: Array) -> Array:
     """Return a matrix M with M M' = covariance; zero variances are allowed."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

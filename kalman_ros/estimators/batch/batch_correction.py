@@ -10,7 +10,7 @@ from math import log, pi
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian
-from kalman_ros.linear.batched import factor, log_determinant, whitened
+from kalman_ros.linear.batched import factor, log_determinant, times, whitened
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +25,14 @@ class BatchCorrection:
         The readings minus their predictions (..., k).
     innovation_covariance
         S (..., k, k), or the same (k, k) for all.
+    whitening
+        L^-1 (k, k) with L L' = S, where it is known for all.
     """
 
     posterior: Gaussian
     innovation: Array
     innovation_covariance: Array
+    whitening: Array | None = None
 
     @cached_property
     def factor(self) -> Array:
@@ -39,8 +42,9 @@ class BatchCorrection:
     @cached_property
     def nis(self) -> Array:
         """The normalised innovations squared (...,); infinite where S is not definite."""
-        z = whitened(self.factor, self.innovation)
-        squares: Array = np.einsum('...i,...i->...', z, z)
+        if self.whitening is not None:
+            return _squares(times(self.whitening, self.innovation))
+        squares = _squares(whitened(self.factor, self.innovation))
         definite = np.isfinite(self.factor).all(axis=(-2, -1))
         return np.where(definite, squares, np.inf)
 
@@ -54,3 +58,7 @@ class BatchCorrection:
         k = self.innovation.shape[-1]
         total = self.nis + log_determinant(self.factor) + k * log(2.0 * pi)
         return np.asarray(-0.5 * total)
+
+
+def _squares(z: Array) -> Array:
+    return np.asarray(np.einsum('...i,...i->...', z, z))

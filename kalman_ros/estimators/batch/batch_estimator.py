@@ -8,6 +8,7 @@ a covariance to repair or a gate that may recover, is left to the code for one r
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,11 @@ from kalman_ros.estimators.correction import committed
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.gate import Gate
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.linear.batched import factor
+from kalman_ros.linear.batched import factor, times, whitened
 
 from .batch_correction import BatchCorrection
 from .batch_filters import batched
+from .gain_schedule import GainSchedule
 
 #: Which members of a batch (...,).
 Mask = npt.NDArray[np.bool_]
@@ -39,13 +41,15 @@ class BatchEstimator:
     sensors
         By name, in the order in which readings of one time are fused.
     initial
-        The belief at the first time.
+        The belief at the first time; its mean may be that of each member (..., n).
     input
         The input (m,) until the first one.
     members
         The shape of the batch.
     policy
         The gates and how they recover; readings are in order and never expire.
+    schedule
+        The `GainSchedule` of this filter, if another batch has one already.
     """
 
     def __init__(
@@ -56,18 +60,20 @@ class BatchEstimator:
         input: Array,
         members: tuple[int, ...],
         policy: Policy | None = None,
+        schedule: GainSchedule | None = None,
     ) -> None:
         policy = policy or Policy()
+        #: Gains and covariances that all members share.
+        self.schedule = schedule or GainSchedule(filter)
         self._one, self._filter = filter, batched(filter)
         self._sensors, self._initial, self._input = dict(sensors), initial, input
         self._order = {name: index for index, name in enumerate(sensors)}
         self._gate, self._gates = Gate(sensors, policy), dict(policy.gates or {})
         self._needed = policy.recover_after
         self.members = members
-        n = initial.mean.size
-        mean = np.broadcast_to(initial.mean[:, np.newaxis], (n, int(np.prod(members))))
+        mean = np.broadcast_to(initial.mean, (*members, initial.mean.shape[-1]))
         #: The beliefs at `time`; a covariance that all members share is (n, n).
-        self.belief = unchecked((_by_coordinate(mean, members), initial.covariance))
+        self.belief = unchecked((_by_coordinate(mean), initial.covariance))
         #: In nanoseconds; None before the first.
         self.time: int | None = None
         #: The number of readings that moved the estimates, and that were rejected, by sensor.
@@ -78,12 +84,16 @@ class BatchEstimator:
     def advance(self, time: int) -> Gaussian:
         """Predict to ``time``, in nanoseconds, and return the beliefs."""
         if self.time is not None and time != self.time:
-            self.belief = self._predicted((time - self.time) * 1e-9)
+            dt = (time - self.time) * 1e-9
+            self.belief = self._predicted_as_scheduled(dt) or self._predicted(dt)
         self.time = time
         return self.belief
 
     def set_input(self, u: Array) -> None:
-        """Set the inputs (..., m) in effect from `time` on."""
+        """Set the inputs (..., m) in effect from `time` on; one that is not finite is ignored."""
+        if not _bounded(u):
+            good = np.isfinite(u * u).all(axis=-1, keepdims=True)
+            u = np.where(good, u, self._input)
         self._input = u
 
     def add_reading(self, name: str, y: Array, present: Mask | None = None) -> BatchCorrection:
@@ -91,6 +101,10 @@ class BatchEstimator:
 
         A reading that is not finite counts as missing.
         """
+        if present is None:
+            scheduled = self._corrected_as_scheduled(name, y)
+            if scheduled is not None:
+                return scheduled
         prior, sensor = self.belief, self._sensors[name]
         with np.errstate(all='ignore'):
             correction = self._filter.correct(prior, y, sensor)
@@ -105,10 +119,59 @@ class BatchEstimator:
             posterior, accepted = self._gated(
                 name, y, correction, (taken, passed, accepted), posterior
             )
+        elif self._gates:
+            assert self.time is not None
+            agrees = np.where(accepted, 1, _NEVER)
+            self._records.add(self._order[name], self.time, agrees, taken)
         self.belief = posterior if accepted.all() else _chosen(accepted, posterior, prior)
         self.fused[name] += accepted
         self.rejected[name] += taken & ~accepted
         return correction
+
+    def whitened(self, error: Array) -> Array:
+        """Return L^-1 error (..., n) with L L' = P of each belief: N(0, I) if it is consistent.
+
+        NaN where P is not positive definite.
+        """
+        P = self.belief.covariance
+        if P.ndim == 2 and self.schedule.applies:
+            try:
+                return times(self.schedule.whitening(P), error)
+            except np.linalg.LinAlgError:
+                pass
+        return whitened(factor(P), error)
+
+    def _predicted_as_scheduled(self, dt: float) -> Gaussian | None:
+        """Return the beliefs after ``dt`` seconds where they share a covariance, else None."""
+        x, P = self.belief
+        if P.ndim != 2 or not self.schedule.applies:
+            return None
+        try:
+            F, G, covariance = self.schedule.prediction(P, dt)
+        except np.linalg.LinAlgError:
+            return None
+        mean = self.schedule.wrap(times(F, x) + times(G, self._input))
+        return unchecked((mean, covariance)) if _bounded(mean) else None
+
+    def _corrected_as_scheduled(self, name: str, y: Array) -> BatchCorrection | None:
+        """Fuse readings where all members share a covariance, and there are no gates."""
+        (x, P), sensor = self.belief, self._sensors[name]
+        if P.ndim != 2 or not self.schedule.applies or self._gates:
+            return None
+        try:
+            found = self.schedule.correction(P, sensor)
+        except np.linalg.LinAlgError:
+            return None
+        if found is None:
+            return None
+        innovation = sensor.output.subtract(y, sensor.measure(x))
+        mean = self.schedule.wrap(x + times(found.gain, innovation))
+        if not (_bounded(innovation) and _bounded(mean)):
+            return None
+        self.belief = unchecked((mean, found.covariance))
+        self.fused[name] += 1
+        S = found.innovation_covariance
+        return BatchCorrection(self.belief, innovation, S, found.whitening)
 
     def _predicted(self, dt: float) -> Gaussian:
         """Return the beliefs after ``dt`` seconds; a member that fails restarts."""
@@ -126,7 +189,7 @@ class BatchEstimator:
             try:
                 one = committed(self._one.predict(_member(self.belief, at), u, dt))[0]
             except np.linalg.LinAlgError:
-                one = self._initial
+                one = _member(self._initial, at)
             x[at], P[at] = one
         return unchecked((x, P))
 
@@ -232,9 +295,15 @@ class _BatchRecords:
             self.rejections[place] = record.rejections
 
 
-def _by_coordinate(values: Array, members: tuple[int, ...]) -> Array:
-    """Return vectors (..., n) from coordinates (n, N), which stay first in memory."""
-    return np.moveaxis(values.reshape(len(values), *members), 0, -1)
+def _by_coordinate(x: Array) -> Array:
+    """Return a copy of vectors (..., n) whose coordinates are first in memory."""
+    return np.moveaxis(np.moveaxis(x, -1, 0).copy(), 0, -1)
+
+
+def _bounded(x: Array) -> bool:
+    """Return whether all numbers, and their squares, are finite."""
+    flat = x.ravel('K')
+    return isfinite(flat.dot(flat))
 
 
 def _indices(mask: Mask) -> list[tuple[int, ...]]:
@@ -244,7 +313,7 @@ def _indices(mask: Mask) -> list[tuple[int, ...]]:
 def _member(belief: Gaussian, at: tuple[int, ...]) -> Gaussian:
     """Return the belief of one member."""
     x, P = belief
-    return Gaussian(x[at], P if P.ndim == 2 else P[at])
+    return Gaussian(x if x.ndim == 1 else x[at], P if P.ndim == 2 else P[at])
 
 
 def _chosen(mask: Mask, a: Gaussian, b: Gaussian) -> Gaussian:

@@ -38,6 +38,9 @@ from .batch_correction import BatchCorrection
 from .candidates import candidate_dynamics
 from .dynamics import Dynamics, Readout
 
+#: The filters, by name, that have a batched form.
+BATCHED = ('kf', 'ekf', 'ukf', 'steady_state', 'luenberger')
+
 
 class BatchFilter(Protocol):
     """A `Filter` whose beliefs have leading axes."""
@@ -183,8 +186,7 @@ def batched(filter: Filter) -> BatchFilter:
     if isinstance(filter, FixedGainObserver):
         return BatchFixedGain(filter)
     raise ValueError(
-        'filter: expected kf, ekf, ukf, steady_state or luenberger for a batch, '
-        f'got {type(filter).__name__}'
+        f'filter: expected one of {", ".join(BATCHED)} for a batch, got {type(filter).__name__}'
     )
 
 

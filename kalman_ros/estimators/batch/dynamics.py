@@ -19,7 +19,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.core.model import like
 from kalman_ros.core.vectorized import vectorized
-from kalman_ros.linear.batched import product, sandwich
+from kalman_ros.linear.batched import product, sandwich, times
 from kalman_ros.linear.discretize import flow, noise_integral
 
 
@@ -60,14 +60,18 @@ class Dynamics:
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the states (..., n) after ``dt`` seconds, without noise."""
-        return self.model.step(x, like(u, x), dt)
+        model = self.model
+        if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
+            sampled = model.sampled(dt)
+            return model.state.wrap(times(sampled.F, x) + times(sampled.G, u))
+        return model.step(x, like(u, x), dt)
 
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return the states (..., n) after a step, F and Q, (..., n, n) or the same for all."""
         model = self.model
         if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
             sampled = model.sampled(dt)
-            return LinearizedStep(model.step(x, like(u, x), dt), sampled.F, sampled.Q)
+            return LinearizedStep(self.step(x, u, dt), sampled.F, sampled.Q)
         if isinstance(model, DiscreteModel):
             return self._periods(model, x, u, dt)
         if model.analytic:
@@ -85,6 +89,14 @@ class Dynamics:
         if isinstance(model, DiscreteModel) or model.analytic:
             return self.linearized_step(x, u, dt).Q
         A = model.state_jacobian(x, u)
+        return _guarded(_noise_alone, A, self._noise(x), dt)[0]
+
+    def step_noise(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the Q of `linearized_step`, (..., n, n) or the same (n, n) for all."""
+        model = self.model
+        if self.linear or isinstance(model, DiscreteModel):
+            return self.noise_covariance(x, u, dt)
+        A = self._jacobian(x, like(u, x)) if model.analytic else model.differenced_slope(x, u)
         return _guarded(_noise_alone, A, self._noise(x), dt)[0]
 
     def _periods(self, model: DiscreteModel, x: Array, u: Array, dt: float) -> LinearizedStep:

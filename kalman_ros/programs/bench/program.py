@@ -26,6 +26,7 @@ from .benchmark import Benchmark
 #: The groups of benchmarks, by their modules.
 GROUPS = {
     'filters': 'filters',
+    'monte_carlo': 'ensembles',
     'estimator': 'relay',
     'lockstep': 'lockstep',
     'replay': 'replays',

@@ -4,22 +4,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, Gaussian, Space
 from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.batch.batch_filters import BATCHED
 from kalman_ros.estimators.consistency import nees
 from kalman_ros.simulation import closed_loop
+from kalman_ros.simulation.batch_loop import Loop, Starts
+from kalman_ros.simulation.batch_recorder import trajectories
 from kalman_ros.simulation.noise import stream
+from kalman_ros.simulation.trajectory import Trajectory
 
 from .cases import Case
 
 #: The time of a step is that of the fastest of N rounds of M steps each.
 _ROUNDS, _STEPS = 7, 50
+#: Runs between two reports of progress.
+_TOGETHER = 100
 
 
 @dataclass(frozen=True)
@@ -82,24 +88,43 @@ def measured(
     after each run.
     """
     errors, consistency = [], []
-    for seed in range(runs):
-        built = case.start(width, stream(seed, 'start'))
-        run = closed_loop.run(
-            built,
-            None,
-            case.seconds,
-            seed,
-            filter=filter,
-            command=case.command,
-            arrives=lambda _, time: time > 0.0,  # the initial belief contains earlier readings
-        )
-        space = built.model.state
-        error = space.subtract(run.truth, run.estimate)
-        errors.append(np.linalg.norm(error[:, space.indices(case.measured)], axis=1))
-        consistency.append(nees(error, run.covariance).mean() / space.size)
-        progress()
+    for first in range(0, runs, _TOGETHER):
+        for run, space in _runs(case, width, filter, range(first, min(first + _TOGETHER, runs))):
+            error = space.subtract(run.truth, run.estimate)
+            errors.append(np.linalg.norm(error[:, space.indices(case.measured)], axis=1))
+            consistency.append(nees(error, run.covariance).mean() / space.size)
+            time = run.time
+            progress()
     seconds = _seconds_per_step(case, width, filter)
-    return Result(case, width, filter, run.time, np.array(errors), np.array(consistency), seconds)
+    return Result(case, width, filter, time, np.array(errors), np.array(consistency), seconds)
+
+
+def _runs(
+    case: Case, width: float, filter: str, seeds: range
+) -> Iterator[tuple[Trajectory, Space]]:
+    """Yield the run of each seed, all at once if the filter can, with the space of its state."""
+    starts = [case.start(width, stream(seed, 'start')) for seed in seeds]
+    space = starts[0].model.state
+    if filter not in BATCHED:
+        for seed, built in zip(seeds, starts):
+            run = closed_loop.run(
+                built, None, case.seconds, seed, filter=filter, command=case.command,
+                arrives=lambda _, time: _later(time),
+            )  # fmt: skip
+            yield run, space
+        return
+    truths = np.array([built.initial_state for built in starts])
+    means, covariances = map(np.array, zip(*(built.initial_belief for built in starts)))
+    loop = Loop(
+        starts[0], starts[0], case.seconds, filter=filter, command=case.command, arrives=_later
+    )
+    together = Starts(truths, Gaussian(means, covariances))
+    yield from ((run, space) for run in trajectories(loop, seeds, together))
+
+
+def _later(time: float) -> bool:
+    """Return whether readings count; the initial belief contains those of the start."""
+    return time > 0.0
 
 
 def _seconds_per_step(case: Case, width: float, filter: str) -> float:

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the arguments of `simulate` and `monte_carlo` make a loop of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kalman_ros import scenario as scenarios
+from kalman_ros.control.feedback import Feedback
+from kalman_ros.core import ArrayLike, DiscreteModel, matrix
+from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import regulator as regulators
+from kalman_ros.simulation.loop_law import Law, Reference
+
+from .accept import numbers
+from .gains import dlqr
+from .scenarios import BELIEVED, load, values_of
+
+
+class Given(NamedTuple):
+    """The arguments that replace parts of a scenario's controller."""
+
+    reference: Reference = None
+    gain: ArrayLike | None = None
+    input_limit: ArrayLike | None = None
+    input_rate_limit: ArrayLike | None = None
+
+
+def loop_of(
+    scenario: Any, overrides: Mapping[str, Any] | None, given: Given
+) -> tuple[Scenario, Scenario, Law | None]:
+    """Return the plant's scenario, the estimator's and the law; None without an input."""
+    real, believed, values = _scenarios(scenario, overrides)
+    limits = regulators.limits(
+        believed,
+        *(
+            numbers(name, values.get(name, inf) if own is None else own).ravel()
+            for name, own in (
+                ('input_limit', given.input_limit),
+                ('input_rate_limit', given.input_rate_limit),
+            )
+        ),
+    )
+    if not real.model.input.size:
+        for name, value in {'reference': given.reference, 'gain': given.gain}.items():
+            if value is not None:
+                raise ValueError(f'{name}: expected none, for the model has no input')
+        return real, believed, None
+    law = Law(believed, _feedback(believed, given.gain), limits, given.reference)
+    law()  # a reference that no input holds is refused
+    return real, believed, law
+
+
+def _scenarios(
+    given: Any, overrides: Mapping[str, Any] | None
+) -> tuple[Scenario, Scenario, Mapping[str, Any]]:
+    """Return the plant's scenario, the estimator's, and the values of the controller."""
+    if isinstance(given, Scenario):
+        return load(given, overrides), given, {}
+    values = values_of(given, {} if overrides is None else overrides, *BELIEVED)
+    return load(given, overrides), scenarios.build(values), values
+
+
+def _feedback(scenario: Scenario, gain: Any) -> Feedback:
+    """Return the gains of the argument, else those of the scenario's law."""
+    model = scenario.model
+    n, m = model.state.size, model.input.size
+    if gain is not None:
+        K = matrix('gain', numbers('gain', gain), (m, n))
+    elif isinstance(model, DiscreteModel):
+        if scenario.law != 'lqr':
+            raise ValueError(f'law: expected lqr or a gain in discrete time, got {scenario.law}')
+        K = dlqr(model, scenario.state_cost, scenario.input_cost).gain
+    else:
+        return regulators.feedback(scenario)
+    return Feedback(K, np.empty((m, 0)), (), np.empty(0, dtype=complex))

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The picture of a sweep: curves over one parameter, maps over two."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, Space
+from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, TRUTH, figure_with, shades
+
+from .grid import Point
+from .ranges import Range
+
+
+def sweep_picture(
+    ranges: Sequence[Range], state: Space, points: Sequence[Point], path: Path
+) -> None:
+    """Draw cost, errors, ANEES and the share of lost runs, with theory where there is one."""
+    if len(ranges) == 1:
+        _curves(ranges[0], state, points, path)
+    else:
+        _maps(ranges, state, points, path)
+
+
+def _curves(swept: Range, state: Space, points: Sequence[Point], path: Path) -> None:
+    points = [point for point in points if not point.refused]
+    x = [point.values[0] for point in points]
+    costs = np.array([point.cost for point in points])
+    rows = 3 + bool(np.isfinite(costs).any())
+    with figure_with(path, rows, 1, (7.0, 1.9 * rows + 0.5), sharex=True) as (_, axes):
+        panels = list(axes[:, 0])
+        if rows == 4:
+            axis = panels.pop(0)
+            error = 2.0 * np.array([point.cost_error for point in points])
+            axis.fill_between(x, costs - error, costs + error, color=BOUND, alpha=0.35, lw=0)
+            axis.plot(x, costs, '.-', color=INPUT, lw=1.0, label='measured, with 95 %')
+            expected = [_or_nan(point.theory_cost) for point in points]
+            _theory(axis, x, expected)
+            axis.set_ylabel('cost per second')
+            axis.legend()
+        errors, consistency, lost = panels
+        for index, (name, colour) in enumerate(zip(state.names, shades(state.size))):
+            rms = [point.rms[index] for point in points]
+            errors.plot(x, rms, '.-', lw=1.0, color=colour, label=state.label(name))
+            expected = [
+                point.theory_rms[index] if point.theory_rms else np.nan for point in points
+            ]
+            errors.plot(x, expected, '--', lw=0.8, color=TRUTH)
+        errors.set_yscale('log')
+        errors.set_ylabel('RMS error')
+        errors.legend(ncols=min(4, state.size))
+        low, high = np.array([point.anees_bounds for point in points]).T
+        consistency.fill_between(x, low, high, color=BOUND, alpha=0.35, lw=0)
+        anees = np.array([point.anees for point in points])
+        consistency.plot(x, anees, '.-', color=ESTIMATE, lw=1.0)
+        if np.nanmax(anees, initial=1.0) > 5.0:
+            consistency.set_yscale('log')
+        consistency.set_ylabel('ANEES')
+        lost.plot(x, [100.0 * point.lost for point in points], '.-', color=TRUTH, lw=1.0)
+        lost.set_ylim(-3.0, 103.0)
+        lost.set_ylabel('lost [%]')
+        lost.set_xlabel(swept.label)
+        if swept.log:
+            lost.set_xscale('log')
+
+
+def _theory(axis: Any, x: Sequence[float], expected: Sequence[float]) -> None:
+    if np.isfinite(expected).any():
+        axis.plot(x, expected, '--', color=TRUTH, lw=0.9, label='theory')
+    largest = np.nanmax(expected, initial=0.0)
+    if largest > 20.0 * np.nanmin(expected, initial=np.inf):
+        axis.set_yscale('log')
+
+
+def _maps(ranges: Sequence[Range], state: Space, points: Sequence[Point], path: Path) -> None:
+    down, across = ranges
+    shape = len(down.values), len(across.values)
+
+    def grid(values: Sequence[float]) -> Array:
+        return np.array(values, dtype=float).reshape(shape)
+
+    panels = {
+        'cost per second': grid([point.cost for point in points]),
+        f'RMS error of {state.label(state.names[0])}': grid(
+            [point.rms[0] if point.rms else np.nan for point in points]
+        ),
+        'ANEES': grid([point.anees for point in points]),
+        'lost runs [%]': grid([100.0 * point.lost for point in points]),
+    }
+    panels = {title: values for title, values in panels.items() if np.isfinite(values).any()}
+    rows = -(-len(panels) // 2)
+    with figure_with(path, rows, 2, (9.0, 3.4 * rows)) as (figure, axes):
+        for axis, (title, values) in zip(axes.flat, panels.items()):
+            scale = 'log' if _spread(values) > 20.0 else 'linear'
+            drawn = axis.pcolormesh(
+                across.values, down.values, values, cmap='viridis', norm=scale, shading='nearest'
+            )
+            figure.colorbar(drawn, ax=axis)
+            axis.set_title(title)
+            axis.set_xlabel(across.label)
+            axis.set_ylabel(down.label)
+            axis.grid(False)
+            if across.log:
+                axis.set_xscale('log')
+            if down.log:
+                axis.set_yscale('log')
+        for axis in axes.flat[len(panels) :]:
+            axis.set_axis_off()
+
+
+def _spread(values: Array) -> float:
+    """Return the ratio of the largest to the smallest value; 1 if one is not positive."""
+    finite = values[np.isfinite(values)]
+    return float(finite.max() / finite.min()) if finite.size and finite.min() > 0.0 else 1.0
+
+
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value

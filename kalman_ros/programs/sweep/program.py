@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Maps of cost, errors, consistency and lost runs over one or two parameters of a loop."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from kalman_ros import models, scenario
+from kalman_ros.programs.known_parameters import refuse_unknown_parameters
+from kalman_ros.programs.refusal import refuse
+from kalman_ros.programs.results import ready
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file, overrides
+from kalman_ros.simulation.monte_carlo import spawned
+from kalman_ros.simulation.spread import spread
+
+from .grid import Grid, Point
+from .ranges import parsed
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='sweep',
+        description='Run a loop many times at each value of one or two parameters, without '
+        'nodes, and put cost, errors, consistency and lost runs side by side.',
+    )
+    parser.add_argument(
+        'scenario', nargs='?', default=models.DEFAULT,
+        help='a name in config/, or a parameter file of your own (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--over', action='append', required=True, metavar='NAME=LOW..HIGH:log:COUNT',
+        help='a parameter and its values, log or lin; once or twice. plant.NAME is that of the '
+        'plant alone, estimator.NAME of estimator and controller alone; NAME[0] is one of several',
+    )  # fmt: skip
+    parser.add_argument(
+        '--runs', type=int, default=100, metavar='N', help='at each point (default: %(default)d)'
+    )
+    parser.add_argument(
+        '--seconds', type=float, default=10.0, metavar='S', help='of a run (default: %(default)g)'
+    )
+    parser.add_argument(
+        '--after', type=float, metavar='S',
+        help='seconds of the start that averages omit (default: what theory needs to settle)',
+    )  # fmt: skip
+    parser.add_argument('--seed', type=int, default=0, metavar='N')
+    parser.add_argument(
+        '--workers', type=int, default=1, metavar='N', help='processes (default: %(default)d)'
+    )
+    parser.add_argument(
+        '--dask', default='', metavar='ADDRESS',
+        help='a Dask scheduler, tcp://HOST:8786, whose workers run the points instead',
+    )  # fmt: skip
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO/sweep)'
+    )
+    parser.add_argument(
+        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
+        help='a parameter, over those of the file; may be repeated',
+    )  # fmt: skip
+    return parser.parse_args(argv)
+
+
+def grid_of(options: argparse.Namespace, path: Path) -> Grid:
+    """Return the grid that the options ask for, each of its points checked.
+
+    Raises
+    ------
+    ValueError
+        If an option is wrong.
+    """
+    for name, least in (('runs', 1), ('workers', 1), ('seed', 0)):
+        if getattr(options, name) < least:
+            raise ValueError(f'{name}: expected at least {least}, got {getattr(options, name)}')
+    if not (isfinite(options.seconds) and options.seconds > 0.0):
+        raise ValueError(f'seconds: expected a positive number, got {options.seconds:g}')
+    if options.after is not None and not 0.0 <= options.after < options.seconds:
+        raise ValueError(f'after: expected 0 to {options.seconds:g} s, got {options.after:g}')
+    if len(options.over) > 2:
+        raise ValueError(f'over: expected one or two parameters, got {len(options.over)}')
+    ranges = [parsed(each) for each in options.over]
+    changes = overrides(options.parameters)
+    plant = {**from_file(path, 'plant'), **changes}
+    believed = {**from_file(path, 'estimator', 'controller'), **changes}
+    refuse_unknown_parameters(believed)
+    seeds = spawned(options.seed, options.runs)
+    grid = Grid(plant, believed, ranges, seeds, options.seconds, options.after)
+    for values in grid.points:
+        grid.scenarios(values)
+    return grid
+
+
+def swept(grid: Grid, workers: int, dask: str, console: Console) -> list[Point]:
+    """Return the outcome at each point, with a bar while they run."""
+    found: dict[int, Point] = {}
+    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
+        task = bar.add_task('points', total=len(grid.points))
+        for index, point in spread(grid, grid.points, workers, dask):
+            found[index] = point
+            bar.advance(task)
+    return [found[index] for index in range(len(grid.points))]
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the sweep, print its table and write its results."""
+    options = arguments(argv)
+    console = Console(highlight=False)
+    try:
+        path = shipped.file(options.scenario)
+        grid = grid_of(options, path)
+        folder = ready(options.out or Path('out') / path.stem / 'sweep')
+        points = swept(grid, options.workers, options.dask, console)
+    except (ValueError, OSError) as error:
+        refuse('sweep', error)
+
+    from . import pictures, tables  # matplotlib loads while nothing waits
+
+    state = scenario.build(grid.believed).model.state
+    console.print(tables.sweep_table(grid.ranges, state.names, points))
+    _explain(console, points, grid)
+    summary = {
+        'scenario': path.stem,
+        'runs': options.runs,
+        'seconds': options.seconds,
+        'seed': options.seed,
+        'points': [point.json(grid.ranges, state.names) for point in points],
+    }
+    (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
+    drawn = ''
+    if not all(point.refused for point in points):
+        pictures.sweep_picture(grid.ranges, state, points, folder / 'sweep.png')
+        drawn = ', sweep.png'
+    console.print(f'In {folder}: summary.json{drawn}')
+
+
+def _explain(console: Console, points: Sequence[Point], grid: Grid) -> None:
+    """Print what the columns are, and what is unusual."""
+    console.print(
+        f'\n{len(grid.seeds)} runs of {grid.seconds:g} s at each point, with the same noise at '
+        'all. The last columns are RMS errors of the estimate; lost runs are not in the averages.'
+    )
+    if any(not (point.refused or point.consistent) for point in points):
+        console.print('* not what a consistent filter has: its covariance is wrong there.')
+    for reason in dict.fromkeys(point.refused for point in points if point.refused):
+        console.print(f'no design: {reason}', markup=False)

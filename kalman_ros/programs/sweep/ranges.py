@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ranges of a sweep: ``NAME=LOW..HIGH:log:COUNT`` as a person types it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from kalman_ros import scenario
+from kalman_ros.core import refuse_unknown
+
+#: Whose parameter it is: the plant's, the believed one of estimator and controller, or both.
+PLANT, ESTIMATOR = 'plant.', 'estimator.'
+#: Limits of the actuators, which are not part of a scenario.
+LIMITS = ('input_limit', 'input_rate_limit')
+_FORM = 'NAME=LOW..HIGH:log:COUNT, or lin'
+_MOST = 1000
+_PATTERN = re.compile(
+    r'(?P<name>[^=\[\]]+)(\[(?P<index>\d+)\])?='
+    r'(?P<low>[^:]+?)\.\.(?P<high>[^:]+):(?P<scale>[a-z]+):(?P<count>\d+)'
+)
+
+
+@dataclass(frozen=True)
+class Range:
+    """The values of one parameter.
+
+    Parameters
+    ----------
+    label
+        As it was typed.
+    name
+        Of the parameter, without the prefix.
+    index
+        Which number of a list is meant; None for all.
+    plant, believed
+        Whether the plant has it, and the estimator and the controller.
+    log
+        Whether the values are evenly spaced in their logarithm.
+    values
+        From the lowest to the highest.
+    """
+
+    label: str
+    name: str
+    index: int | None
+    plant: bool
+    believed: bool
+    log: bool
+    values: tuple[float, ...]
+
+    def set_in(self, values: Mapping[str, Any], value: float) -> dict[str, Any]:
+        """Return parameters in which this one has a value.
+
+        Raises
+        ------
+        ValueError
+            If there is no such parameter, or it is no number.
+        """
+        known = scenario.options(values)
+        refuse_unknown([self.name], {*known, *LIMITS}, 'parameter')
+        default = known[self.name].default if self.name in known else [0.0]
+        present = values.get(self.name, default)
+        if isinstance(default, (str, bool)) or (isinstance(default, list) and _words(default)):
+            raise ValueError(f'over: expected a parameter with numbers, got {self.name}')
+        if not isinstance(default, list):
+            if self.index is not None:
+                raise ValueError(f'over: {self.name} is one number, without [{self.index}]')
+            return {**values, self.name: round(value) if isinstance(default, int) else value}
+        listed = list(present) if isinstance(present, list) else [present]
+        if self.index is None:
+            listed = [value] * max(1, len(listed))
+        elif self.index < len(listed):
+            listed[self.index] = value
+        else:
+            raise ValueError(
+                f'over: {self.name} has {len(listed)} numbers, the last is [{len(listed) - 1}], '
+                f'got [{self.index}]'
+            )
+        return {**values, self.name: listed}
+
+
+def _words(values: list[Any]) -> bool:
+    return any(isinstance(each, str) for each in values)
+
+
+def parsed(given: str) -> Range:
+    """Return the range that a person typed.
+
+    Raises
+    ------
+    ValueError
+        If it has another form; the message shows the expected one.
+    """
+    match = _PATTERN.fullmatch(given)
+    if match is None:
+        raise ValueError(f"over: expected {_FORM}, got '{given}'")
+    low, high = (_number(match[each], given) for each in ('low', 'high'))
+    scale, count = match['scale'], int(match['count'])
+    if scale not in ('log', 'lin'):
+        raise ValueError(f"over: expected log or lin, got '{scale}' in '{given}'")
+    if not low < high:
+        raise ValueError(f"over: expected a low end below the high one, got '{given}'")
+    if scale == 'log' and low <= 0.0:
+        raise ValueError(f"over: a log range begins above 0; use lin, got '{given}'")
+    if not 2 <= count <= _MOST:
+        raise ValueError(f"over: expected 2 to {_MOST} values, got {count} in '{given}'")
+    space = np.geomspace if scale == 'log' else np.linspace
+    label = given.partition('=')[0]
+    name = match['name']
+    whose = next((each for each in (PLANT, ESTIMATOR) if name.startswith(each)), '')
+    return Range(
+        label,
+        name.removeprefix(whose),
+        None if match['index'] is None else int(match['index']),
+        whose != ESTIMATOR,
+        whose != PLANT,
+        scale == 'log',
+        tuple(space(low, high, count).tolist()),
+    )
+
+
+def _number(text: str, given: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float('nan')
+    if not isfinite(value):
+        raise ValueError(f"over: expected {_FORM}, and '{text}' is no number, in '{given}'")
+    return value

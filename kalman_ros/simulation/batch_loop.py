@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The closed loops of many runs at once, step by step: `closed_loop.run` with leading axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, unchecked
+from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.batch import BatchCorrection, BatchEstimator
+from kalman_ros.estimators.batch.gain_schedule import GainSchedule
+from kalman_ros.estimators.consistency import chi_square_gate
+from kalman_ros.estimators.policy import Policy
+from kalman_ros.scenario import Scenario
+
+from .batch_plant import BatchPlant
+
+
+class Controller(Protocol):
+    """What turns estimates into inputs."""
+
+    @property
+    def limited(self) -> Any:
+        """The number of steps in which a limit changed the input: of each run (runs,), or 0."""
+        ...
+
+    def __call__(self, time: int, x: Array) -> Array:
+        """Return inputs (runs, m) or (m,) for a time in nanoseconds and estimates (runs, n)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The loops to run: what does not depend on the seed.
+
+    Parameters
+    ----------
+    scenario, believed
+        The systems of the plant, and of the estimator.
+    seconds
+        How long; the step at this time is the last.
+    answer
+        Returns a new controller; None for an open loop at the equilibrium input.
+    filter
+        The name of the filter; if empty, that of ``believed``.
+    command
+        In an open loop, the input (m,) at a time in seconds.
+    arrives
+        Whether readings taken at a time in seconds reach the estimator.
+    """
+
+    scenario: Scenario
+    believed: Scenario
+    seconds: float
+    answer: Callable[[], Controller] | None = None
+    filter: str = ''
+    command: Callable[[float], Array] | None = None
+    arrives: Callable[[float], bool] | None = None
+
+    @property
+    def steps(self) -> int:
+        """The number of steps, the first and the last included."""
+        return round(self.seconds * self.scenario.rate) + 1
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Where runs start that do not start where the scenario does.
+
+    Parameters
+    ----------
+    state
+        Of each plant (runs, n).
+    belief
+        Of the estimators: a mean (n,) or (runs, n), a covariance (n, n) or (runs, n, n).
+    """
+
+    state: Array
+    belief: Gaussian
+
+    def part(self, runs: slice) -> Starts:
+        """Return the starts of some of the runs."""
+        x, P = self.belief
+        x, P = x if x.ndim == 1 else x[runs], P if P.ndim == 2 else P[runs]
+        return Starts(self.state[runs], unchecked((x, P)))
+
+
+class Observer(Protocol):
+    """What looks at the loops while they run."""
+
+    def reading(self, name: str, y: Array, correction: BatchCorrection) -> None:
+        """Take the readings (runs, k) of a sensor, at this step."""
+        ...
+
+    def step(self, estimator: BatchEstimator, truth: Array, u: Array) -> None:
+        """Take the truths (runs, n), the beliefs and the inputs (runs, m) of a step."""
+        ...
+
+
+def run_batch(
+    loop: Loop,
+    seeds: Sequence[int],
+    observer: Observer,
+    starts: Starts | None = None,
+    schedule: GainSchedule | None = None,
+) -> Any:
+    """Run the loops with these ``seeds``, and return `Controller.limited`.
+
+    Raises
+    ------
+    ValueError
+        If the filter does not support the model, or has no batched form.
+    """
+    scenario, believed = loop.scenario, loop.believed
+    x = scenario.initial_state if starts is None else starts.state
+    plant = BatchPlant(scenario.model, scenario.timed, scenario.rate, x, seeds, loop.steps)
+    u0 = believed.model.equilibrium.input
+    estimator = _estimator(loop, len(seeds), starts, schedule)
+    answer = loop.answer and loop.answer()
+    u: Array = u0
+    with np.errstate(all='ignore'):
+        for _ in range(loop.steps):
+            time = plant.time
+            estimator.advance(time)
+            arrive = loop.arrives is None or loop.arrives(time * 1e-9)
+            for name, y in plant.readings().items():
+                if arrive:
+                    observer.reading(name, y, estimator.add_reading(name, y))
+            if answer is not None:
+                u = answer(time, estimator.belief.mean)
+            elif loop.command is not None:
+                u = loop.command(time * 1e-9)
+            observer.step(estimator, plant.state, u)
+            estimator.set_input(u)
+            plant.step(u)
+    return 0 if answer is None else answer.limited
+
+
+def _estimator(
+    loop: Loop, runs: int, starts: Starts | None, schedule: GainSchedule | None
+) -> BatchEstimator:
+    believed = loop.believed
+    gates = {
+        name: chi_square_gate(source.gate, source.sensor.output.size)
+        for name, source in believed.sensors.items()
+        if source.gate < 1.0
+    }
+    return BatchEstimator(
+        build_filter(loop.filter or believed.filter, believed.plan),
+        {name: source.sensor for name, source in believed.sensors.items()},
+        believed.initial_belief if starts is None else starts.belief,
+        believed.model.equilibrium.input,
+        (runs,),
+        Policy(max_gap=0.0, gates=gates),
+        schedule,
+    )

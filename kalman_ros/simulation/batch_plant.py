@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plants of many runs at once: each is a `SimulatedPlant` with a separate seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import ceil
+
+import numpy as np
+
+from kalman_ros.core import Array, Model, TimedSensor, is_due, ratio
+from kalman_ros.estimators.batch.dynamics import Dynamics
+from kalman_ros.linear.batched import semidefinite_factor, times
+
+from .noise import root, stream
+
+#: The most normal numbers that wait to be used, and the most steps for which they are drawn.
+_WAITING, _STEPS = 2_000_000, 512
+
+
+class BatchNoise:
+    """The standard normal numbers of one `NoiseSource` of each run, drawn in blocks.
+
+    Parameters
+    ----------
+    seeds
+        Of the runs.
+    name
+        Of the source.
+    size
+        The numbers k of one draw.
+    steps
+        Draws that are needed in all.
+    factor
+        A matrix (k, k) with which all are multiplied.
+    """
+
+    def __init__(
+        self,
+        seeds: Sequence[int],
+        name: str,
+        size: int,
+        steps: int,
+        factor: Array | None = None,
+    ) -> None:
+        self._streams = [stream(seed, name) for seed in seeds]
+        most = max(1, min(_STEPS, _WAITING // (len(seeds) * max(1, size))))
+        steps = -(-steps // -(-steps // most))  # blocks of one length
+        self._drawn = np.empty((len(seeds), steps, size))
+        self._factor = factor
+        self._next = steps
+        self._block: Array
+
+    def draw(self) -> Array:
+        """Return the next vectors (runs, k), with coordinates first in memory."""
+        if self._next == self._drawn.shape[1]:
+            for each, values in zip(self._streams, self._drawn):
+                each.standard_normal(out=values)
+            drawn, factor = self._drawn, self._factor
+            if factor is not None:
+                drawn = (drawn.reshape(-1, drawn.shape[-1]) @ factor.T).reshape(drawn.shape)
+            self._block = drawn.transpose(1, 2, 0).copy()
+            self._next = 0
+        self._next += 1
+        return np.asarray(self._block[self._next - 1].T)
+
+
+class BatchPlant:
+    """The truths of many runs: a model that moves step by step, and its readings.
+
+    Parameters
+    ----------
+    model, sensors, rate
+        As for `SimulatedPlant`.
+    initial_state
+        The state (n,) at step 0, or that of each run (runs, n).
+    seeds
+        Of all noise of each run.
+    steps
+        Steps that are needed in all.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        sensors: Mapping[str, TimedSensor],
+        rate: float,
+        initial_state: Array,
+        seeds: Sequence[int],
+        steps: int,
+    ) -> None:
+        self.dt, self.steps, self.model = 1.0 / rate, 0, model
+        self.sensors = {name: timed for name, timed in sensors.items() if timed.enabled}
+        self._shares = {name: ratio(timed.rate, rate) for name, timed in sensors.items()}
+        n = model.state.size
+        #: The states (runs, n).
+        self.state: Array = np.broadcast_to(initial_state, (len(seeds), n)).T.copy().T
+        self._dynamics = Dynamics(model)
+        factor = None
+        if self._dynamics.linear:
+            factor = root(model.noise_covariance(*model.equilibrium, self.dt))
+        self._process_noise = BatchNoise(seeds, 'process', n, steps, factor)
+        self._sensor_noise = {
+            name: BatchNoise(
+                seeds,
+                f'sensor {name}',
+                each.sensor.output.size,
+                ceil(steps * self._shares[name]) + 1,
+                root(each.sensor.covariance),
+            )
+            for name, each in self.sensors.items()
+        }
+
+    @property
+    def time(self) -> int:
+        """The time of this step, in nanoseconds since step 0."""
+        return round(self.steps * self.dt * 1e9)
+
+    def readings(self) -> dict[str, Array]:
+        """Return the noisy readings (runs, k) due at this step; call it once a step."""
+        found = {}
+        for name, timed in self.sensors.items():
+            if is_due(self.steps, self._shares[name]):
+                sensor = timed.sensor
+                noise = self._sensor_noise[name].draw()
+                found[name] = sensor.output.add(sensor.measure(self.state), noise)
+        return found
+
+    def step(self, u: Array) -> None:
+        """Advance by one step with inputs ``u`` (runs, m) or (m,).
+
+        A state that cannot be computed is NaN.
+        """
+        x, dynamics = self.state, self._dynamics
+        noise = self._process_noise.draw()
+        if not dynamics.linear:
+            Q = dynamics.step_noise(x, u, self.dt)
+            noise = times(semidefinite_factor(Q), noise)
+        moved = self.model.state.add(dynamics.step(x, u, self.dt), noise)
+        flat = moved.ravel('K')
+        if not np.isfinite(flat.dot(flat)):
+            # as that of one run, a state whose square is not finite stays where it is
+            moving = np.isfinite(np.einsum('ij,ij->i', x, x))
+            moved = np.where(moving[:, np.newaxis], moved, x)
+        self.state = moved
+        self.steps += 1

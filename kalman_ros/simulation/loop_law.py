@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller of a loop in this process: the controller node's law, limits and references."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Union
+
+import numpy as np
+
+from kalman_ros.control.feedback import Feedback, Regulator
+from kalman_ros.control.limiter import Limiter, Limits
+from kalman_ros.core import Array, ArrayLike, OperatingPoint, vector
+from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import regulator as regulators
+
+#: A state (n,), or some of its coordinates by name; or a function of time that returns either.
+Reference = Union[ArrayLike, Mapping[str, float], Callable[[float], Any], None]
+
+
+@dataclass(frozen=True)
+class Law:
+    """The controller of a loop, which it makes when it is called: gains, limits, reference."""
+
+    scenario: Scenario
+    feedback: Feedback
+    limits: Limits
+    reference: Reference
+
+    def __call__(self) -> Answer:
+        """Return the controller at its start."""
+        return Answer(self)
+
+    def target(self, time: float) -> Array:
+        """Return the state (n,) to hold at a time in seconds."""
+        answer = self()
+        if callable(self.reference):
+            answer.follow(time)
+        return answer.target
+
+
+class Answer:
+    """The input for each estimate, as from the controller node in lockstep.
+
+    Estimates (n,) may have leading axes: as many loops at once.
+    """
+
+    def __init__(self, law: Law) -> None:
+        self._scenario = scenario = law.scenario
+        model = scenario.model
+        self._regulator = Regulator(model.state, law.feedback, model.equilibrium)
+        self._limiter = Limiter(law.limits, np.zeros(model.input.size))
+        self._reference: Any = law.reference
+        self._last: int | None = None
+        self._wanted: Array | None = None
+        if law.reference is not None:
+            self._equilibria = regulators.tracking(scenario)
+            self.follow(0.0)
+
+    def __call__(self, time: int, x: Array) -> Array:
+        """Return the input for a time in nanoseconds and an estimate."""
+        if callable(self._reference):
+            self.follow(time * 1e-9)
+        dt = 0.0 if self._last is None else (time - self._last) * 1e-9
+        self._last = time
+        wanted = self._regulator.propose(x, dt)
+        u = self._limiter.toward(wanted, dt or 1.0 / self._scenario.rate)
+        self._regulator.applied(x, wanted, u, dt)
+        return u
+
+    @property
+    def limited(self) -> Any:
+        """The number of inputs that a limit has changed."""
+        return self._limiter.limited
+
+    @property
+    def target(self) -> Array:
+        """The state (n,) that is held."""
+        return self._regulator.target[0]
+
+    def follow(self, time: float) -> None:
+        """Hold the reference of a time in seconds; nothing changes while it stays the same."""
+        given = self._reference(time) if callable(self._reference) else self._reference
+        wanted = self._state(given)
+        if self._wanted is None or not np.array_equal(wanted, self._wanted):
+            self._wanted = wanted
+            self._regulator.target = self._target(wanted)
+
+    def _target(self, wanted: Array) -> OperatingPoint:
+        return regulators.target(self._scenario, self._equilibria, wanted)
+
+    def _state(self, given: Any) -> Array:
+        space, rest = self._scenario.model.state, self._scenario.model.equilibrium.state
+        if not isinstance(given, Mapping):
+            return vector('reference', given, space.size)
+        wanted: Array = rest.copy()
+        wanted[space.indices(given, 'reference')] = vector('reference', [*given.values()])
+        return wanted

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many runs of a loop, in chunks, by one or several processes.
+
+Each run has a separate seed, so that its numbers depend neither on the other runs nor on how
+the runs are divided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kalman_ros.core import Array
+from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.batch.batch_filters import BATCHED
+from kalman_ros.estimators.batch.gain_schedule import GainSchedule
+
+from . import closed_loop
+from .batch_loop import Loop, run_batch
+from .run_statistics import Outcomes, RunStatistics, outcomes_of
+from .spread import spread
+
+#: The most runs of a chunk: their arrays fit the cache of a processor.
+MOST = 1000
+#: The runs of a chunk that is sent elsewhere.
+_SENT = 250
+#: Called with the number of runs that are complete.
+Progress = Callable[[int], None]
+
+
+def spawned(seed: int, runs: int) -> tuple[int, ...]:
+    """Return the seeds of the runs: run k has the same one, however many there are."""
+    children = (np.random.SeedSequence(seed, spawn_key=(k,)) for k in range(runs))
+    # positive as a parameter of a node, too, which has 64 bits
+    return tuple(int(child.generate_state(1, np.uint64)[0] >> np.uint64(1)) for child in children)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Loops and what is counted of them.
+
+    Parameters
+    ----------
+    loop
+        The loops.
+    weight
+        Of the stacked state and input in the cost of a step (n + m, n + m); None for no cost.
+    first
+        The first step that counts.
+    """
+
+    loop: Loop
+    weight: Array | None
+    first: int
+
+    def outcomes(self, seeds: Sequence[int]) -> Outcomes:
+        """Return the outcomes of the runs with these seeds.
+
+        A filter without a batched form runs one loop after the other.
+        """
+        if (self.loop.filter or self.loop.believed.filter) not in BATCHED:
+            return Outcomes.joined([self.outcome(seed) for seed in seeds])
+        statistics = RunStatistics(self.loop, len(seeds), self.weight, self.first)
+        limited = run_batch(self.loop, seeds, statistics, schedule=self._schedule)
+        return statistics.outcomes(limited)
+
+    def outcome(self, seed: int) -> Outcomes:
+        """Return the outcomes of one run, by the code for a single loop."""
+        loop = self.loop
+        answer = loop.answer and loop.answer()
+        command, arrives = loop.command, loop.arrives
+        with np.errstate(all='ignore'):
+            run = closed_loop.run(
+                loop.scenario, None, loop.seconds, seed, believed=loop.believed,
+                filter=loop.filter, command=command, answer=answer,
+                arrives=lambda _, time: arrives is None or arrives(time),
+            )  # fmt: skip
+        limited = int(answer.limited) if answer else 0
+        return outcomes_of(loop, run, self.weight, self.first, limited)
+
+    @cached_property
+    def _schedule(self) -> GainSchedule:
+        """The gains that chunks share where no reading changes them."""
+        believed = self.loop.believed
+        return GainSchedule(build_filter(self.loop.filter or believed.filter, believed.plan))
+
+
+def monte_carlo(
+    experiment: Experiment,
+    seeds: Sequence[int],
+    *,
+    workers: int = 1,
+    dask: str = '',
+    chunk: int | None = None,
+    progress: Progress | None = None,
+) -> Outcomes:
+    """Return the outcomes of the runs with these seeds, in their order.
+
+    Parameters
+    ----------
+    experiment
+        The loops, and what is counted of them.
+    seeds
+        Of the runs.
+    workers, dask
+        Processes, or the address of a Dask scheduler: see `spread`.
+    chunk
+        The most runs at a time; by default as many as are quick.
+    progress
+        Called after each chunk, with the number of runs that are complete.
+
+    Raises
+    ------
+    ValueError
+        If a worker ends before its runs do.
+    """
+    size = chunk or (_SENT if dask else min(MOST, -(-len(seeds) // workers)))
+    parts = [seeds[start : start + size] for start in range(0, len(seeds), size)]
+    found: dict[int, Outcomes] = {}
+    for index, outcomes in spread(experiment.outcomes, parts, workers, dask):
+        found[index] = outcomes
+        if progress is not None:
+            progress(sum(len(parts[each]) for each in found))
+    return Outcomes.joined([found[index] for index in range(len(parts))])

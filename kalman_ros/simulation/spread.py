@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Work spread over processes of this machine, or over the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, TypeVar
+
+#: Seconds to wait for a scheduler.
+_PATIENCE = 10.0
+
+T = TypeVar('T')
+R = TypeVar('R')
+
+#: What the workers of this process do; they are forked, so that it need not be sent to them.
+_task: Callable[[Any], Any]
+
+
+def spread(
+    task: Callable[[T], R], items: Sequence[T], workers: int = 1, dask: str = ''
+) -> Iterator[tuple[int, R]]:
+    """Yield the index and the result of each item, as they are completed.
+
+    Parameters
+    ----------
+    task
+        A function of one item, without side effects: Dask may repeat it.
+    items
+        The arguments.
+    workers
+        Processes of this machine.
+    dask
+        The address of a Dask scheduler, whose workers are used instead.
+
+    Raises
+    ------
+    ValueError
+        If a worker ends before its work does, or there is no such scheduler.
+    """
+    if dask:
+        yield from _by_dask(task, items, dask)
+        return
+    workers = min(workers, len(items))
+    if workers <= 1:
+        yield from ((index, task(item)) for index, item in enumerate(items))
+        return
+    global _task
+    _task = task
+    fork = multiprocessing.get_context('fork')
+    with ProcessPoolExecutor(workers, mp_context=fork) as pool:
+        waiting = {pool.submit(_do, item): index for index, item in enumerate(items)}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        except BrokenProcessPool:
+            raise ValueError('workers: a process ended before its work did') from None
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def _by_dask(task: Callable[[T], R], items: Sequence[T], address: str) -> Iterator[tuple[int, R]]:
+    """Yield results from the workers of a scheduler, which repeats the work of those that die."""
+    try:
+        import distributed
+    except ModuleNotFoundError:
+        raise ValueError('dask: it is not installed: pip install distributed') from None
+    try:
+        client = distributed.Client(address, timeout=_PATIENCE)
+    except (OSError, TimeoutError, ValueError) as error:
+        reason = str(error).partition('\n')[0] or type(error).__name__
+        raise ValueError(f"dask: no scheduler at '{address}': {reason}") from None
+    with client:
+        # the task is sent once, not with each item
+        whole = client.scatter(task, broadcast=True)
+        waiting = {
+            client.submit(_call, whole, item, pure=False): index
+            for index, item in enumerate(items)
+        }
+        try:
+            for future in distributed.as_completed(waiting):
+                yield waiting[future], future.result()
+        except (distributed.KilledWorker, distributed.CancelledError) as error:
+            raise ValueError(f'dask: the workers of {address} are gone: {error}') from None
+
+
+def _call(task: Callable[[T], R], item: T) -> R:
+    return task(item)
+
+
+def _do(item: Any) -> Any:
+    return _task(item)

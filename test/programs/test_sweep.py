@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sweeps: ranges as typed, what plant and estimator get, theory beside measurement."""
+
+import json
+
+import numpy as np
+import pytest
+
+from kalman_ros.programs.sweep import program as sweep
+from kalman_ros.programs.sweep.ranges import parsed
+
+FEW = ('--runs', '6', '--seconds', '2')
+
+
+def swept(tmp_path, *arguments):
+    sweep.main([*arguments, '--out', str(tmp_path)])
+    return json.loads((tmp_path / 'summary.json').read_text())['points']
+
+
+@pytest.mark.parametrize(
+    ('typed', 'name', 'plant', 'believed', 'values'),
+    [
+        ('input_cost=0.01..100:log:5', 'input_cost', True, True, [0.01, 0.1, 1, 10, 100]),
+        ('plant.rate=-1..1:lin:3', 'rate', True, False, [-1, 0, 1]),
+        ('estimator.position.noise=.5...9:lin:2', 'position.noise', False, True, [0.5, 0.9]),
+    ],
+)
+def test_ranges(typed, name, plant, believed, values):
+    found = parsed(typed)
+    assert (found.name, found.plant, found.believed) == (name, plant, believed)
+    np.testing.assert_allclose(found.values, values, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ('typed', 'says'),
+    [
+        ('rate', 'expected NAME=LOW..HIGH:log:COUNT'),
+        ('rate=1..2', 'expected NAME=LOW..HIGH:log:COUNT'),
+        ('rate=1..x:lin:3', "'x' is no number"),
+        ('rate=1..nan:lin:3', "'nan' is no number"),
+        ('rate=1..2:cubic:3', "expected log or lin, got 'cubic'"),
+        ('rate=2..1:lin:3', 'expected a low end below the high one'),
+        ('rate=0..1:log:3', 'a log range begins above 0'),
+        ('rate=1..2:lin:1', 'expected 2 to 1000 values, got 1'),
+        ('input_csot=1..2:lin:2', "did you mean 'input_cost'?"),
+        ('model=1..2:lin:2', 'expected a parameter with numbers, got model'),
+        ('position.noise[7]=1..2:lin:2', 'position.noise has 2 numbers'),
+        ('rate[1]=100..200:lin:2', 'rate is one number'),
+        ('position.noise=-1..2:lin:2', 'position.noise'),
+    ],
+)
+def test_what_is_refused(typed, says, tmp_path, capsys):
+    with pytest.raises(SystemExit) as exit:
+        sweep.main(['--over', typed, *FEW, '--out', str(tmp_path)])
+    printed = capsys.readouterr().err
+    assert exit.value.code == 2 and printed.startswith('sweep: ') and printed.count('\n') == 1
+    assert says in printed
+
+
+def test_cost_and_errors_beside_theory(tmp_path, capsys):
+    points = swept(
+        tmp_path, '--over', 'input_cost=0.1..10:log:3', '--runs', '60', '--seconds', '10'
+    )
+    for point in points:
+        assert abs(point['cost'] - point['theory_cost']) < 5.0 * point['cost_error']
+        for name, rms in point['rms'].items():
+            assert rms == pytest.approx(point['theory_rms'][name], rel=0.1)
+        assert point['anees'] == pytest.approx(1.0, abs=0.1) and point['lost'] == 0.0
+    assert points[0]['cost'] < points[1]['cost'] < points[2]['cost']
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 80 and 'theory' in shown
+    assert (tmp_path / 'sweep.png').stat().st_size > 10_000
+
+
+def test_a_belief_that_is_wrong_is_seen(tmp_path, capsys):
+    points = swept(tmp_path, '--over', 'estimator.position.noise=0.03..3:log:3', *FEW)
+    anees = [point['anees'] for point in points]
+    assert anees[0] > 1.5 > anees[1] > 0.8 > anees[2]
+    assert all(point['theory_cost'] is None for point in points)
+    assert '*' in capsys.readouterr().out
+
+
+def test_two_parameters_make_a_map(tmp_path):
+    points = swept(
+        tmp_path, '--over', 'plant.model_parameters.mass=0.5..2:log:2',
+        '--over', 'input_cost[0]=0.1..10:log:3', *FEW,
+    )  # fmt: skip
+    assert len(points) == 6
+    assert points[1]['at'] == {'plant.model_parameters.mass': 0.5, 'input_cost[0]': 1.0}
+    assert (tmp_path / 'sweep.png').stat().st_size > 10_000
+
+
+def test_workers_change_nothing(tmp_path):
+    arguments = '--over', 'input_cost=0.1..10:log:3', *FEW
+    alone = swept(tmp_path / 'one', *arguments)
+    assert alone == swept(tmp_path / 'two', *arguments, '--workers', '2')

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many runs together are the runs one by one, however they are divided."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import kalman_ros as kr
+from kalman_ros.arrays.loop_setup import Given, loop_of
+from kalman_ros.core import LinearSystem
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.regulator import price
+from kalman_ros.simulation.batch_loop import Loop
+from kalman_ros.simulation.monte_carlo import Experiment, monte_carlo, spawned
+from kalman_ros.simulation.run_statistics import Outcomes
+from kalman_ros.simulation.simulated_plant import SimulatedPlant
+
+NAMES = sorted(path.stem for path in shipped.folder().glob('*.yaml'))
+#: Of which the noise does not depend on the state, nor so on rounding.
+NAMES = [name for name in NAMES if isinstance(kr.load(name).model, LinearSystem)]
+STEPS = 40
+
+
+def experiment_of(name, overrides=None, steps=STEPS, first=5, **given):
+    real, believed, law = loop_of(name, overrides, Given(**given))
+    weight = price(believed).weight if law else None
+    return Experiment(Loop(real, believed, steps / real.rate, law), weight, first)
+
+
+def one_by_one(experiment, seeds):
+    """The oracle: the same loops, each in the code for one."""
+    return Outcomes.joined([experiment.outcome(seed) for seed in seeds])
+
+
+def differences(a, b):
+    """Yield each field's largest difference, relative to what its numbers are like."""
+    for each in fields(Outcomes):
+        pairs = [(getattr(a, each.name), getattr(b, each.name))]
+        if each.name == 'nis':
+            pairs = [(a.nis[name], b.nis[name]) for name in a.nis]
+        for x, y in pairs:
+            assert np.array_equal(np.isnan(x), np.isnan(y)), each.name
+            x, y = np.nan_to_num(x), np.nan_to_num(y)
+            size = np.abs(y) + np.abs(y).max(initial=0.0)
+            yield each.name, float((np.abs(x - y) / np.where(size, size, 1.0)).max(initial=0.0))
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_runs_together_are_runs_one_by_one(name):
+    experiment, seeds = experiment_of(name), spawned(3, 3)
+    together = monte_carlo(experiment, seeds)
+    for field, difference in differences(together, one_by_one(experiment, seeds)):
+        assert difference <= 1e-10, field
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'given'),
+    [
+        ({'position.gate': 0.9, 'velocity.gate': 0.8}, {}),
+        ({'law': 'lqi', 'tracked': ['x', 'y']}, {'reference': {'x': 1.0}, 'input_limit': 0.6}),
+        ({'filter': 'ukf'}, {'input_rate_limit': 3.0}),
+        ({'filter': 'luenberger'}, {'reference': lambda t: {'y': 1.0 if t > 0.3 else 0.0}}),
+        ({'position.rate': 30.0, 'velocity.enabled': False}, {'input_limit': [0.3, 0.9]}),
+    ],
+)
+def test_gates_laws_limits_and_references_too(overrides, given):
+    experiment, seeds = experiment_of('mass_spring_damper_2d', overrides, **given), spawned(3, 3)
+    together = monte_carlo(experiment, seeds)
+    assert 'input_limit' not in given or together.limited.all()
+    for field, difference in differences(together, one_by_one(experiment, seeds)):
+        assert difference <= 1e-10, field
+
+
+def test_a_plant_other_than_believed():
+    real, believed = (
+        kr.load('mass_spring_damper', {'model_parameters.mass': 3.0}),
+        kr.load('mass_spring_damper'),
+    )
+    _, _, law = loop_of(believed, None, Given())
+    experiment = Experiment(Loop(real, believed, 2.0, law), price(believed).weight, 0)
+    seeds = spawned(0, 2)
+    together = monte_carlo(experiment, seeds)
+    for field, difference in differences(together, one_by_one(experiment, seeds)):
+        assert difference <= 1e-10, field
+
+
+def test_runs_that_diverge_end_like_single_ones():
+    _, _, law = loop_of('mass_spring_damper_2d', None, Given(gain=-1e4 * np.ones((2, 4))))
+    loop = experiment_of('mass_spring_damper_2d', steps=400).loop
+    runaway = Experiment(Loop(loop.scenario, loop.believed, 20.0, law), None, 0)
+    seeds = spawned(0, 2)
+    a, b = monte_carlo(runaway, seeds), one_by_one(runaway, seeds)
+    assert not np.isfinite(a.squared_error).all()
+    assert np.array_equal(np.isfinite(a.squared_error), np.isfinite(b.squared_error))
+
+
+@pytest.mark.parametrize('name', ['mass_spring_damper_2d'])
+@pytest.mark.parametrize('divided', [{'chunk': 1}, {'chunk': 4}, {'workers': 2, 'chunk': 3}])
+def test_the_numbers_do_not_depend_on_how_runs_are_divided(name, divided):
+    experiment, seeds = experiment_of(name), spawned(1, 7)
+    done = []
+    parts = monte_carlo(experiment, seeds, **divided, progress=done.append)
+    assert done[-1] == 7 and done == sorted(done)
+    for field, difference in differences(parts, monte_carlo(experiment, seeds)):
+        assert difference <= 1e-12, field
+
+
+def test_run_k_is_the_same_however_many_there_are():
+    assert spawned(5, 3) == spawned(5, 10)[:3]
+    assert len({*spawned(5, 1000), *spawned(6, 1000)}) == 2000
+
+
+def test_a_filter_without_a_batched_form_runs_one_by_one():
+    found = kr.monte_carlo('bearing_tracker', runs=2, seconds=20.0, after=0.0)
+    run = found.run(1)
+    error = run.scenario.model.state.subtract(run.truth, run.estimate)
+    np.testing.assert_allclose(found.outcomes.squared_error[1], np.mean(error**2, axis=0))
+
+
+def test_single_runs_are_those_of_the_plant_and_its_noise():
+    """The batch draws from the same streams, a seed's numbers in one block."""
+    scenario = kr.load('mass_spring_damper_2d')
+    plant = SimulatedPlant(
+        scenario.model, scenario.timed, scenario.rate, scenario.initial_state, 11
+    )
+    loop = Loop(scenario, scenario, 0.5)
+    for _ in range(loop.steps - 1):
+        plant.step(np.zeros(2))
+    found = monte_carlo(Experiment(loop, None, 0), [11])
+    np.testing.assert_allclose(found.final_state[0], plant.state, rtol=1e-12)
