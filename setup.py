@@ -29,12 +29,8 @@ setup(
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'filterpy', 'rosbags'],
         'docs': ['sphinx', 'myst-parser'],
         'bags': ['rosbags'],
-<<<<<<< HEAD
-        'live': ['websockets>=13'],
-=======
         'dask': ['distributed'],
-        'live': ['websockets'],
->>>>>>> montecarlo
+        'live': ['websockets>=13'],
     },
     zip_safe=False,
     maintainer='The kalman_ros authors',

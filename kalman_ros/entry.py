@@ -80,8 +80,5 @@ record = partial(_program, 'record')
 replay = partial(_program, 'replay', 'replay.program')
 soak = partial(_program, 'soak', 'soak.program')
 study = partial(_program, 'study', 'studies.program')
-<<<<<<< HEAD
-tune = partial(_program, 'tune', 'tune.program')
-=======
 sweep = partial(_program, 'sweep', 'sweep.program')
->>>>>>> montecarlo
+tune = partial(_program, 'tune', 'tune.program')
