@@ -155,13 +155,6 @@ def test_most_intervals_cover_the_truth():
     assert (coverage(12) >= 9 / 12).all()
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-def test_the_intervals_cover_what_they_claim():
-    shares = coverage(200)
-    assert (shares >= 0.92).all() and (shares <= 0.98).all()
-
-
 def test_a_prior_counts_as_data_do():
     y = np.random.default_rng(6).normal(3.0, 1.0, 20)
 
