@@ -209,7 +209,9 @@ def outcomes_of(
     nis = {}
     for name, source in loop.believed.sensors.items():
         found = run.innovations[name]
-        values = found.nis[found.time * loop.scenario.rate > first - 0.5]
+        # readings that are not finite, all at the end, have a time and no innovation
+        time = found.time[: len(found.nis)]
+        values = found.nis[time * loop.scenario.rate > first - 0.5]
         mean = values.mean() if len(values) else np.nan
         nis[name] = np.array([mean / source.sensor.output.size])
     return Outcomes(

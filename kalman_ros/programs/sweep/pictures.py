@@ -57,7 +57,7 @@ def _curves(swept: Range, state: Space, points: Sequence[Point], path: Path) -> 
         consistency.fill_between(x, low, high, color=BOUND, alpha=0.35, lw=0)
         anees = np.array([point.anees for point in points])
         consistency.plot(x, anees, '.-', color=ESTIMATE, lw=1.0)
-        if np.nanmax(anees, initial=1.0) > 5.0:
+        if (anees > 5.0).any():
             consistency.set_yscale('log')
         consistency.set_ylabel('ANEES')
         lost.plot(x, [100.0 * point.lost for point in points], '.-', color=TRUTH, lw=1.0)
@@ -69,10 +69,10 @@ def _curves(swept: Range, state: Space, points: Sequence[Point], path: Path) -> 
 
 
 def _theory(axis: Any, x: Sequence[float], expected: Sequence[float]) -> None:
-    if np.isfinite(expected).any():
-        axis.plot(x, expected, '--', color=TRUTH, lw=0.9, label='theory')
-    largest = np.nanmax(expected, initial=0.0)
-    if largest > 20.0 * np.nanmin(expected, initial=np.inf):
+    if not np.isfinite(expected).any():
+        return
+    axis.plot(x, expected, '--', color=TRUTH, lw=0.9, label='theory')
+    if np.nanmax(expected) > 20.0 * np.nanmin(expected):
         axis.set_yscale('log')
 
 
