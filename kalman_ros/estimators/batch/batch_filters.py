@@ -186,7 +186,8 @@ def batched(filter: Filter) -> BatchFilter:
     if isinstance(filter, FixedGainObserver):
         return BatchFixedGain(filter)
     raise ValueError(
-        f'filter: expected one of {", ".join(BATCHED)} for a batch, got {type(filter).__name__}'
+        'filter: expected kf, ekf, ukf, steady_state or luenberger for a batch, '
+        f'got {type(filter).__name__}'
     )
 
 
