@@ -149,7 +149,7 @@ def test_a_covariance_that_all_share_stays_one_matrix():
 
 def test_no_batch_of_gaussian_sums():
     scenario = load('bearing_tracker')
-    with pytest.raises(ValueError, match='filter: expected one of kf, ekf'):
+    with pytest.raises(ValueError, match='filter: expected kf, ekf'):
         batched(build_filter('gaussian_sum', scenario.plan))
 
 
