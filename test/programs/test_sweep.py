@@ -92,6 +92,7 @@ def test_two_parameters_make_a_map(tmp_path):
     assert (tmp_path / 'sweep.png').stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_workers_change_nothing(tmp_path):
     arguments = '--over', 'input_cost=0.1..10:log:3', *FEW
     alone = swept(tmp_path / 'one', *arguments)
