@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian
+from kalman_ros.core import Array, Gaussian, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.linear.factor import cholesky
@@ -60,7 +60,7 @@ def truths(scenario: Scenario, runs: int, steps: int) -> list[list[Moment]]:
     timed = {name: source.timed for name, source in scenario.enabled.items()}
     u, found = scenario.model.equilibrium.input, []
     for run in range(runs):
-        start = _draw(scenario.initial_belief, run)
+        start = _draw(scenario.model.state, scenario.initial_belief, run)
         plant, moments = SimulatedPlant(scenario.model, timed, scenario.rate, start, run), []
         for step in range(steps):
             if step:
@@ -128,7 +128,8 @@ def consistency(
     )
 
 
-def _draw(belief: Gaussian, seed: int) -> Array:
-    """Return a state (n,) drawn from a belief."""
+def _draw(space: Space, belief: Gaussian, seed: int) -> Array:
+    """Return a state (n,) of a space, drawn from a belief."""
     L, _, _ = cholesky(belief.covariance)
-    return belief.mean + L @ np.random.default_rng(seed).standard_normal(belief.mean.size)
+    drawn = belief.mean + L @ np.random.default_rng(seed).standard_normal(belief.mean.size)
+    return space.reached(drawn, belief.mean)

@@ -43,7 +43,7 @@ class SensorColumns:
     def __init__(self, source: SensorSource) -> None:
         k = source.sensor.output.size
         self._rows = Rows(
-            numbers=(5,), value=(k,), covariance=(k, k), innovation=(k,), expected=(k, k)
+            numbers=(6,), value=(k,), covariance=(k, k), innovation=(k,), expected=(k, k)
         )
         self._configured: Array = source.sensor.covariance
 
@@ -52,23 +52,25 @@ class SensorColumns:
         _, _, sample, outcome, correction = fused
         own = self._configured if sample.covariance is None else sample.covariance
         code, stamped = _CODES[outcome], float(sample.time is not None)
+        completed = float(getattr(sample, 'completed', False))
         if correction is None:
-            numbers = np.array((received, stamp, stamped, code, nan))
+            numbers = np.array((received, stamp, stamped, completed, code, nan))
             self._rows.append(numbers, sample.values, own, None, None)
             return
-        numbers = np.array((received, stamp, stamped, code, correction.nis))
+        numbers = np.array((received, stamp, stamped, completed, code, correction.nis))
         v, S = correction.innovation, correction.innovation_covariance
         self._rows.append(numbers, sample.values, own, v, S)
 
     def result(self, counts: dict[Outcome, int], undecodable: int) -> SensorReplay:
         """Return all of it."""
         found = self._rows.columns()
-        received, stamp, stamped, code, nis = found['numbers'].T
+        received, stamp, stamped, completed, code, nis = found['numbers'].T
         names = np.array([outcome.name for outcome in _OUTCOMES])
         return SensorReplay(
             received=received,
             stamp=stamp,
             stamped=stamped > 0.0,
+            completed=completed > 0.0,
             value=found['value'],
             covariance=found['covariance'],
             outcome=names[code.astype(int)],

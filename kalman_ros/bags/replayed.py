@@ -28,6 +28,9 @@ class SensorReplay:
         When it was taken, by its stamp (N,); when it was received if it has none.
     stamped
         Whether it has a stamp (N,).
+    completed
+        Whether its message has zeros for a covariance (N,), in place of which are the configured
+        ones.
     value
         The reading (N, m); NaN where the message lacked fields.
     covariance
@@ -50,6 +53,7 @@ class SensorReplay:
     received: Array
     stamp: Array
     stamped: Any
+    completed: Any
     value: Array
     covariance: Array
     outcome: Any

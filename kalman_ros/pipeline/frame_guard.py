@@ -20,8 +20,9 @@ class FrameGuard:
     """Compares the frame of each message with that of its sensor.
 
     It is the ``header.frame_id``, or the ``child_frame_id`` where only the twist of an odometry is
-    read. Where none is declared, it is that of the first message; unless that is a frame of the
-    estimate, or the mounting is given, one warning names it.
+    read; a message without one can be of any frame. Where none is declared, it is that of the
+    first message; unless that is a frame of the estimate, or the mounting is given, one warning
+    names it.
 
     Parameters
     ----------
@@ -59,6 +60,8 @@ class FrameGuard:
         if data.startswith(self.accepted, FRAME_START):
             return ''
         frame, end = frame_and_end(data, of_child=self._of_child)
+        if not frame:
+            return ''
         if self._frame is None:
             self._frame = frame
             self._announce(frame)
@@ -69,7 +72,7 @@ class FrameGuard:
 
     def _announce(self, frame: str) -> None:
         """Warn of a frame that was not declared."""
-        if not frame or frame in self._own or self._placed or not self._own:
+        if frame in self._own or self._placed or not self._own:
             return
         meant = self._own[0 if self._of_world else -1]
         self._warn(f"frame '{frame}' is taken for {meant}; declare frame and mount to be sure")

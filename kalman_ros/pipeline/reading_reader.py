@@ -40,12 +40,15 @@ class Reading(NamedTuple):
         Of the message (k, k); None where the configured one applies.
     refused
         Why it cannot be used, if so.
+    completed
+        Whether its message has zeros for a covariance, in place of which are the configured ones.
     """
 
     time: int | None
     values: Array
     covariance: Array | None
     refused: Outcome | None = None
+    completed: bool = False
 
 
 class ReadingReader:
@@ -104,7 +107,9 @@ class ReadingReader:
                 time, values, covariance = self._change(Sample(time, values, covariance))
             except FirstPoseError as error:
                 return self._refused(time, Outcome.FIRST_POSE, error)
-        return Reading(time, values, source.used(covariance))
+        used = source.used(covariance)
+        completed = used is not covariance and used is not None
+        return Reading(time, values, used, completed=completed)
 
     def _refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:
         self.trouble = str(why)

@@ -151,8 +151,10 @@ class _Replay:
         stamped = stamp != 0.0
         stamp = np.where(stamped, stamp, received)
         covariance = np.broadcast_to(source.sensor.covariance, (N, k, k)).copy()
+        completed = np.zeros(N, dtype=bool)
         for index in range(N if carried is not None else 0):
             used = source.used(carried[index])
+            completed[index] = used is not None and not np.array_equal(used, carried[index])
             covariance[index] = covariance[index] if used is None else used
         innovation, S = np.full((N, k), np.nan), np.full((N, k, k), np.nan)
         nis = np.full(N, np.nan)
@@ -163,7 +165,7 @@ class _Replay:
         outcome = np.full(N, '', dtype=object)
         outcome[: len(found)] = [outcome for outcome, _ in found]
         return SensorRecord(
-            received, stamp, stamped, value, covariance, outcome, innovation, S, nis
+            received, stamp, stamped, completed, value, covariance, outcome, innovation, S, nis
         )
 
     def beliefs(self) -> Beliefs:

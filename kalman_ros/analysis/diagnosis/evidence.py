@@ -24,6 +24,9 @@ class SensorRecord:
         of one origin. A reading without a stamp has that of its receipt.
     stamped
         Whether each has a stamp (N,).
+    completed
+        Whether the message of each has zeros for a covariance (N,), so that it was fused with the
+        configured one.
     value
         The readings (N, k).
     covariance
@@ -37,6 +40,7 @@ class SensorRecord:
     received: Array
     stamp: Array
     stamped: Any
+    completed: Any
     value: Array
     covariance: Array
     outcome: Any

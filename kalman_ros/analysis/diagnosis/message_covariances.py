@@ -31,7 +31,7 @@ def find(case: Examination) -> list[Finding]:
 
 def _of(evidence: Evidence, name: str, record: SensorRecord, R: Array) -> Iterator[Finding]:
     variances = np.diagonal(record.covariance, axis1=1, axis2=2)
-    zero = (variances == 0.0).any(axis=1)
+    zero = record.completed
     negative = (variances < 0.0).any(axis=1) | ~np.isfinite(variances).all(axis=1)
     with np.errstate(divide='ignore', invalid='ignore'):
         factor = np.sqrt(np.abs(variances) / R.diagonal())
@@ -40,7 +40,10 @@ def _of(evidence: Evidence, name: str, record: SensorRecord, R: Array) -> Iterat
     if not wrong.any():
         return
     covariance = np.where(wrong[:, None, None], R, record.covariance)
-    mended = evidence.with_sensor(name, replace(record, covariance=covariance))
+    completed = np.zeros_like(zero)
+    mended = evidence.with_sensor(
+        name, replace(record, covariance=covariance, completed=completed)
+    )
     change = {f'{name}.covariance_from': 'configuration'}
     kinds = (
         ('covariance zero', zero, 'is zero, which by convention means unknown'),

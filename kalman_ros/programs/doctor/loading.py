@@ -47,8 +47,8 @@ def replayed(bag: Bag, parameters: Mapping[str, Any]) -> Evidence:
     for name, each in found.sensors.items():
         received = each.stamp if found.lockstep else each.received
         sensors[name] = SensorRecord(
-            received, each.stamp, each.stamped, each.value, each.covariance, each.outcome,
-            each.innovation, each.innovation_covariance, each.nis,
+            received, each.stamp, each.stamped, each.completed, each.value, each.covariance,
+            each.outcome, each.innovation, each.innovation_covariance, each.nis,
         )  # fmt: skip
     inputs, beliefs = found.inputs, found.beliefs
     return Evidence(
