@@ -167,6 +167,8 @@ def _limits(
     A tenth of the band is left out, that of the start, where it may be hundreds of times as wide.
     """
     drawn = np.isfinite(mean) & np.isfinite(truth)
+    if not drawn.any():
+        return -1.0, 1.0
     truth, mean, band = truth[drawn], mean[drawn], band[drawn]
     edges = [truth.min(), np.quantile(mean, 0.01), np.quantile(mean - band, 0.1)]
     tops = [truth.max(), np.quantile(mean, 0.99), np.quantile(mean + band, 0.9)]
