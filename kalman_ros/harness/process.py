@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rclpy.utilities import get_rmw_implementation_identifier as rmw
 
-from kalman_ros.nodes.transport import PROFILES, PROMPT, RANGE, loopback
+from kalman_ros.nodes.transport import PROFILES, PROMPT, RANGE, loopback, profiles
 
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG, linux/prctl.h
 
@@ -101,10 +101,10 @@ def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:
     """
     os.environ[RANGE] = 'LOCALHOST'
     if not any(os.environ.get(name) for name in PROFILES):
-        os.environ.update(dict.fromkeys(PROFILES, str(PROMPT)))
+        os.environ.update(profiles(PROMPT))
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
-    ours = environment.get(PROFILES[0]) == str(PROMPT) and rmw().startswith('rmw_fastrtps')
-    if sockets and ours:
+    prompt = str(PROMPT) in map(environment.get, PROFILES)
+    if sockets and prompt and rmw().startswith('rmw_fastrtps'):
         environment.update(loopback())
     return environment
 

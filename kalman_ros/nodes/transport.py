@@ -9,7 +9,7 @@ from pathlib import Path
 from rclpy.utilities import get_rmw_implementation_identifier as rmw
 
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-#: The variable with the file of profiles; Fast DDS 2 reads the first, Fast DDS 3 the second.
+#: The variables with the file of profiles: Fast DDS 2 reads the first, Fast DDS 3 the second.
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 #: Nodes that start together discover each other at once; the transport is unchanged.
 PROMPT = Path(__file__).with_name('prompt.xml')
@@ -38,7 +38,20 @@ def prefer_sockets() -> None:
         os.environ.pop(_LOCALHOST_ONLY, None)
         os.environ.update(loopback())
     else:
-        os.environ.update({_TRANSPORTS: 'UDPv4', **dict.fromkeys(PROFILES, str(PROMPT))})
+        os.environ.update({_TRANSPORTS: 'UDPv4', **profiles(PROMPT)})
+
+
+def profiles(path: Path) -> dict[str, str]:
+    """Return the environment in which Fast DDS reads a file of profiles.
+
+    Fast DDS 3 warns of the variable of Fast DDS 2, in every process.
+    """
+    rmw()  # loads the middleware
+    try:
+        loaded = Path('/proc/self/maps').read_text()
+    except OSError:
+        loaded = ''
+    return dict.fromkeys(PROFILES[1:] if 'libfastdds' in loaded else PROFILES, str(path))
 
 
 def loopback() -> dict[str, str]:
@@ -47,7 +60,7 @@ def loopback() -> dict[str, str]:
     Within the range LOCALHOST rmw_fastrtps adds shared memory to any profile. So the range is
     the system's default, and the profile keeps the messages here.
     """
-    return {RANGE: 'SYSTEM_DEFAULT', **dict.fromkeys(PROFILES, str(LOOPBACK))}
+    return {RANGE: 'SYSTEM_DEFAULT', **profiles(LOOPBACK)}
 
 
 def _stays_local() -> bool:
