@@ -103,7 +103,7 @@ def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:
     if not any(os.environ.get(name) for name in PROFILES):
         os.environ.update(profiles(PROMPT))
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain)}
-    prompt = str(PROMPT) in map(environment.get, PROFILES)
+    prompt = profiles(PROMPT).items() <= environment.items()
     if sockets and prompt and rmw().startswith('rmw_fastrtps'):
         environment.update(loopback())
     return environment

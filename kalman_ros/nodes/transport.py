@@ -44,14 +44,17 @@ def prefer_sockets() -> None:
 def profiles(path: Path) -> dict[str, str]:
     """Return the environment in which Fast DDS reads a file of profiles.
 
-    Fast DDS 3 warns of the variable of Fast DDS 2, in every process.
+    Fast DDS 3 warns of the variable of Fast DDS 2, in every process, and has renamed an element:
+    its files are those whose names end in 3.
     """
     rmw()  # loads the middleware
     try:
         loaded = Path('/proc/self/maps').read_text()
     except OSError:
         loaded = ''
-    return dict.fromkeys(PROFILES[1:] if 'libfastdds' in loaded else PROFILES, str(path))
+    if 'libfastdds' in loaded:
+        return {PROFILES[1]: str(path.with_stem(f'{path.stem}_3'))}
+    return {PROFILES[0]: str(path)}
 
 
 def loopback() -> dict[str, str]:
