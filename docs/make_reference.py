@@ -15,7 +15,7 @@ from kalman_ros.core import Option, options_of
 from kalman_ros.estimators import FILTERS, filter_options
 from kalman_ros.nodes import options
 from kalman_ros.nodes.plant_options import PlantOptions
-from kalman_ros.scenario.parameter_files import yaml_value
+from kalman_ros.scenario.parameter_text import yaml_value
 from kalman_ros.simulation.faults import fault_options
 
 FOLDER = Path(__file__).with_name('reference')

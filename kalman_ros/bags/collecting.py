@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from rclpy.serialization import serialize_message
 
+from kalman_ros.analysis.records import Beliefs, InputRecord
 from kalman_ros.codecs.messages import full_type
 from kalman_ros.codecs.padding import without_padding
 from kalman_ros.core import Array, Gaussian
@@ -24,7 +25,7 @@ from kalman_ros.scenario import SensorSource
 
 from .columns import Rows
 from .recording_writer import RecordingWriter
-from .replayed import Beliefs, Inputs, SensorReplay
+from .replayed import SensorReplay
 
 _OUTCOMES = tuple(Outcome)
 _CODES = {outcome: float(code) for code, outcome in enumerate(_OUTCOMES)}
@@ -108,11 +109,11 @@ class InputColumns:
         """Take an input."""
         self._rows.append(np.array((received, stamp)), u)
 
-    def result(self) -> Inputs:
+    def result(self) -> InputRecord:
         """Return all of them."""
         found = self._rows.columns()
         received, stamp = found['times'].T
-        return Inputs(received, stamp, found['value'])
+        return InputRecord(received, stamp, found['value'])
 
 
 class EstimateRecording:

@@ -5,44 +5,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
 from kalman_ros.core import Array
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import Scenario
 
 
 @dataclass(frozen=True)
-class SensorReplay:
-    """What became of a sensor's N readings, in the order in which they were received.
+class SensorReplay(SensorRecord):
+    """What became of a sensor's N readings, and the counts of the whole replay.
 
-    Times are in seconds from the start of the recording.
+    Times are in seconds from the start of the recording; a reading is NaN where the message lacked
+    fields. An outcome is that of the time of receipt.
 
     Parameters
     ----------
-    received
-        When each was received (N,).
-    stamp
-        When it was taken, by its stamp (N,); when it was received if it has none.
-    stamped
-        Whether it has a stamp (N,).
-    completed
-        Whether its message has zeros for a covariance (N,), in place of which are the configured
-        ones.
-    value
-        The reading (N, m); NaN where the message lacked fields.
-    covariance
-        Its own (N, m, m), or the configured one.
-    outcome
-        The name of an `Outcome` (N,), as it was when the reading was received.
-    innovation
-        The reading minus its prediction (N, m); NaN if it was not computed.
-    innovation_covariance
-        By which it was expected to scatter (N, m, m).
-    nis
-        The normalised innovation squared (N,).
     counts
         The number of readings by outcome, at the end: a late reading may have changed
         the outcome of another.
@@ -50,16 +30,6 @@ class SensorReplay:
         The number of messages that were not those of the type, or too long.
     """
 
-    received: Array
-    stamp: Array
-    stamped: Any
-    completed: Any
-    value: Array
-    covariance: Array
-    outcome: Any
-    innovation: Array
-    innovation_covariance: Array
-    nis: Array
     counts: Mapping[Outcome, int]
     undecodable: int
 
@@ -67,29 +37,6 @@ class SensorReplay:
     def fused(self) -> int:
         """The number of readings that moved the estimate."""
         return sum(count for outcome, count in self.counts.items() if outcome.accepted)
-
-
-@dataclass(frozen=True)
-class Beliefs:
-    """Means (N, n) and covariances (N, n, n) at times (N,), in seconds from the start."""
-
-    time: Array
-    mean: Array
-    covariance: Array
-
-    @property
-    def std(self) -> Array:
-        """The standard deviation of each state (N, n)."""
-        return np.asarray(np.sqrt(self.covariance.diagonal(axis1=1, axis2=2)))
-
-
-@dataclass(frozen=True)
-class Inputs:
-    """The inputs (N, m), with when each was received and from when on it holds, in seconds."""
-
-    received: Array
-    stamp: Array
-    value: Array
 
 
 @dataclass(frozen=True)
@@ -154,7 +101,7 @@ class Replayed:
     lockstep: bool
     sensors: Mapping[str, SensorReplay]
     beliefs: Beliefs
-    inputs: Inputs
+    inputs: InputRecord
     restarts: int
     repairs: int
     smoothed: Beliefs | None

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from kalman_ros.analysis.records import Beliefs
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.smoother import Filtered, smooth
 from kalman_ros.estimators.timeline import Item
 
 from .collecting import BeliefColumns, seconds
-from .replayed import Beliefs
 
 
 class FinalBeliefs:

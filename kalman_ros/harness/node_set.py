@@ -9,7 +9,8 @@ from typing import Any
 from kalman_ros import scenario as scenarios
 from kalman_ros.core.named_options import refuse_unknown
 from kalman_ros.scenario import Scenario, shipped
-from kalman_ros.scenario.parameter_files import BETWEEN, NODES, from_file, sections, yaml_value
+from kalman_ros.scenario.parameter_files import BETWEEN, NODES, from_file, sections
+from kalman_ros.scenario.parameter_text import yaml_value
 
 from . import executables
 

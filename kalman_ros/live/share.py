@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from kalman_ros.scenario.parameter_files import BETWEEN, NODES, sections, yaml_value
+from kalman_ros.scenario.parameter_files import BETWEEN, NODES, sections
+from kalman_ros.scenario.parameter_text import section_text
 
 from .adjustments import Adjustments
 
@@ -18,36 +16,11 @@ def parameter_file(adjustments: Adjustments) -> str:
     """
     between = (BETWEEN,) if BETWEEN in sections(adjustments.file) else ()
     shared = adjustments.given('')
-    lines = [f'# {adjustments.file.stem}, as it was on a live page.', *_section('/**', shared)]
+    head = f'# {adjustments.file.stem}, as it was on a live page.\n'
+    parts = [head + section_text('/**', shared)]
     for node in (*NODES, *between):
         values = adjustments.given(node).items()
         own = {name: value for name, value in values if shared.get(name) != value}
         if own:
-            lines += ['', *_section(node, own)]
-    return '\n'.join(lines) + '\n'
-
-
-def _section(node: str, values: Mapping[str, Any]) -> list[str]:
-    return [f'{node}:', '  ros__parameters:', *_lines(_nested(values), '    ')]
-
-
-def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters by the parts of their names."""
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        *parents, last = name.split('.')
-        place = found
-        for parent in parents:
-            place = place.setdefault(parent, {})
-        place[last] = value
-    return found
-
-
-def _lines(values: Mapping[str, Any], indent: str) -> list[str]:
-    found = []
-    for name, value in values.items():
-        if isinstance(value, dict):
-            found += [f'{indent}{name}:', *_lines(value, f'{indent}  ')]
-        else:
-            found.append(f'{indent}{name}: {yaml_value(value)}')
-    return found
+            parts.append(section_text(node, own))
+    return '\n'.join(parts)

@@ -18,7 +18,7 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
-from kalman_ros.core import Array, Value, is_finite, one_each
+from kalman_ros.core import Array, Value, is_finite
 from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, limits, tracking
@@ -26,7 +26,7 @@ from kalman_ros.scenario.regulator import feedback, limits, tracking
 from . import runtime
 from .diagnostics import Level, Report
 from .estimate_feed import EstimateFeed
-from .estimate_guard import EstimateGuard
+from .estimate_guard import EstimateGuard, guard_limits
 from .meeting import Meeting
 from .meters import Latency, Rate
 from .options import ControllerOptions
@@ -54,7 +54,7 @@ class ControllerNode(runtime.ScenarioNode):
         scenario, options = self.scenario, self.options
         model, blend = scenario.model, options.transition_time
         self._regulator = Regulator(model.state, feedback(scenario), model.equilibrium, blend)
-        self._guard = EstimateGuard(model.state, *_guard_limits(scenario, options))
+        self._guard = EstimateGuard(model.state, *guard_limits(scenario, options))
         limiter = self._limiter = Limiter(*_limited(scenario, options))
         self._enabled = options.enabled
         #: Whether the input went to idle, and has to continue from there.
@@ -240,10 +240,8 @@ class ControllerNode(runtime.ScenarioNode):
         self, scenario: Scenario, options: ControllerOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
         """Redesign the gains for other weights, poles, limits or another model."""
-        (bounds, idle), guard_limits = (
-            _limited(scenario, options),
-            _guard_limits(scenario, options),
-        )
+        bounds, idle = _limited(scenario, options)
+        accepted = guard_limits(scenario, options)
         check_idle(bounds, idle)
         found, equilibria = self._regulator.feedback, self._reference.equilibria
         if scenario is not self.scenario:  # else the design, which takes tens of milliseconds
@@ -252,7 +250,7 @@ class ControllerNode(runtime.ScenarioNode):
         def apply() -> None:
             self._regulator.adopt(found, options.transition_time)
             self._limiter.adopt(bounds, idle)
-            self._guard.adopt(*guard_limits)
+            self._guard.adopt(*accepted)
             self._reference.equilibria = equilibria
 
         return apply
@@ -289,17 +287,6 @@ def _limited(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Ar
     """Return the limits and the idle input (m,) for a `Limiter`."""
     found = limits(scenario, options.input_limit, options.input_rate_limit)
     return found, idle_input(scenario.model, options.idle_input)
-
-
-def _guard_limits(
-    scenario: Scenario, options: ControllerOptions
-) -> tuple[float, float, Array, Array]:
-    """Return the limits of accepted estimates for an `EstimateGuard`."""
-    most = one_each('max_std', options.max_std, scenario.model.state.size)
-    if options.resume not in ('auto', 'enable'):
-        raise ValueError(f"resume: expected auto or enable, got '{options.resume}'")
-    prior = scenario.initial_belief.covariance.diagonal()
-    return options.estimate_timeout, options.future_tolerance, most, prior
 
 
 def main() -> None:

@@ -6,8 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.core import Array, Space, is_finite
+from kalman_ros.core import Array, Space, is_finite, one_each
 from kalman_ros.linear.kernels import is_definite
+from kalman_ros.scenario import Scenario
+
+from .options import ControllerOptions
 
 #: An older stamp is a late estimate or a reset of time. It is a reset if only older ones were
 #: received for this many seconds.
@@ -165,3 +168,14 @@ def is_covariance(P: Array) -> bool:
     if not is_finite(R):
         return False
     return not R.size or bool(np.linalg.eigvalsh(0.5 * (R + R.T))[0] > -_ROUNDING)
+
+
+def guard_limits(
+    scenario: Scenario, options: ControllerOptions
+) -> tuple[float, float, Array, Array]:
+    """Return the limits of accepted estimates for an `EstimateGuard`."""
+    most = one_each('max_std', options.max_std, scenario.model.state.size)
+    if options.resume not in ('auto', 'enable'):
+        raise ValueError(f"resume: expected auto or enable, got '{options.resume}'")
+    prior = scenario.initial_belief.covariance.diagonal()
+    return options.estimate_timeout, options.future_tolerance, most, prior

@@ -16,11 +16,11 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from kalman_ros import models
 from kalman_ros.analysis.suspects import suspects
 from kalman_ros.analysis.verdict import judge, least_duration
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.interrupts import deferred
+from kalman_ros.programs.common_arguments import add_parameters, add_scenario
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import DEMO, overrides, own_section
@@ -41,10 +41,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         epilog='Exit code: 0 if every check passes, 1 if not, 2 if there is no verdict, because '
         'it could not be run or its record is incomplete.',
     )
-    parser.add_argument(
-        'scenario', nargs='?', default=models.DEFAULT,
-        help='a name in config/, or a parameter file of your own (default: %(default)s)',
-    )  # fmt: skip
+    add_scenario(parser)
     parser.add_argument(
         '--duration', type=float, metavar='S',
         help=f'simulated seconds (default: that of the scenario, or {_DURATION:g})',
@@ -58,10 +55,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--record', nargs='?', const='', metavar='DIR',
         help='record all topics of the loop (default: DIR is recording in the results)',
     )  # fmt: skip
-    parser.add_argument(
-        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
-        help='a parameter for every node, as with --ros-args; may be repeated',
-    )  # fmt: skip
+    add_parameters(parser, 'a parameter for every node, as with --ros-args')
     return parser.parse_args(argv)
 
 

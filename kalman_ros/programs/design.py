@@ -14,6 +14,7 @@ from rich.console import Console
 from kalman_ros import models, scenario
 from kalman_ros.analysis import design_theory, design_warnings
 from kalman_ros.analysis import path as paths
+from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.known_parameters import refuse_unknown_parameters
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import Scenario, shipped
@@ -53,10 +54,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO/design)'
     )
-    parser.add_argument(
-        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
-        help='a parameter, over those of the file; may be repeated',
-    )  # fmt: skip
+    add_parameters(parser, 'a parameter, over those of the file')
     return parser.parse_args(argv)
 
 

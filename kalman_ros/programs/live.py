@@ -9,11 +9,11 @@ import secrets
 import webbrowser
 from collections.abc import Sequence
 
-from kalman_ros import models
 from kalman_ros.harness import NodeError
 from kalman_ros.live.board import Board
 from kalman_ros.live.live_loop import LiveLoop
 from kalman_ros.live.web_access import Access
+from kalman_ros.programs.common_arguments import add_parameters, add_scenario
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import overrides
@@ -33,10 +33,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         epilog='The page is only for this machine, unless --listen says otherwise: then '
         'everybody with the token can change the loop, and nothing is encrypted.',
     )
-    parser.add_argument(
-        'scenario', nargs='?', default=models.DEFAULT,
-        help='a name in config/, or a parameter file of your own (default: %(default)s)',
-    )  # fmt: skip
+    add_scenario(parser)
     parser.add_argument(
         '--port', type=int, default=_PORT, metavar='N', help='of the page (default: %(default)s)'
     )
@@ -49,10 +46,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--token', default='', help='that --listen requires of a browser (default: a random one)'
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='of all noise')
-    parser.add_argument(
-        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
-        help='a parameter for every node, as with --ros-args; may be repeated',
-    )  # fmt: skip
+    add_parameters(parser, 'a parameter for every node, as with --ros-args')
     return parser.parse_args(argv)
 
 

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import yaml
 from yaml.composer import Composer
 from yaml.constructor import SafeConstructor
@@ -240,22 +239,6 @@ def overrides(given: Sequence[str]) -> dict[str, Any]:
         if not separator:
             raise ValueError(f"-p: expected NAME:=VALUE, got '{text}'")
     return found
-
-
-def yaml_value(value: Any) -> str:
-    """Return a parameter's value as a node's command line accepts it."""
-    if isinstance(value, (np.ndarray, np.generic)):
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return f'[{", ".join(yaml_value(item) for item in value)}]'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(float(value)).replace('inf', '.inf').replace('nan', '.nan')
-    if isinstance(value, str):
-        quoted = value.replace("'", "''")
-        return f"'{quoted}'"  # unquoted, an empty string is null and y is true
-    return str(value)
 
 
 class Lined(NamedTuple):

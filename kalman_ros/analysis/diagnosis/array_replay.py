@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros import scenario as scenarios
+from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
 from kalman_ros.core import Array
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
@@ -17,7 +18,7 @@ from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario import Scenario
 
-from .evidence import Beliefs, Evidence, InputRecord, SensorRecord, changed
+from .evidence import Evidence, changed
 from .passage import passage
 
 #: Parameters of the estimator's node that the policy takes, by its own names.

@@ -10,9 +10,10 @@ from math import inf
 
 import numpy as np
 
+from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.estimators.outcome import Outcome
 
-from .evidence import Evidence, SensorRecord
+from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .stamps import latency, picture, slope

@@ -9,9 +9,10 @@ from math import inf
 
 import numpy as np
 
+from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array
 
-from .evidence import Evidence, SensorRecord
+from .evidence import Evidence
 from .examination import Examination
 from .finding import Finding
 

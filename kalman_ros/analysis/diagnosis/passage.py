@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array, DiscreteLinearSystem, LinearSystem, Model, is_finite
 from kalman_ros.estimators.filter import parts
 from kalman_ros.linear.kernels import corrected, gain, joseph, sandwich, weighed
 
-from .evidence import Evidence, SensorRecord
+from .evidence import Evidence
 
 LOG_2_PI = log(2.0 * pi)
 #: A step is as long as the model allows if it is longer only by the rounding of stamps.

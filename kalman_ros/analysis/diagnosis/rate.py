@@ -8,7 +8,8 @@ from math import inf
 
 import numpy as np
 
-from .evidence import SensorRecord
+from kalman_ros.analysis.records import SensorRecord
+
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array, Space
 
-from .evidence import SensorRecord
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 from .passage import DROPPED, LOG_2_PI, Passage, explained, passage, usable

@@ -8,14 +8,10 @@ a covariance to repair or a gate that may recover, is left to the code for one r
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from kalman_ros.core import Array, Gaussian, Sensor, unchecked
-from kalman_ros.estimators.agreement import Record, Records
+from kalman_ros.core import Array, Gaussian, Sensor, is_finite, unchecked
 from kalman_ros.estimators.correction import committed
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.gate import Gate
@@ -24,11 +20,8 @@ from kalman_ros.linear.batched import factor, times, whitened
 
 from .batch_correction import BatchCorrection
 from .batch_filters import batched
+from .batch_records import NEVER, BatchRecords, Mask
 from .gain_schedule import GainSchedule
-
-#: Which members of a batch (...,).
-Mask = npt.NDArray[np.bool_]
-_NEVER = -1
 
 
 class BatchEstimator:
@@ -79,7 +72,7 @@ class BatchEstimator:
         #: The number of readings that moved the estimates, and that were rejected, by sensor.
         self.fused = {name: np.zeros(members, dtype=int) for name in sensors}
         self.rejected = {name: np.zeros(members, dtype=int) for name in sensors}
-        self._records = _BatchRecords(len(sensors), members)
+        self._records = BatchRecords(len(sensors), members)
 
     def advance(self, time: int) -> Gaussian:
         """Predict to ``time``, in nanoseconds, and return the beliefs."""
@@ -91,7 +84,7 @@ class BatchEstimator:
 
     def set_input(self, u: Array) -> None:
         """Set the inputs (..., m) in effect from `time` on; one that is not finite is ignored."""
-        if not _bounded(u):
+        if not is_finite(u):
             good = np.isfinite(u * u).all(axis=-1, keepdims=True)
             u = np.where(good, u, self._input)
         self._input = u
@@ -121,7 +114,7 @@ class BatchEstimator:
             )
         elif self._gates:
             assert self.time is not None
-            agrees = np.where(accepted, 1, _NEVER)
+            agrees = np.where(accepted, 1, NEVER)
             self._records.add(self._order[name], self.time, agrees, taken)
         self.belief = posterior if accepted.all() else _chosen(accepted, posterior, prior)
         self.fused[name] += accepted
@@ -151,7 +144,7 @@ class BatchEstimator:
         except np.linalg.LinAlgError:
             return None
         mean = self.schedule.wrap(times(F, x) + times(G, self._input))
-        return unchecked((mean, covariance)) if _bounded(mean) else None
+        return unchecked((mean, covariance)) if is_finite(mean) else None
 
     def _corrected_as_scheduled(self, name: str, y: Array) -> BatchCorrection | None:
         """Fuse readings where all members share a covariance, and there are no gates."""
@@ -166,7 +159,7 @@ class BatchEstimator:
             return None
         innovation = sensor.output.subtract(y, sensor.measure(x))
         mean = self.schedule.wrap(x + times(found.gain, innovation))
-        if not (_bounded(innovation) and _bounded(mean)):
+        if not (is_finite(innovation) and is_finite(mean)):
             return None
         self.belief = unchecked((mean, found.covariance))
         self.fused[name] += 1
@@ -229,7 +222,7 @@ class BatchEstimator:
         outside = taken & ~passed & np.isfinite(correction.nis)
         total = self._records.rejections.sum(axis=0) + 1
         doubtful = outside & (total >= (self._needed or np.inf))
-        agrees = np.where(accepted, 1, np.where(outside, 0, _NEVER))
+        agrees = np.where(accepted, 1, np.where(outside, 0, NEVER))
         self._records.add(order, self.time, agrees, taken & ~doubtful)
         if not doubtful.any():
             return posterior, accepted
@@ -251,59 +244,9 @@ class BatchEstimator:
         return unchecked((x, P)), accepted
 
 
-class _BatchRecords:
-    """The `agreement.Records` of every member, as arrays (sensors, ...)."""
-
-    def __init__(self, sensors: int, members: tuple[int, ...]) -> None:
-        shape = (sensors, *members)
-        self.time = np.full(shape, _NEVER, dtype=np.int64)
-        self.interval = np.zeros(shape, dtype=np.int64)
-        self.agrees = np.full(shape, _NEVER, dtype=np.int8)
-        self.rejections = np.zeros(shape, dtype=np.int64)
-
-    def add(self, order: int, time: int, agrees: Any, members: Mask) -> None:
-        """Add a reading of a sensor for some members, as `agreement.Record.after` does."""
-        since = time - self.time[order]
-        known = members & (self.time[order] != _NEVER) & (since != 0)
-        self.interval[order] = np.where(known, since, self.interval[order])
-        self.time[order] = np.where(members, time, self.time[order])
-        self.agrees[order] = np.where(members, agrees, self.agrees[order])
-        count = np.where(agrees == 0, self.rejections[order] + 1, 0)
-        self.rejections[order] = np.where(members, count, self.rejections[order])
-
-    def of(self, at: tuple[int, ...]) -> Records:
-        """Return the records of one member."""
-        place = (slice(None), *at)
-        columns = (each[place].tolist() for each in vars(self).values())
-        return tuple(
-            Record(
-                None if time == _NEVER else time,
-                interval,
-                None if agrees == _NEVER else bool(agrees),
-                rejections,
-            )
-            for time, interval, agrees, rejections in zip(*columns)
-        )
-
-    def set(self, at: tuple[int, ...], records: Records) -> None:
-        """Replace the records of one member."""
-        for order, record in enumerate(records):
-            place = (order, *at)
-            self.time[place] = _NEVER if record.time is None else record.time
-            self.interval[place] = record.interval
-            self.agrees[place] = _NEVER if record.agrees is None else record.agrees
-            self.rejections[place] = record.rejections
-
-
 def _by_coordinate(x: Array) -> Array:
     """Return a copy of vectors (..., n) whose coordinates are first in memory."""
     return np.moveaxis(np.moveaxis(x, -1, 0).copy(), 0, -1)
-
-
-def _bounded(x: Array) -> bool:
-    """Return whether all numbers, and their squares, are finite."""
-    flat = x.ravel('K')
-    return isfinite(flat.dot(flat))
 
 
 def _indices(mask: Mask) -> list[tuple[int, ...]]:

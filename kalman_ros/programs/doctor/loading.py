@@ -4,17 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from kalman_ros import models
-from kalman_ros.analysis.diagnosis.evidence import (
-    Beliefs,
-    Evidence,
-    InputRecord,
-    SensorRecord,
-    changed,
-)
+from kalman_ros.analysis.diagnosis.evidence import Evidence, changed
+from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.scenario import shipped
@@ -43,17 +39,10 @@ def load(bag: str | Path, params: str | Path | None) -> Evidence:
 def replayed(bag: Bag, parameters: Mapping[str, Any]) -> Evidence:
     """Return the evidence of a bag that is open, with these parameters of the estimator."""
     found = replay_bag(bag, estimator_settings(parameters))
-    sensors = {}
-    for name, each in found.sensors.items():
-        received = each.stamp if found.lockstep else each.received
-        sensors[name] = SensorRecord(
-            received, each.stamp, each.stamped, each.completed, each.value, each.covariance,
-            each.outcome, each.innovation, each.innovation_covariance, each.nis,
-        )  # fmt: skip
-    inputs, beliefs = found.inputs, found.beliefs
+    sensors: dict[str, SensorRecord] = dict(found.sensors)
+    if found.lockstep:  # nothing takes time
+        sensors = {name: replace(each, received=each.stamp) for name, each in sensors.items()}
     return Evidence(
-        parameters, found.scenario, sensors,
-        InputRecord(inputs.received, inputs.stamp, inputs.value),
-        Beliefs(beliefs.time, beliefs.mean, beliefs.covariance),
+        parameters, found.scenario, sensors, found.inputs, found.beliefs,
         lambda changes: replayed(bag, changed(parameters, changes)),
     )  # fmt: skip

@@ -16,7 +16,8 @@ from kalman_ros.codecs.messages import full_type
 from kalman_ros.core import Array, Space
 from kalman_ros.pipeline.reading_reader import ReadingReader
 from kalman_ros.scenario import Scenario, SensorSource, shipped
-from kalman_ros.scenario.parameter_files import from_file, yaml_value
+from kalman_ros.scenario.parameter_files import from_file
+from kalman_ros.scenario.parameter_text import section_text
 
 #: Parts of the names of topics that no sensor publishes: what an estimator or a simulation does.
 _NOT_SENSED = {'estimate', 'ground_truth'}
@@ -108,8 +109,7 @@ class Proposal:
 
     def yaml(self) -> str:
         """Return the text of the parameter file."""
-        lines = [f'    {name}: {yaml_value(value)}' for name, value in self.parameters().items()]
-        return '\n'.join(['/**:', '  ros__parameters:', *lines, ''])
+        return section_text('/**', self.parameters())
 
 
 def describe(bag: Bag) -> dict[str, TopicRecord]:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.analysis.diagnosis.array_replay import passed, replay
-from kalman_ros.analysis.diagnosis.evidence import Evidence, InputRecord
+from kalman_ros.analysis.diagnosis.evidence import Evidence
+from kalman_ros.analysis.records import InputRecord
 from kalman_ros.core import Array, Gaussian, linearize
 from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.scenario import Scenario, build, regulator, shipped

@@ -12,7 +12,7 @@ from rich.table import Table
 from kalman_ros.analysis.diagnosis.diagnose import Diagnosis
 from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.report.run_tables import plain_table
-from kalman_ros.scenario.parameter_files import yaml_value
+from kalman_ros.scenario.parameter_text import yaml_value
 
 
 def findings_table(diagnosis: Diagnosis) -> Table:

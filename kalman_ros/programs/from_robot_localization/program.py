@@ -14,7 +14,7 @@ from rich.text import Text
 
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.programs.refusal import refuse
-from kalman_ros.scenario.parameter_files import yaml_value
+from kalman_ros.scenario.parameter_text import section_text
 
 from .their_file import Row, their_nodes
 from .translation import Translation, translated
@@ -40,25 +40,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def as_text(values: Mapping[str, Any], source: str) -> str:
     """Return parameters as a ROS parameter file for a node of any name."""
-    tree: dict[str, Any] = {}
-    for name, value in values.items():
-        *where, last = name.split('.')
-        branch = tree
-        for step in where:
-            branch = branch.setdefault(step, {})
-        branch[last] = value
-    lines = [f'# From {source}, a file of robot_localization.', '/**:', '  ros__parameters:']
-    return '\n'.join([*lines, *_branches(tree, '    ')]) + '\n'
-
-
-def _branches(tree: Mapping[str, Any], indent: str) -> list[str]:
-    lines = []
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            lines += [f'{indent}{key}:', *_branches(value, f'{indent}  ')]
-        else:
-            lines.append(f'{indent}{key}: {yaml_value(value)}')
-    return lines
+    return f'# From {source}, a file of robot_localization.\n{section_text("/**", values)}'
 
 
 def written(found: Sequence[Translation], source: Path, out: Path | None) -> dict[str, Path]:

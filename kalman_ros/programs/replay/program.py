@@ -19,6 +19,7 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.bags.replayed import Replayed
 from kalman_ros.harness.interrupts import deferred
+from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario.parameter_files import overrides
 
@@ -39,10 +40,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--params-file', metavar='FILE', help='a parameter file, or the name of one in config/'
     )
-    parser.add_argument(
-        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
-        help='a parameter over those of the file, such as imu.topic:=/imu/data; may be repeated',
-    )  # fmt: skip
+    add_parameters(parser, 'a parameter over those of the file, such as imu.topic:=/imu/data')
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/replay/BAG)'
     )

@@ -12,7 +12,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from kalman_ros import models, scenario
+from kalman_ros import scenario
+from kalman_ros.programs.common_arguments import add_parameters, add_scenario
 from kalman_ros.programs.known_parameters import refuse_unknown_parameters
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
@@ -32,10 +33,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         description='Run a loop many times at each value of one or two parameters, without '
         'nodes, and put cost, errors, consistency and lost runs side by side.',
     )
-    parser.add_argument(
-        'scenario', nargs='?', default=models.DEFAULT,
-        help='a name in config/, or a parameter file of your own (default: %(default)s)',
-    )  # fmt: skip
+    add_scenario(parser)
     parser.add_argument(
         '--over', action='append', required=True, metavar='NAME=LOW..HIGH:log:COUNT',
         help='a parameter and its values, log or lin; once or twice. plant.NAME is that of the '
@@ -62,10 +60,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/SCENARIO/sweep)'
     )
-    parser.add_argument(
-        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
-        help='a parameter, over those of the file; may be repeated',
-    )  # fmt: skip
+    add_parameters(parser, 'a parameter, over those of the file')
     return parser.parse_args(argv)
 
 

@@ -19,6 +19,7 @@ from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.profiles import profiles
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_margins
 from kalman_ros.core import DesignError, Model
+from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario import Scenario, build, shipped
@@ -67,10 +68,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/tune)'
     )
-    parser.add_argument(
-        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
-        help='a parameter, over those of the file, such as a start; may be repeated',
-    )  # fmt: skip
+    add_parameters(parser, 'a parameter, over those of the file, such as a start')
     return parser.parse_args(argv)
 
 

@@ -15,7 +15,7 @@ from kalman_ros.analysis.tuning.held_out import Judgement
 from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins
 from kalman_ros.report.run_tables import plain_table
-from kalman_ros.scenario.parameter_files import yaml_value
+from kalman_ros.scenario.parameter_text import yaml_value
 
 #: Correlations that are mentioned.
 _NOTABLE = 0.8

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command line arguments that several programs share."""
+
+from __future__ import annotations
+
+import argparse
+
+from kalman_ros import models
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    """Add the argument SCENARIO, the default scenario if it is not given."""
+    parser.add_argument(
+        'scenario', nargs='?', default=models.DEFAULT,
+        help='a name in config/, or a parameter file of your own (default: %(default)s)',
+    )  # fmt: skip
+
+
+def add_parameters(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the option -p (``parameters``), whose help starts with ``what``."""
+    parser.add_argument(
+        '-p', action='append', default=[], metavar='NAME:=VALUE', dest='parameters',
+        help=f'{what}; may be repeated',
+    )  # fmt: skip
