@@ -6,7 +6,7 @@ from glob import glob
 from setuptools import find_packages, setup
 
 PACKAGE = 'kalman_ros'
-NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
+NODES = ('plant', 'estimator', 'controller', 'monitor', 'markers', 'microphone_array')
 COMMANDS = (
     'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults',
     'from_robot_localization', 'fuzz', 'live', 'record', 'replay', 'soak', 'study', 'sweep',

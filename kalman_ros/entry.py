@@ -62,6 +62,7 @@ plant = partial(_node, 'plant')
 estimator = partial(_node, 'estimator')
 controller = partial(_node, 'controller')
 monitor = partial(_node, 'monitor')
+markers = partial(_node, 'markers')
 microphone_array = partial(_node, 'microphone_array')
 
 allan = partial(_program, 'allan', 'allan.program')

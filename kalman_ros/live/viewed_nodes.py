@@ -3,45 +3,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
-
 from kalman_ros.harness.launched_nodes import LaunchedNodes
 from kalman_ros.harness.node_set import NodeSet
 from kalman_ros.harness.readiness import missing
-from kalman_ros.scenario import Scenario
 
 from .adjustments import Adjustments
+from .map_extent import is_drawn
 
 #: Seconds in which the nodes must be connected.
 _PATIENCE = 60.0
 
 
 class ViewedNodes(LaunchedNodes):
-    """Running nodes whose parameters are those of a live page; a context manager.
+    """Running nodes in a private domain; a context manager.
 
     Parameters
     ----------
-    file
-        A parameter file.
-    parameters
-        For every node, over those of the file.
+    found
+        Their parameters.
     seed
         Of all noise.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is unknown or wrong.
     """
 
-    def __init__(self, file: Path, parameters: Mapping[str, Any], seed: int) -> None:
-        found = Adjustments(file, parameters)
+    def __init__(self, found: Adjustments, seed: int) -> None:
         shared = {**found.shared, 'seed': seed, 'lockstep': False}
-        nodes = NodeSet(str(file), shared, found.changes, None, {}, {})
+        also, only = {}, dict(found.changes)
+        if is_drawn(found.scenario('estimator')):
+            also['markers'] = 'markers'
+            only['markers'] = {'frame': found.value('estimator', 'frame')}
+        nodes = NodeSet(str(found.file), shared, only, None, also, {})
         super().__init__(nodes)
-        self.scenario: Scenario = nodes.scenario
         self._names = nodes.names
 
     def __enter__(self) -> ViewedNodes:

@@ -13,6 +13,8 @@ from kalman_ros.core import Signal
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal, state_signal
 from kalman_ros.scenario import Scenario
 
+from .map_extent import extent, is_drawn
+
 #: Colours that differ without colour vision (M. Okabe and K. Ito, Color universal design, 2008).
 _COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 _GREY = '#888888'
@@ -44,17 +46,15 @@ class LayoutPanels:
         })  # fmt: skip
 
 
-def layout(scenario: Scenario, *, markers: bool, frame: str = 'map') -> dict[str, Any]:
+def layout(scenario: Scenario, frame: str) -> dict[str, Any]:
     """Return the layout of a scenario, to be imported as JSON.
 
     Parameters
     ----------
     scenario
         Of the estimator.
-    markers
-        Whether the node ``markers`` draws the scenario.
     frame
-        In which it does.
+        In which the node ``markers`` draws it, if it can.
     """
     panels = LayoutPanels()
     tabs = {
@@ -71,7 +71,7 @@ def layout(scenario: Scenario, *, markers: bool, frame: str = 'map') -> dict[str
         'activeTabIdx': 0,
         'tabs': [{'title': title, 'layout': stacked(found)} for title, found in tabs.items()],
     })  # fmt: skip
-    side = [panels.add('3D', _map(frame))] if markers else []
+    side = [panels.add('3D', _map(scenario, frame))] if is_drawn(scenario) else []
     side.append(panels.add('Parameters', {}))
     return {
         'configById': panels.configurations,
@@ -199,14 +199,16 @@ def _input(scenario: Scenario) -> Iterator[dict[str, Any]]:
             yield _series(path, label, _COLORS[index % len(_COLORS)])
 
 
-def _map(frame: str) -> dict[str, Any]:
+def _map(scenario: Scenario, frame: str) -> dict[str, Any]:
     """Return the panel that shows the markers from above."""
+    across = extent(scenario)
     return {
         'foxglovePanelTitle': 'map',
         'cameraState': {
-            'perspective': False, 'distance': 60, 'phi': 0, 'thetaOffset': 90,
+            'perspective': False, 'distance': 1.5 * across, 'phi': 0, 'thetaOffset': 90,
             'targetOffset': [0, 0, 0], 'target': [0, 0, 0], 'targetOrientation': [0, 0, 0, 1],
-            'fovy': 45, 'near': 0.5, 'far': 5000,
+            'fovy': 45, 'near': 0.01 * across,
+            'far': 100.0 * across,
         },
         'followMode': 'follow-none',
         'followTf': frame,
@@ -217,7 +219,7 @@ def _map(frame: str) -> dict[str, Any]:
         'layers': {
             'grid': {
                 'instanceId': 'grid', 'layerId': 'foxglove.Grid', 'label': 'Grid',
-                'visible': True, 'frameLocked': True, 'frameId': frame, 'size': 100,
+                'visible': True, 'frameLocked': True, 'frameId': frame, 'size': across,
                 'divisions': 10, 'lineWidth': 1, 'color': '#888888ff', 'position': [0, 0, 0],
                 'rotation': [0, 0, 0], 'order': 1,
             },

@@ -62,7 +62,7 @@ class ViewerServer:
         self._undo = ExitStack()
 
     def __enter__(self) -> ViewerServer:
-        foxglove.set_log_level('ERROR')
+        foxglove.set_log_level('CRITICAL')  # it reports every viewer that leaves
         hidden = '.'.join(map(str, (127, *(1 + randbelow(254) for _ in range(3)))))
         self._server = foxglove.start_server(
             name=self._name,

@@ -9,11 +9,15 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+
+import yaml
 
 from kalman_ros.harness import NodeError
 from kalman_ros.harness.graph_topics import GraphTopics
+from kalman_ros.live.adjustments import Adjustments
 from kalman_ros.live.graph_parameters import GraphParameters
+from kalman_ros.live.map_extent import is_drawn
+from kalman_ros.live.rviz_file import rviz_file
 from kalman_ros.live.viewed_nodes import ViewedNodes
 from kalman_ros.live.viewer_layout import layout
 from kalman_ros.programs.common_arguments import add_parameters, add_scenario
@@ -39,6 +43,9 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--layout', type=Path, metavar='FILE', help='write a layout for the viewer into this file'
     )
+    parser.add_argument(
+        '--rviz', type=Path, metavar='FILE', help='write a configuration of RViz into this file'
+    )
     add_server(parser, _PORT, 'server', 'viewer')
     parser.add_argument(
         '--page', action='append', default=[], metavar='ORIGIN',
@@ -48,6 +55,32 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='of all noise')
     add_parameters(parser, 'a parameter for every node, as with --ros-args')
     return parser.parse_args(argv)
+
+
+def write_files(options: argparse.Namespace, found: Adjustments) -> None:
+    """Write the layout and the configuration of RViz that were asked for.
+
+    Raises
+    ------
+    ValueError
+        If RViz cannot show the scenario.
+    """
+    scenario, frame = found.scenario('estimator'), str(found.value('estimator', 'frame'))
+    if options.layout:
+        _write(options.layout, json.dumps(layout(scenario, frame), indent=2) + '\n')
+    if options.rviz:
+        if not is_drawn(scenario):
+            names = ', '.join(scenario.model.state.names)
+            raise ValueError(
+                f'--rviz: expected a state with x and y, and visualization_msgs, got ({names})'
+            )
+        _write(options.rviz, yaml.safe_dump(rviz_file(scenario, frame), sort_keys=False))
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    print(f'wrote {path}')
 
 
 @contextmanager
@@ -61,12 +94,6 @@ def _graph(domain: int) -> Iterator[tuple[GraphTopics, GraphParameters]]:
         graph.close()
 
 
-def _write(path: Path, found: Any) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(found, indent=2) + '\n')
-    print(f'wrote {path}')
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the nodes and the server until a signal."""
     options = arguments(argv)
@@ -78,9 +105,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         rules = access(options)
         file = shipped.file(options.scenario)
-        nodes = ViewedNodes(file, overrides(options.parameters), options.seed)
-        if options.layout:
-            _write(options.layout, layout(nodes.scenario, markers=False))
+        found = Adjustments(file, overrides(options.parameters))
+        write_files(options, found)
+        nodes = ViewedNodes(found, options.seed)
         print(f'{file.stem}: starting the nodes', flush=True)
         with (
             nodes,
@@ -88,7 +115,8 @@ def main(argv: Sequence[str] | None = None) -> None:
             ViewerServer(file.stem, rules, parameters, options.page, _report) as server,
         ):
             address = rules.url.replace('http', 'ws', 1)
-            print(f'{file.stem}: {address}  (Ctrl-C ends)', flush=True)
+            print(f'{file.stem}: {address} and ROS domain {nodes.domain}  (Ctrl-C ends)')
+            sys.stdout.flush()
             ViewerLoop(graph, server).run(lambda: nodes.spin(0.0))
     except KeyboardInterrupt:
         raise SystemExit(130) from None

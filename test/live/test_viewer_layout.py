@@ -3,6 +3,7 @@
 
 import json
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,14 +12,19 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.core import Signal
-from kalman_ros.live.adjustments import Adjustments
 from kalman_ros.live.viewer_layout import layout, message_paths
 from kalman_ros.pipeline.estimate_topics import published_signals
-from kalman_ros.scenario import shipped
+from kalman_ros.scenario import build, shipped
+from kalman_ros.scenario.parameter_files import from_file
 
 NAMES = shipped.names()
 #: Topics of every node.
 NODES = {'/diagnostics', '/rosout', '/markers'}
+
+
+@cache
+def of(name):
+    return build(from_file(shipped.file(name), 'estimator'))
 
 
 def signals(scenario):
@@ -51,11 +57,11 @@ def named(found):
 
 @pytest.mark.parametrize('name', NAMES)
 def test_every_series_is_a_number_of_a_message_of_the_loop(name):
-    scenario = Adjustments(shipped.file(name), {}).scenario('estimator')
+    scenario = of(name)
     known = signals(scenario)
     paths = [
         series['value']
-        for panel in layout(scenario, markers=True)['configById'].values()
+        for panel in layout(scenario, 'map')['configById'].values()
         for series in panel.get('paths', ())
     ]
     assert len(paths) >= 2 * scenario.model.state.size
@@ -70,7 +76,7 @@ def test_every_series_is_a_number_of_a_message_of_the_loop(name):
 
 @pytest.mark.parametrize('name', NAMES)
 def test_a_path_has_the_value_of_its_field(name):
-    scenario = Adjustments(shipped.file(name), {}).scenario('estimator')
+    scenario = of(name)
     for topic, signal in signals(scenario).items():
         values = 0.1 + 0.01 * np.arange(len(signal.fields))
         if signal.type == 'sensor_msgs/NavSatFix':
@@ -83,8 +89,8 @@ def test_a_path_has_the_value_of_its_field(name):
 
 
 def test_every_panel_is_in_the_tree_once_and_the_other_way_round():
-    scenario = Adjustments(shipped.file('robot_2d'), {}).scenario('estimator')
-    found = json.loads(json.dumps(layout(scenario, markers=True)))
+    scenario = of('robot_2d')
+    found = json.loads(json.dumps(layout(scenario, 'map')))
     panels = found['configById']
     tabs = [tab for panel in panels.values() for tab in panel.get('tabs', ())]
     shown = [*named(found['layout']), *(each for tab in tabs for each in named(tab['layout']))]
@@ -98,8 +104,8 @@ def test_every_panel_is_in_the_tree_once_and_the_other_way_round():
 
 
 def test_a_model_without_input_and_without_a_map_has_no_panel_for_them():
-    scenario = Adjustments(shipped.file('nile'), {}).scenario('estimator')
-    panels = layout(scenario, markers=False)['configById']
+    scenario = of('nile')
+    panels = layout(scenario, 'map')['configById']
     titles = [tab['title'] for panel in panels.values() for tab in panel.get('tabs', ())]
     assert 'Input' not in titles
     assert not any(name.startswith('3D') for name in panels)

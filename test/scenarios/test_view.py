@@ -108,12 +108,14 @@ class View:
 
 def test_a_viewer_sees_the_loop_that_the_layout_names_and_moves_it(tmp_path):
     file = tmp_path / 'layout.json'
-    with View('cart_pole', '--layout', str(file)) as view:
+    with View('--layout', str(file), '--rviz', str(tmp_path / 'view.rviz')) as view:
         panels = json.loads(file.read_text())['configById'].values()
         paths = [series['value'] for panel in panels for series in panel.get('paths', ())]
         topics = {re.match(r'[\w/]+', path).group() for path in paths}
-        found = view.messages(topics)
-        assert found['/estimate/state'].name == ['x', 'v', 'theta', 'omega']
+        found = view.messages(topics | {'/markers', '/diagnostics'})
+        assert 'ellipse' in [marker.ns for marker in found['/markers'].markers]
+        assert found['/estimate/state'].name == ['x', 'v_x', 'y', 'v_y']
+        assert (tmp_path / 'view.rviz').exists()
         for path in paths:
             topic = re.match(r'[\w/]+', path).group()
             message = found[topic]
@@ -126,14 +128,15 @@ def test_a_viewer_sees_the_loop_that_the_layout_names_and_moves_it(tmp_path):
             each['name']: each['value'] for each in view.receive('parameterValues')['parameters']
         }
         weight = values['/controller.input_cost']
-        assert view.change('/controller.input_cost', [2.0 * weight[0]]) == [2.0 * weight[0]]
+        heavier = [2.0 * each for each in weight]
+        assert view.change('/controller.input_cost', heavier) == heavier
         before = float(variance(view))
-        noise = [10.0 * each for each in values['/estimator.joint_states.noise']]
-        assert view.change('/estimator.joint_states.noise', noise) == noise
+        noise = [10.0 * each for each in values['/estimator.position.noise']]
+        assert view.change('/estimator.position.noise', noise) == noise
         end = time.monotonic() + 10.0
         while float(variance(view)) < 4.0 * before:
             assert time.monotonic() < end, 'the covariance does not follow the noise'
-        assert view.change('/controller.input_cost', [-1.0]) == [2.0 * weight[0]]
+        assert view.change('/controller.input_cost', [-1.0, 1.0]) == heavier
     assert view.process.returncode == 130
     assert 'Traceback' not in view.output + view.rest
 
@@ -150,6 +153,7 @@ def test_what_is_wrong_is_one_line():
     program = str(executables.executable('view'))
     for arguments, expected in (
         (['no_such'], 'no_such'),
+        (['cart_pole', '--rviz', '/nowhere/x'], '--rviz: expected a state with x and y'),
         (['--port', '0'], '--port: expected 1 to 65535, got 0'),
         (['--listen', 'here'], "--listen: expected an IP address, got 'here'"),
         (['-p', 'nonsense:=1'], "unknown parameter 'nonsense'"),
