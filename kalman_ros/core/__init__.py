@@ -20,14 +20,13 @@ from kalman_ros.linear.matrices import (
 
 from .discrete_model import DiscreteLinearSystem, DiscreteModel
 from .gaussian import Gaussian, unchecked
+from .leading_axes import coordinates, from_coordinates
 from .linear_system import LinearSystem, linearize
 from .model import (
     LinearizedStep,
     Model,
     OperatingPoint,
     Transition,
-    coordinates,
-    from_coordinates,
     numerical_jacobian,
 )
 from .named_options import About, Option, Value, brief, build_with, options_of, refuse_unknown

@@ -53,6 +53,7 @@ def spring(**changes):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_mass_and_the_damping_of_a_spring_are_identified():
     time = np.arange(0.0, DURATION, 1.0 / RATE)
     force = square_wave(time, 3.0, 5.0)[:, None]
@@ -88,6 +89,7 @@ def motor_readings():
     return time, voltage, readings(motor(), time, voltage, seed=2)[1:]
 
 
+@pytest.mark.slow
 def test_the_constants_of_a_motor_are_identified():
     time, voltage, (times, values) = motor_readings()
     start = motor(**{'model_parameters.constant': 0.02, 'model_parameters.friction': 0.05})
@@ -150,6 +152,7 @@ def coverage(runs):
     return hits / count
 
 
+@pytest.mark.slow
 def test_most_intervals_cover_the_truth():
     # of 12 intervals of 95 %, 8 or fewer cover with a probability of 2e-4
     assert (coverage(12) >= 9 / 12).all()

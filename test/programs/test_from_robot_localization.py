@@ -214,13 +214,17 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
         ),
         (
             'odom0: odom\nodom0_config: C\nprocess_noise_covariance: [1]\n',
-            'expected 15 or 225 num',
+            'expected 15 or 225 finite num',
         ),
         ('odom0: odom\nodom0_config: F\n', 'expected a flag that is true, got none'),
         ('odom0: odom\nodom0_config: C\nfrequency: -3.0\n', 'publish_rate: expected'),
         ('odom0: odom\nodom0_config: C\nfrequency: 1' + 400 * '0', 'of at most 64 bits'),
         ("odom0: ''\nodom0_config: C\n", 'line 1: odom0: expected the name of a topic'),
-        ('odom0: odom\nodom0_config: C\ninitial_state: [.nan]\n', 'expected 15 numbers'),
+        ('odom0: odom\nodom0_config: C\ninitial_state: [.nan]\n', 'expected 15 finite num'),
+        (
+            f'odom0: odom\nodom0_config: C\ninitial_state: [{14 * "0, "}1{400 * "0"}]\n',
+            'line 3: initial_state: expected 15 finite num',
+        ),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):
@@ -231,6 +235,14 @@ def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):
     said = capsys.readouterr().err
     assert refused.value.code == 2 and why in said and said.count('\n') == 1
     assert not (tmp_path / 'ours.yaml').exists()
+
+
+def test_a_threshold_that_keeps_everything_is_a_gate_of_one(tmp_path):
+    file, ours = tmp_path / 'theirs.yaml', tmp_path / 'ours.yaml'
+    config_of_speed = f'odom0_config: {config("vx")}'
+    file.write_text(f'odom0: odom\n{config_of_speed}\nodom0_twist_rejection_threshold: 1.0e+300\n')
+    main([str(file), '--out', str(ours)])
+    assert 'gate: 1.0' in ours.read_text()
 
 
 def test_a_file_that_is_not_there_is_refused_in_one_line(capsys):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -68,10 +69,9 @@ class TheirNode:
         if name not in self.values:
             return None
         found, line = self.values[name]
-        plain = isinstance(found, list) and all(type(item) in (int, float) for item in found)
-        if not plain or len(found) not in sizes:
+        if not isinstance(found, list) or len(found) not in sizes or not all(map(_usable, found)):
             wanted = ' or '.join(map(str, sizes))
-            raise ValueError(f'line {line}: {name}: expected {wanted} numbers')
+            raise ValueError(f'line {line}: {name}: expected {wanted} finite numbers')
         return [float(item) for item in found]
 
     def note(self, name: str, what: str, *, carried: bool = True) -> None:
@@ -84,6 +84,11 @@ class TheirNode:
         """The parameters that were not accounted for."""
         done = {row.name for row in self.rows}
         return [name for name in self.values if name not in done]
+
+
+def _usable(value: Any) -> bool:
+    """Return whether a value is a number that is finite as a float."""
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def their_nodes(path: Path) -> list[TheirNode]:
