@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ class TheirNode:
     """The parameters of a node; what is taken is accounted for."""
 
     name: str
+    namespace: str
     values: dict[str, Lined]
     rows: list[Row] = field(default_factory=list)
 
@@ -77,7 +78,9 @@ class TheirNode:
     def note(self, name: str, what: str, *, carried: bool = True) -> None:
         """Account for a parameter, if it is given."""
         if name in self.values:
-            self.rows.append(Row(self.values[name].line, name, carried, what))
+            row = Row(self.values[name].line, name, carried, what)
+            if row not in self.rows:
+                self.rows.append(row)
 
     @property
     def unaccounted(self) -> list[str]:
@@ -100,22 +103,24 @@ def their_nodes(path: Path) -> list[TheirNode]:
         If no filter of robot_localization is in it.
     """
     whole = with_lines(path)
-    found = list(_nodes(whole.value, path.stem)) if isinstance(whole.value, Mapping) else []
+    found = list(_nodes(whole.value, (), path.stem)) if isinstance(whole.value, Mapping) else []
     if not any(node.filters for node in found):
         expected = 'expected a node with one of odom0, pose0, twist0, imu0'
         raise ValueError(f'{path.name}: {expected}')
     return found
 
 
-def _nodes(values: Mapping[str, Lined], name: str) -> Iterator[TheirNode]:
+def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iterator[TheirNode]:
+    """Return the nodes below the parts of a name; a wildcard has the name of the file."""
+    *space, name = [part for part in parts if '*' not in part] or [stem]
     if any(map(SENSOR.fullmatch, values)):
-        yield TheirNode(name, _flat(values))
+        yield TheirNode(name, '/'.join(space), _flat(values))
         return
     for key, (value, _) in values.items():
         if key == 'ros__parameters' and isinstance(value, Mapping):
-            yield TheirNode(name, _flat(value))
+            yield TheirNode(name, '/'.join(space), _flat(value))
         elif isinstance(value, Mapping):
-            yield from _nodes(value, str(key).rpartition('/')[2] or name)
+            yield from _nodes(value, [*parts, *filter(None, str(key).split('/'))], stem)
 
 
 def _flat(values: Mapping[str, Lined], start: str = '') -> dict[str, Lined]:

@@ -66,8 +66,14 @@ class Translation:
     """Parameters of ours, and what became of theirs."""
 
     name: str
+    namespace: str
     values: Mapping[str, Any]
     rows: Sequence[Row]
+
+    @property
+    def title(self) -> str:
+        """The name with its namespace."""
+        return f'{self.namespace}/{self.name}' if self.namespace else self.name
 
 
 def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
@@ -78,6 +84,16 @@ def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
     ValueError
         If a parameter has another type or size; the line is named.
     """
+    spaces = dict.fromkeys(node.namespace for node in nodes)
+    return [
+        found
+        for space in spaces
+        for found in _translated([node for node in nodes if node.namespace == space])
+    ]
+
+
+def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
+    """Return the same for the nodes of one namespace, which work together."""
     navigation = next((node for node in nodes if node.navigates), None)
     filters = [node for node in nodes if node.filters]
     several = len(filters) > 1
@@ -94,13 +110,13 @@ def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
             values['tf_odometry'] = topic
         for name in node.unaccounted:
             node.note(name, 'unknown to this program', carried=False)
-        found.append(Translation(node.name, values, node.rows))
+        found.append(Translation(node.name, node.namespace, values, node.rows))
     for node in nodes:
         if not node.filters:
             what = 'unknown to this program' if node.navigates else 'of no filter'
             for name in node.unaccounted:
                 node.note(name, what, carried=False)
-            found.append(Translation(node.name, {}, node.rows))
+            found.append(Translation(node.name, node.namespace, {}, node.rows))
     return found
 
 
