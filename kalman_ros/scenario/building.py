@@ -18,6 +18,7 @@ from kalman_ros.core import (
     Gaussian,
     Model,
     Option,
+    Sensor,
     Signal,
     TimedSensor,
     Value,
@@ -28,6 +29,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.core.geodesy import Place, datum
 from kalman_ros.core.mount import mounting
+from kalman_ros.core.quantity import ATTITUDE, GLOBAL, PLACE, quantity
 from kalman_ros.estimators import FILTERS
 
 from .body_roles import body_of
@@ -152,6 +154,7 @@ def _source(
             raise ValueError(f"pose: expected {', '.join(POSES)}, got '{pose}'")
         if pose != POSES[0] and any(arm):
             raise ValueError(f'mount.translation: expected none with pose: {pose}')
+        _check_units(sensor, wire['fields'], pose)
         mount = mounting(rotation, convention, frame, arm)
         if any(arm) or gravity:
             body = body_of(model.state, state)
@@ -164,6 +167,22 @@ def _source(
     signal = _signal(name, wire, sensor.output.size)
     signal = replace(signal, datum=origin, mounting=mount, pose=pose)
     return SensorSource(timed, signal, policy, reliable, gate)
+
+
+def _check_units(sensor: Sensor, fields: Iterable[str], pose: str) -> None:
+    """Raise ValueError where a field is known to have another unit than what it measures."""
+    for name, unit, field in zip(sensor.output.names, sensor.output.units, fields):
+        if pose != POSES[0]:
+            read = quantity(field)
+            if read is None or read.kind not in (PLACE, ATTITUDE) or read.names == GLOBAL:
+                expected = 'expected fields of a position or orientation'
+                raise ValueError(f'pose: {expected} with {pose}, got {field}')
+        if pose == 'differential' and unit in ('m', 'rad'):
+            expected = 'expected velocities or rates with pose: differential'
+            raise ValueError(f'measures: {expected}, got {name} in {unit}')
+        if unit == 'm' and field in ('latitude', 'longitude'):
+            expected = 'expected east, north or up, in m'
+            raise ValueError(f'fields: {expected}, for {name}, got {field}, in degrees')
 
 
 def _signal(name: str, given: Mapping[str, Any], size: int) -> Signal:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import inf
+from math import inf, pi
 from typing import Annotated, Any
 
 from kalman_ros import models, sensors
@@ -40,6 +40,8 @@ def _shared(
     """Carry the options that do not depend on the model."""
 
 
+#: The farthest from the centre of a body that a sensor is, in m.
+_FARTHEST = 1e4
 #: The feature of turned and displaced sensors, and of the frames of messages.
 _FRAMES = 'frames'
 
@@ -71,15 +73,21 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         ),
         'mount.translation': (
             [0.0, 0.0, 0.0],
-            About('forward, left, up of the body', 'm', feature=_FRAMES),
+            About('forward, left, up of the body', 'm', -_FARTHEST, _FARTHEST, feature=_FRAMES),
         ),
         'mount.rotation': (
             [0.0, 0.0, 0.0],
-            About('roll, pitch, yaw on the body', 'rad', feature=_FRAMES),
+            About('roll, pitch, yaw on the body', 'rad', -2.0 * pi, 2.0 * pi, feature=_FRAMES),
         ),
         'mount.gravity': (
             0.0,
-            About('what an accelerometer reads upwards at rest', 'm/s^2', feature=_FRAMES),
+            About(
+                'what an accelerometer reads upwards at rest',
+                'm/s^2',
+                -100.0,
+                100.0,
+                feature=_FRAMES,
+            ),
         ),
         'convention': (
             'enu',

@@ -57,6 +57,13 @@ def test_what_is_refused(typed, says, tmp_path, capsys):
     assert says in printed
 
 
+def test_one_parameter_twice_is_refused(tmp_path, capsys):
+    twice = ['--over', 'input_cost=1..2:lin:2', '--over', 'input_cost=1..9:lin:3']
+    with pytest.raises(SystemExit):
+        sweep.main([*twice, *FEW, '--out', str(tmp_path)])
+    assert 'over: expected two parameters, got input_cost=1..2' in capsys.readouterr().err
+
+
 def test_cost_and_errors_beside_theory(tmp_path, capsys):
     points = swept(
         tmp_path, '--over', 'input_cost=0.1..10:log:3', '--runs', '60', '--seconds', '10'
