@@ -113,7 +113,10 @@ def test_workers_change_nothing(tmp_path):
         (ValueError('workers: a process ended before its work did'), 1, 'workers: a process'),
     ],
 )
-@pytest.mark.parametrize('over', [['input_cost=0.1..10:log:4'], ['input_cost=0.1..10:log:2'] * 2])
+@pytest.mark.parametrize(
+    'over',
+    [['input_cost=0.1..10:log:4'], ['input_cost=0.1..10:log:2', 'state_cost=1..10:log:2']],
+)
 def test_points_that_are_finished_are_kept(end, code, says, over, tmp_path, capsys, monkeypatch):
     def ending(task, items, *_):
         yield 2, task(items[2])
