@@ -132,7 +132,7 @@ def test_points_that_are_finished_are_kept(end, code, says, over, tmp_path, caps
     found = json.loads((tmp_path / 'summary.json').read_text())
     assert says in found['stopped'] and found['missing'] == 2
     costs = [point['at']['input_cost'] for point in found['points']]
-    assert costs == pytest.approx([0.1, 10 ** (1 / 3)] if len(over) == 1 else [0.1, 0.1])
+    assert costs == pytest.approx([0.1, 10 ** (1 / 3)] if len(over) == 1 else [0.1, 10.0])
     assert (tmp_path / 'sweep.png').stat().st_size > 10_000
 
 
