@@ -71,7 +71,8 @@ class Feed:
             for name, each in scenario.sensors.items()
         }
         input = InputReader(scenario.input)
-        self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None)
+        timeout = settings.input_timeout()
+        self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None, timeout)
         self._intake = Intake(lambda _: None)
         self._intake.longest = settings.options.max_message_size
         self._read_pose = PoseReader(scenario)

@@ -108,6 +108,7 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
     if not names:
         return built
     if not names <= built.sensors.keys():
+        _same_input(built.model, full)
         return assemble(full, with_law=bool(built.law))
     sources = dict(built.sensors)
     for name in names:
@@ -115,6 +116,14 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
         sources[name] = _source(name, given, built.model, built.rate, built.state, built.datum)
         check_sensor(name, sources[name].sensor, built.initial_belief.mean)
     return replace(built, sensors=sources)
+
+
+def _same_input(model: Model, full: Mapping[str, Any]) -> None:
+    """Raise ValueError if changed parameters give a model another input, which has no topic."""
+    changed = model_of(system_of(full['model']), section(full, 'model_parameters')).input
+    if changed.size != model.input.size:
+        size = f'{model.input.size} inputs, got {changed.size}'
+        raise ValueError(f'model_parameters: expected a model of {size}: restart the node for it')
 
 
 def _law(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:
