@@ -132,7 +132,7 @@ class Fuser:
     def _account_for_reading(self, channel: SensorReader, time: int, outcome: Outcome) -> None:
         if outcome.explained and channel.trouble:
             self.warn(f'reading of {channel.name} {outcome.value}: {channel.trouble}')
-        elif outcome is not Outcome.FUSED:
+        elif outcome not in (Outcome.FUSED, Outcome.MOVING):
             self.warn(f'reading of {channel.name} {outcome.value}')
         if outcome.accepted:
             self.fused_at = time if self.fused_at is None else max(time, self.fused_at)

@@ -28,6 +28,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.core.geodesy import Place, datum
 from kalman_ros.core.mount import mounting
+from kalman_ros.core.still import stand_still
 from kalman_ros.estimators import FILTERS
 
 from .body_roles import body_of
@@ -152,6 +153,9 @@ def _source(
     arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
     frame, pose = given.pop('frame'), given.pop('pose')
+    zero = given.pop('zero')
+    small, watched = given.pop('still.below'), given.pop('still.fields')
+    duration = given.pop('still.duration')
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
@@ -162,6 +166,7 @@ def _source(
         if pose != POSES[0] and any(arm):
             raise ValueError(f'mount.translation: expected none with pose: {pose}')
         mount = mounting(rotation, convention, frame, arm)
+        still = stand_still(wire['fields'], small, watched, duration)
         if any(arm) or gravity:
             body = body_of(model.state, state)
             sensor = LeverArm(sensor, body, wire['fields'], arm, gravity)
@@ -171,7 +176,7 @@ def _source(
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
-    signal = replace(signal, datum=origin, mounting=mount, pose=pose)
+    signal = replace(signal, datum=origin, mounting=mount, pose=pose, zero=zero, still=still)
     return SensorSource(timed, signal, policy, reliable, gate)
 
 

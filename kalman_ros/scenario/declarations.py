@@ -42,6 +42,8 @@ def _shared(
 
 #: The feature of turned and displaced sensors, and of the frames of messages.
 _FRAMES = 'frames'
+#: That of readings of zero, and of those at rest.
+_STILL = 'stand-still'
 
 
 def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
@@ -94,6 +96,19 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         'frame': (
             '',
             About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),
+        ),
+        'zero': (
+            False,
+            About('read zeros in place of the fields: no slip, no speed', feature=_STILL),
+        ),
+        'still.below': (
+            [inf],
+            About('read only while still.fields are smaller than this', feature=_STILL),
+        ),
+        'still.fields': ([''], About("fields of the messages; '': fields", feature=_STILL)),
+        'still.duration': (
+            0.5,
+            About('and have been for this long', 's', minimum=0.0, feature=_STILL),
         ),
         'gate': (
             1.0,
