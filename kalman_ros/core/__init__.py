@@ -34,7 +34,7 @@ from .registry import find
 from .sensor import Hypotheses, Sensor
 from .space import Space
 from .system import SensorSetup, Signal, System
-from .timing import TimedSensor, is_due, period, ratio
+from .timing import TimedSensor, following, is_due, period, ratio
 
 __all__ = [
     'About',
@@ -63,6 +63,7 @@ __all__ = [
     'build_with',
     'coordinates',
     'find',
+    'following',
     'from_coordinates',
     'identity',
     'is_due',

@@ -101,6 +101,10 @@ class EstimatorOptions:
     ] = 60.0
     future_tolerance: FutureTolerance = 1.0
     idle_input: IdleInput = 'zero'
+    input_timeout: Annotated[
+        float,
+        About('without a new input the idle one holds; 0: never', 's', 0.0, feature='stand-still'),
+    ] = 0.0
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'
     publish_odometry: Annotated[

@@ -30,6 +30,7 @@ from kalman_ros.core import (
 from kalman_ros.core.geodesy import Place, datum
 from kalman_ros.core.mount import mounting
 from kalman_ros.core.quantity import ATTITUDE, GLOBAL, PLACE, quantity
+from kalman_ros.core.still import stand_still
 from kalman_ros.estimators import FILTERS
 
 from .body_roles import body_of
@@ -110,6 +111,7 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
     if not names:
         return built
     if not names <= built.sensors.keys():
+        _same_input(built.model, full)
         return assemble(full, with_law=bool(built.law))
     sources = dict(built.sensors)
     for name in names:
@@ -117,6 +119,14 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
         sources[name] = _source(name, given, built.model, built.rate, built.state, built.datum)
         check_sensor(name, sources[name].sensor, built.initial_belief.mean)
     return replace(built, sensors=sources)
+
+
+def _same_input(model: Model, full: Mapping[str, Any]) -> None:
+    """Raise ValueError if changed parameters give a model another input, which has no topic."""
+    changed = model_of(system_of(full['model']), section(full, 'model_parameters')).input
+    if changed.size != model.input.size:
+        size = f'{model.input.size} inputs, got {changed.size}'
+        raise ValueError(f'model_parameters: expected a model of {size}: restart the node for it')
 
 
 def _law(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:
@@ -145,6 +155,9 @@ def _source(
     arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
     frame, pose = given.pop('frame'), given.pop('pose')
+    zero = given.pop('zero')
+    small, watched = given.pop('still.below'), given.pop('still.fields')
+    duration = given.pop('still.duration')
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
@@ -156,6 +169,7 @@ def _source(
             raise ValueError(f'mount.translation: expected none with pose: {pose}')
         _check_units(sensor, wire['fields'], pose)
         mount = mounting(rotation, convention, frame, arm)
+        still = stand_still(wire['fields'], small, watched, duration)
         if any(arm) or gravity:
             body = body_of(model.state, state)
             sensor = LeverArm(sensor, body, wire['fields'], arm, gravity)
@@ -165,7 +179,7 @@ def _source(
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
-    signal = replace(signal, datum=origin, mounting=mount, pose=pose)
+    signal = replace(signal, datum=origin, mounting=mount, pose=pose, zero=zero, still=still)
     return SensorSource(timed, signal, policy, reliable, gate)
 
 

@@ -160,6 +160,20 @@ def test_what_is_not_carried_over_is_named_with_its_reason_and_line(tmp_path, ca
     assert 'debug' not in left
 
 
+def test_commands_become_the_input_of_the_planar_model(tmp_path):
+    lines = (
+        'two_d_mode: true', 'odom0: odom', f'odom0_config: {config("vx")}', 'use_control: true',
+        'stamped_control: true', 'control_timeout: 0.3', 'acceleration_gains: [0.8, 0.0, 0.9]',
+    )  # fmt: skip
+    values, rows = one(tmp_path, *lines)
+    built = settings(values)
+    assert built.scenario.input.topic == 'cmd_vel'
+    assert built.scenario.input.type == 'geometry_msgs/TwistStamped'
+    assert built.options.input_timeout == values['model_parameters.command_time'] == 0.3
+    assert all(rows[name].carried for name in ('use_control', 'control_timeout'))
+    assert not rows['acceleration_gains'].carried
+
+
 def test_poses_as_changes_are_read_as_such(tmp_path):
     for planar, rate in ((True, ['wz']), (False, ['wx', 'wy', 'wz'])):
         values, rows = one(
