@@ -18,12 +18,14 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from kalman_ros.analysis.suspects import suspects
 from kalman_ros.analysis.verdict import judge, least_duration
+from kalman_ros.control.limiter import Limits
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.interrupts import deferred
 from kalman_ros.programs.common_arguments import add_parameters, add_scenario
 from kalman_ros.programs.refusal import refuse
-from kalman_ros.scenario import shipped
-from kalman_ros.scenario.parameter_files import DEMO, overrides, own_section
+from kalman_ros.scenario import regulator, shipped
+from kalman_ros.scenario.demo_section import Demo, demo_section
+from kalman_ros.scenario.parameter_files import from_file, overrides
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .results import ready
@@ -60,21 +62,19 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def perform(
-    options: argparse.Namespace, folder: Path, console: Console
+    options: argparse.Namespace, own: Demo, folder: Path, console: Console
 ) -> tuple[Run, Trajectory, float, int]:
     """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
-    own = own_section(shipped.file(options.scenario), DEMO)
-    usual = float(own.pop('duration', _DURATION))
     run = Run(
         options.scenario,
-        {**own, **overrides(options.parameters)},
+        {**own.parameters, **overrides(options.parameters)},
         seed=options.seed,
         lockstep=not options.realtime,
         recording=folder / 'recording' if options.record == '' else options.record,
     )
     least = least_duration(run.scenario)
     if options.duration is None:
-        options.duration = max(usual, float(ceil(least)))
+        options.duration = max(own.duration or _DURATION, float(ceil(least)))
     if not least <= options.duration < inf:
         raise ValueError(f'duration: expected {least:.4g} s or more, got {options.duration:g}')
     ready(folder)
@@ -99,6 +99,17 @@ def perform(
     return run, trajectory, wall, missed
 
 
+def limits(options: argparse.Namespace, own: Demo, run: Run) -> Limits:
+    """Return the limits of the actuators, which are parameters of the controller."""
+    values = {
+        **from_file(shipped.file(options.scenario), 'controller'),
+        **own.parameters,
+        **overrides(options.parameters),
+    }
+    names = ('input_limit', 'input_rate_limit')
+    return regulator.limits(run.scenario, *(values.get(name, inf) for name in names))
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the demo; the exit code says whether theory and measurement agree."""
     options = arguments(argv)
@@ -106,7 +117,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     name = Path(options.scenario).stem
     folder = options.out or Path('out') / name
     try:
-        run, trajectory, wall, missed = perform(options, folder, console)
+        own = demo_section(shipped.file(options.scenario))
+        run, trajectory, wall, missed = perform(options, own, folder, console)
         judgement = judge(run.scenario, trajectory)
     except (ValueError, NodeError, RuntimeError) as error:
         refuse('demo', error)
@@ -127,8 +139,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     with deferred():
         _write(folder, trajectory)
         about = f'{name}, filter {run.scenario.filter}, {mode}, seed {options.seed}'
-        with style.caption(f'{about}, {options.duration:g} s'):
-            drawn = run_pictures.draw_all(run.scenario, trajectory, folder)
+        with style.caption(f'{about}, {options.duration:g} {own.time_unit}', own.time_unit):
+            drawn = run_pictures.draw_all(
+                run.scenario, trajectory, folder, limits(options, own, run)
+            )
         summary = {
             'scenario': name, 'mode': mode, 'seed': options.seed, 'duration': options.duration,
             'wall': wall, 'missed_steps': missed, 'settling_time': judgement.settling_time,
