@@ -19,7 +19,17 @@ from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array
 from kalman_ros.scenario import Scenario
 
-from .style import ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below, log_ticks, time_label
+from .style import (
+    ESTIMATE,
+    INPUT,
+    READING,
+    TRUTH,
+    canvas,
+    legend_below,
+    log_ticks,
+    time_label,
+    time_unit,
+)
 
 #: Poles that differ by more than this factor are drawn on logarithmic axes.
 WIDE = 200.0
@@ -70,8 +80,8 @@ def poles(report: DesignReport, path: Path | None) -> None:
             axis.set_xscale('symlog', linthresh=inner)
             axis.set_yscale('symlog', linthresh=inner)
             axis.set_xlim(right=max(3.0 * float(every.real.max()), inner))
-        axis.set_xlabel('real part [1/s]')
-        axis.set_ylabel('imaginary part [rad/s]')
+        axis.set_xlabel(f'real part [1/{time_unit()}]')
+        axis.set_ylabel(f'imaginary part [rad/{time_unit()}]')
         axis.set_title('Poles: unstable on the right, fast on the left')
         legend_below(figure, axis, markerscale=1.0)
 
@@ -100,7 +110,7 @@ def uncertainty(report: DesignReport, path: Path | None) -> None:
                 axis.axhline(report.sensor_std[name], color=READING, lw=1.2, label='one reading')
             low, high = axis.get_ylim()
             axis.set_ylim(low / 1.4, high * 1.4)  # room for a second tick
-            axis.set_ylabel(f'std of {space.label(name)}')
+            axis.set_ylabel(f'std of\n{space.label(name)}')
             log_ticks(axis)
         axes[0].set_title('From the first belief on')
         for axis in axes[space.size :]:

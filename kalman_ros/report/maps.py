@@ -23,6 +23,8 @@ SIGMAS = 3.0
 _ELLIPSES, _BEARINGS, _READINGS = 12, 15, 300
 #: What lies further outside than this share of the tracks' size is cut off.
 _MARGIN = 0.25
+#: The width of the map by its height.
+_ASPECT = 1.3
 #: An ellipse below this share of the map is drawn again, larger.
 _SMALL = 0.03
 
@@ -105,10 +107,13 @@ def route(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
 def _frame(axis: Any, shown: Array) -> None:
     """Show these points (N, 2) and a margin, to scale."""
     low, high = shown.min(axis=0), shown.max(axis=0)
-    margin = _MARGIN * max(float(np.max(high - low)), 1e-9)
-    axis.set_xlim(low[0] - margin, high[0] + margin)
-    axis.set_ylim(low[1] - margin, high[1] + margin)
-    axis.set_aspect('equal', adjustable='datalim')
+    size = high - low + 2.0 * _MARGIN * max(float(np.max(high - low)), 1e-9)
+    # the shorter side grows to that of the panel
+    half = 0.5 * np.maximum(size, size[::-1] * (_ASPECT, 1.0 / _ASPECT))
+    middle = 0.5 * (low + high)
+    axis.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    axis.set_ylim(middle[1] - half[1], middle[1] + half[1])
+    axis.set_aspect('equal')
 
 
 def _magnified(axis: Any, truth: Array, mean: Array, last: Array) -> None:

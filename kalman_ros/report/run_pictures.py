@@ -222,7 +222,7 @@ def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             axis.set_ylim(-most, most)
             outside = float(np.mean(np.abs(error[:, index]) > SIGMAS * std[:, index]))
             axis.set_title(f'{100 * outside:.2f}% outside', loc='right', fontweight='normal')
-            axis.set_ylabel(f'error of {space.label(name)}')
+            axis.set_ylabel(f'error of\n{space.label(name)}')
         axes[0, 0].set_title('The error, and the band of the filter')
         legend_below(figure, axes[0, 0])
     return axes
