@@ -17,11 +17,6 @@ from yaml.resolver import Resolver
 #: The nodes of a loop, and those that may stand between plant and estimator.
 NODES = ('estimator', 'controller', 'monitor', 'plant')
 BETWEEN = 'microphone_array'
-#: The program that runs a scenario for people; its section has a duration, and parameters for
-#: every node of a demo.
-DEMO = 'demo'
-
-
 #: Unquoted words that are strings to PyYAML, and truth values to the YAML of ROS.
 _BARE = tuple('yYnN')
 
