@@ -111,8 +111,15 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
     if not names:
         return built
     if not names <= built.sensors.keys():
-        _same_input(built.model, full)
-        return assemble(full, with_law=bool(built.law))
+        try:
+            found = assemble(full, with_law=bool(built.law))
+        except ValueError:
+            _check_input(
+                model_of(system_of(full['model']), section(full, 'model_parameters')), built
+            )
+            raise
+        _check_input(found.model, built)
+        return found
     sources = dict(built.sensors)
     for name in names:
         given = section(full, name)
@@ -121,11 +128,10 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
     return replace(built, sensors=sources)
 
 
-def _same_input(model: Model, full: Mapping[str, Any]) -> None:
-    """Raise ValueError if changed parameters give a model another input, which has no topic."""
-    changed = model_of(system_of(full['model']), section(full, 'model_parameters')).input
-    if changed.size != model.input.size:
-        size = f'{model.input.size} inputs, got {changed.size}'
+def _check_input(model: Model, built: Scenario) -> None:
+    """Raise ValueError if a changed model has another input, which has no topic."""
+    if model.input.size != built.model.input.size:
+        size = f'{built.model.input.size} inputs, got {model.input.size}'
         raise ValueError(f'model_parameters: expected a model of {size}: restart the node for it')
 
 
