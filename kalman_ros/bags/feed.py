@@ -109,7 +109,7 @@ class Feed:
     def _wire(self, bag: Bag) -> None:
         """Find the topics that are needed in the recording."""
         scenario, resolve = self.settings.scenario, self._resolve
-        steps = LockstepFuser(self.fuser, self, lambda _: None)
+        steps = LockstepFuser(self.fuser, self, lambda _: None, resolve)
         for name, source in scenario.enabled.items():
             topic = resolve(source.signal.topic)
             bag.check(topic, full_type(source.signal.type), f'sensor {name}')
