@@ -83,6 +83,10 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
             0.0,
             About('what an accelerometer reads upwards at rest', 'm/s^2', feature=_FRAMES),
         ),
+        'mount.tf': (
+            False,
+            About('both by the transform of frame on /tf_static', feature=_FRAMES),
+        ),
         'convention': (
             'enu',
             About(
