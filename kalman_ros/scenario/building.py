@@ -115,7 +115,7 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
     if not names <= built.sensors.keys():
         try:
             found = assemble(full, with_law=bool(built.law))
-        except ValueError:
+        except (ValueError, LookupError):
             _check_input(
                 model_of(system_of(full['model']), section(full, 'model_parameters')), built
             )
