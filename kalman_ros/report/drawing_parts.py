@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.patches import FancyArrow, Polygon
 
 from kalman_ros.core import Array
+from kalman_ros.simulation.trajectory import Series
 
 from .maps import Sight
 from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH
@@ -43,6 +44,13 @@ def arrow(axis: Any, start: Any, size: Any, reach: float) -> None:
         head = 0.06 * reach
         axis.add_patch(FancyArrow(*start, *size, width=0.015 * reach, head_width=head,
                                   head_length=head, color=INPUT, lw=0, zorder=4))  # fmt: skip
+
+
+def cross(axis: Any, read: Series, columns: list[int], time: float) -> None:
+    """Draw the last reading (2,) of a place."""
+    k = int(np.searchsorted(read.time, time + 1e-9)) - 1
+    if k >= 0:
+        axis.plot(*read.values[k, columns], 'x', color=READING, ms=8, mew=2.0)
 
 
 def ray(axis: Any, sight: Sight, time: float, far: float) -> None:

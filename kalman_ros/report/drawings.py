@@ -21,6 +21,7 @@ from .drawing_parts import (
     TRUTH_LOOK,
     arrow,
     coil,
+    cross,
     ray,
     vehicle,
     window,
@@ -78,6 +79,15 @@ class Moments:
         usual = float(np.sqrt(np.mean(u**2)))
         return float(np.tanh(u[k] / (4.0 * usual))) if usual else 0.0
 
+    def crosses(self, axis: Any, k: int) -> None:
+        """Draw the last reading of each sensor that measures the place."""
+        names = [self.state.names[index] for index in plane(self.state) or ()]
+        for sensor, source in self.scenario.enabled.items():
+            output = source.sensor.output
+            if {*names} <= {*output.names}:
+                read = self.run.readings[sensor]
+                cross(axis, read, output.indices(names), float(self.run.time[k]))
+
     def place(self, k: int) -> tuple[Array, Array, Array]:
         """Return the true place (2,), its estimate (2,), and the covariance (2, 2)."""
         at = list(plane(self.state) or (0, 1))
@@ -106,6 +116,7 @@ def springs(axis: Any, show: Moments, k: int) -> None:
     for end in ((-reach, 0.0), (reach, 0.0), (0.0, -reach), (0.0, reach)):
         coil(axis, end, tuple(truth), 0.02 * reach)
     axis.fill(*outline(mean, P, SIGMAS).T, **BAND_LOOK)
+    show.crosses(axis, k)
     axis.plot(*mean, '+', color=ESTIMATE, ms=9, mew=1.6)
     axis.add_patch(Circle(tuple(truth), 0.05 * reach, fill=False, **TRUTH_LOOK))
     push = 0.4 * reach * np.array([show.push(k, 0), show.push(k, 1)])
@@ -195,6 +206,7 @@ def course(axis: Any, show: Moments, k: int) -> None:
     axis.fill(*outline(mean[k], P, SIGMAS).T, **BAND_LOOK)
     axis.plot(*mean[past].T, color=ESTIMATE, lw=1.0, ls='--')
     axis.plot(*truth[past].T, color=TRUTH, lw=0.8)
+    show.crosses(axis, k)
     axis.plot(*mean[k], '+', color=ESTIMATE, ms=9, mew=1.6)
     if own is not None:
         axis.plot(*own[past].T, color=INPUT, lw=1.2)
