@@ -71,7 +71,8 @@ class Feed:
             for name, each in scenario.sensors.items()
         }
         input = InputReader(scenario.input)
-        self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None)
+        timeout = settings.input_timeout()
+        self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None, timeout)
         self._intake = Intake(lambda _: None)
         self._intake.longest = settings.options.max_message_size
         self._read_pose = PoseReader(scenario)
@@ -120,7 +121,9 @@ class Feed:
             topic = resolve(scenario.input.topic)
             if topic in bag.topics or self.lockstep:
                 bag.check(topic, full_type(scenario.input.type), 'input')
-                self._take[topic] = self._on_input
+                readers = self._readers.setdefault(topic, [])  # a sensor may be on it, too
+                readers.append(self._on_input)
+                self._take[topic] = partial(_each, readers)
                 self._on_lockstep_input = steps.on_input
             else:
                 self.notes.append(f'The recording has no input {topic}: it is taken to be idle.')

@@ -23,6 +23,7 @@ class Outcome(Enum):
     NO_FIX = 'dropped: no position fix'
     ABSENT = 'dropped: the message says that it has none'
     FIRST_POSE = 'kept: others are compared with it'
+    MOVING = 'not used: the body moves'
     OTHER_FRAME = 'dropped: in another frame than declared'
     DUPLICATE = 'dropped: duplicate stamp'
     TOO_OLD = 'dropped: older than the window'

@@ -57,7 +57,9 @@ class EstimatorNode(runtime.ScenarioNode):
             for name, source in scenario.sensors.items()
         }
         input, warn = InputChannel(scenario.input), self.get_logger().warning
-        self._fuser = Fuser(scenario, self._online, channels, input, warn)
+        self._fuser = Fuser(
+            scenario, self._online, channels, input, warn, settings.input_timeout()
+        )
         self._health = Health(self._fuser, self._latency, warn)
         self.get_logger().info(str(seen))  # after all checks
 

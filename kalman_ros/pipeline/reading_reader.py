@@ -25,6 +25,7 @@ from kalman_ros.scenario import SensorSource
 
 from .frame_guard import FrameGuard
 from .pose_changes import FirstPoseError, PoseChange, whole_pose
+from .still_watch import StillWatch
 
 
 class Reading(NamedTuple):
@@ -74,6 +75,8 @@ class ReadingReader:
         warn: Callable[[str], object] = str,
     ) -> None:
         self._change = None
+        self._zero = np.zeros(len(signal.fields)) if signal.zero else None
+        self._still = None if signal.still is None else StillWatch(signal, signal.still)
         self._guard = FrameGuard(signal, message_type(signal.type), own, warn)
         if signal.pose != 'absolute':
             self._change, signal = PoseChange(signal), whole_pose(signal)
@@ -107,6 +110,10 @@ class ReadingReader:
                 time, values, covariance = self._change(Sample(time, values, covariance))
             except FirstPoseError as error:
                 return self._refused(time, Outcome.FIRST_POSE, error)
+        if self._still is not None and not self._still(data, time or 0):
+            return self._refused(time, Outcome.MOVING, 'the body moves')
+        if self._zero is not None:
+            return Reading(time, self._zero, None)
         used = source.used(covariance)
         completed = used is not covariance and used is not None
         return Reading(time, values, used, completed=completed)
@@ -142,6 +149,8 @@ class SensorReader:
         self._read = ReadingReader(source.signal, origin, own, lambda why: warn(f'{name}: {why}'))
         self.message_type: Any = self._read.message_type
         self.nis = ChiSquareWindow(source.sensor.output.size)
+        # the innovations of readings that were never taken do not scatter
+        self._judged = not source.signal.zero
 
     def reset_statistics(self) -> None:
         """Restart the statistics of the innovations."""
@@ -158,5 +167,5 @@ class SensorReader:
 
     def judge(self, correction: Correction) -> None:
         """Record a correction, to test whether innovations scatter as expected."""
-        if isfinite(correction.nis):
+        if self._judged and isfinite(correction.nis):
             self.nis.add(correction.nis)

@@ -147,6 +147,8 @@ def test_a_clock_that_jumps_ahead(loop, seconds):
     run.wait(lambda: stamps(run, 'estimate')[-1] == bag.now, 5.0, lambda: 'no new estimates')
     restarts = lambda: run.reported('estimator', 'restarts')  # noqa: E731
     run.wait(lambda: restarts() == ('1' if seconds > 60.0 else '0'), 5.0, restarts)
+    logged = 'restarted from the initial belief' in run.processes['estimator'].output()
+    assert logged == (seconds > 60.0)
     found = run.recorder['estimate']
     after = found.covariance[found.stamp >= jumped]
     assert after[0].trace() > 1.4 * before.trace()

@@ -25,16 +25,18 @@ CHANCE = 30.0
 class Examination:
     """Evidence, the pass of a filter over it, and how its innovations respond to faults.
 
-    Unless it is ``strict``, the pass of a filter that fails ends there.
+    Unless it is ``strict``, the pass of a filter that fails ends there. The pass is computed if it
+    is not ``known``.
     """
 
     evidence: Evidence
     strict: bool = True
+    known: Passage | None = None
 
     @cached_property
     def passage(self) -> Passage:
         """The pass in the order of stamps."""
-        return passage(self.evidence, strict=self.strict)
+        return self.known or passage(self.evidence, strict=self.strict)
 
     @cached_property
     def responses(self) -> Responses:

@@ -11,6 +11,7 @@ from typing import Any
 from kalman_ros.core import Array
 
 from .evidence import Evidence
+from .passage import Passage
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ class Finding:
     mended
         Returns the evidence with this corrected, for the search for what else is wrong; None
         where nothing needs to be.
+    passage
+        The pass over the corrected evidence, where it is known already.
     """
 
     kind: str
@@ -79,3 +82,4 @@ class Finding:
     same_as: tuple[tuple[str, str], ...] = ()
     dues: float = 0.0
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
+    passage: Passage | None = field(default=None, repr=False, compare=False)
