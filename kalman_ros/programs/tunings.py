@@ -39,7 +39,7 @@ class Tuning(NamedTuple):
 
     @property
     def length(self) -> float:
-        """The length of the part that is drawn, in m: that of the plant's model, 1 where it has none."""
+        """The length in m of the part that is drawn; 1 where the model has none."""
         values = self._values('plant')
         option = scenarios.options(values).get('model_parameters.length')
         if option is None:
