@@ -24,6 +24,7 @@ from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.interrupts import deferred
 from kalman_ros.programs.common_arguments import add_parameters, add_scenario
 from kalman_ros.programs.refusal import refuse
+from kalman_ros.scenario.drawing import drawing
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .results import ready
@@ -60,6 +61,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--against', action='append', default=[], metavar='WHAT',
         help='a second run with the same seed, beside the first: NAME=VALUE, a filter or a '
         'parameter file; may be repeated',
+    )  # fmt: skip
+    parser.add_argument(
+        '--animate', action='store_true',
+        help='also an animation, animation.gif, and an MP4 where ffmpeg is installed',
     )  # fmt: skip
     add_parameters(parser, 'a parameter for every node, as with --ros-args')
     return parser.parse_args(argv)
@@ -225,6 +230,8 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
         _write_data(folder, run)
         with _caption(options, mode, performed, what):
             drawn = run_pictures.draw_all(built, run, folder, tuning.limits(built))
+            if options.animate:
+                drawn += _animation(options, performed, console)
         summary = {
             'scenario': Path(tuning.scenario).stem, 'mode': mode, 'seed': options.seed,
             'duration': options.duration, 'wall': performed.wall,
@@ -235,6 +242,30 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     files = ', '.join(['summary.json', 'data.npz', *(path.name for path in drawn)])
     console.print(f'In {folder}: {files}')
+
+
+def _animation(options: argparse.Namespace, performed: Performed, console: Console) -> list[Path]:
+    """Draw the system in motion; return the files."""
+    from kalman_ros.report.animation import animate, shown_steps
+    from kalman_ros.report.drawings import Moments
+
+    tuning, built, run = performed.tuning, performed.run.scenario, performed.trajectory
+    how = drawing(tuning.model, built.model.state)
+    show = Moments(built, run, shown_steps(built, run), how.heading, tuning.length)
+    bar = Progress(
+        TextColumn('{task.description}'), BarColumn(), TimeRemainingColumn(), console=console
+    )
+    with bar:
+        task = bar.add_task('animation', total=1.0)
+        title = ', '.join(filter(None, (Path(tuning.scenario).stem, tuning.label)))
+        path = tuning.folder / 'animation.gif'
+        try:
+            return animate(
+                how.kind, show, title, path, lambda done: bar.update(task, completed=done)
+            )
+        except RuntimeError as error:  # the GIF is there
+            console.print(f'[yellow]Warning:[/] {error}')
+            return [path]
 
 
 def _write_pair(

@@ -7,8 +7,9 @@ import argparse
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
+from kalman_ros import models
 from kalman_ros import scenario as scenarios
 from kalman_ros.control.limiter import Limits
 from kalman_ros.estimators import FILTERS
@@ -31,9 +32,26 @@ class Tuning(NamedTuple):
     label: str
     folder: Path
 
+    @property
+    def model(self) -> str:
+        """The name of the plant's model."""
+        return str(self._values('plant').get('model', models.DEFAULT))
+
+    @property
+    def length(self) -> float:
+        """The length in m of the part that is drawn; 1 where the model has none."""
+        values = self._values('plant')
+        option = scenarios.options(values).get('model_parameters.length')
+        if option is None:
+            return 1.0
+        return float(cast(float, values.get('model_parameters.length', option.default)))
+
+    def _values(self, node: str) -> dict[str, Any]:
+        return {**from_file(shipped.file(self.scenario), node), **self.parameters}
+
     def limits(self, built: Scenario) -> Limits:
         """Return the limits of the actuators, which are parameters of the controller."""
-        values = {**from_file(shipped.file(self.scenario), 'controller'), **self.parameters}
+        values = self._values('controller')
         names = ('input_limit', 'input_rate_limit')
         return regulator.limits(built, *(values.get(name, inf) for name in names))
 

@@ -95,8 +95,8 @@ def route(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             axis.plot(*own.T, color=INPUT, lw=1.2, label='observer')
         for origin in origins:
             axis.plot(*origin[0], '^', color=TRUTH if own is None else INPUT, ms=7)
-        _frame(axis, np.vstack([truth, moved if own is not None else truth, *origins]))
-        _magnified(axis, truth, mean, covariance[-1])
+        frame(axis, np.vstack([truth, moved if own is not None else truth, *origins]))
+        magnified(axis, truth[-1], mean[-1], covariance[-1], 'the end')
         axis.set_xlabel(space.label(space.names[at[0]]))
         axis.set_ylabel(space.label(space.names[at[1]]))
         axis.set_title('Track; the dot is the start' + (', triangles sensors' if origins else ''))
@@ -104,7 +104,7 @@ def route(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     return axis
 
 
-def _frame(axis: Any, shown: Array) -> None:
+def frame(axis: Any, shown: Array) -> None:
     """Show these points (N, 2) and a margin, to scale."""
     low, high = shown.min(axis=0), shown.max(axis=0)
     size = high - low + 2.0 * _MARGIN * max(float(np.max(high - low)), 1e-9)
@@ -116,24 +116,24 @@ def _frame(axis: Any, shown: Array) -> None:
     axis.set_aspect('equal')
 
 
-def _magnified(axis: Any, truth: Array, mean: Array, last: Array) -> None:
-    """Draw the last estimate again in a corner, where it would be too small to see."""
-    ellipse = outline(mean[-1], last, SIGMAS)
-    size = float(np.max(np.abs(np.vstack((ellipse, truth[-1:])) - mean[-1])))
+def magnified(axis: Any, truth: Array, mean: Array, covariance: Array, label: str) -> None:
+    """Draw an estimate of a place (2,) again in a corner, where it would be too small to see."""
+    ellipse = outline(mean, covariance, SIGMAS)
+    size = float(np.max(np.abs(np.vstack((ellipse, truth)) - mean)))
     if size > _SMALL * float(np.ptp(axis.get_xlim())):
         return
-    inset = axis.inset_axes((0.02, 0.76, 0.22, 0.22))
+    inset = axis.inset_axes((0.05, 0.76, 0.22, 0.22))
     inset.fill(*ellipse.T, color=BOUND, alpha=0.35, lw=0)
-    inset.plot(*mean[-1], '+', color=ESTIMATE, ms=7)
-    inset.plot(*truth[-1], 'o', color=TRUTH, ms=3)
-    centre, reach = mean[-1], 1.2 * max(size, 1e-9)
-    inset.set_xlim(centre[0] - reach, centre[0] + reach)
-    inset.set_ylim(centre[1] - reach, centre[1] + reach)
+    inset.plot(*mean, '+', color=ESTIMATE, ms=7)
+    inset.plot(*truth, 'o', color=TRUTH, ms=3)
+    reach = 1.2 * max(size, 1e-9)
+    inset.set_xlim(mean[0] - reach, mean[0] + reach)
+    inset.set_ylim(mean[1] - reach, mean[1] + reach)
     inset.set_aspect('equal')
     inset.set_xticks(())
     inset.set_yticks(())
     inset.spines[['top', 'right']].set_visible(True)
-    inset.set_xlabel(f'the end, {2.0 * reach:.2g} m wide', fontsize=7, labelpad=2)
+    inset.set_xlabel(f'{label}, {2.0 * reach:.2g} m wide', fontsize=7, labelpad=2)
 
 
 def _readings(axis: Any, scenario: Scenario, run: Trajectory, names: list[str]) -> None:

@@ -21,7 +21,8 @@ BOUND = '#5a9bd0'
 #: Curves that are none of these, distinct without colour vision (M. Okabe and K. Ito, 2008).
 CURVES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 
-_STYLE = {
+#: The settings of matplotlib.
+STYLE = {
     'figure.dpi': 110,
     'font.size': 9,
     'axes.spines.top': False,
@@ -84,7 +85,7 @@ def figure_with(
 @contextmanager
 def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
     """Yield an empty figure; save it to ``path``, or leave it to pyplot to show."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         if path is not None:
             figure = Figure(figsize=size, layout='constrained')
             if _CAPTION.get():
