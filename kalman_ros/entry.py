@@ -15,6 +15,7 @@ if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
 import errno
 import os
 import sys
+import warnings
 from functools import partial
 from importlib import import_module
 
@@ -26,6 +27,10 @@ _SIGNALS = tuple(
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
 )
+
+# what is not finite is refused, counted and named; numpy's lines about how it came are no help
+if not sys.warnoptions:
+    warnings.simplefilter('ignore', RuntimeWarning)
 
 
 def _node(name: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,7 +14,6 @@ from pathlib import Path
 from threading import Event, Thread
 from time import monotonic
 from typing import Any
-from urllib.parse import urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
@@ -80,7 +80,7 @@ class WebServer:
             server: Server = await serve(
                 self._tab, address, port, process_request=self._respond, compression=None,
                 max_size=_LONGEST, max_queue=16, open_timeout=5.0, close_timeout=1.0,
-                server_header=None,
+                server_header=None, logger=_silent_logger(),
             )  # fmt: skip
         except OSError as error:
             self._error = (
@@ -104,22 +104,22 @@ class WebServer:
         access = self._access
         # several headers of one kind are joined, and then match nothing
         host, origin = (_all(request.headers, name) for name in ('Host', 'Origin'))
-        where = urlsplit(request.path)
+        path, _, query = request.path.partition('?')
         if not access.knows(host):
             return _refusal(HTTPStatus.MISDIRECTED_REQUEST, 'this server has another name')
         if origin and not access.trusts(origin, host):
             return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
-        if access.logs_in(where.query):
+        if access.logs_in(query):
             cookie = f'{access.cookie}={access.token}; HttpOnly; SameSite=Strict; Path=/'
             return _response(HTTPStatus.SEE_OTHER, b'', {'Location': '/', 'Set-Cookie': cookie})
         if not access.admits(_all(request.headers, 'Cookie', '; ')):
             return _refusal(HTTPStatus.UNAUTHORIZED, 'open the address with its token')
-        if where.path == _SOCKET:
+        if path == _SOCKET:
             if not origin:
                 return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
             full = len(self._tabs) >= _TABS
             return _refusal(HTTPStatus.SERVICE_UNAVAILABLE, 'too many tabs') if full else None
-        return self._file(where.path, host)
+        return self._file(path, host)
 
     def _file(self, path: str, host: str) -> Response:
         found = self._files.get('/live.html' if path == '/' else path)
@@ -175,6 +175,14 @@ class WebServer:
                 continue
             if isinstance(command, dict):
                 self._command(command, now)
+
+
+def _silent_logger() -> logging.Logger:
+    """Return a logger that keeps a request that is not HTTP off the console."""
+    logger = logging.getLogger(__name__)
+    logger.addHandler(logging.NullHandler())
+    logger.propagate = False
+    return logger
 
 
 def _no_number(text: str) -> float:

@@ -21,7 +21,7 @@ NAMES = {
     ),
     'estimator': (
         'autostart child_frame datum_file frame future_tolerance gate_recover_after idle_input '
-        'implementation initialize learn_layouts lockstep max_gap max_message_size '
+        'implementation initialize input_timeout learn_layouts lockstep max_gap max_message_size '
         'publish_fix publish_odometry publish_rate publish_tf realtime_priority rest_until_input '
         'restart_after tf_odometry tf_time_offset tf_timeout window'
     ),
