@@ -24,7 +24,7 @@ _LAG, _CORRELATED = 1.0, 0.55
 _FAR = 4.0
 #: The other sensors know what it should read if this varies by more than their uncertainty.
 _EXCITED = 1.0
-#: How often the slope and the correlation of what is left are computed in turn.
+#: How often the slope and the correlation of the residuals are computed in turn.
 _REPEATED = 3
 
 
