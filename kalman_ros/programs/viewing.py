@@ -8,6 +8,7 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from re import fullmatch
 
@@ -125,6 +126,7 @@ def _graph(domain: int) -> Iterator[tuple[GraphTopics, GraphParameters]]:
         graph.close()
 
 
+@lru_cache(maxsize=100)  # each reason once: a page tries again and again
 def _report_refusal(why: str) -> None:
     print(f'refused {why}', file=sys.stderr, flush=True)
 
