@@ -31,6 +31,7 @@ NAMES = {
         'realtime_priority resume transition_time'
     ),
     'monitor': 'autostart confidence learn_layouts max_message_size monitor_window',
+    'markers': 'autostart frame learn_layouts marker_rate max_message_size track_length',
     'microphone_array': (
         'autostart band bearing_sensor frame frame_duration largest_std learn_layouts least_odds '
         'lockstep max_message_size microphone_noise microphones recording sample_rate seed '

@@ -15,6 +15,7 @@ import numpy as np
 
 from kalman_ros import sensors
 from kalman_ros.core import (
+    Array,
     Gaussian,
     Model,
     Option,
@@ -43,6 +44,7 @@ from .wiring import system as system_of
 
 #: How a pose is read.
 POSES = ('absolute', 'relative', 'differential')
+_FIX = 'sensor_msgs/NavSatFix'
 #: The allowed sources of a reading's covariance.
 POLICIES = ('message', 'configuration', 'larger')
 
@@ -113,7 +115,7 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
     if not names <= built.sensors.keys():
         try:
             found = assemble(full, with_law=bool(built.law))
-        except ValueError:
+        except (ValueError, LookupError):
             _check_input(
                 model_of(system_of(full['model']), section(full, 'model_parameters')), built
             )
@@ -160,7 +162,7 @@ def _source(
     wire = {key: given.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
     arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
-    frame, pose = given.pop('frame'), given.pop('pose')
+    frame, pose, from_tf = given.pop('frame'), given.pop('pose'), given.pop('mount.tf')
     zero = given.pop('zero')
     small, watched = given.pop('still.below'), given.pop('still.fields')
     duration = given.pop('still.duration')
@@ -174,7 +176,7 @@ def _source(
         if pose != POSES[0] and any(arm):
             raise ValueError(f'mount.translation: expected none with pose: {pose}')
         _check_units(sensor, wire['fields'], pose)
-        mount = mounting(rotation, convention, frame, arm)
+        mount = mounting(rotation, convention, frame, arm, from_tf)
         still = stand_still(wire['fields'], small, watched, duration)
         if any(arm) or gravity:
             body = body_of(model.state, state)
@@ -203,6 +205,50 @@ def _check_units(sensor: Sensor, fields: Iterable[str], pose: str) -> None:
         if unit == 'm' and field in ('latitude', 'longitude'):
             expected = 'expected east, north or up, in m'
             raise ValueError(f'fields: {expected}, for {name}, got {field}, in degrees')
+
+
+def placed(
+    name: str,
+    source: SensorSource,
+    state: Signal,
+    frame: str,
+    translation: Array,
+    rotation: Array,
+) -> SensorSource:
+    """Return a sensor of ``mount.tf`` at its place, once that is known.
+
+    Parameters
+    ----------
+    name, source
+        The sensor.
+    state
+        The signal of the state.
+    frame
+        That of its messages.
+    translation, rotation
+        Forward, left and up of the body (3,); roll, pitch and yaw (3,).
+
+    Raises
+    ------
+    ValueError
+        If the state lacks the attitude or the rate that this takes.
+    """
+    signal, sensor, arm = source.signal, source.sensor, translation.tolist()
+    # a fix has no axes, and neither has a pressure
+    has_axes = signal.type != _FIX and any(map(quantity, signal.fields))
+    angles = rotation.tolist() if has_axes else [0.0] * 3
+    mount = mounting(angles, signal.mounting.convention, frame, arm)
+    if signal.pose != POSES[0] and any(arm):
+        raise ValueError(f'{name}.mount.tf: expected no translation with pose: {signal.pose}')
+    if any(arm):
+        if isinstance(sensor, LeverArm):
+            sensor = sensor.at(arm)
+        else:
+            body = body_of(sensor.state, state)
+            sensor = LeverArm(sensor, body, signal.fields, arm)
+            sensor.name, sensor.state = name, source.sensor.state
+    signal = replace(signal, mounting=mount)
+    return replace(source, timed=replace(source.timed, sensor=sensor), signal=signal)
 
 
 def _signal(name: str, given: Mapping[str, Any], size: int) -> Signal:

@@ -91,6 +91,10 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
                 feature=_FRAMES,
             ),
         ),
+        'mount.tf': (
+            False,
+            About('both by the transform of frame on /tf_static', feature=_FRAMES),
+        ),
         'convention': (
             'enu',
             About(

@@ -107,6 +107,14 @@ def test_lockstep_in_simulated_time_is_the_same_to_the_last_bit():
     assert found[0] == found[1]
 
 
+def test_an_estimator_that_has_the_full_name_of_a_topic_is_in_step():
+    with Run(only={'estimator': {'position.topic': '/position'}}, seed=5) as run:
+        run.advance(0.5)
+        assert len(run.recorder.raw['estimate']) == 51
+        fused = lambda: run.reported('estimator', 'position: fused')  # noqa: E731
+        run.wait(lambda: int(fused() or 0) > 1, 5.0, fused)
+
+
 @pytest.mark.real_time
 def test_a_bag_that_is_played_again_starts_the_estimator_anew(loop):
     run, bag = loop

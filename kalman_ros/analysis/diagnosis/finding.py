@@ -56,7 +56,8 @@ class Finding:
     share
         The same as a part of the misfit that all findings together explain.
     proof
-        By how much a replay with the change alone reduces the misfit; NaN without a change.
+        By how much a replay of the first seconds, with the change alone, reduces their misfit; NaN
+        without a change.
     figure
         The evidence as a picture.
     same_as
