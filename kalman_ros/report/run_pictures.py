@@ -30,7 +30,6 @@ from .style import (
     TRUTH,
     legend_below,
     picture,
-    time_label,
     time_unit,
 )
 
@@ -91,6 +90,8 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     columns = min(2, space.size)
     rows = ceil(space.size / columns)
     with picture(path, rows, columns, (6.8, 1.2 * rows + 0.7)) as (figure, axes):
+        if space.size % columns:
+            _widen_last(figure, axes)
         for index, (name, axis) in enumerate(zip(space.names, axes.flat)):
             seen = read.get(name)
             if seen is not None:  # no more than can be distinguished
@@ -99,18 +100,24 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             low, high = _state(axis, run, index, seen, space)
             axis.set_ylabel(space.label(name))
             axis.set_ylim(low, high)
-        for column in range(space.size % columns, columns if space.size % columns else 0):
-            axes[-1, column].set_axis_off()
-            axes[-2, column].tick_params(labelbottom=True)
-            axes[-2, column].set_xlabel(time_label())
         # without a measured state, the legend has no reading
         first = next((axes.flat[i] for i, name in enumerate(space.names) if name in read), None)
         legend_below(figure, axes[0, 0] if first is None else first)
     if path is not None:
         # for a page with many: a third of the size, without a visible difference
         with Image.open(path) as image:
-            image.convert('RGB').quantize(48).save(path, optimize=True)
+            image.convert('RGB').quantize(20).save(path, optimize=True)
     return axes
+
+
+def _widen_last(figure: Any, axes: Any) -> None:
+    """Let the first axis of the last row take all of it; the row above shows its times, too."""
+    grid = axes[-1, 0].get_gridspec()
+    for axis in axes[-1]:
+        axis.remove()
+    axes[-1, :] = figure.add_subplot(grid[-1, :], sharex=axes[0, 0])
+    for axis in axes[-2]:
+        axis.tick_params(labelbottom=True)
 
 
 def _state(

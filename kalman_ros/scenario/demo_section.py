@@ -30,10 +30,12 @@ def demo_section(path: Path | None) -> Demo:
     Raises
     ------
     ValueError
-        If the file is not a ROS parameter file, or the duration is not a number.
+        If the file is not a ROS parameter file, the duration no number, or the unit no word.
     """
     own = own_section(path, _NAME)
     duration, unit = own.pop('duration', None), own.pop('time_unit', 's')
     if duration is not None and (isinstance(duration, bool) or not isinstance(duration, Real)):
         raise ValueError(f"{_NAME}: duration: expected a number, got '{duration}'")
-    return Demo(None if duration is None else float(duration), str(unit), own)
+    if not isinstance(unit, str):
+        raise ValueError(f"{_NAME}: time_unit: expected a word, got '{unit}'")
+    return Demo(None if duration is None else float(duration), unit, own)

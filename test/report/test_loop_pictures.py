@@ -12,7 +12,7 @@ from kalman_ros.control.limiter import Limits
 from kalman_ros.report.gain_pictures import gains
 from kalman_ros.report.innovation_pictures import correlations, innovations
 from kalman_ros.report.maps import observer, route, sights
-from kalman_ros.report.run_pictures import errors, force, states
+from kalman_ros.report.run_pictures import errors, force, overview, states
 from kalman_ros.report.style import caption
 from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation import closed_loop
@@ -163,3 +163,13 @@ def test_a_state_that_is_not_relative_has_no_observer(loop):
     assert observer(*loop) is None
     plain = scenario.build({'model': 'mass_spring_damper_2d'})
     assert observer(plain, loop[1]) is None
+
+
+def test_the_last_of_an_odd_number_of_states_has_its_row_alone(tmp_path):
+    built = scenario.build({'model': 'diff_drive'})
+    run = closed_loop.run(built, None, 0.2, 0)
+    axes = overview(built, run, tmp_path / 'overview.png')
+    assert axes[2, 0] is axes[2, 1]
+    assert axes[2, 0].get_ylabel() == built.model.state.label('omega')
+    assert axes[2, 0].get_position().width > 1.9 * axes[1, 0].get_position().width
+    assert len(axes[0, 0].figure.axes) == 5

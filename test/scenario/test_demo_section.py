@@ -26,3 +26,10 @@ def test_a_duration_is_a_number(tmp_path, value):
     )
     with pytest.raises(ValueError, match='demo: duration: expected a number, got'):
         demo_section(path)
+
+
+def test_a_unit_of_time_is_a_word(tmp_path):
+    path = tmp_path / 'robot.yaml'
+    path.write_text('plant:\n  ros__parameters: {}\ndemo:\n  ros__parameters: {time_unit: 3}\n')
+    with pytest.raises(ValueError, match="demo: time_unit: expected a word, got '3'"):
+        demo_section(path)
