@@ -48,7 +48,7 @@ class StillWatch:
 
     def __call__(self, data: bytes, time: int | None) -> str:
         """Return why the body is not at rest, by a message that can be decoded; '' if it is."""
-        if time is None:
+        if not time:
             return 'a stamp of zero does not say for how long the body was at rest'
         if not self._is_small(data):
             # a late message of motion ends what was small before it, not after
