@@ -65,8 +65,8 @@ class ViewerLoop:
     def _follow(self) -> None:
         """Subscribe to what viewers are subscribed to, and to nothing else.
 
-        What is kept for later subscribers, such as fixed transforms, is received anew for each
-        viewer.
+        What is kept for later subscribers, such as fixed transforms, is received once more for
+        each viewer.
         """
         for _ in range(self._asked.qsize()):
             topic = self._offered[self._asked.get()]
