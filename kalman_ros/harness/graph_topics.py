@@ -40,6 +40,12 @@ class OfferedTopic:
     offered: tuple[QoSProfile, ...]
     digest: str
 
+    @property
+    def kept(self) -> bool:
+        """Whether later subscribers receive earlier messages, too."""
+        strong = DurabilityPolicy.TRANSIENT_LOCAL
+        return bool(_common(self.offered, 'durability', strong) == strong)
+
 
 class Received(NamedTuple):
     """A message, with when it was received and published, in nanoseconds."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from queue import SimpleQueue
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import qos_profile_parameter_events
@@ -40,6 +41,8 @@ class ViewerLoop:
         self._graph, self._server = graph, server
         self._offered: dict[str, OfferedTopic] = {}
         graph.subscribe(_EVENTS)
+        self._asked: SimpleQueue[str] = SimpleQueue()
+        server.on_subscription = self._asked.put
 
     def run(self, check: Callable[[], None] = lambda: None) -> None:
         """Pass messages on; call ``check`` now and then, to end by an exception."""
@@ -60,7 +63,15 @@ class ViewerLoop:
             time.sleep(_SUBSCRIPTIONS if idle else _MESSAGES)
 
     def _follow(self) -> None:
-        """Subscribe to what viewers are subscribed to, and to nothing else."""
+        """Subscribe to what viewers are subscribed to, and to nothing else.
+
+        What is kept for later subscribers, such as fixed transforms, is received once more for
+        each viewer.
+        """
+        for _ in range(self._asked.qsize()):
+            topic = self._offered[self._asked.get()]
+            if topic.kept and topic.name in self._graph.subscribed:
+                self._graph.unsubscribe(topic)
         wanted, subscribed = self._server.wanted, {*self._graph.subscribed}
         for name, topic in self._offered.items():
             if name == _EVENTS.name or (name in wanted) == (name in subscribed):

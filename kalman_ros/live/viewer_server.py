@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import foxglove
 from foxglove.websocket import (
     Capability,
+    ChannelView,
     Parameter,
     PlaybackCommand,
     PlaybackControlRequest,
@@ -73,6 +74,8 @@ class ViewerServer:
         self._parameters, self._on_refusal = parameters, on_refusal
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
+        #: Called with a topic by any thread when a viewer subscribes to it.
+        self.on_subscription: Callable[[str], None] = lambda _: None
         self._undo = ExitStack()
 
     def __enter__(self) -> ViewerServer:
@@ -168,6 +171,9 @@ class _Listener(ServerListener):
 
     def __init__(self, server: ViewerServer) -> None:
         self._server = server
+
+    def on_subscribe(self, client: Any, channel: ChannelView) -> None:
+        self._server.on_subscription(channel.topic)
 
     def on_get_parameters(
         self, client: Any, param_names: list[str], request_id: str | None = None

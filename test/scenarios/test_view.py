@@ -19,6 +19,7 @@ pytest.importorskip('websockets')
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64
 from websockets.sync.client import connect
@@ -54,11 +55,14 @@ class View:
             line = self.process.stdout.readline()
             assert line, self.output
             self.output += line
-        self.viewer = connect(
+        self.viewer = self.connect()
+        return self
+
+    def connect(self):
+        return connect(
             f'ws://127.0.0.1:{self.port}', subprotocols=['foxglove.sdk.v1'], max_size=None,
             max_queue=None, proxy=None,
         )  # fmt: skip
-        return self
 
     def __exit__(self, *_):
         self.viewer.close()
@@ -165,6 +169,9 @@ def test_a_domain_is_served_as_it_is_and_only_what_is_looked_at_is_read():
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     publishers = {f'/x{k}': node.create_publisher(Float64, f'x{k}', 10) for k in range(2)}
+    once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    kept = node.create_publisher(Float64, 'kept', once)
+    kept.publish(Float64(data=7.0))
     thread = threading.Thread(target=executor.spin, daemon=True)
     try:
         thread.start()
@@ -182,6 +189,11 @@ def test_a_domain_is_served_as_it_is_and_only_what_is_looked_at_is_read():
             assert node.get_parameter('gain').value == 5.0
             view.send('unsubscribe', subscriptionIds=[numbers['/x1']])
             until(lambda: publishers['/x1'].get_subscription_count() == 0)
+            # each viewer receives what is published once
+            assert view.messages({'/kept'})['/kept'].data == 7.0
+            with view.viewer:
+                view.viewer = view.connect()
+                assert view.messages({'/kept'})['/kept'].data == 7.0
     finally:
         executor.shutdown()
         thread.join(5.0)
