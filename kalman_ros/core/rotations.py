@@ -25,6 +25,8 @@ from .leading_axes import coordinates, from_coordinates
 _Number = Any
 #: Below this angle, quotients of differences are power series, exact to rounding.
 _SMALL = 0.3
+#: Below this cosine of the pitch, roll and yaw are quotients of rounding errors.
+_UPRIGHT = 1e-6
 #: The mean of rotations is iterated until it moves by less than this, in rad.
 _CLOSE, _MOST_STEPS = 1e-12, 50
 
@@ -151,11 +153,20 @@ def from_euler(angles: Array) -> Array:
 
 
 def to_euler(r: Array) -> Array:
-    """Return roll, pitch and yaw (..., 3) of rotations (..., 3), as `from_euler` takes them."""
+    """Return roll, pitch and yaw (..., 3) of rotations (..., 3), as `from_euler` takes them.
+
+    Near a pitch of +-pi/2 only their sum or difference is determined: there the roll is the one
+    that goes with the yaw, by the second row of Rz(-yaw) R = Ry(pitch) Rx(roll).
+    """
     R = exp(r)
+    level = np.hypot(R[..., 2, 1], R[..., 2, 2])
     roll = np.arctan2(R[..., 2, 1], R[..., 2, 2])
-    pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 2, 1], R[..., 2, 2]))
+    pitch = np.arctan2(-R[..., 2, 0], level)
     yaw = np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    if np.any(level < _UPRIGHT):
+        s, c = np.sin(yaw), np.cos(yaw)
+        sine, cosine = s * R[..., 0, 2] - c * R[..., 1, 2], c * R[..., 1, 1] - s * R[..., 0, 1]
+        roll = np.where(level < _UPRIGHT, np.arctan2(sine, cosine), roll)
     return np.stack((roll, pitch, yaw), axis=-1)
 
 

@@ -4,14 +4,11 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import Callable, Collection, Mapping
-from contextlib import suppress
-from functools import partial
 from http import HTTPStatus
-from threading import Event, Thread
 from urllib.parse import urlsplit
 
+from .threaded_server import ThreadedServer
 from .web_access import Access
 
 #: The pages of viewers. A desktop application is a page in a file; a program sends no origin.
@@ -24,7 +21,7 @@ _LONGEST, _PATIENCE, _BLOCK, _MOST = 16_384, 5.0, 65_536, 32
 _END = b'\r\n\r\n'
 
 
-class ViewerGate:
+class ViewerGate(ThreadedServer):
     """Listens for viewers and connects those that may to a server, in a separate thread.
 
     A page elsewhere can make a person's browser connect here. It can neither choose its
@@ -50,38 +47,14 @@ class ViewerGate:
         pages: Collection[str] = (),
         on_refusal: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self._access, self._server, self._on_refusal = access, server, on_refusal
+        super().__init__(access)
+        self._server, self._on_refusal = server, on_refusal
         self._pages = {*PAGES, *pages}
         self._count = 0
-        self._started, self._error = Event(), ''
-        self._stop: Callable[[], None] = lambda: None
-        self._thread = Thread(target=lambda: asyncio.run(self._run()), daemon=True)
 
-    def __enter__(self) -> ViewerGate:
-        self._thread.start()
-        self._started.wait()
-        if self._error:
-            raise ValueError(self._error)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop()
-        self._thread.join(5.0)
-
-    async def _run(self) -> None:
-        loop, over = asyncio.get_running_loop(), asyncio.Event()
-        address, port = self._access.address, self._access.port
-        try:
-            listener = await asyncio.start_server(self._serve, address, port, limit=_LONGEST)
-        except OSError as error:
-            reason = os.strerror(error.errno or 0)
-            self._error = f'--port: {address}:{port} cannot be used: {reason}'
-            self._started.set()
-            return
-        self._stop = partial(_call, loop, over.set)
-        self._started.set()
-        await over.wait()
-        listener.close()
+    async def listen(self, address: str, port: int) -> asyncio.Server:
+        """Listen for viewers."""
+        return await asyncio.start_server(self._serve, address, port, limit=_LONGEST)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection until an end closes it."""
@@ -156,11 +129,6 @@ class ViewerGate:
                 await asyncio.gather(*ways, return_exceptions=True)
         finally:
             own_writer.close()
-
-
-def _call(loop: asyncio.AbstractEventLoop, function: Callable[[], object]) -> None:
-    with suppress(RuntimeError):  # the thread has ended
-        loop.call_soon_threadsafe(function)
 
 
 async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

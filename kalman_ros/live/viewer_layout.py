@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 from kalman_ros.codecs.messages import message_type
@@ -12,16 +13,15 @@ from kalman_ros.codecs.paths import ANGLES, VECTOR, is_quaternion, parse, walk
 from kalman_ros.core import Signal
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal, state_signal
 from kalman_ros.scenario import Scenario
+from kalman_ros.sensors.states import States
 
 from .map_extent import extent, is_drawn
 
 #: Colours that differ without colour vision (M. Okabe and K. Ito, Color universal design, 2008).
 _COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 _GREY = '#888888'
-#: Seconds that a plot shows, and the most plots in a column.
-_WIDTH, _MOST = 30, 4
-
-Panel = tuple[str, dict[str, Any]]
+#: Seconds that a plot shows.
+_WIDTH = 30
 
 
 class LayoutPanels:
@@ -135,9 +135,9 @@ def _states(panels: LayoutPanels, scenario: Scenario) -> list[str]:
     estimates = message_paths(state_signal(signal, space))
     truths = message_paths(Signal('ground_truth', signal.type, signal.fields))
     groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    colors: dict[str, Iterator[str]] = defaultdict(lambda: cycle(_COLORS))
     for index, (name, unit) in enumerate(zip(space.names, space.units)):
-        color = _COLORS[len([each for each in groups[unit] if each['lineSize'] == 2.0])
-                        % len(_COLORS)]  # fmt: skip
+        color = next(colors[unit])
         groups[unit].append(_series(str(estimates[index]), name, color, width=2.0))
         truth = truths[index]
         if truth is not None:
@@ -155,7 +155,7 @@ def _readings(scenario: Scenario, state: str) -> Iterator[tuple[str, str]]:
         if state not in output or '[' in signal.fields[output.index(state)]:
             continue
         path = message_paths(signal)[output.index(state)]
-        if path is not None and type(source.sensor).__name__ == 'States':
+        if path is not None and isinstance(source.sensor, States):
             yield path, f'{state} by {name}'
 
 

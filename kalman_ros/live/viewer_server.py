@@ -10,10 +10,20 @@ from secrets import randbelow
 from typing import Any, Protocol
 
 import foxglove
-from foxglove.websocket import Capability, Parameter, ServerListener, StatusLevel
+from foxglove.websocket import (
+    Capability,
+    Parameter,
+    PlaybackCommand,
+    PlaybackControlRequest,
+    PlaybackState,
+    PlaybackStatus,
+    ServerListener,
+    StatusLevel,
+)
 
 from kalman_ros.bags.definitions import definition
 
+from .bag_player import BagPlayer, Position
 from .viewer_gate import ViewerGate
 from .web_access import Access
 
@@ -45,6 +55,8 @@ class ViewerServer:
         As for the gate.
     parameters
         What viewers read and change; called by any thread. None offers none.
+    player
+        Of a recording, which viewers control.
     """
 
     def __init__(
@@ -54,7 +66,9 @@ class ViewerServer:
         parameters: Parameters | None = None,
         pages: Collection[str] = (),
         on_refusal: Callable[[str], None] = lambda _: None,
+        player: BagPlayer | None = None,
     ) -> None:
+        self._player = player
         self._name, self._access, self._pages = name, access, pages
         self._parameters, self._on_refusal = parameters, on_refusal
         self._context = foxglove.Context()
@@ -72,6 +86,7 @@ class ViewerServer:
             server_listener=_Listener(self),
             supported_encodings=['cdr'],
             context=self._context,
+            playback_time_range=None if self._player is None else self._player.period,
         )
         self._undo.callback(self._server.stop)
         self._gate = ViewerGate(
@@ -121,6 +136,32 @@ class ViewerServer:
                 self._server.publish_status(refusal, StatusLevel.Error)
         return self.read([*values])
 
+    def report(self, position: Position) -> None:
+        """Show where the player is."""
+        self._server.broadcast_playback_state(_state(position))
+
+    def control(self, request: PlaybackControlRequest) -> PlaybackState | None:
+        """Let the player do what a viewer requests."""
+        if self._player is None:
+            return None
+        position = self._player.control(
+            playing=request.playback_command == PlaybackCommand.Play,
+            speed=request.playback_speed,
+            seek=request.seek_time,
+        )
+        return _state(position, request)
+
+
+def _state(position: Position, request: PlaybackControlRequest | None = None) -> PlaybackState:
+    status = PlaybackStatus.Playing if position.playing else PlaybackStatus.Paused
+    return PlaybackState(
+        status=PlaybackStatus.Ended if position.ended else status,
+        current_time=position.time,
+        playback_speed=position.speed,
+        did_seek=request is not None and request.seek_time is not None,
+        request_id=None if request is None else request.request_id,
+    )
+
 
 class _Listener(ServerListener):
     """Answers the requests of viewers; what goes wrong is no reason to end their connection."""
@@ -137,6 +178,11 @@ class _Listener(ServerListener):
         self, client: Any, parameters: list[Parameter], request_id: str | None = None
     ) -> list[Parameter]:
         return self._server.change(parameters)
+
+    def on_playback_control_request(
+        self, playback_control_request: PlaybackControlRequest
+    ) -> PlaybackState | None:
+        return self._server.control(playback_control_request)
 
 
 def _shown(values: Mapping[str, Any]) -> list[Parameter]:

@@ -103,7 +103,13 @@ class EstimatorOptions:
     idle_input: IdleInput = 'zero'
     input_timeout: Annotated[
         float,
-        About('without a new input the idle one holds; 0: never', 's', 0.0, feature='stand-still'),
+        About(
+            'without a new input the idle one holds; 0: never',
+            's',
+            0.0,
+            3600.0,
+            feature='stand-still',
+        ),
     ] = 0.0
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'

@@ -18,7 +18,7 @@ from kalman_ros.scenario.building import placed
 
 TOPIC, TYPE = '/tf_static', 'tf2_msgs/TFMessage'
 #: The most frames that are kept.
-_MOST_FRAMES = 10_000
+_MOST_FRAMES = 1_000
 #: A smaller change, in m or rad, is rounding.
 _SAME = 1e-9
 
@@ -38,6 +38,12 @@ class Placement(NamedTuple):
         """Return the placement of the other frame in this one."""
         return Placement(-so3.rotate_back(self.rotation, self.translation), -self.rotation)
 
+    def differs_from(self, other: Placement) -> bool:
+        """Return whether they differ by more than rounding."""
+        turned = so3.compose(-other.rotation, self.rotation)
+        moved = self.translation - other.translation
+        return bool(np.abs((moved, turned)).max() > _SAME)
+
 
 _HERE = Placement(np.zeros(3), np.zeros(3))
 
@@ -56,6 +62,8 @@ class StaticFrames:
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Placement]] = {}
+        #: The frames whose last transform cannot be used.
+        self.refused: set[str] = set()
 
     def add(self, data: bytes) -> None:
         """Add the transforms in a message; one that is not finite or no rotation is left out.
@@ -68,7 +76,11 @@ class StaticFrames:
         for each in transforms_in(data):
             place, q = np.array(each.translation), np.array(each.quaternion)
             known = each.child in self._parents or len(self._parents) < _MOST_FRAMES
-            if known and is_finite(place) and is_finite(q) and q.any():
+            good = is_finite(place) and is_finite(q) and q.any()
+            if not good and len(self.refused) < _MOST_FRAMES:
+                self.refused.add(each.child)
+            if known and good:
+                self.refused.discard(each.child)
                 rotation = so3.from_quaternion(q / np.abs(q).max())
                 self._parents[each.child] = each.parent, Placement(place, rotation)
 
@@ -113,6 +125,8 @@ class Mounts:
         self._frames = StaticFrames()
         #: The frame and placement of each sensor that is mounted.
         self._mounted: dict[str, tuple[str, Placement]] = {}
+        #: The sensors whose transform has changed since, which is logged once.
+        self._changed: set[str] = set()
         #: Called with the scenario whenever a sensor is mounted.
         self.on_mounted: Callable[[Scenario], object] = id
 
@@ -126,7 +140,8 @@ class Mounts:
         self._frames.add(data)
         for name, (frame, before) in self._mounted.items():
             now = self._frames.placement(frame, self._base) or before
-            if max(np.abs(np.subtract(now, before)).ravel()) > _SAME:
+            if name not in self._changed and now.differs_from(before):
+                self._changed.add(name)
                 self._warn(f'{name}: the transform of {frame} has changed: restart the estimator')
 
     def configure(self, scenario: Scenario) -> None:
@@ -144,6 +159,10 @@ class Mounts:
         if not frame:
             raise ValueError('mount.tf: the messages name no frame')
         found = self._frames.placement(frame, self._base)
+        if found is None and frame in self._frames.refused:
+            raise ValueError(
+                f"the transform of '{frame}' on {TOPIC} is not finite, or no rotation"
+            )
         if found is None:
             raise ValueError(f"no transform from '{self._base}' to '{frame}' on {TOPIC} yet")
         source = self._placed(name, self._scenario.sensors[name], frame, found)

@@ -120,7 +120,7 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         'still.fields': ([''], About("fields of the messages; '': fields", feature=_STILL)),
         'still.duration': (
             0.5,
-            About('and have been for this long', 's', minimum=0.0, feature=_STILL),
+            About('and have been for this long', 's', 0.0, 3600.0, feature=_STILL),
         ),
         'gate': (
             1.0,

@@ -12,6 +12,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu
 
 from kalman_ros.codecs.messages import write_stamp
+from kalman_ros.core import rotations as so3
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.mounts import Mounts, StaticFrames
 from kalman_ros.pipeline.reading_reader import SensorReader
@@ -149,6 +150,36 @@ def test_the_mounting_outlives_a_live_change():
     assert sensor.measure(np.eye(8)[5])[1] == -PLACE[0]
 
 
+def test_the_two_quaternions_of_half_a_turn_are_no_change():
+    reader = Reader()
+    for sign in (1, -1):
+        transform = [*PLACE, sign, 0, 0, 0]
+        reader.mounts.on_static(message(('base_link', 'imu_link', transform)))
+        reader.read()
+    assert reader.said == []
+
+
+def test_a_transform_that_cannot_be_used_is_the_reason():
+    reader = Reader()
+    reader.mounts.on_static(message(('base_link', 'imu_link', [0] * 7)))
+    assert reader.read().refused is Outcome.NO_TRANSFORM
+    refused = "the transform of 'imu_link' on /tf_static is not finite, or no rotation"
+    assert reader.trouble == refused
+    reader.mounts.on_static(message(('base_link', 'imu_link', numbers(PLACE, TURN))))
+    assert reader.read().refused is None
+
+
+def test_a_sensor_that_looks_straight_up_is_mounted_as_it_is():
+    up = Rotation.from_euler('xyz', [0.3, -np.pi / 2, 0.7])
+    found = frames(('base_link', 'imu_link', numbers(PLACE, up))).placement(
+        'imu_link', 'base_link'
+    )
+    angles = so3.to_euler(found.rotation)
+    np.testing.assert_allclose(
+        Rotation.from_euler('xyz', angles).as_matrix(), up.as_matrix(), atol=1e-7
+    )
+
+
 def test_a_transform_that_changes_is_named():
     reader = Reader()
     transform = ('base_link', 'imu_link', numbers(PLACE, TURN))
@@ -156,7 +187,8 @@ def test_a_transform_that_changes_is_named():
     reader.read()
     reader.mounts.on_static(message(transform))
     assert reader.said == []
-    reader.mounts.on_static(message(('base_link', 'imu_link', numbers(PLACE, QUARTER))))
+    for _ in range(3):
+        reader.mounts.on_static(message(('base_link', 'imu_link', numbers(PLACE, QUARTER))))
     assert reader.said == ['imu: the transform of imu_link has changed: restart the estimator']
 
 

@@ -81,15 +81,15 @@ class Page:
         self.tab.send(json.dumps({**command, 'n': self.count}))
         return self.until(lambda m: m.get('answer', {}).get('n') == self.count)['answer']
 
-    def without_frames_for(self, period, seconds=20):
-        """Read messages until a period has none with frames."""
+    def until_no_more(self, part, period=0.5, seconds=20):
+        """Read messages until a period has no frame with a part."""
         end = time.monotonic() + seconds
         last = time.monotonic()
         while time.monotonic() < last + period:
-            assert time.monotonic() < end, 'frames do not cease'
+            assert time.monotonic() < end, f'{part} does not cease'
             with suppress(TimeoutError):
-                message = json.loads(self.tab.recv(timeout=last + period - time.monotonic()))
-                if message['kind'] == 'frames':
+                message = json.loads(self.tab.recv(timeout=0.1))
+                if any(part in frame for frame in message.get('frames', ())):
                     last = time.monotonic()
 
     def seen(self, kind, test, seconds=40):
@@ -172,7 +172,8 @@ def test_pause_poles_filter_and_single_steps():
 
         page.do(do='pause')
         page.seen('status', lambda m: m['paused'])
-        page.without_frames_for(0.5)
+        page.until_no_more('truth')
+        page.frames.clear()
         page.do(do='resume')
         page.until(lambda m: 'truth' in m)
 

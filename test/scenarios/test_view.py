@@ -8,6 +8,7 @@ import signal
 import socket
 import struct
 import subprocess
+import threading
 import time
 
 import pytest
@@ -16,10 +17,16 @@ pytest.importorskip('rclpy')
 pytest.importorskip('foxglove')
 pytest.importorskip('websockets')
 
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64
 from websockets.sync.client import connect
 
+from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import decode, message_type
 from kalman_ros.harness import executables
+from kalman_ros.harness.domain import Domain
 
 pytestmark = pytest.mark.real_time
 
@@ -71,7 +78,7 @@ class View:
         while time.monotonic() < end:
             found = self.viewer.recv(20)
             if isinstance(found, bytes):
-                if op == 'data':
+                if op == 'data' and found[0] == 1:
                     channel = self.channels[struct.unpack_from('<BI', found)[1]]
                     kind = message_type(channel['schemaName'])
                     return channel['topic'], decode(found[13:], kind)
@@ -149,16 +156,54 @@ def variance(view):
             return message.data[0]
 
 
-def test_what_is_wrong_is_one_line():
-    program = str(executables.executable('view'))
-    for arguments, expected in (
-        (['no_such'], 'no_such'),
-        (['cart_pole', '--rviz', '/nowhere/x'], '--rviz: expected a state with x and y'),
-        (['--port', '0'], '--port: expected 1 to 65535, got 0'),
-        (['--listen', 'here'], "--listen: expected an IP address, got 'here'"),
-        (['-p', 'nonsense:=1'], "unknown parameter 'nonsense'"),
-    ):
-        found = subprocess.run([program, *arguments], capture_output=True, text=True, timeout=60)
-        assert found.returncode == 2
-        assert expected in found.stderr
-        assert found.stderr.count('\n') == 1, found.stderr
+def test_a_domain_is_served_as_it_is_and_only_what_is_looked_at_is_read():
+    domain = Domain()
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=domain.id)
+    node = rclpy.create_node('robot', context=context)
+    node.declare_parameter('gain', 2.0)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    publishers = {f'/x{k}': node.create_publisher(Float64, f'x{k}', 10) for k in range(2)}
+    thread = threading.Thread(target=executor.spin, daemon=True)
+    try:
+        thread.start()
+        with View('--domain', str(domain.id)) as view:
+            numbers = view.topics({*publishers})
+            view.send(
+                'subscribe', subscriptions=[{'id': numbers['/x1'], 'channelId': numbers['/x1']}]
+            )
+            until(lambda: publishers['/x1'].get_subscription_count() == 1)
+            assert publishers['/x0'].get_subscription_count() == 0
+            publishers['/x1'].publish(Float64(data=3.0))
+            topic, message = view.receive('data')
+            assert (topic, message.data) == ('/x1', 3.0)
+            assert view.change('/robot.gain', 5) == 5.0
+            assert node.get_parameter('gain').value == 5.0
+            view.send('unsubscribe', subscriptionIds=[numbers['/x1']])
+            until(lambda: publishers['/x1'].get_subscription_count() == 0)
+    finally:
+        executor.shutdown()
+        thread.join(5.0)
+        node.destroy_node()
+        context.try_shutdown()
+        domain.close()
+
+
+def until(condition):
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_a_recording_is_served(tmp_path):
+    with RecordingWriter(tmp_path / 'bag') as writer:
+        writer.add('/x', 'std_msgs/msg/Float64')
+        for index in range(50):
+            data = bytes(serialize_message(Float64(data=float(index))))
+            writer.write('/x', 10**9 + index * 10**7, data)
+    with View(str(tmp_path / 'bag')) as view:
+        assert view.receive('serverInfo')['capabilities'] == ['playbackControl']
+        assert view.messages({'/x'})['/x'].data == 0.0
+        assert [view.receive('data')[1].data for _ in range(49)] == [*map(float, range(1, 50))]

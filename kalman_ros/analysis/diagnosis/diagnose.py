@@ -139,11 +139,13 @@ def _best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examina
     sure = bool(promised) and _promise(promised[0]) > _SURE and not gross.lost(case)
     close = _CLOSER if sure else _CLOSE
     # what passes have shown first: where a filter is lost, regressions promise anything
-    for finding in [*gross.find(case), *promised][:_TRIED]:
-        known_already = any(same(finding, other) for other in (*known, *(f for f, _ in tried)))
-        if finding.gain <= least or known_already:
+    shown = gross.find(case)
+    others = [f for f in promised if not any(same(f, other) for other in (*known, *shown))]
+    for finding in [*shown, *others][:_TRIED]:
+        if finding.gain <= least or any(same(finding, other) for other in known):
             continue
-        if tried and _promise(finding) < close * max(_promise(other) for other, _ in tried):
+        best = max((_promise(other) for other, _ in tried), default=0.0)
+        if finding not in shown and _promise(finding) < close * best:
             break
         after = Examination(finding.mended(), known=finding.passage) if finding.mended else case
         try:

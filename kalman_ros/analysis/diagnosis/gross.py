@@ -16,7 +16,7 @@ from .passage import explained, passage
 from .units import conversions, scaled
 
 #: A filter is lost if its innovations squared are larger than expected by this factor.
-_LOST = 3.0
+_LOST = 2.0
 #: Candidates are compared on the first seconds.
 _SECONDS = 8.0
 #: Factors that are tried on each coordinate.

@@ -20,11 +20,13 @@ _SUSPECT = 4.0
 _FEWEST = 50
 #: Correlations with all states are looked at within this many seconds, and are none below this.
 _LAG, _CORRELATED = 1.0, 0.55
-#: The slope of readings over predictions is this many deviations below 1.
+#: The slopes of readings over predictions and of predictions over readings, between which the true
+#: one is where both have errors, are this many deviations below 1 (R. Frisch, Statistical
+#: Confluence Analysis by Means of Complete Regression Systems, 1934).
 _FAR = 4.0
 #: The other sensors know what it should read if this varies by more than their uncertainty.
 _EXCITED = 1.0
-#: How often the slope and the correlation of the residuals are computed in turn.
+#: How often the slope and the correlation of the residual are computed in turn.
 _REPEATED = 3
 
 
@@ -120,7 +122,11 @@ def _compared(case: Examination, name: str, without: Passage) -> _Comparison | N
         return None
     signals = np.column_stack((expected, _straight(case.evidence.scenario.model.state, x)))
     largest = max(_correlated(record, column, signals) for column in y.T)
-    z = min(_distance(y[:, i], expected[:, i]) for i in np.flatnonzero(known))
+    z = min(
+        _distance(one[:, i], other[:, i])
+        for one, other in ((y, expected), (expected, y))
+        for i in np.flatnonzero(known)
+    )
     return _Comparison(record.stamp, y, expected, largest, z)
 
 
@@ -153,15 +159,15 @@ def _correlated(record: SensorRecord, y: Array, signals: Array) -> float:
 def _distance(y: Array, expected: Array) -> float:
     """Return by how many standard deviations the slope of readings over predictions is below 1.
 
-    What is left is taken for autoregressive of first order, and both are whitened by it (D.
+    The residual is taken for autoregressive of first order, and both are whitened by it (D.
     Cochrane and G. Orcutt, Application of Least Squares Regression to Relationships Containing
     Auto-correlated Error Terms, J. American Statistical Association 44(245), 1949).
     """
     y, expected = y - y.mean(), expected - expected.mean()
     slope = 0.0
     for _ in range(_REPEATED):
-        left = y - slope * expected
-        r = float(np.clip(left[1:] @ left[:-1] / (left @ left), 0.0, 0.999))
+        residual = y - slope * expected
+        r = min(max(float(residual[1:] @ residual[:-1] / (residual @ residual)), 0.0), 0.999)
         white_y, white = y[1:] - r * y[:-1], expected[1:] - r * expected[:-1]
         information = float(white @ white)
         if information <= 0.0:
