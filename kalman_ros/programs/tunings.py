@@ -98,6 +98,12 @@ def _other(given: Sequence[str], scenario: str) -> tuple[str, list[str]]:
                 f'--against: expected NAME=VALUE, a filter ({", ".join(FILTERS)}) or a '
                 f"parameter file, got '{text}'"
             )
+    names = [change.partition(':=')[0] for change in changes]
+    for name in names:
+        if name == 'seed':
+            raise ValueError('--against: expected another parameter than seed, which both share')
+        if names.count(name) > 1:
+            raise ValueError(f'--against: expected one value of {name}, got {names.count(name)}')
     return scenario, changes
 
 

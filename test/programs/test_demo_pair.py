@@ -74,6 +74,7 @@ def test_without_a_limit_there_is_none(tmp_path):
         ('=3', "got '=3'"),
         ('input_costt=3', "unknown parameter 'input_costt'; did you mean 'input_cost'?"),
         ('gone.yaml', "no file 'gone.yaml'"),
+        ('seed=3', 'expected another parameter than seed, which both share'),
     ],
 )
 def test_a_mistake_is_named_before_anything_runs(tmp_path, text, message):
