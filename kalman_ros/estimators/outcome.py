@@ -24,7 +24,7 @@ class Outcome(Enum):
     ABSENT = 'dropped: the message says that it has none'
     FIRST_POSE = 'kept: others are compared with it'
     NO_TRANSFORM = 'dropped: no transform of its frame'
-    MOVING = 'not used: the body moves'
+    MOVING = 'not used: not at rest'
     OTHER_FRAME = 'dropped: in another frame than declared'
     DUPLICATE = 'dropped: duplicate stamp'
     TOO_OLD = 'dropped: older than the window'

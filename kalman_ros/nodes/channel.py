@@ -103,7 +103,7 @@ class SensorChannel(Subscribed, SensorReader):
         values: dict[str, Any] = {f'{name}: readings': sum(counts.values())}
         values.update({f'{name}: {outcome.value}': count for outcome, count in counts.items()})
         if self.trouble:
-            values[f'{name}: last message that could not be read'] = self.trouble
+            values[f'{name}: last message that was not used'] = self.trouble
         values[f'{name}: rate [Hz]'] = self._rate.value
         if str(self.age):
             values[f'{name}: age when published, 50 / 90 / 99 % [ms]'] = str(self.age)

@@ -112,8 +112,9 @@ class ReadingReader:
                 time, values, covariance = self._change(Sample(time, values, covariance))
             except FirstPoseError as error:
                 return self.refused(time, Outcome.FIRST_POSE, error)
-        if self._still is not None and not self._still(data, time or 0):
-            return self.refused(time, Outcome.MOVING, 'the body moves')
+        moving = '' if self._still is None else self._still(data, time)
+        if moving:
+            return self.refused(time, Outcome.MOVING, moving)
         if self._zero is not None:
             return Reading(time, self._zero, None)
         used = source.used(covariance)

@@ -17,7 +17,7 @@ _APART = 1_000_000_000
 
 
 class StillWatch:
-    """Returns for each message whether all fields were small for long enough.
+    """Returns for each message why the body is not at rest: all fields small, for long enough.
 
     A field that is missing or not finite is not small.
 
@@ -46,17 +46,22 @@ class StillWatch:
         self._since: int | None = None
         self._until = 0
 
-    def __call__(self, data: bytes, time: int) -> bool:
-        """Return whether the body stands still at ``time``, by a message that can be decoded."""
+    def __call__(self, data: bytes, time: int | None) -> str:
+        """Return why the body is not at rest, by a message that can be decoded; '' if it is."""
+        if not time:
+            return 'a stamp of zero does not say for how long the body was at rest'
         if not self._is_small(data):
             # a late message of motion ends what was small before it, not after
             if self._since is not None and time >= self._since:
                 self._since = None
-            return False
-        if self._since is None or not -_APART <= time - self._until <= _APART:
+            return 'the body moves'
+        apart = self._since is not None and not -_APART <= time - self._until <= _APART
+        if self._since is None or apart:
             self._since = self._until = time
         self._until = max(self._until, time)
-        return time - self._since >= self._duration
+        if time - self._since >= self._duration:
+            return ''
+        return 'messages more than 1 s apart' if apart else 'not at rest for still.duration yet'
 
     def _is_small(self, data: bytes) -> bool:
         try:

@@ -38,7 +38,7 @@ def odometry(time, speed=0.0, turn=0.0):
 def watch():
     signal = Signal('odom', 'nav_msgs/Odometry', (SPEED,))
     found = StillWatch(signal, StandStill((SPEED, TURN), (0.02, 0.05), 0.5))
-    return lambda time, *values: found(odometry(time, *values), round(time * 1e9))
+    return lambda time, *values: not found(odometry(time, *values), round(time * 1e9))
 
 
 def test_it_stands_still_once_all_was_small_for_the_duration(watch):
@@ -87,6 +87,17 @@ def test_while_it_moves_there_is_no_reading():
     assert read(1.6, 0.5).refused is Outcome.MOVING
 
 
+def test_the_reason_is_named():
+    source = scenario.build({**DRIVE, **REST, **STILL}, with_law=False).sensors['rest']
+    found = SensorReader('rest', source)
+    for time, speed, reason in (
+        (1.0, 0.5, 'the body moves'), (1.2, 0.0, 'not at rest for still.duration yet'),
+        (3.0, 0.0, 'messages more than 1 s apart'), (0.0, 0.0, 'a stamp of zero'),
+    ):  # fmt: skip
+        assert found.read(odometry(time, speed), source).refused is Outcome.MOVING
+        assert found.trouble.startswith(reason)
+
+
 def test_without_zero_the_fields_are_read_at_rest():
     found = reader({**STILL, 'rest.still.duration': 0.0})(1.0, 0.01, 0.03)
     np.testing.assert_allclose(found.values, [0.01, 0.0, 0.03])
@@ -101,7 +112,7 @@ def test_without_zero_the_fields_are_read_at_rest():
         ({**STILL, 'rest.still.below': [0.1, float('nan')]}, r'expected a number, got nan'),
         ({'rest.still.fields': [SPEED]}, r'rest.still.fields: expected still.below beside it'),
         ({**STILL, 'rest.still.fields': [SPEED, 'wrong']}, r"'wrong'"),
-        ({**STILL, 'rest.still.duration': -1.0}, r'rest.still.duration: expected at least 0 s'),
+        ({**STILL, 'rest.still.duration': -1.0}, r'rest.still.duration: expected 0 to 3600 s'),
         (
             {'rest.type': 'geometry_msgs/Twist', 'rest.fields': ['linear.x'] * 3,
              'rest.still.below': [0.1] * 3},
