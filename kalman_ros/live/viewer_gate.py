@@ -11,8 +11,9 @@ from urllib.parse import urlsplit
 from .threaded_server import ThreadedServer
 from .web_access import Access
 
-#: The pages of viewers. A desktop application is a page in a file; a program sends no origin.
-PAGES = ('https://app.foxglove.dev', 'file://')
+#: The pages of viewers; a program sends no origin. A desktop application may be a page in a file,
+#: and so may whatever a person has saved and opened: that is not admitted without being asked for.
+PAGES = ('https://app.foxglove.dev',)
 #: What the server calls the protocol, and what older viewers call the same.
 _PROTOCOL, _OLD = 'foxglove.sdk.v1', 'foxglove.websocket.v1'
 #: The most bytes of a request, seconds that it may take, bytes that are passed on at once, and
