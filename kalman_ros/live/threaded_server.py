@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
@@ -60,8 +59,7 @@ class ThreadedServer(ABC):
         try:
             server = await self.listen(address, port)
         except OSError as error:
-            reason = os.strerror(error.errno or 0)
-            self._error = f'--port: {address}:{port} cannot be used: {reason}'
+            self._error = self._access.unusable(error)
             self._started.set()
             return
         self._started.set()

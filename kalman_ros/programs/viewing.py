@@ -78,6 +78,7 @@ class Viewing:
         return found
 
     def _serve_nodes(self, found: Adjustments) -> None:
+        self._rules.check_port()
         nodes, name = ViewedNodes(found, self._options.seed), found.file.stem
         print(f'{name}: starting the nodes', flush=True)
         with (

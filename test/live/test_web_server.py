@@ -182,7 +182,10 @@ def test_a_tab_that_sends_too_much_is_closed(served):
 
 def test_a_port_in_use_is_named():
     served = Served()
+    served.access.check_port()
     with served.server:
+        with pytest.raises(ValueError, match=f'--port: 127.0.0.1:{served.port} cannot be used'):
+            served.access.check_port()
         again = WebServer(Board(), print, served.access)
         with (
             pytest.raises(ValueError, match=f'--port: 127.0.0.1:{served.port} cannot be used'),
