@@ -49,6 +49,8 @@ class Tuning(KnownNames):
         Akaike's information criterion before and after; lower is better.
     converged
         Whether the maximum was reached.
+    stopped
+        Why it was not; '' if it was.
     held_out
         What the filter makes of the readings that were held out, before and after the fit; None
         if there are none.
@@ -59,6 +61,7 @@ class Tuning(KnownNames):
     log_likelihood: tuple[float, float]
     aic: tuple[float, float]
     converged: bool
+    stopped: str
     held_out: tuple[Judgement, Judgement] | None
     count: int
 
@@ -94,7 +97,7 @@ class Tuning(KnownNames):
         pairs = (('log-likelihood', self.log_likelihood), ('AIC', self.aic))
         lines += [f'{name}: {a:.6g} before, {b:.6g} after' for name, (a, b) in pairs]
         if not self.converged:
-            lines.append('not converged: what was reached so far')
+            lines += text.sentence(f'not converged, {self.stopped}: what was reached so far')
         if self.held_out is not None:
             before, after = self.held_out
             gain = after.log_likelihood - before.log_likelihood
@@ -188,8 +191,10 @@ def tune(
 def tuning(likelihood: Likelihood) -> Tuning:
     """Return the fit of a likelihood, judged on the readings after its end."""
     found: Fit = fit(likelihood)
+    if found.interrupted:
+        raise KeyboardInterrupt
     held = None
-    if likelihood.until is not None:
+    if likelihood.until is not None and found.complete:
         starts = {each.name: each.start for each in likelihood.parameters}
         held = (
             judge(likelihood, starts, likelihood.until),
@@ -197,7 +202,8 @@ def tuning(likelihood: Likelihood) -> Tuning:
         )
     return Tuning(
         {each.name: each for each in found.parameters}, found.correlation,
-        (found.before, found.after), found.aic, found.converged, held, found.count,
+        (found.before, found.after), found.aic, found.converged, found.stopped,
+        held, found.count,
     )  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def smooth(filter: object, steps: Sequence[Filtered]) -> list[Gaussian]:
 
 
 def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussian]:
-    """Yield the beliefs of `smooth` in reverse order, from ``steps`` in reverse order.
+    """Yield the beliefs of `smooth`, the last first, of ``steps`` in reverse order.
 
     Raises
     ------

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -50,16 +51,28 @@ def spread(
     global _task
     _task = task
     fork = multiprocessing.get_context('fork')
-    with ProcessPoolExecutor(workers, mp_context=fork) as pool:
+    others = multiprocessing.active_children()
+    with ProcessPoolExecutor(workers, fork, _end_quietly) as pool:
         waiting = {pool.submit(_do, item): index for index, item in enumerate(items)}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
         except BrokenProcessPool:
             raise ValueError('workers: a process ended before its work did') from None
+        except BaseException:
+            # nobody waits for what they compute
+            for process in {*multiprocessing.active_children()} - {*others}:
+                process.terminate()
+            raise
         finally:
             for future in waiting:
                 future.cancel()
+
+
+def _end_quietly() -> None:
+    """Let signals end a worker, which has inherited the handlers of the program."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def _by_dask(task: Callable[[T], R], items: Sequence[T], address: str) -> Iterator[tuple[int, R]]:

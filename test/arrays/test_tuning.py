@@ -9,6 +9,8 @@ from recorded import data
 from simulated_recordings import readings, square_wave
 
 import kalman_ros as kr
+from kalman_ros.analysis.tuning import ascent
+from kalman_ros.analysis.tuning.likelihood import Likelihood
 
 NILE = {'model_parameters.noise_density': 100.0, 'reading.noise': [10.0]}
 #: Readings a second, and seconds.
@@ -53,6 +55,7 @@ def spring(**changes):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_mass_and_the_damping_of_a_spring_are_identified():
     time = np.arange(0.0, DURATION, 1.0 / RATE)
     force = square_wave(time, 3.0, 5.0)[:, None]
@@ -88,6 +91,7 @@ def motor_readings():
     return time, voltage, readings(motor(), time, voltage, seed=2)[1:]
 
 
+@pytest.mark.slow
 def test_the_constants_of_a_motor_are_identified():
     time, voltage, (times, values) = motor_readings()
     start = motor(**{'model_parameters.constant': 0.02, 'model_parameters.friction': 0.05})
@@ -150,6 +154,7 @@ def coverage(runs):
     return hits / count
 
 
+@pytest.mark.slow
 def test_most_intervals_cover_the_truth():
     # of 12 intervals of 95 %, 8 or fewer cover with a probability of 2e-4
     assert (coverage(12) >= 9 / 12).all()
@@ -202,3 +207,28 @@ def test_readings_that_no_filter_explains_are_refused():
             lambda a=1.0: (kr.discrete_model([[1e200 * a]], Q=[[1.0]]), ([[1.0]], [[1.0]])),
             np.arange(50), np.ones(50), initial=([1.0], [[1.0]]),
         )  # fmt: skip
+
+
+def test_a_fit_to_the_first_readings_is_kept_where_all_have_no_likelihood(monkeypatch):
+    rng = np.random.default_rng(8)
+    y = np.cumsum(rng.normal(0.0, 0.7, 150)) + rng.normal(0.0, 1.3, 150)
+    given = {'initial': ([0.0], [[1.0]]), 'fit': {'q': 1.0, 'r': 1.0}}
+    expected = kr.tune(level, np.arange(51), y[:51], **given)
+    expand = Likelihood.expand
+    monkeypatch.setattr(
+        Likelihood, 'expand', lambda self, *rest: self.until and expand(self, *rest)
+    )
+    monkeypatch.setattr(ascent, 'SHORT', 50)
+    found = kr.tune(level, np.arange(150), y, **given)
+    assert not found.converged and found.stopped == 'all readings together have no likelihood'
+    assert found.count == 51 and found.stopped in ' '.join(repr(found).split())
+    assert found.values == pytest.approx(expected.values, rel=0.2)
+
+
+def test_an_interrupted_fit_in_python_is_an_interrupt(monkeypatch):
+    def interrupted(self, steps, *_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ascent, '_step', interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        kr.tune(level, np.arange(9), np.ones(9), initial=([0.0], [[1.0]]))

@@ -11,6 +11,8 @@ pytest.importorskip('rclpy')
 from rclpy.serialization import serialize_message
 from simulated_recordings import readings, square_wave
 
+from kalman_ros.analysis.tuning import ascent
+from kalman_ros.analysis.tuning.likelihood import Likelihood
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import full_type
 from kalman_ros.codecs.signal_codec import SignalCodec
@@ -103,3 +105,66 @@ def test_a_wrong_argument_is_refused_in_one_line(arguments, words, recording, tm
 def test_a_bag_that_is_missing_is_refused(tmp_path, capsys):
     assert run(tmp_path / 'none', '--params-file', 'mass_spring_damper', '--out', tmp_path) == 2
     assert capsys.readouterr().err.startswith('tune: ')
+
+
+def interrupted_at(monkeypatch, count):
+    """Interrupt the fit at an expansion of the likelihood."""
+    expand, calls = Likelihood.expand, []
+
+    def interrupted(self, z, progress=None):
+        calls.append(z)
+        if len(calls) == count:
+            raise KeyboardInterrupt
+        return expand(self, z, progress)
+
+    monkeypatch.setattr(Likelihood, 'expand', interrupted)
+
+
+def test_an_interrupted_fit_keeps_what_it_reached(recording, tmp_path, capsys, monkeypatch):
+    bag, file = recording
+    interrupted_at(monkeypatch, 4)
+    given = '--params-file', file, '--fit', 'mass', 'position.noise', '--out', tmp_path
+    code = run(bag, *given)
+    out = ' '.join(capsys.readouterr().out.split())
+    assert code == 130
+    assert 'FAIL, 2 of 2 parameters determined: interrupted' in out
+    assert 'Not converged, interrupted: these values are what was reached' in out
+    found = json.loads((tmp_path / 'summary.json').read_text())
+    assert found['interrupted'] and not found['converged'] and found['held out'] is None
+    assert found['log likelihood']['after'] > found['log likelihood']['before']
+    assert (tmp_path / 'fitted.yaml').read_text().startswith('# interrupted\n')
+    mass = from_file(tmp_path / 'fitted.yaml', 'estimator')['model_parameters.mass']
+    assert mass == found['change']['model_parameters.mass'] != 1.5
+    assert not list(tmp_path.glob('*.png'))
+
+
+def test_an_interruption_before_anything_was_reached_goes_on(recording, tmp_path, monkeypatch):
+    bag, file = recording
+    interrupted_at(monkeypatch, 1)
+    with pytest.raises(KeyboardInterrupt):
+        program.main([str(bag), '--params-file', str(file), '--out', str(tmp_path)])
+
+
+def test_an_interruption_after_the_fit_keeps_it(recording, tmp_path, capsys, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(program, 'profiles', interrupted)
+    bag, file = recording
+    assert run(bag, '--params-file', file, '--fit', 'mass', '--out', tmp_path) == 130
+    assert 'interrupted' in capsys.readouterr().out
+    fitted = from_file(tmp_path / 'fitted.yaml', 'estimator')
+    assert fitted['model_parameters.mass'] == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_fit_that_does_not_converge_keeps_what_it_reached(
+    recording, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(ascent, '_MOST_STEPS', 1)
+    bag, file = recording
+    code = run(bag, '--params-file', file, '--fit', 'mass', 'position.noise', '--out', tmp_path)
+    out = ' '.join(capsys.readouterr().out.split())
+    assert code == 1
+    assert 'Not converged, 1 steps are not enough: these values are what was reached' in out
+    assert out.endswith('not converged, 1 steps are not enough')
+    assert 'model_parameters.mass' in (tmp_path / 'fitted.yaml').read_text()

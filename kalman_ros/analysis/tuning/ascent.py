@@ -33,6 +33,8 @@ _SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
 #: Starts are compared on the first N readings, and followed there until little is left to gain.
 SHORT, _LITTLE = 1000, 0.03
 
+#: Why an ascent stopped that somebody stopped.
+INTERRUPTED = 'interrupted'
 #: Called with what is done and which share of it.
 Report = Callable[[str, float], None]
 
@@ -47,17 +49,20 @@ class Ascent:
 
     Parameters
     ----------
+    likelihood
+        What was climbed: that of all readings, or of the first ones if it came no further.
     top
-        The expansion there.
-    converged
-        Whether no step promised anything more.
+        The best expansion.
     steps
         The number of steps.
+    stopped
+        Why it ended before the maximum; '' if no step promised anything more.
     """
 
+    likelihood: Likelihood
     top: Expansion
-    converged: bool
     steps: int
+    stopped: str = ''
 
 
 def climb(
@@ -67,32 +72,35 @@ def climb(
     negligible: float = _NEGLIGIBLE_LONG,
 ) -> Ascent:
     """Return where an expansion leads, up to a gain that is ``negligible``."""
-    here, damping = start, _DAMPING
+    here, damping, number = start, _DAMPING, 0
     path = [start]
-    for number in range(_MOST_STEPS):
-        J = _curvature(path)
-        if _step(likelihood, here, J, _LEAST)[1] < negligible:
-            return Ascent(here, True, number)
-        step, gain = _step(likelihood, here, J, damping)
-        what = f'step {number + 1}, log-likelihood {here.value:.6g}'
-        there = likelihood.expand(here.z + step, partial(report, what))
-        if there is not None and there.value > here.value:
-            damping = max(damping / _FACTOR, _LEAST)
-            here = there
-            path.append(here)
-            continue
-        found = _shorter(likelihood, here, damping)
-        if found is None:
-            # no step raises a value that rounding hides
-            return Ascent(here, gain < 1e-3, number)
-        z, damping = found
-        there = likelihood.expand(z)
-        if there is None:
-            return Ascent(here, False, number)
-        if there.value > here.value:  # longer changes of delays are compared approximately
-            here = there
-            path.append(here)
-    return Ascent(here, False, _MOST_STEPS)
+    try:
+        for number in range(_MOST_STEPS):
+            J = _curvature(path)
+            if _step(likelihood, here, J, _LEAST)[1] < negligible:
+                return Ascent(likelihood, here, number)
+            step, gain = _step(likelihood, here, J, damping)
+            what = f'step {number + 1}, log-likelihood {here.value:.6g}'
+            there = likelihood.expand(here.z + step, partial(report, what))
+            if there is not None and there.value > here.value:
+                damping = max(damping / _FACTOR, _LEAST)
+                here = there
+                path.append(here)
+                continue
+            found = _shorter(likelihood, here, damping)
+            if found is None:
+                # no step raises a value that rounding hides
+                return Ascent(likelihood, here, number, '' if gain < 1e-3 else 'no step is better')
+            z, damping = found
+            there = likelihood.expand(z)
+            if there is None:
+                return Ascent(likelihood, here, number, 'the best step has no derivatives')
+            if there.value > here.value:  # longer changes of delays are compared approximately
+                here = there
+                path.append(here)
+    except KeyboardInterrupt:
+        return Ascent(likelihood, here, number, INTERRUPTED)
+    return Ascent(likelihood, here, _MOST_STEPS, f'{_MOST_STEPS} steps are not enough')
 
 
 def _step(
@@ -150,12 +158,15 @@ def _shorter(
 def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> Ascent:
     """Return the highest maximum from the start and from others about it.
 
-    Long recordings are begun with their first part, where the other starts are compared.
+    Long recordings are begun with their first part, where the other starts are compared. If that
+    is interrupted, or the whole has no likelihood, what was reached until then is returned.
 
     Raises
     ------
     ValueError
         If there is no likelihood at the start, nor at any other.
+    KeyboardInterrupt
+        If it is interrupted before anything was reached.
     """
     short = _shortened(likelihood)
     whole = short is likelihood
@@ -168,22 +179,34 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
             'reading can be explained; check the parameters with ./dev doctor'
         )
     order = np.argsort(-values, kind='stable')
-    chosen = order[:_FOLLOWED].tolist()
-    ends = []
-    for index in chosen:
-        begin = short.expand(points[index]) if np.isfinite(values[index]) else None
-        if begin is not None:
-            ends.append(climb(short, begin, report, _NEGLIGIBLE if whole else _LITTLE))
-    if not ends:
-        raise ValueError('no likelihood near any start: it cannot be differentiated')
-    if whole:
-        return max(ends, key=lambda each: each.top.value)
-    tops = [points[0], *(each.top.z for each in ends)]
-    best = tops[int(np.argmax(likelihood.values(tops)))]
-    begin = likelihood.expand(best, partial(report, 'all readings'))
+    ends: list[Ascent] = []
+    try:
+        for index in order[:_FOLLOWED].tolist():
+            begin = short.expand(points[index]) if np.isfinite(values[index]) else None
+            if begin is not None:
+                ends.append(climb(short, begin, report, _NEGLIGIBLE if whole else _LITTLE))
+                if ends[-1].stopped == INTERRUPTED:
+                    return _best(ends, INTERRUPTED)
+        if not ends:
+            raise ValueError('no likelihood near any start: it cannot be differentiated')
+        if whole:
+            return _best(ends)
+        tops = [points[0], *(each.top.z for each in ends)]
+        best = tops[int(np.argmax(likelihood.values(tops)))]
+        begin = likelihood.expand(best, partial(report, 'all readings'))
+    except KeyboardInterrupt:
+        if not ends:
+            raise
+        return _best(ends, INTERRUPTED)
     if begin is None:
-        raise ValueError('no likelihood on all readings: the estimate is not finite')
+        return _best(ends, 'all readings together have no likelihood')
     return climb(likelihood, begin, report)
+
+
+def _best(ends: Sequence[Ascent], stopped: str = '') -> Ascent:
+    """Return the highest of several ascents; ``stopped`` says why they all ended early."""
+    best = max(ends, key=lambda each: each.top.value)
+    return replace(best, stopped=stopped) if stopped else best
 
 
 def _shortened(likelihood: Likelihood) -> Likelihood:

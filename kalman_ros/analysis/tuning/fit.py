@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-from .ascent import Report, _ignore, maximum
+from .ascent import INTERRUPTED, Report, _ignore, maximum
 from .identifiability import Determination, determination
 from .likelihood import Expansion, Likelihood
 
@@ -64,10 +64,14 @@ class Fit:
         The number of combinations of parameters that the data determine.
     count
         The numbers read that were fitted to.
-    converged, steps
-        Whether the maximum was reached, and in how many steps.
+    steps
+        In how many steps the maximum was reached.
+    stopped
+        Why it was not; '' if it was.
+    partial
+        Whether only the first readings were fitted to, because of that.
     top
-        The expansion at the maximum.
+        The best expansion.
     """
 
     parameters: tuple[Fitted, ...]
@@ -76,10 +80,26 @@ class Fit:
     after: float
     rank: int
     count: int
-    converged: bool
     steps: int
+    stopped: str
+    partial: bool
     top: Expansion
     determination: Determination
+
+    @property
+    def converged(self) -> bool:
+        """Whether the maximum was reached."""
+        return not self.stopped
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether somebody interrupted the fit."""
+        return self.stopped == INTERRUPTED
+
+    @property
+    def complete(self) -> bool:
+        """Whether it is a fit to all readings that nobody interrupted."""
+        return not (self.partial or self.interrupted)
 
     @property
     def values(self) -> dict[str, float]:
@@ -95,15 +115,19 @@ class Fit:
 def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     """Return the maximum likelihood fit, or with priors the likeliest values after the data.
 
+    A fit that is interrupted returns what it has reached.
+
     Raises
     ------
     ValueError
         If there is nothing to fit, or no likelihood.
+    KeyboardInterrupt
+        If it is interrupted before anything was reached.
     """
     if not likelihood.parameters:
         raise ValueError('fit: expected at least one parameter, got none')
     ascent = maximum(likelihood, report)
-    top = ascent.top
+    first, likelihood, top = likelihood, ascent.likelihood, ascent.top
     start = float(likelihood.values([likelihood.start])[0] - likelihood.prior(likelihood.start)[0])
     found = determination(likelihood.parameters, top.information, top.z)
     fitted = []
@@ -123,7 +147,7 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
     return Fit(
         tuple(fitted), found.correlation, start, top.data, found.rank, count,
-        ascent.converged, ascent.steps, top, found,
+        ascent.steps, ascent.stopped, likelihood is not first, top, found,
     )  # fmt: skip
 
 

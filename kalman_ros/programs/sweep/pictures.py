@@ -27,7 +27,7 @@ def sweep_picture(
 
 
 def _curves(swept: Range, state: Space, points: Sequence[Point], path: Path) -> None:
-    points = [point for point in points if not point.refused]
+    points = [point for point in points if point.rms]
     x = [point.values[0] for point in points]
     costs = np.array([point.cost for point in points])
     rows = 3 + bool(np.isfinite(costs).any())

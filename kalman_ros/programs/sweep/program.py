@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
+import sys
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
@@ -25,6 +27,9 @@ from kalman_ros.simulation.spread import spread
 from .grid import Grid, Point
 from .ranges import parsed
 
+#: Why a sweep has not all of its points that somebody stopped.
+INTERRUPTED = 'interrupted'
+
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the parsed command line."""
@@ -32,6 +37,8 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         prog='sweep',
         description='Run a loop many times at each value of one or two parameters, without '
         'nodes, and put cost, errors, consistency and lost runs side by side.',
+        epilog='Exit code: 0 if all points are there, 1 if workers ended before, 2 for a bad '
+        'argument, 130 if it is interrupted: points that are finished are kept.',
     )
     add_scenario(parser)
     parser.add_argument(
@@ -82,6 +89,8 @@ def grid_of(options: argparse.Namespace, path: Path) -> Grid:
     if len(options.over) > 2:
         raise ValueError(f'over: expected one or two parameters, got {len(options.over)}')
     ranges = [parsed(each) for each in options.over]
+    if len({(each.name, each.index) for each in ranges}) < len(ranges):
+        raise ValueError(f'over: expected two parameters, got {options.over[0]} twice')
     changes = overrides(options.parameters)
     plant = {**from_file(path, 'plant'), **changes}
     believed = {**from_file(path, 'estimator', 'controller'), **changes}
@@ -93,16 +102,27 @@ def grid_of(options: argparse.Namespace, path: Path) -> Grid:
     return grid
 
 
-def swept(grid: Grid, workers: int, dask: str, console: Console) -> list[Point]:
-    """Return the outcome at each point, with a bar while they run."""
+def swept(grid: Grid, workers: int, dask: str, console: Console) -> tuple[dict[int, Point], str]:
+    """Return the outcomes at the points that are finished, and why others are not.
+
+    Raises
+    ------
+    ValueError, KeyboardInterrupt
+        If none is finished.
+    """
     found: dict[int, Point] = {}
     columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
-        task = bar.add_task('points', total=len(grid.points))
-        for index, point in spread(grid, grid.points, workers, dask):
-            found[index] = point
-            bar.advance(task)
-    return [found[index] for index in range(len(grid.points))]
+    try:
+        with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
+            task = bar.add_task('points', total=len(grid.points))
+            for index, point in spread(grid, grid.points, workers, dask):
+                found[index] = point
+                bar.advance(task)
+    except (ValueError, KeyboardInterrupt) as error:
+        if not found:
+            raise
+        return found, str(error) or INTERRUPTED
+    return found, ''
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -113,12 +133,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         path = shipped.file(options.scenario)
         grid = grid_of(options, path)
         folder = ready(options.out or Path('out') / path.stem / 'sweep')
-        points = swept(grid, options.workers, options.dask, console)
+        found, stopped = swept(grid, options.workers, options.dask, console)
     except (ValueError, OSError) as error:
         refuse('sweep', error)
 
     from . import pictures, tables  # matplotlib loads while nothing waits
 
+    points = [found[index] for index in sorted(found)]
     state = scenario.build(grid.believed).model.state
     console.print(tables.sweep_table(grid.ranges, state.names, points))
     _explain(console, points, grid)
@@ -127,14 +148,22 @@ def main(argv: Sequence[str] | None = None) -> None:
         'runs': options.runs,
         'seconds': options.seconds,
         'seed': options.seed,
+        'stopped': stopped,
+        'missing': len(grid.points) - len(points),
         'points': [point.json(grid.ranges, state.names) for point in points],
     }
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     drawn = ''
-    if not all(point.refused for point in points):
-        pictures.sweep_picture(grid.ranges, state, points, folder / 'sweep.png')
+    if any(point.rms for point in points):
+        # a map has a place for what is missing
+        all_points = [found.get(k, Point(values)) for k, values in enumerate(grid.points)]
+        pictures.sweep_picture(grid.ranges, state, all_points, folder / 'sweep.png')
         drawn = ', sweep.png'
     console.print(f'In {folder}: summary.json{drawn}')
+    if stopped:
+        count = f'{len(points)} of {len(grid.points)} points'
+        console.print(f'FAIL, {count}: {stopped}', style='bold red', markup=False)
+        sys.exit(128 + signal.SIGINT if stopped == INTERRUPTED else 1)
 
 
 def _explain(console: Console, points: Sequence[Point], grid: Grid) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from kalman_ros import models
+from kalman_ros.analysis.tuning.ascent import INTERRUPTED
 from kalman_ros.analysis.tuning.fit import Fit, fit, sampled
 from kalman_ros.analysis.tuning.held_out import Judgement, judge
-from kalman_ros.analysis.tuning.profiles import profiles
+from kalman_ros.analysis.tuning.profiles import Profile, profiles
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_margins
 from kalman_ros.core import DesignError, Model
 from kalman_ros.programs.common_arguments import add_parameters
@@ -38,7 +41,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         prog='tune',
         description='Fit parameters of an estimator to a recording by maximum likelihood.',
         epilog='Exit code: 0 if the fit explains the readings held out, 1 if it does not, '
-        '2 for a bad argument.',
+        '2 for a bad argument, 130 if it is interrupted: what was reached is printed and kept.',
     )
     parser.add_argument(
         'bag', type=Path, metavar='BAG',
@@ -110,20 +113,19 @@ def main(argv: Sequence[str] | None = None) -> None:
                 bar.update(task, description=what, total=1.0, completed=share)
 
             found = fit(recorded.likelihood, report)
-            bar.update(task, description='judging', total=None)
-            everything = _judged(recorded, found, None)
-            held = (
-                _judged(recorded, found, recorded.likelihood.until) if options.hold_out else None
-            )
-            bar.update(task, description='profiles')
-            shapes = profiles(recorded.likelihood, found)
-            worst, why = _margins(options.params_file, changes, recorded, found)
+            results = Results()
+            if found.complete:
+                bar.update(task, description='judging', total=None)
+                try:
+                    results = _results(recorded, found, options, changes)
+                except KeyboardInterrupt:
+                    found = replace(found, stopped=INTERRUPTED)
     except (ValueError, OSError) as error:
         refuse('tune', error)
 
     from . import pictures  # matplotlib is slow to load
 
-    _show(console, recorded, found, held, worst, why)
+    _show(console, recorded, found, results)
     pasted = tables.pasted(found, recorded.named)
     lines = tables.yaml_lines(pasted, found)
     if lines:
@@ -131,21 +133,41 @@ def main(argv: Sequence[str] | None = None) -> None:
         console.print('\n'.join(lines), markup=False, soft_wrap=True)
     for sentence in tables.beside(found):
         console.print(sentence, markup=False)
-    text = ['/**:', '  ros__parameters:', *(f'    {line}' for line in lines), '']
-    (folder / 'fitted.yaml').write_text('\n'.join(text) if lines else '')
+    (folder / 'fitted.yaml').write_text(tables.parameter_file(lines, found))
     names = ['summary.json', 'fitted.yaml']
-    if shapes:
-        pictures.draw_profiles(shapes, folder / 'profiles.png')
+    if results.profiles:
+        pictures.draw_profiles(results.profiles, folder / 'profiles.png')
         names.append('profiles.png')
-    if everything[1].sensors:
-        pictures.draw_nis(*everything, _held_from(recorded), folder / 'nis.png')
+    if results.everything is not None and results.everything[1].sensors:
+        pictures.draw_nis(*results.everything, _held_from(recorded), folder / 'nis.png')
         names.append('nis.png')
-    record = tables.summary(found, held, pasted, worst, recorded.notes)
+    record = tables.summary(found, results.held, pasted, results.margins, recorded.notes)
     (folder / 'summary.json').write_text(json.dumps(record, indent=2) + '\n')
     console.print(f'\nIn {folder}: {", ".join(names)}', style='dim')
-    passed, sentence = tables.verdict(found, held)
+    passed, sentence = tables.verdict(found, results.held)
     console.print(sentence)
-    sys.exit(0 if passed else 1)
+    sys.exit(128 + signal.SIGINT if found.interrupted else 0 if passed else 1)
+
+
+@dataclass(frozen=True)
+class Results:
+    """What is computed of a complete fit: judgements before and after it, profiles, margins."""
+
+    everything: tuple[Judgement, Judgement] | None = None
+    held: tuple[Judgement, Judgement] | None = None
+    profiles: Sequence[Profile] = ()
+    margins: Sequence[RobustMargins] = ()
+    no_margins: str = ''
+
+
+def _results(
+    recorded: Recorded, found: Fit, options: argparse.Namespace, changes: dict[str, Any]
+) -> Results:
+    everything = _judged(recorded, found, None)
+    held = _judged(recorded, found, recorded.likelihood.until) if options.hold_out else None
+    shapes = profiles(recorded.likelihood, found)
+    worst, why = _margins(options.params_file, changes, recorded, found)
+    return Results(everything, held, shapes, worst, why)
 
 
 def _bar(console: Console) -> Progress:
@@ -188,14 +210,7 @@ def _margins(
         return [], f'No design for the fitted model: {error}'
 
 
-def _show(
-    console: Console,
-    recorded: Recorded,
-    found: Fit,
-    held: tuple[Judgement, Judgement] | None,
-    worst: Sequence[RobustMargins],
-    why: str,
-) -> None:
+def _show(console: Console, recorded: Recorded, found: Fit, results: Results) -> None:
     """Print what was found."""
     for note in recorded.notes:
         console.print(f'Note: {note}', markup=False)
@@ -203,17 +218,17 @@ def _show(
     console.print()
     for sentence in tables.sentences(found):
         console.print(sentence, markup=False)
-    if held is not None and held[1].sensors:
+    if results.held is not None and results.held[1].sensors:
         console.print('\n[bold]The readings held out[/]')
-        console.print(tables.judgement_table(*held))
-    if worst:
+        console.print(tables.judgement_table(*results.held))
+    if results.margins:
         console.print('\n[bold]Margins of the design for the fitted model[/]')
-        console.print(tables.margins_table(worst))
-        for each in worst:
+        console.print(tables.margins_table(results.margins))
+        for each in results.margins:
             if each.unstable:
                 console.print(
                     f'[yellow]Warning:[/] {each.unstable} of {each.count} plants inside the '
                     f'intervals are unstable in the loop of {each.input}.'
                 )
-    elif why:
-        console.print(why, markup=False)
+    elif results.no_margins:
+        console.print(results.no_margins, markup=False)

@@ -51,7 +51,11 @@ def sentences(fit: Fit) -> Iterator[str]:
         f'AIC {before:.6g} before, {after:.6g} after (lower is better).'
     )
     if not fit.converged:
-        yield f'Not converged in {fit.steps} steps: these values are what was reached.'
+        where = f' on the first {fit.count} readings' if fit.partial else ''
+        yield (
+            f'Not converged, {fit.stopped}: these values are what was reached in {fit.steps} '
+            f'steps{where}.'
+        )
 
 
 def judgement_table(before: Judgement, after: Judgement) -> Table:
@@ -118,12 +122,25 @@ def yaml_lines(changes: Mapping[str, Any], fit: Fit) -> list[str]:
     ]
 
 
+def parameter_file(lines: Sequence[str], fit: Fit) -> str:
+    """Return the text of a parameter file with these lines; '' without any."""
+    if not lines:
+        return ''
+    mark = [] if fit.converged else [f'# {_unfinished(fit)}']
+    return '\n'.join([*mark, '/**:', '  ros__parameters:', *(f'    {line}' for line in lines), ''])
+
+
+def _unfinished(fit: Fit) -> str:
+    """Return why a fit is not one that converged."""
+    return 'interrupted' if fit.interrupted else f'not converged, {fit.stopped}'
+
+
 def verdict(fit: Fit, held: tuple[Judgement, Judgement] | None) -> tuple[bool, str]:
     """Return whether the fit can be used, and the verdict."""
     known = sum(each.determined for each in fit.parameters)
     count = f'{known} of {len(fit.parameters)} parameters determined'
     if not fit.converged:
-        return False, f'[bold red]FAIL, {count}:[/] not converged'
+        return False, f'[bold red]FAIL, {count}:[/] {_unfinished(fit)}'
     if held is None:
         return True, f'[green]PASS, {count}:[/] nothing was held out to judge the fit by'
     gain = held[1].log_likelihood - held[0].log_likelihood
@@ -151,6 +168,8 @@ def summary(
         'AIC': {'before': _plain(before), 'after': _plain(after)},
         'readings': fit.count,
         'converged': fit.converged,
+        'interrupted': fit.interrupted,
+        'stopped': fit.stopped,
         'held out': None if held is None else {
             when: {
                 'log likelihood': _plain(each.log_likelihood),
