@@ -17,6 +17,8 @@ from .hypotheses import edges, held
 
 #: Gains within this of 1 are no finding.
 _RELEVANT = 0.05
+#: Of the zone that fits best, the part that fits: more than all of it is no dead zone.
+_DEAD = (0.3, 1.5)
 
 
 def find(case: Examination) -> list[Finding]:
@@ -92,7 +94,9 @@ def _dead(case: Examination) -> list[Finding]:
         columns = case.responses.columns('dead', name)
         fits = [case.responses.alone(column) for column in columns]
         best = max(range(len(fits)), key=lambda i: fits[i].gain, default=None)
-        if best is None or fits[best].gain < CHANCE or fits[best].size[0] < 0.3:
+        if best is None or fits[best].gain < CHANCE:
+            continue
+        if not _DEAD[0] < fits[best].size[0] < _DEAD[1]:
             continue
         zone = float(fits[best].size[0]) * float(case.responses.labels[columns[best]][2])
         value[:, index] -= np.clip(value[:, index], -zone, zone)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import gammainccinv
 
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array, Space
@@ -26,6 +27,8 @@ _LAG, _CORRELATED = 1.0, 0.55
 _FAR = 4.0
 #: The other sensors know what it should read if this varies by more than their uncertainty.
 _EXCITED = 1.0
+#: Readings beyond these quantiles count as these, so that outliers hide no correlation.
+_ORDINARY = (0.05, 0.95)
 #: How often the slope and the correlation of the residual are computed in turn.
 _REPEATED = 3
 
@@ -51,8 +54,12 @@ def find(case: Examination) -> list[Finding]:
     names = dict.fromkeys(event.sensor for event in case.passage.events)
     found = []
     for name in names if len(names) > 1 else ():
-        whitened = [case.passage.whitened[i] for i in case.passage.of(name)]
-        if np.mean([e @ e / len(e) for e in whitened]) > _SUSPECT:
+        squares = [
+            case.passage.whitened[i] @ case.passage.whitened[i] for i in case.passage.of(name)
+        ]
+        size = case.evidence.scenario.sensors[name].sensor.output.size
+        # the median, as outliers are no other signal
+        if np.median(squares) > _SUSPECT * 2.0 * gammainccinv(0.5 * size, 0.5):
             found += _judged(case, name)
     return found
 
@@ -117,6 +124,7 @@ def _compared(case: Examination, name: str, without: Passage) -> _Comparison | N
     P = [event.P for event in events[:: max(1, len(events) // _FEWEST)]]
     unsure = np.median([(h @ p @ h.T).diagonal() for h, p in zip(H, P)], axis=0)
     y, expected = _straight(sensor.output, record.value), _straight(sensor.output, predicted)
+    y = np.clip(y, *np.quantile(y, _ORDINARY, axis=0))
     known = expected.var(axis=0) > _EXCITED * unsure
     if not known.any() or not (y.std(axis=0) > 0.0).all():
         return None

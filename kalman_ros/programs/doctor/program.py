@@ -15,7 +15,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from kalman_ros.analysis.diagnosis.diagnose import Diagnosis, diagnose
+from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
 from kalman_ros.bags.reading import Bag
 from kalman_ros.programs.results import ready
 
@@ -110,6 +110,7 @@ def show(found: Diagnosis, folder: Path, console: Console) -> None:
 
     if found.findings:
         console.print(findings_table(found))
+        console.print(f'By replay: of the first {PROOF:g} s, with this change alone.', style='dim')
         console.print()
     for sentence in sentences(found):
         console.print(sentence, markup=False)
