@@ -35,6 +35,8 @@ class Landmarks(Sensor):
         The landmarks, two or three numbers each, one after the other, in m.
     reads
         Which of ``range``, ``bearing`` and, in space, ``elevation``.
+    range_offset
+        By which all ranges are too long, in m.
     """
 
     def __init__(
@@ -51,6 +53,9 @@ class Landmarks(Sensor):
             'range',
             'bearing',
         ),
+        range_offset: Annotated[
+            float, About('by which all ranges are too long, as those of radio', 'm')
+        ] = 0.0,
     ) -> None:
         self.state = state
         turned = [n for n in measures if n in state.angles or n in sum(state.rotations, ())]
@@ -71,6 +76,7 @@ class Landmarks(Sensor):
             raise ValueError('reads: elevation takes a position in space in measures')
         if self._turn is None and {*reads} != {'range'}:
             raise ValueError('reads: a direction takes a heading or a rotation in measures')
+        self._offset = range_offset
         self._name(tuple(reads), list(noise))
 
     def _attitude(self, names: Sequence[str], dimension: int) -> slice | None:
@@ -102,7 +108,7 @@ class Landmarks(Sensor):
         up = d[..., 2] if d.shape[-1] == 3 else np.zeros_like(across)
         found = np.stack(
             (
-                np.maximum(np.hypot(across, up), _NEAREST),
+                np.maximum(np.hypot(across, up), _NEAREST) + self._offset,
                 np.arctan2(d[..., 1], d[..., 0]),
                 np.arctan2(up, across),
             ),
