@@ -14,6 +14,7 @@ import numpy as np
 
 from kalman_ros.linear.discretize import Discretization, noise_integral
 from kalman_ros.linear.matrices import Array
+from kalman_ros.linear.views import coordinates_first, coordinates_last, entries_last
 
 from .space import Space
 
@@ -102,8 +103,8 @@ class Differences(NamedTuple):
         change = subtract(values[1 : n + 1], values[n + 1 :])
         if change.ndim == 2:
             return np.asarray((change / (2.0 * self.step[:, np.newaxis])).T)
-        by_coordinate = np.moveaxis(change, -1, 0) / (2.0 * self.step)
-        return np.moveaxis(by_coordinate, (0, 1), (-2, -1))
+        by_coordinate = coordinates_first(change) / (2.0 * self.step)
+        return entries_last(by_coordinate)
 
 
 def numerical_jacobian(
@@ -130,7 +131,7 @@ def like(values: Array, points: Array) -> Array:
 
 def coordinates(x: Array) -> Array:
     """Return the coordinates of vectors (..., n), each (...,), to be unpacked."""
-    return x if x.ndim == 1 else np.moveaxis(x, -1, 0)
+    return coordinates_first(x)
 
 
 def from_coordinates(*values: Array) -> Array:
@@ -139,7 +140,7 @@ def from_coordinates(*values: Array) -> Array:
     Each coordinate is contiguous in memory, which is what a model computes with.
     """
     whole = np.array(values)
-    return whole if whole.ndim == 1 else np.moveaxis(whole, 0, -1)
+    return coordinates_last(whole)
 
 
 class Model(ABC):

@@ -28,7 +28,7 @@ from kalman_ros.programs.results import ready
 from kalman_ros.scenario import Scenario, build, shipped
 from kalman_ros.scenario.parameter_files import from_file, overrides
 
-from . import tables
+from . import coverage, tables
 from .recorded_likelihood import Recorded, load
 
 #: Plants at random on the edge of the 95 % region, whose margins are compared.
@@ -71,6 +71,10 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/tune)'
     )
+    parser.add_argument(
+        '--coverage', action='store_true',
+        help='fit simulated recordings instead, and count how often intervals cover the truth',
+    )  # fmt: skip
     add_parameters(parser, 'a parameter, over those of the file, such as a start')
     return parser.parse_args(argv)
 
@@ -92,7 +96,12 @@ def pairs(option: str, given: Sequence[str], between: str) -> dict[str, tuple[fl
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Fit, print, draw; exit 1 if the fit does not explain what was held out."""
-    options, console = arguments(argv), Console(highlight=False)
+    given = list(sys.argv[1:] if argv is None else argv)
+    if '--coverage' in given:
+        given.remove('--coverage')
+        coverage.main(given)
+        return
+    options, console = arguments(given), Console(highlight=False)
     try:
         if not 0.0 <= options.hold_out < 1.0:
             raise ValueError(
@@ -163,24 +172,18 @@ class Results:
 def _results(
     recorded: Recorded, found: Fit, options: argparse.Namespace, changes: dict[str, Any]
 ) -> Results:
-    everything = _judged(recorded, found, None)
-    held = _judged(recorded, found, recorded.likelihood.until) if options.hold_out else None
+    starts = {each.name: each.start for each in found.parameters}
+    after = [None, recorded.likelihood.until] if options.hold_out else [None]
+    both = (judge(recorded.likelihood, values, *after) for values in (starts, found.values))
+    everything, *held = zip(*both)
     shapes = profiles(recorded.likelihood, found)
     worst, why = _margins(options.params_file, changes, recorded, found)
-    return Results(everything, held, shapes, worst, why)
+    return Results(everything, held[0] if held else None, shapes, worst, why)
 
 
 def _bar(console: Console) -> Progress:
     columns = SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn()
     return Progress(*columns, console=console, transient=True)
-
-
-def _judged(recorded: Recorded, found: Fit, after: int | None) -> tuple[Judgement, Judgement]:
-    """Return what the start and the fit make of the readings after a stamp."""
-    starts = {each.name: each.start for each in found.parameters}
-    both = (judge(recorded.likelihood, values, after) for values in (starts, found.values))
-    before, fitted = both
-    return before, fitted
 
 
 def _held_from(recorded: Recorded) -> float | None:
