@@ -27,6 +27,7 @@ from .benchmark import Benchmark
 GROUPS = {
     'filters': 'filters',
     'monte_carlo': 'ensembles',
+    'tune': 'fits',
     'estimator': 'relay',
     'lockstep': 'lockstep',
     'replay': 'replays',

@@ -13,14 +13,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from kalman_ros.analysis.tuning.fit import Fitted
+from kalman_ros.analysis.tuning.fit import fit
 from kalman_ros.analysis.tuning.named_parameters import NamedParameters
-from kalman_ros.arrays.fitting import tune
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.simulation.spread import spread
 
-from .coverage_cases import COVERED, HIDDEN, IDENTIFIED, Case, recorded
+from .coverage_cases import COVERED, HIDDEN, IDENTIFIED, Case, likelihood, recorded
 from .coverage_page import page
 
 #: Of the recordings of a case, the share of those with parameters that are hidden, or a minute.
@@ -65,25 +64,19 @@ class Row:
 
 def fitted(case: Case, seed: int) -> Row:
     """Return the fit of a recording."""
-    data = recorded(case, seed)
     true = NamedParameters(case.values).choose(list(case.fitted))
+    observed = likelihood(case, recorded(case, seed))
     start = time.process_time()
-    found = tune(
-        {**case.values, **case.starts}, data.times, data.readings, data.inputs,
-        input_times=data.input_times, fit=[each.name for each in true],
-    )  # fmt: skip
+    found = fit(observed)
     spent = time.process_time() - start
     estimates = [
         Estimate(
-            each.name, case.errors.get(each.name, each.start), *_fit(found.parameters[each.name])
+            each.name, case.errors.get(each.name, one.start), each.value, each.low, each.high,
+            each.reason,
         )
-        for each in true
-    ]
+        for one, each in zip(true, found.parameters)
+    ]  # fmt: skip
     return Row(case.name, seed, found.converged, spent, estimates)
-
-
-def _fit(found: Fitted) -> tuple[float, float, float, str]:
-    return found.value, found.low, found.high, found.reason
 
 
 def planned(recordings: int, only: str = '') -> list[tuple[Case, int]]:

@@ -10,7 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.analysis.tuning.likelihood import Likelihood
+from kalman_ros.analysis.tuning.named_parameters import NamedParameters
+from kalman_ros.analysis.tuning.observations import Observations, Readings, Stamps
+from kalman_ros.analysis.tuning.walk import Conditions
 from kalman_ros.core import Array
+from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import build
 from kalman_ros.simulation.batch_plant import BatchPlant
 from kalman_ros.simulation.noise import stream
@@ -90,6 +95,26 @@ def recorded(case: Case, seed: int) -> Recording:
         np.array([time for time, _ in changes]) if changes else None,
         np.array([u for _, u in changes]) if changes else None,
     )
+
+
+def likelihood(case: Case, data: Recording) -> Likelihood:
+    """Return the likelihood of the fitted parameters of a case, which begin at its starts."""
+    named = NamedParameters({**case.values, **case.starts})
+    readings = {
+        name: Readings(_stamps(data.times[name]), data.readings[name]) for name in data.times
+    }
+    u = named.scenario.model.equilibrium.input
+    inputs = np.empty((0, u.size)) if data.inputs is None else data.inputs
+    acts = _stamps(np.empty(0) if data.input_times is None else data.input_times)
+    policy = Policy(window=0.0, max_gap=0.0, restart_after=0)
+    return Likelihood(
+        named.choose(list(case.fitted)), named.candidate, Observations(readings, acts, inputs),
+        Conditions(policy, u),
+    )  # fmt: skip
+
+
+def _stamps(times: Array) -> Stamps:
+    return np.rint(times * 1e9).astype(np.int64)
 
 
 def steps(size: float, period: float) -> Command:
