@@ -27,7 +27,6 @@ from .benchmark import Benchmark
 GROUPS = {
     'filters': 'filters',
     'monte_carlo': 'ensembles',
-    'tune': 'fits',
     'estimator': 'relay',
     'lockstep': 'lockstep',
     'replay': 'replays',

@@ -28,7 +28,7 @@ from kalman_ros.programs.results import ready
 from kalman_ros.scenario import Scenario, build, shipped
 from kalman_ros.scenario.parameter_files import from_file, overrides
 
-from . import coverage, tables
+from . import tables
 from .recorded_likelihood import Recorded, load
 
 #: Plants at random on the edge of the 95 % region, whose margins are compared.
@@ -71,10 +71,6 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/BAG/tune)'
     )
-    parser.add_argument(
-        '--coverage', action='store_true',
-        help='fit simulated recordings instead, and count how often intervals cover the truth',
-    )  # fmt: skip
     add_parameters(parser, 'a parameter, over those of the file, such as a start')
     return parser.parse_args(argv)
 
@@ -96,12 +92,7 @@ def pairs(option: str, given: Sequence[str], between: str) -> dict[str, tuple[fl
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Fit, print, draw; exit 1 if the fit does not explain what was held out."""
-    given = list(sys.argv[1:] if argv is None else argv)
-    if '--coverage' in given:
-        given.remove('--coverage')
-        coverage.main(given)
-        return
-    options, console = arguments(given), Console(highlight=False)
+    options, console = arguments(argv), Console(highlight=False)
     try:
         if not 0.0 <= options.hold_out < 1.0:
             raise ValueError(
