@@ -6,11 +6,11 @@ from glob import glob
 from setuptools import find_packages, setup
 
 PACKAGE = 'kalman_ros'
-NODES = ('plant', 'estimator', 'controller', 'monitor', 'microphone_array')
+NODES = ('plant', 'estimator', 'controller', 'monitor', 'markers', 'microphone_array')
 COMMANDS = (
     'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults',
     'from_robot_localization', 'fuzz', 'live', 'record', 'replay', 'soak', 'study', 'sweep',
-    'tune',
+    'tune', 'view',
 )  # fmt: skip
 
 setup(
@@ -31,6 +31,7 @@ setup(
         'bags': ['rosbags'],
         'dask': ['distributed'],
         'live': ['websockets>=13'],
+        'view': ['foxglove-sdk>=0.30'],
     },
     zip_safe=False,
     maintainer='The kalman_ros authors',

@@ -90,6 +90,7 @@ def parameters() -> Iterator[str]:
         if found:
             yield from ['', f'With the law `{law}`:', '', *table(found)]
     yield from ['', '## monitor', '', *table(options_of(options.MonitorOptions))]
+    yield from ['', '## markers', '', *table(options_of(options.MarkersOptions))]
     yield from ['', '## microphone_array', '', *table(options_of(options.MicrophoneArrayOptions))]
 
 

@@ -15,6 +15,7 @@ if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
 import errno
 import os
 import sys
+import warnings
 from functools import partial
 from importlib import import_module
 
@@ -26,6 +27,10 @@ _SIGNALS = tuple(
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
 )
+
+# what is not finite is refused, counted and named; numpy's lines about how it came are no help
+if not sys.warnoptions:
+    warnings.simplefilter('ignore', RuntimeWarning)
 
 
 def _node(name: str) -> None:
@@ -62,6 +67,7 @@ plant = partial(_node, 'plant')
 estimator = partial(_node, 'estimator')
 controller = partial(_node, 'controller')
 monitor = partial(_node, 'monitor')
+markers = partial(_node, 'markers')
 microphone_array = partial(_node, 'microphone_array')
 
 allan = partial(_program, 'allan', 'allan.program')
@@ -82,3 +88,4 @@ soak = partial(_program, 'soak', 'soak.program')
 study = partial(_program, 'study', 'studies.program')
 sweep = partial(_program, 'sweep', 'sweep.program')
 tune = partial(_program, 'tune', 'tune.program')
+view = partial(_program, 'view')

@@ -22,7 +22,8 @@ from kalman_ros import scenario
 from kalman_ros.analysis.verdict import judge, least_duration
 from kalman_ros.arrays.scenarios import BELIEVED, LIMITS
 from kalman_ros.scenario import shipped
-from kalman_ros.scenario.parameter_files import DEMO, from_file, own_section
+from kalman_ros.scenario.demo_section import demo_section
+from kalman_ros.scenario.parameter_files import from_file
 
 #: In seconds, of a scenario that names none, as in the demo.
 DURATION = 60.0
@@ -31,9 +32,9 @@ DURATION = 60.0
 def failures(name, seed, **changes):
     """Return the checks that a run fails, as texts; ``changes`` are parameters over the file's."""
     path = shipped.file(name)
-    own = own_section(path, DEMO)
-    usual = float(own.pop('duration', DURATION))
-    values = {**from_file(path, *BELIEVED), **own, **changes}
+    own = demo_section(path)
+    usual = DURATION if own.duration is None else own.duration
+    values = {**from_file(path, *BELIEVED), **own.parameters, **changes}
     built = scenario.build(values)
     limits = {key: values[key] for key in LIMITS if key in values}
     run = kr.simulate(built, seconds=max(usual, ceil(least_duration(built))), seed=seed, **limits)

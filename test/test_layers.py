@@ -86,7 +86,7 @@ def test_no_two_modules_share_a_name():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    'node', ['plant', 'estimator', 'controller', 'monitor', 'microphone_array']
+    'node', ['plant', 'estimator', 'controller', 'monitor', 'markers', 'microphone_array']
 )
 def test_a_node_loads_nothing_slow(node):
     pytest.importorskip('rclpy')

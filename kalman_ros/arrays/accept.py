@@ -202,7 +202,7 @@ def whole(name: str, value: Any, least: int = 0) -> int:
     """Return a whole number of at least ``least``; ValueError otherwise."""
     good = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not good or value < least:
-        got = repr(value) if isinstance(value, (int, str)) else type(value).__name__
+        got = repr(value) if isinstance(value, (int, float, str)) else type(value).__name__
         raise ValueError(f'{name}: expected a whole number from {least}, got {got}')
     return int(value)
 

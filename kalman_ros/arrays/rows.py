@@ -174,6 +174,9 @@ def parts_of(name: str, sensor: Sensor, rows: Rows) -> Iterator[tuple[int, Senso
     The sensor is the whole one or a `Part` of it, always the same one for the same gaps.
     """
     there = np.isfinite(rows.values)
+    for rotation in sensor.output.rotations:  # one that is known in part says nothing
+        three = sensor.output.indices(rotation)
+        there[:, three] = there[:, three].all(axis=1, keepdims=True)
     known: dict[bytes, Sensor] = {}
     for index, (present, y) in enumerate(zip(there, rows.values)):
         if present.all():

@@ -24,7 +24,7 @@ from .known_names import KnownNames
 from .loop_setup import Given, loop_of
 
 #: The pictures of a run.
-PICTURES = ('overview', 'states', 'errors', 'innovations', 'force')
+PICTURES = ('overview', 'states', 'errors', 'gains', 'innovations', 'force')
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,7 +69,10 @@ class SimulatedRun(KnownNames, Trajectory):
         return '\n'.join(lines)
 
     def plot(self, path: str | Path | None = None, what: str = 'overview') -> Any:
-        """Draw the ``'overview'``, ``'states'``, ``'errors'``, ``'innovations'`` or ``'force'``.
+        """Draw one of the pictures of the demo.
+
+        ``what`` is ``'overview'``, ``'states'``, ``'errors'``, ``'gains'``, ``'innovations'`` or
+        ``'force'``.
 
         Returns
         -------

@@ -11,7 +11,7 @@ import numpy as np
 from kalman_ros.core import Array
 
 #: The most bytes in memory.
-_MOST = 1 << 26
+_MOST = 1 << 24
 
 
 class Rows:

@@ -11,11 +11,14 @@ from kalman_ros.codecs.messages import decode as decoded
 from kalman_ros.codecs.wire import learn_layouts
 from kalman_ros.core import Gaussian
 from kalman_ros.pipeline.fuser import Fused, Fuser, Received
+from kalman_ros.pipeline.fusion import fusion
 from kalman_ros.pipeline.initial_pose import PoseReader
 from kalman_ros.pipeline.intake import Intake
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
+from kalman_ros.pipeline.mounts import TOPIC, TYPE, Mounts
 from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 from kalman_ros.pipeline.settings import Settings
+from kalman_ros.scenario import Scenario
 
 from .blocks import Message
 from .collecting import (
@@ -66,12 +69,15 @@ class Feed:
         #: Sentences on what the recording lacks.
         self.notes: list[str] = []
         own, note = (settings.options.frame, settings.options.child_frame), self.notes.append
+        self._mounts = mounts = Mounts(scenario, settings.options.child_frame, note)
+        mounts.on_mounted = self._use
         channels = {
-            name: SensorReader(name, each, self.origin, own, note)
+            name: SensorReader(name, each, self.origin, own, note, mounts)
             for name, each in scenario.sensors.items()
         }
         input = InputReader(scenario.input)
-        self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None)
+        timeout = settings.input_timeout()
+        self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None, timeout)
         self._intake = Intake(lambda _: None)
         self._intake.longest = settings.options.max_message_size
         self._read_pose = PoseReader(scenario)
@@ -108,7 +114,7 @@ class Feed:
     def _wire(self, bag: Bag) -> None:
         """Find the topics that are needed in the recording."""
         scenario, resolve = self.settings.scenario, self._resolve
-        steps = LockstepFuser(self.fuser, self, lambda _: None)
+        steps = LockstepFuser(self.fuser, self, lambda _: None, resolve)
         for name, source in scenario.enabled.items():
             topic = resolve(source.signal.topic)
             bag.check(topic, full_type(source.signal.type), f'sensor {name}')
@@ -116,11 +122,16 @@ class Feed:
             readers = self._readers.setdefault(topic, [])
             readers.append(on_reading)
             self._take[topic] = partial(_each, readers)
+        if self._mounts.needed:
+            bag.check(TOPIC, full_type(TYPE), 'mount.tf')
+            self._take[TOPIC] = self._mounts.on_static
         if scenario.input.fields:
             topic = resolve(scenario.input.topic)
             if topic in bag.topics or self.lockstep:
                 bag.check(topic, full_type(scenario.input.type), 'input')
-                self._take[topic] = self._on_input
+                readers = self._readers.setdefault(topic, [])  # a sensor may be on it, too
+                readers.append(self._on_input)
+                self._take[topic] = partial(_each, readers)
                 self._on_lockstep_input = steps.on_input
             else:
                 self.notes.append(f'The recording has no input {topic}: it is taken to be idle.')
@@ -132,6 +143,12 @@ class Feed:
         pose = full_type('geometry_msgs/PoseWithCovarianceStamped')
         if bag.topics.get(resolve(POSE)) == {pose}:
             self._take[resolve(POSE)] = self._on_pose
+
+    def _use(self, scenario: Scenario) -> None:
+        """Continue with a sensor whose mounting is known now."""
+        found = fusion(scenario, self.settings.options, self.settings.extra)
+        self.online.configure(found.filter, found.sensors, found.policy)
+        self.fuser.configure(scenario)
 
     def __call__(self, message: Message) -> None:
         """Take the next message."""

@@ -8,6 +8,7 @@ from math import inf
 from pathlib import Path
 
 from kalman_ros.core.named_options import nearest
+from kalman_ros.core.one_line import one_line
 
 from .blocks import Block, Message, Source, in_order
 from .mcap_reader import McapFile
@@ -20,7 +21,7 @@ _KINDS: dict[str, Callable[[Path], Source]] = {
     '.bag': Ros1File,
 }
 #: Topics that are named in a message.
-_NAMED = 12
+_NAMED = 6
 
 
 class Bag:
@@ -73,11 +74,14 @@ class Bag:
             source = _KINDS[file.suffix](file)
         except ValueError as error:
             raise ValueError(f'{file}: {error}') from None
+        damage = [source.damage] if source.damage else []
         for topic, kinds in source.topics.items():
-            self.topics.setdefault(topic, set()).update(kinds)
+            if topic.isprintable():
+                self.topics.setdefault(topic, set()).update(map(one_line, kinds))
+            else:  # it is no topic of ROS, and a terminal would obey it
+                damage.append(f'no name of a topic: {one_line(topic)}')
         self._blocks += source.blocks
-        if source.damage:
-            self.damage.append(f'{file}: {source.damage}')
+        self.damage += [f'{file}: {each}' for each in damage]
 
     @property
     def start(self) -> int:

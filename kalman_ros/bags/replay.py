@@ -135,7 +135,11 @@ def replay_bag(
             raise ValueError(f"out: expected another folder than that of the recording, '{out}'")
     resolve = resolver(namespace)
     feed = Feed(settings, bag, resolve)
-    final = FinalBeliefs(feed.online) if smooth else None
+    final = (
+        FinalBeliefs(feed.online, len(feed.settings.scenario.model.input.names))
+        if smooth
+        else None
+    )
     known = _TruthReader(feed.settings, bag, resolve(truth)) if truth else None
     topics = [*feed.topics, *([resolve(truth)] if known else [])]
     first, last = _limits(bag, start, end)

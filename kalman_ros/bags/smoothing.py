@@ -3,44 +3,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from kalman_ros.analysis.records import Beliefs
-from kalman_ros.core import Gaussian
+from kalman_ros.core import Array, unchecked
 from kalman_ros.estimators.online import OnlineEstimator
-from kalman_ros.estimators.smoother import Filtered, smooth
+from kalman_ros.estimators.smoother import Filtered, smoothed_back
 from kalman_ros.estimators.timeline import Item
 
 from .collecting import BeliefColumns, seconds
+from .columns import Rows
 
 
 class FinalBeliefs:
     """Keeps the last belief of each instant, once nothing can change it any more.
 
+    Beyond a size they are on disk, so that the memory of a long recording is bounded.
+
     Parameters
     ----------
     online
         The estimator.
+    inputs
+        The number of inputs.
     """
 
-    def __init__(self, online: OnlineEstimator) -> None:
-        self._steps: list[Filtered] = []
+    def __init__(self, online: OnlineEstimator, inputs: int) -> None:
+        n = len(online.belief.mean)
+        self._rows = Rows(moment=(2,), mean=(n,), covariance=(n, n), input=(inputs,))
+        self._last: Filtered | None = None
         self._online = online
         online.on_final = self._take
 
     def _take(self, items: Sequence[Item]) -> None:
-        steps = self._steps
         for item in items:
-            state = item.after
+            state, last = item.after, self._last
             if state.u is None:  # it rests until its first input
                 continue
             time = item.key[0]
-            restarted = item.restarted or not steps or time < steps[-1].time
-            if steps and time == steps[-1].time:
-                restarted |= steps.pop().restarted
-            steps.append(Filtered(time, state.belief, state.u, restarted))
+            restarted = item.restarted or last is None or time < last.time
+            if last is not None and time == last.time:
+                restarted |= last.restarted
+            else:
+                self._keep()
+            self._last = Filtered(time, state.belief, state.u, restarted)
+
+    def _keep(self) -> None:
+        """Add the last step to the rows."""
+        if self._last is not None:
+            # the bits of whole numbers: as a float, a time since 1970 loses nanoseconds
+            moment = np.array((self._last.time, self._last.restarted), dtype=np.int64)
+            self._rows.append(moment.view(np.float64), *self._last.belief, self._last.input)
 
     def smoothed(self, start: int) -> Beliefs:
         """Return the beliefs given all readings, at times in seconds from ``start``.
@@ -51,13 +67,24 @@ class FinalBeliefs:
             If the filter is of a kind that cannot be smoothed.
         """
         self._online.finish()
+        self._keep()
+        rows = self._rows.columns()
+        moments = rows['moment'].view(np.int64)
         found = BeliefColumns(len(self._online.belief.mean))
-        for step, belief in zip(self._steps, self._all()):
-            found.add(seconds(step.time, start), belief)
-        return found.result()
-
-    def _all(self) -> list[Gaussian]:
         try:
-            return smooth(self._online.filter, self._steps)
+            for (time, _), belief in zip(
+                moments[::-1], smoothed_back(self._online.filter, _backwards(rows, moments))
+            ):
+                found.add(seconds(int(time), start), belief)
         except np.linalg.LinAlgError as error:
             raise ValueError(f'smooth: a prediction cannot be inverted: {error}') from None
+        back = found.result()
+        return Beliefs(back.time[::-1], back.mean[::-1], back.covariance[::-1])
+
+
+def _backwards(rows: dict[str, Array], moments: npt.NDArray[np.int64]) -> Iterator[Filtered]:
+    """Yield the steps, the last first."""
+    for k in range(len(moments) - 1, -1, -1):
+        mean, P, u = (np.array(rows[name][k]) for name in ('mean', 'covariance', 'input'))
+        time, restarted = moments[k].tolist()
+        yield Filtered(time, unchecked((mean, P)), u, bool(restarted))

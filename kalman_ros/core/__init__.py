@@ -20,14 +20,13 @@ from kalman_ros.linear.matrices import (
 
 from .discrete_model import DiscreteLinearSystem, DiscreteModel
 from .gaussian import Gaussian, unchecked
+from .leading_axes import coordinates, from_coordinates
 from .linear_system import LinearSystem, linearize
 from .model import (
     LinearizedStep,
     Model,
     OperatingPoint,
     Transition,
-    coordinates,
-    from_coordinates,
     numerical_jacobian,
 )
 from .named_options import About, Option, Value, brief, build_with, options_of, refuse_unknown
@@ -35,7 +34,7 @@ from .registry import find
 from .sensor import Hypotheses, Sensor
 from .space import Space
 from .system import SensorSetup, Signal, System
-from .timing import TimedSensor, is_due, period, ratio
+from .timing import TimedSensor, following, is_due, period, ratio
 
 __all__ = [
     'About',
@@ -64,6 +63,7 @@ __all__ = [
     'build_with',
     'coordinates',
     'find',
+    'following',
     'from_coordinates',
     'identity',
     'is_due',

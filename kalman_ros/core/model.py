@@ -14,8 +14,9 @@ import numpy as np
 
 from kalman_ros.linear.discretize import Discretization, noise_integral
 from kalman_ros.linear.matrices import Array
-from kalman_ros.linear.views import coordinates_first, coordinates_last, entries_last
+from kalman_ros.linear.views import coordinates_first, entries_last
 
+from .leading_axes import coordinates
 from .space import Space
 
 #: The most integration steps within one step of a model; a longer step is coarser.
@@ -127,20 +128,6 @@ def like(values: Array, points: Array) -> Array:
     if values.ndim >= points.ndim:
         return values
     return np.broadcast_to(values, (*points.shape[:-1], values.shape[-1]))
-
-
-def coordinates(x: Array) -> Array:
-    """Return the coordinates of vectors (..., n), each (...,), to be unpacked."""
-    return coordinates_first(x)
-
-
-def from_coordinates(*values: Array) -> Array:
-    """Return the vectors (..., n) with these coordinates, each (...,).
-
-    Each coordinate is contiguous in memory, which is what a model computes with.
-    """
-    whole = np.array(values)
-    return coordinates_last(whole)
 
 
 class Model(ABC):

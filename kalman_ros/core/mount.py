@@ -34,12 +34,15 @@ class Mounting(NamedTuple):
         The frame of its messages; '' for that of the first.
     placed
         Whether its place or its rotation is given.
+    from_tf
+        Whether they are taken from transforms, and not known yet.
     """
 
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
     convention: str = 'enu'
     frame: str = ''
     placed: bool = False
+    from_tf: bool = False
 
     @property
     def turned(self) -> bool:
@@ -63,7 +66,11 @@ STRAIGHT = Mounting()
 
 
 def mounting(
-    rotation: Sequence[float], convention: str, frame: str, translation: Sequence[float]
+    rotation: Sequence[float],
+    convention: str,
+    frame: str,
+    translation: Sequence[float],
+    from_tf: bool = False,
 ) -> Mounting:
     """Return the mounting by the options of a sensor.
 
@@ -81,4 +88,6 @@ def mounting(
         raise ValueError(f"frame: expected a name without a leading slash, got '{frame}'")
     roll, pitch, yaw = map(float, rotation)
     placed = any(rotation) or any(translation)
-    return Mounting((roll, pitch, yaw), convention, frame, placed)
+    if placed and from_tf:
+        raise ValueError('mount.tf: expected no mount.translation and mount.rotation beside it')
+    return Mounting((roll, pitch, yaw), convention, frame, placed or from_tf, from_tf)

@@ -84,7 +84,8 @@ class Option:
                 wanted = 'a number' if low == -inf else f'at least {low:g}'
             elif low == -inf:
                 wanted = f'at most {high:g}'
-            wanted = f'{wanted} {self.about.unit}'.rstrip()
+            unit = self.about.unit
+            wanted = f'{wanted} {"in " if wanted == "a number" else ""}{unit}' if unit else wanted
             raise ValueError(f'{self.name}: expected {wanted}, got {value:g}')
         return value
 
@@ -164,6 +165,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def _hint(name: str, known: Sequence[str]) -> str:
+    parts = [each for each in known if each.startswith(f'{name}.')]
+    if parts:
+        return f'; its parts are {", ".join(parts[:_FEW])}'
     question = nearest(name, known)
     if question:
         return f'; {question}'

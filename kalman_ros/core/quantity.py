@@ -10,7 +10,8 @@ from typing import NamedTuple
 PLACE, ATTITUDE, VELOCITY, ACCELERATION, RATE, VECTOR = (
     'position', 'attitude', 'velocity', 'acceleration', 'rate', 'vector'
 )  # fmt: skip
-_GLOBAL = ('east', 'north', 'up')
+#: East, north and up of a plane that touches the Earth at a datum.
+GLOBAL = ('east', 'north', 'up')
 _AXES = ('x', 'y', 'z')
 #: An attitude is read as angles about fixed axes, or as a rotation vector.
 ANGLES, ROTATION = ('roll', 'pitch', 'yaw'), ('rx', 'ry', 'rz')
@@ -42,7 +43,7 @@ def quantity(field: str) -> Quantity | None:
     if found is None:
         return None
     owner, last = found['owner'] or '', found['last']
-    for kind, names in ((PLACE, _GLOBAL), (ATTITUDE, ANGLES), (ATTITUDE, ROTATION)):
+    for kind, names in ((PLACE, GLOBAL), (ATTITUDE, ANGLES), (ATTITUDE, ROTATION)):
         if last in names:
             return Quantity(kind, names.index(last), owner, names)
     attribute = owner.rpartition('.')[2].partition('[')[0]

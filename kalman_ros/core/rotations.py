@@ -18,11 +18,15 @@ import numpy as np
 
 from kalman_ros.linear.matrices import Array
 
+from .leading_axes import coordinates, from_coordinates
+
 #: A number, or an array (...,) of numbers: a single rotation is computed in plain floats, which
 #: takes a tenth of the time.
 _Number = Any
 #: Below this angle, quotients of differences are power series, exact to rounding.
 _SMALL = 0.3
+#: Below this cosine of the pitch, roll and yaw are quotients of rounding errors.
+_UPRIGHT = 1e-6
 #: The mean of rotations is iterated until it moves by less than this, in rad.
 _CLOSE, _MOST_STEPS = 1e-12, 50
 
@@ -104,12 +108,12 @@ def pulled_back(r: Array, rate: Array) -> Array:
     turn, w = _parts(r), _parts(rate)
     once, share = _cross(turn, w), _inverse_third(_angle(*turn))
     twice = _cross(turn, once)
-    return _stacked(*(p - 0.5 * q + share * s for p, q, s in zip(w, once, twice)))
+    return from_coordinates(*(p - 0.5 * q + share * s for p, q, s in zip(w, once, twice)))
 
 
 def cross(a: Array, b: Array) -> Array:
     """Return the cross product (..., 3); that of numpy takes longer."""
-    return _stacked(*_cross(_parts(a), _parts(b)))
+    return from_coordinates(*_cross(_parts(a), _parts(b)))
 
 
 def mean(points: Array, weights: Array) -> Array:
@@ -136,7 +140,7 @@ def from_quaternion(q: Array) -> Array:
 
 def to_quaternion(r: Array) -> Array:
     """Return the unit quaternions x, y, z, w (..., 4) of rotations (..., 3)."""
-    return _stacked(*_quaternion(*_parts(r)))
+    return from_coordinates(*_quaternion(*_parts(r)))
 
 
 def from_euler(angles: Array) -> Array:
@@ -149,23 +153,27 @@ def from_euler(angles: Array) -> Array:
 
 
 def to_euler(r: Array) -> Array:
-    """Return roll, pitch and yaw (..., 3) of rotations (..., 3), as `from_euler` takes them."""
+    """Return roll, pitch and yaw (..., 3) of rotations (..., 3), as `from_euler` takes them.
+
+    Near a pitch of +-pi/2 only their sum or difference is determined: there the roll is the one
+    that goes with the yaw, by the second row of Rz(-yaw) R = Ry(pitch) Rx(roll).
+    """
     R = exp(r)
+    level = np.hypot(R[..., 2, 1], R[..., 2, 2])
     roll = np.arctan2(R[..., 2, 1], R[..., 2, 2])
-    pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 2, 1], R[..., 2, 2]))
+    pitch = np.arctan2(-R[..., 2, 0], level)
     yaw = np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    if np.any(level < _UPRIGHT):
+        s, c = np.sin(yaw), np.cos(yaw)
+        sine, cosine = s * R[..., 0, 2] - c * R[..., 1, 2], c * R[..., 1, 1] - s * R[..., 0, 1]
+        roll = np.where(level < _UPRIGHT, np.arctan2(sine, cosine), roll)
     return np.stack((roll, pitch, yaw), axis=-1)
 
 
 def _parts(r: Array) -> tuple[_Number, _Number, _Number]:
     """Return the coordinates, as floats if it is a single vector."""
-    x, y, z = r.tolist() if r.ndim == 1 else np.moveaxis(r, -1, 0)
+    x, y, z = r.tolist() if r.ndim == 1 else coordinates(r)
     return x, y, z
-
-
-def _stacked(*parts: _Number) -> Array:
-    whole: Array = np.array(parts)
-    return whole if whole.ndim == 1 else np.moveaxis(whole, 0, -1)
 
 
 def _matrix(rows: list[list[_Number]]) -> Array:
@@ -223,7 +231,7 @@ def _rotation(x: _Number, y: _Number, z: _Number, w: _Number) -> Array:
         half = np.arctan2(n, np.abs(w))
         share = 2.0 * np.divide(half, n, out=np.ones_like(half), where=n != 0.0)
         share = np.where(w < 0.0, -share, share)
-    return _stacked(share * x, share * y, share * z)
+    return from_coordinates(share * x, share * y, share * z)
 
 
 def _third(angle: _Number) -> _Number:

@@ -10,6 +10,7 @@ from .geodesy import Place
 from .model import Model
 from .mount import STRAIGHT, Mounting
 from .named_options import Value
+from .still import StandStill
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,10 @@ class Signal:
     pose
         Whether a pose is read as it is, ``absolute``, ``relative`` to the first, or as a velocity,
         ``differential``.
+    zero
+        Whether each message is read as zeros, whatever its fields are.
+    still
+        The condition on which a message is read at all; None for always.
     """
 
     topic: str
@@ -46,6 +51,8 @@ class Signal:
     datum: Place | None = None
     mounting: Mounting = STRAIGHT
     pose: str = 'absolute'
+    zero: bool = False
+    still: StandStill | None = None
 
 
 #: The input of a model without one.

@@ -19,6 +19,25 @@ class TimedSensor:
     enabled: bool = True
 
 
+#: The shortest lag behind a command, in s; a shorter one is refused.
+_SHORTEST_LAG = 1e-3
+
+
+def following(command_time: float) -> float:
+    """Return the rate in 1/s at which a lag of ``command_time`` in s approaches a command.
+
+    Raises
+    ------
+    ValueError
+        If it is below 1 ms.
+    """
+    if not command_time >= _SHORTEST_LAG:
+        raise ValueError(
+            f'command_time: expected 0 or at least {_SHORTEST_LAG:g} s, got {command_time:g}'
+        )
+    return 1.0 / command_time
+
+
 #: The most steps from one reading of a sensor to the next.
 _SLOWEST = 10_000
 

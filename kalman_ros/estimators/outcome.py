@@ -23,6 +23,8 @@ class Outcome(Enum):
     NO_FIX = 'dropped: no position fix'
     ABSENT = 'dropped: the message says that it has none'
     FIRST_POSE = 'kept: others are compared with it'
+    NO_TRANSFORM = 'dropped: no transform of its frame'
+    MOVING = 'not used: not at rest'
     OTHER_FRAME = 'dropped: in another frame than declared'
     DUPLICATE = 'dropped: duplicate stamp'
     TOO_OLD = 'dropped: older than the window'
@@ -39,4 +41,5 @@ class Outcome(Enum):
         """Whether the reader of the message knows more than the outcome: which field, and why."""
         return self in (
             Outcome.WRONG_SIZE, Outcome.NO_FIX, Outcome.ABSENT, Outcome.OTHER_FRAME,
+            Outcome.NO_TRANSFORM,
         )  # fmt: skip

@@ -14,7 +14,7 @@ Sarkka, Unscented Rauch-Tung-Striebel Smoother, IEEE Trans. Automatic Control 53
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,16 +69,31 @@ def smooth(filter: object, steps: Sequence[Filtered]) -> list[Gaussian]:
     numpy.linalg.LinAlgError
         If a prediction has no positive definite covariance.
     """
+    return [*smoothed_back(filter, reversed(steps))][::-1]
+
+
+def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussian]:
+    """Yield the beliefs of `smooth`, the last first, of ``steps`` in reverse order.
+
+    Raises
+    ------
+    ValueError, numpy.linalg.LinAlgError
+        As `smooth` does.
+    """
     if not isinstance(filter, (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter)):
         raise ValueError(
             f'filter: expected the beliefs of one of ({", ".join(SMOOTHED)}), '
             f'got those of a {type(filter).__name__}'
         )
-    smoothed = [step.belief for step in steps]
-    for k in range(len(steps) - 2, -1, -1):
-        if not steps[k + 1].restarted:
-            smoothed[k] = _back(filter, steps[k], steps[k + 1].time, smoothed[k + 1])
-    return smoothed
+    later: Filtered | None = None
+    smoothed: Gaussian | None = None
+    for step in steps:
+        if later is None or smoothed is None or later.restarted:
+            smoothed = step.belief
+        else:
+            smoothed = _back(filter, step, later.time, smoothed)
+        later = step
+        yield smoothed
 
 
 def _back(

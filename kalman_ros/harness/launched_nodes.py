@@ -96,7 +96,7 @@ class LaunchedNodes:
         self._context.spin(seconds, until)
         for name, process in self.processes.items():
             if process.exit_code is not None:
-                raise NodeError(f'the {name} died: {process.last_line()}')
+                raise NodeError(f'the {name} died: {process.last_words()}')
 
     def wait(
         self, condition: Callable[[], bool], seconds: float, trouble: Callable[[], str]

@@ -86,10 +86,13 @@ class NodeProcess:
         """Return its output so far."""
         return self.log.read_text(errors='replace')
 
-    def last_line(self) -> str:
-        """Return the last line of its output, or how it ended."""
+    def last_words(self) -> str:
+        """Return the signal that ended it, or the last line of its output, or its exit code."""
+        code = self.exit_code
+        if code is not None and code < 0:
+            return f'ended by {signal.Signals(-code).name}'
         lines = self.output().strip().splitlines()
-        return lines[-1] if lines else f'exit code {self.exit_code}'
+        return lines[-1] if lines else f'exit code {code}'
 
 
 def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .lapack import dgemm, dgemv, dger, dposv, dpotrf, dsymm
+from .lapack import dgemm, dgemv, dger, dposv, dpotrf, dsymm, dtrtri
 from .matrices import Array, identity
 
 
@@ -122,6 +122,21 @@ def weighed(S: Array, z: Array) -> float:
     """Return z' S^-1 z, infinite where ``S`` (k, k) is not positive definite."""
     _, solved, info = dposv(S, z)
     return float(z.dot(solved)) if info == 0 else float('inf')
+
+
+def whitening(S: Array) -> Array:
+    """Return L^-1 (k, k) with L L' = S, L lower triangular.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If S is not positive definite.
+    """
+    L, info = dpotrf(S, 1, 1)
+    if info != 0:
+        raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
+    inverse: Array = dtrtri(L, 1)[0]
+    return inverse
 
 
 @lru_cache(maxsize=64)

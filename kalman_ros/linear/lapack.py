@@ -15,6 +15,7 @@ Arguments are positional; keywords take twice the time:
 ``dsymm(alpha, A, B)``                                    alpha A B; of A the upper triangle
 ``dposv(A, B)``                                           a factor, A^-1 B, and 0 if A is definite
 ``dpotrf(A, lower, clean)``                               a factor, and 0 if A is definite
+``dtrtri(L, lower)``                                      L^-1 of a triangle, and 0 if it exists
 ========================================================  ========================================
 
 C, y or A is overwritten if ``over`` is 1, else copied. Fortran matrices are column-major:
@@ -54,3 +55,4 @@ dger = _blas.dger
 dsymm = _blas.dsymm
 dposv = _lapack.dposv
 dpotrf = _lapack.dpotrf
+dtrtri = _lapack.dtrtri

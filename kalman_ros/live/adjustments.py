@@ -13,7 +13,8 @@ from kalman_ros.nodes.options import ControllerOptions, EstimatorOptions
 from kalman_ros.nodes.plant_options import PlantOptions
 from kalman_ros.pipeline.settings import OF_RCLPY, Chosen, Settings, choose, estimator_extra
 from kalman_ros.scenario import Scenario, assemble, sensor_names
-from kalman_ros.scenario.parameter_files import DEMO, from_file, own_section
+from kalman_ros.scenario.demo_section import demo_section
+from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation.faults import options_of_sensors
 
@@ -48,10 +49,10 @@ class Adjustments:
 
     def __init__(self, file: Path, parameters: Mapping[str, Any]) -> None:
         self.file = file
-        demo = own_section(file, DEMO)
+        demo = demo_section(file)
         #: Seconds that the demo of the scenario takes.
-        self.duration = float(demo.pop('duration', 60.0))
-        self.shared: dict[str, Any] = {**demo, **parameters}
+        self.duration = 60.0 if demo.duration is None else demo.duration
+        self.shared: dict[str, Any] = {**demo.parameters, **parameters}
         #: Changes of single nodes, by their names.
         self.changes: dict[str, dict[str, Any]] = {}
         self._read: dict[str, dict[str, Any]] = {}

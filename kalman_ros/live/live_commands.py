@@ -170,7 +170,7 @@ class LiveCommands:
         if not size:
             raise ValueError('push: the model has no input')
         index, share = command.get('input', 0), float(command.get('share', 1.0))
-        if index not in range(size) or not abs(share) <= _MOST:
+        if type(index) is not int or index not in range(size) or not abs(share) <= _MOST:
             expected = f'the number of an input, and a share up to {_MOST:g}'
             raise ValueError(f'push: expected {expected}')
         push = np.zeros(size)

@@ -8,21 +8,11 @@ from typing import Any
 from kalman_ros.control.laws import LAWS
 from kalman_ros.core import DesignError, Space
 from kalman_ros.estimators import FILTERS
+from kalman_ros.scenario.drawing import drawing
 from kalman_ros.scenario.regulator import feedback
 
 from .adjustments import Adjustments
 from .controls import Control
-
-#: Models with a special drawing; others are drawn in the plane, or as bars.
-_DRAWINGS = {
-    'mass_spring_damper': 'spring',
-    'mass_spring_damper_2d': 'springs',
-    'cart_pole': 'cart_pole',
-    'dc_motor': 'motor',
-    'submersible': 'submersible',
-}
-#: Names of headings.
-_HEADINGS = ('psi', 'yaw', 'theta')
 
 
 def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, Any]:
@@ -39,7 +29,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
             name: {**_space(source.sensor.output), **_place(adjustments, name)}
             for name, source in plant.sensors.items()
         },
-        'drawing': _drawing(str(adjustments.value('plant', 'model')), state),
+        'drawing': drawing(str(adjustments.value('plant', 'model')), state)._asdict(),
         'relative': adjustments.value('plant', 'model') == 'bearing_tracker',
         'length': _length(adjustments),
         'equilibrium': plant.model.equilibrium.state.tolist(),
@@ -79,14 +69,6 @@ def _place(adjustments: Adjustments, sensor: str) -> dict[str, Any]:
         return {'place': adjustments.value('plant', f'{sensor}.position')}
     except KeyError:
         return {'place': [0.0, 0.0]}
-
-
-def _drawing(model: str, state: Space) -> dict[str, Any]:
-    kind = _DRAWINGS.get(model)
-    if kind is None:
-        kind = 'plane' if {'x', 'y'} <= {*state.names} else 'bars'
-    heading = next((name for name in _HEADINGS if name in state.angles), None)
-    return {'kind': kind, 'heading': heading}
 
 
 def _length(adjustments: Adjustments) -> float:

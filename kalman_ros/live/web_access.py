@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from dataclasses import dataclass, field
 from hmac import compare_digest
@@ -54,6 +55,19 @@ class Access:
             raise ValueError('--listen: an address beyond this machine needs a token')
         names = _LOOPBACK if given.is_loopback else (*_LOOPBACK, socket.gethostname())
         object.__setattr__(self, '_names', (self.address, *names))
+
+    def check_port(self) -> None:
+        """Raise ValueError if the server cannot listen, before what takes long is started."""
+        family = socket.AF_INET6 if ':' in self.address else socket.AF_INET
+        try:
+            socket.create_server((self.address, self.port), family=family).close()
+        except OSError as error:
+            raise ValueError(self.unusable(error)) from None
+
+    def unusable(self, error: OSError) -> str:
+        """Return why the server cannot listen."""
+        reason = os.strerror(error.errno or 0)
+        return f'--port: {self.address}:{self.port} cannot be used: {reason}'
 
     @property
     def cookie(self) -> str:

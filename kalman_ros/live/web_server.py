@@ -5,15 +5,12 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
+import logging
 from collections.abc import Callable
-from contextlib import suppress
 from http import HTTPStatus
 from pathlib import Path
-from threading import Event, Thread
 from time import monotonic
 from typing import Any
-from urllib.parse import urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
@@ -21,6 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from .board import Board, Cursor
+from .threaded_server import ThreadedServer
 from .web_access import Access
 
 #: The most tabs at once, bytes of one command, and commands a second from one tab.
@@ -34,7 +32,7 @@ _TYPES = {'.html': 'text/html', '.css': 'text/css', '.js': 'text/javascript'}
 _SOCKET = '/socket'
 
 
-class WebServer:
+class WebServer(ThreadedServer):
     """Serves a board to tabs, and passes their commands on, in a separate thread.
 
     Parameters
@@ -50,48 +48,28 @@ class WebServer:
     def __init__(
         self, board: Board, command: Callable[[dict[str, Any], float], None], access: Access
     ) -> None:
-        self._board, self._command, self._access = board, command, access
+        super().__init__(access)
+        self._board, self._command = board, command
         self._files = {f'/{path.name}': path for path in _PAGE.iterdir()}
         self._tabs: set[asyncio.Event] = set()
-        self._started, self._error = Event(), ''
-        self._stop: Callable[[], None] = lambda: None
-        self._thread = Thread(target=lambda: asyncio.run(self._run()), daemon=True)
-
-    def __enter__(self) -> WebServer:
-        self._thread.start()
-        self._started.wait()
-        if self._error:
-            raise ValueError(self._error)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop()
-        self._thread.join(5.0)
 
     @property
     def tabs(self) -> int:
         """The number of connected tabs."""
         return len(self._tabs)
 
-    async def _run(self) -> None:
-        loop, over = asyncio.get_running_loop(), asyncio.Event()
-        address, port = self._access.address, self._access.port
-        try:
-            server: Server = await serve(
-                self._tab, address, port, process_request=self._respond, compression=None,
-                max_size=_LONGEST, max_queue=16, open_timeout=5.0, close_timeout=1.0,
-                server_header=None,
-            )  # fmt: skip
-        except OSError as error:
-            self._error = (
-                f'--port: {address}:{port} cannot be used: {os.strerror(error.errno or 0)}'
-            )
-            self._started.set()
-            return
-        self._stop = lambda: _call(loop, over.set)
-        self._board.on_change = lambda: _call(loop, self._wake)
-        self._started.set()
-        await over.wait()
+    async def listen(self, address: str, port: int) -> Server:
+        """Serve the page, and wake its tabs at every change of the board."""
+        server = await serve(
+            self._tab, address, port, process_request=self._respond, compression=None,
+            max_size=_LONGEST, max_queue=16, open_timeout=5.0, close_timeout=1.0,
+            server_header=None, logger=_silent_logger(),
+        )  # fmt: skip
+        self._board.on_change = lambda: self.call(self._wake)
+        return server
+
+    async def end(self, server: Server) -> None:
+        """Close the server, and tell the tabs."""
         server.close()
         await server.wait_closed()
 
@@ -104,22 +82,22 @@ class WebServer:
         access = self._access
         # several headers of one kind are joined, and then match nothing
         host, origin = (_all(request.headers, name) for name in ('Host', 'Origin'))
-        where = urlsplit(request.path)
+        path, _, query = request.path.partition('?')
         if not access.knows(host):
             return _refusal(HTTPStatus.MISDIRECTED_REQUEST, 'this server has another name')
         if origin and not access.trusts(origin, host):
             return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
-        if access.logs_in(where.query):
+        if access.logs_in(query):
             cookie = f'{access.cookie}={access.token}; HttpOnly; SameSite=Strict; Path=/'
             return _response(HTTPStatus.SEE_OTHER, b'', {'Location': '/', 'Set-Cookie': cookie})
         if not access.admits(_all(request.headers, 'Cookie', '; ')):
             return _refusal(HTTPStatus.UNAUTHORIZED, 'open the address with its token')
-        if where.path == _SOCKET:
+        if path == _SOCKET:
             if not origin:
                 return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
             full = len(self._tabs) >= _TABS
             return _refusal(HTTPStatus.SERVICE_UNAVAILABLE, 'too many tabs') if full else None
-        return self._file(where.path, host)
+        return self._file(path, host)
 
     def _file(self, path: str, host: str) -> Response:
         found = self._files.get('/live.html' if path == '/' else path)
@@ -177,13 +155,16 @@ class WebServer:
                 self._command(command, now)
 
 
+def _silent_logger() -> logging.Logger:
+    """Return a logger that keeps a request that is not HTTP off the console."""
+    logger = logging.getLogger(__name__)
+    logger.addHandler(logging.NullHandler())
+    logger.propagate = False
+    return logger
+
+
 def _no_number(text: str) -> float:
     raise ValueError(f'{text} is not JSON')
-
-
-def _call(loop: asyncio.AbstractEventLoop, function: Callable[[], None]) -> None:
-    with suppress(RuntimeError):  # the server has ended
-        loop.call_soon_threadsafe(function)
 
 
 def _all(headers: Headers, name: str, separator: str = ', ') -> str:

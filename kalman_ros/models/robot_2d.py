@@ -14,6 +14,7 @@ from kalman_ros.core import (
     Model,
     Space,
     coordinates,
+    following,
     from_coordinates,
     spectral_densities,
 )
@@ -24,6 +25,10 @@ class Robot2D(Model):
 
     R turns the axes of the body, in which velocity v and acceleration a are, into those of the
     world: `Robot3D` in the plane.
+
+    With a ``command_time`` T the velocity follows commands, which are the input:
+    w' = (w_c - w) / T and a' = (4 / T^2) (v_c - v) - (4 / T) v', a critically damped approach
+    whose mean delay is T (K. Ogata, Modern Control Engineering, 5th ed., section 5.3).
     """
 
     state = Space(
@@ -51,6 +56,10 @@ class Robot2D(Model):
         acceleration_noise: Annotated[
             Sequence[float], About('spectral densities of the jerk', 'm^2/s^5')
         ] = (0.05, 0.05),
+        command_time: Annotated[
+            float,
+            About('lag behind commands, the input cmd_vel; 0: no input', 's', minimum=0.0),
+        ] = 0.0,
     ) -> None:
         position, velocity, acceleration = np.split(
             spectral_densities(
@@ -61,6 +70,10 @@ class Robot2D(Model):
             ),
             3,
         )
+        self._pull = following(command_time) if command_time else 0.0
+        if command_time:
+            self.max_step = min(self.max_step, 0.5 * command_time)
+            self.input = Space(('vx', 'vy', 'wz'), ('m/s', 'm/s', 'rad/s'))
         turning = [heading_noise], [turn_noise]
         self._noise = np.diag(
             np.concatenate((position, turning[0], velocity, turning[1], acceleration))
@@ -71,7 +84,15 @@ class Robot2D(Model):
         _, _, yaw, vx, vy, w, ax, ay = coordinates(x)
         c, s, still = np.cos(yaw), np.sin(yaw), np.zeros_like(w)
         moved = (c * vx - s * vy, s * vx + c * vy, w)
-        return from_coordinates(*moved, ax + w * vy, ay - w * vx, still, still, still)
+        sped = ax + w * vy, ay - w * vx
+        if not self._pull:
+            return from_coordinates(*moved, *sped, still, still, still)
+        k, commanded = self._pull, coordinates(u)
+        jerk = [
+            4.0 * k * (k * (command - now) - change)
+            for command, now, change in zip(commanded, (vx, vy), sped)
+        ]
+        return from_coordinates(*moved, *sped, k * (commanded[2] - w), *jerk)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives by heading, velocity, turn rate and acceleration."""
@@ -82,7 +103,21 @@ class Robot2D(Model):
         A[..., 0, 3], A[..., 0, 4], A[..., 1, 3], A[..., 1, 4] = c, -s, s, c
         A[..., 3, 4], A[..., 3, 5], A[..., 4, 3], A[..., 4, 5] = w, vy, -w, -vx
         A[..., 2, 5] = A[..., 3, 6] = A[..., 4, 7] = 1.0
+        k = self._pull
+        if k:
+            A[..., 6:, :] = -4.0 * k * A[..., 3:5, :]
+            A[..., 6, 3] -= 4.0 * k**2
+            A[..., 7, 4] -= 4.0 * k**2
+            A[..., 5, 5] = -k
         return A
+
+    def input_jacobian(self, x: Array, u: Array) -> Array:
+        """Return the derivatives of the jerk and of the change of turn rate by the commands."""
+        B = np.zeros((*x.shape, self.input.size))
+        if self._pull:
+            B[..., 6, 0] = B[..., 7, 1] = 4.0 * self._pull**2
+            B[..., 5, 2] = self._pull
+        return B
 
     def noise_density(self, x: Array) -> Array:
         """Return the noise of each state."""

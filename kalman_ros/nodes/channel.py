@@ -11,6 +11,7 @@ from kalman_ros.core import Signal
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.reading_reader import InputReader, Reading, SensorReader
 from kalman_ros.scenario import SensorSource
 
@@ -55,10 +56,16 @@ class SensorChannel(Subscribed, SensorReader):
     """Reads a sensor's topic, publishes its innovations, and measures how it goes."""
 
     def __init__(
-        self, node: Any, name: str, source: SensorSource, state: Signal, origin: Origin
+        self,
+        node: Any,
+        name: str,
+        source: SensorSource,
+        state: Signal,
+        origin: Origin,
+        mounts: Mounts,
     ) -> None:
         own = node.options.frame, node.options.child_frame
-        super().__init__(name, source, origin, own, node.get_logger().warning)
+        super().__init__(name, source, origin, own, node.get_logger().warning, mounts)
         self._publish = InnovationPublisher(node, state, name, source.sensor.output)
         self._rate = Rate()
         #: From the stamp of a reading to the publication of its estimate.
@@ -96,7 +103,7 @@ class SensorChannel(Subscribed, SensorReader):
         values: dict[str, Any] = {f'{name}: readings': sum(counts.values())}
         values.update({f'{name}: {outcome.value}': count for outcome, count in counts.items()})
         if self.trouble:
-            values[f'{name}: last message that could not be read'] = self.trouble
+            values[f'{name}: last message that was not used'] = self.trouble
         values[f'{name}: rate [Hz]'] = self._rate.value
         if str(self.age):
             values[f'{name}: age when published, 50 / 90 / 99 % [ms]'] = str(self.age)

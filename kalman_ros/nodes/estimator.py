@@ -14,6 +14,7 @@ from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
 from kalman_ros.pipeline.fusion import fusion
 from kalman_ros.pipeline.initial_pose import PoseReader
+from kalman_ros.pipeline.mounts import TOPIC, Mounts, static_type
 from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
 
@@ -24,7 +25,7 @@ from .estimate_publisher import EstimatePublisher
 from .estimator_health import Health
 from .estimator_intake import LockstepIntake, RealTimeIntake
 from .meters import Latency
-from .topics import QUEUE
+from .topics import QUEUE, STATIC
 from .transform_publisher import TransformPublisher
 
 #: The lowest rate of publication, in Hz, other than none.
@@ -52,12 +53,17 @@ class EstimatorNode(runtime.ScenarioNode):
         self._transforms = TransformPublisher(self, scenario, options) if tf else None
         self._read_pose = PoseReader(scenario)
         self._latency = Latency()
+        self._mounts = mounts = Mounts(scenario, options.child_frame, self.get_logger().warning)
+        self._static = static_type() if mounts.needed else None
         channels = {
-            name: SensorChannel(self, name, source, scenario.state, origin)
+            name: SensorChannel(self, name, source, scenario.state, origin, mounts)
             for name, source in scenario.sensors.items()
         }
         input, warn = InputChannel(scenario.input), self.get_logger().warning
-        self._fuser = Fuser(scenario, self._online, channels, input, warn)
+        self._fuser = Fuser(
+            scenario, self._online, channels, input, warn, settings.input_timeout()
+        )
+        mounts.on_mounted = self._use
         self._health = Health(self._fuser, self._latency, warn)
         self.get_logger().info(str(seen))  # after all checks
 
@@ -73,6 +79,8 @@ class EstimatorNode(runtime.ScenarioNode):
             RealTimeIntake(self, self._fuser, self._latency)
         if self._transforms is not None:
             self._transforms.subscribe()
+        if self._static is not None:
+            self.create_subscription(self._static, TOPIC, self._on_static, STATIC, raw=True)
         pose = self._read_pose.message_type
         self.create_subscription(pose, 'initialpose', self._on_initial_pose, QUEUE, raw=True)
         self.create_service(Trigger, '~/reset', self._on_reset)
@@ -111,15 +119,26 @@ class EstimatorNode(runtime.ScenarioNode):
         self, scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Value]
     ) -> Callable[[], None]:
         """Change the model's parameters, noise or gates; the belief is kept."""
-        found = fusion(scenario, options, extra)
         if scenario is not self.scenario:
             observability(scenario)  # what no filter can follow is refused
+        mounted = self._mounts.applied(scenario)
+        found = fusion(mounted, options, extra)
 
         def apply() -> None:
             self._online.configure(found.filter, found.sensors, found.policy)
-            self._fuser.configure(scenario)
+            self._fuser.configure(mounted)
+            self._mounts.configure(scenario)
 
         return apply
+
+    def _use(self, scenario: Scenario) -> None:
+        """Continue with a sensor whose mounting is known now."""
+        found = fusion(scenario, self.options, self.extra)
+        self._online.configure(found.filter, found.sensors, found.policy)
+        self._fuser.configure(scenario)
+
+    def _on_static(self, data: bytes) -> None:
+        self.intake(TOPIC, self._mounts.on_static, data)
 
     def report(self) -> Report:
         """Return the outcomes of the readings, and whether innovations scatter as expected."""

@@ -24,13 +24,14 @@ class Health:
     latency
         From reception to publication.
     warn
-        Logs that the clock of a sensor runs ahead.
+        Logs that the clock of a sensor runs ahead, and that the estimator has restarted.
     """
 
     def __init__(self, fuser: Fuser, latency: Latency, warn: Callable[[str], Any]) -> None:
         self._fuser, self._latency, self._warn = fuser, latency, warn
         #: The sensors whose clocks were ahead at the last report.
         self._ahead: Set[str] = set()
+        self._restarts = fuser.online.restarts
 
     def report(self, scenario: Scenario, published: int, *, lockstep: bool) -> Report:
         """Return the outcomes of the readings, and whether innovations scatter as expected."""
@@ -49,6 +50,9 @@ class Health:
         values['estimates published'] = published
         values.update(fuser.observability.report(online.belief.mean))
         values['restarts'] = online.restarts
+        if online.restarts > self._restarts:
+            self._warn(f'restarted from the initial belief, {online.restarts} times so far')
+        self._restarts = online.restarts
         values['repairs of the covariance'] = online.repairs
         sources = scenario.sensors
         silent = [name for name, found in channels.items() if found.silent(sources[name])]

@@ -154,7 +154,7 @@ class LockstepIntake:
     """
 
     def __init__(self, node: Any, fuser: Fuser) -> None:
-        steps = LockstepFuser(fuser, node, node.get_logger().info)
+        steps = LockstepFuser(fuser, node, node.get_logger().info, node.resolve_topic_name)
         for channel in fuser.channels.values():
             _listen(node, channel, partial(steps.on_reading, channel.name), QUEUE)
         if fuser.scenario.input.fields:

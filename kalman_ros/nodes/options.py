@@ -93,6 +93,18 @@ class MonitorOptions:
 
 
 @dataclass(frozen=True)
+class MarkersOptions:
+    """Options of the node that draws markers."""
+
+    autostart: Autostart = True
+    max_message_size: Longest = LONGEST
+    learn_layouts: Learn = True
+    frame: Frame = 'map'
+    marker_rate: Annotated[float, About('how often markers are drawn', 'Hz', 0.1, 100.0)] = 10.0
+    track_length: Annotated[int, About('points of a track', minimum=1, maximum=100_000)] = 1000
+
+
+@dataclass(frozen=True)
 class MicrophoneArrayOptions:
     """Options of the microphone array."""
 

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
 from kalman_ros.codecs.messages import UndecodableError, decode, frame_and_end
 from kalman_ros.core import Gaussian
@@ -17,12 +17,11 @@ from kalman_ros.pipeline.transforms import TransformTree, TransformWriter
 from kalman_ros.scenario import Scenario
 
 from .diagnostics import Level, Report
-from .topics import QUEUE
+from .topics import QUEUE, STATIC
 
 _TF, _STATIC = '/tf', '/tf_static'
 #: As tf2 has them.
 _QUEUE = QoSProfile(depth=100)
-_KEPT = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: Of the messages of one length, as one node sends them, at most one in this time is read, in
 #: nanoseconds: a parent is named again and again.
 _SAMPLED = 20_000_000
@@ -66,7 +65,7 @@ class TransformPublisher:
         """Subscribe to the transforms of others, and to the odometry."""
         node, kind = self._node, self._write.message_type
         node.create_subscription(kind, _TF, self._on_tf, _QUEUE, raw=True)
-        node.create_subscription(kind, _STATIC, self._on_static, _KEPT, raw=True)
+        node.create_subscription(kind, _STATIC, self._on_static, STATIC, raw=True)
         topic = self._options.tf_odometry
         if topic:
             kind = self._write.odometry_type

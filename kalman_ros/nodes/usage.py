@@ -52,8 +52,17 @@ def usage(node: Any) -> str:
         sensors = _sensors(values)
         for feature, names in unused.items():
             titles = dict.fromkeys(_title(name, sensors) for name in names)
-            lines.append(_entry(f'{feature}: {", ".join(titles)}', ''))
+            lines.append(_entry(f'{feature}: {_together(titles)}', ''))
     return '\n'.join(lines)
+
+
+def _together(titles: Iterable[str]) -> str:
+    """Return titles as text, what several begin with once: ``SENSOR.still.below, duration``."""
+    groups: dict[str, list[str]] = {}
+    for title in titles:
+        start, dot, last = title.rpartition('.')
+        groups.setdefault(f'{start}{dot}', []).append(last)
+    return ', '.join(f'{start}{", ".join(last)}' for start, last in groups.items())
 
 
 def _unused(values: Mapping[str, Any], known: Mapping[str, Option]) -> dict[str, list[str]]:

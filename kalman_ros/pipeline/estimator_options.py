@@ -70,7 +70,8 @@ class EstimatorOptions:
     )
     rest_until_input: Rest = False
     window: Annotated[
-        float, About('late readings are still fused if no older than this', 's', 0.0, live=True)
+        float,
+        About('late readings are still fused if no older than this', 's', 0.0, 3600.0, live=True),
     ] = 1.0
     gate_recover_after: Annotated[
         int,
@@ -100,6 +101,16 @@ class EstimatorOptions:
     ] = 60.0
     future_tolerance: FutureTolerance = 1.0
     idle_input: IdleInput = 'zero'
+    input_timeout: Annotated[
+        float,
+        About(
+            'without a new input the idle one holds; 0: never',
+            's',
+            0.0,
+            3600.0,
+            feature='stand-still',
+        ),
+    ] = 0.0
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'
     publish_odometry: Annotated[
@@ -111,7 +122,7 @@ class EstimatorOptions:
         About('topic of an odometry: the transform is to its frame (map to odom)', feature='tf'),
     ] = ''
     tf_time_offset: Annotated[
-        float, About('added to the stamps of transforms', 's', feature='tf')
+        float, About('added to the stamps of transforms', 's', -60.0, 60.0, feature='tf')
     ] = 0.0
     tf_timeout: Annotated[
         float, About('no transform after this long without a reading', 's', 1e-3, feature='tf')

@@ -55,6 +55,11 @@ class FrameGuard:
         self._placed = signal.mounting.placed
         self._frame: str | None = signal.mounting.frame or None
 
+    @property
+    def frame(self) -> str:
+        """The frame of the messages; '' before the first that names one."""
+        return self._frame or ''
+
     def __call__(self, data: bytes) -> str:
         """Return what is wrong with the frame of a message that can be decoded; '' if nothing."""
         if data.startswith(self.accepted, FRAME_START):

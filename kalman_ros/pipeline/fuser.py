@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 from operator import itemgetter
 from typing import Any, NamedTuple, Union
 
+import numpy as np
+
 from kalman_ros.analysis.local_observability import ObservabilityMeter
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Array, Gaussian
@@ -17,6 +19,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario import Scenario
 
+from .input_timeout import InputTimeout
 from .reading_reader import InputReader, Reading, SensorReader
 from .throttle import Throttle
 
@@ -59,6 +62,8 @@ class Fuser:
         What reads the messages of each sensor, and of the input.
     warn
         Logs a warning.
+    timeout
+        Ends inputs that are not renewed; none by default.
     """
 
     def __init__(
@@ -68,8 +73,10 @@ class Fuser:
         channels: Mapping[str, Any],
         input: Any,
         warn: Callable[[str], object],
+        timeout: InputTimeout | None = None,
     ) -> None:
         self.online = online
+        self.timeout = timeout or InputTimeout(0.0, np.empty(0))
         self.channels, self.input = channels, input
         for channel in channels.values():
             channel.nis.inside()  # it loads much the first time, 0.2 s of it
@@ -97,8 +104,9 @@ class Fuser:
             for time, channel, sample, refused in batch
             if refused is None
         ]
+        ended = self._ended_inputs(batch, now)
         found = []
-        fates = iter(self.online.add(arrivals, now))
+        fates = iter(self.online.add([*ended, *arrivals], now)[len(ended) :])
         for time, channel, sample, refused in batch:
             outcome, correction = next(fates) if refused is None else (refused, None)
             if isinstance(channel, SensorReader):
@@ -110,10 +118,21 @@ class Fuser:
                 self._account_for_input(time, sample.values, outcome)
         return found
 
+    def _ended_inputs(self, batch: Iterable[Received], now: int | None) -> list[Arrival]:
+        """Return the idle inputs in place of those that end before a message of a batch."""
+        ended = []
+        for time, channel, _, refused in batch:
+            if refused is None:
+                # no stamp ahead of the clock ends an input
+                ended += self.timeout.ended_by(time if now is None else min(time, now))
+            if channel is self.input:
+                self.timeout.on_input(time)
+        return ended
+
     def _account_for_reading(self, channel: SensorReader, time: int, outcome: Outcome) -> None:
         if outcome.explained and channel.trouble:
             self.warn(f'reading of {channel.name} {outcome.value}: {channel.trouble}')
-        elif outcome is not Outcome.FUSED:
+        elif outcome not in (Outcome.FUSED, Outcome.MOVING):
             self.warn(f'reading of {channel.name} {outcome.value}')
         if outcome.accepted:
             self.fused_at = time if self.fused_at is None else max(time, self.fused_at)

@@ -35,13 +35,21 @@ class LockstepFuser:
         Takes the results.
     info
         Logs that time went back.
+    resolve
+        Returns the full name of a topic.
     """
 
-    def __init__(self, fuser: Fuser, output: Output, info: Callable[[str], object]) -> None:
+    def __init__(
+        self,
+        fuser: Fuser,
+        output: Output,
+        info: Callable[[str], object],
+        resolve: Callable[[str], str],
+    ) -> None:
         self._fuser, self._output, self._info = fuser, output, info
         scenario = fuser.scenario
         topics = {source.signal.topic: name for name, source in scenario.sensors.items()}
-        self._steps = StepAssembler(topics, answered=bool(scenario.input.fields))
+        self._steps = StepAssembler(topics, answered=bool(scenario.input.fields), resolve=resolve)
 
     def on_reading(self, name: str, data: bytes) -> None:
         """Take a message of the sensor ``name``; UndecodableError if it is not one.

@@ -21,7 +21,7 @@ NAMES = {
     ),
     'estimator': (
         'autostart child_frame datum_file frame future_tolerance gate_recover_after idle_input '
-        'implementation initialize learn_layouts lockstep max_gap max_message_size '
+        'implementation initialize input_timeout learn_layouts lockstep max_gap max_message_size '
         'publish_fix publish_odometry publish_rate publish_tf realtime_priority rest_until_input '
         'restart_after tf_odometry tf_time_offset tf_timeout window'
     ),
@@ -31,6 +31,7 @@ NAMES = {
         'realtime_priority resume transition_time'
     ),
     'monitor': 'autostart confidence learn_layouts max_message_size monitor_window',
+    'markers': 'autostart frame learn_layouts marker_rate max_message_size track_length',
     'microphone_array': (
         'autostart band bearing_sensor frame frame_duration largest_std learn_layouts least_odds '
         'lockstep max_message_size microphone_noise microphones recording sample_rate seed '

@@ -81,9 +81,10 @@ class PoseChange:
         """
         earlier, time = self._earlier, sample.time or 0
         passed = 0 if earlier is None else time - (earlier.time or 0)
+        if not np.isfinite(sample.values).all():
+            return Sample(sample.time, np.full(len(self._quantities), np.nan), None)
         usable = earlier is not None and (not self._differential or 0 < passed <= _APART)
-        finite = bool(np.isfinite(sample.values).all())
-        if finite and (self._differential or earlier is None) and (passed > 0 or not usable):
+        if (self._differential or earlier is None) and (passed > 0 or not usable):
             self._earlier = sample
         if earlier is None or not usable:
             raise FirstPoseError('the first pose, or none before it within 1 s')

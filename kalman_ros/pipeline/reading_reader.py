@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -24,7 +25,9 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import SensorSource
 
 from .frame_guard import FrameGuard
+from .mounts import Mounts
 from .pose_changes import FirstPoseError, PoseChange, whole_pose
+from .still_watch import StillWatch
 
 
 class Reading(NamedTuple):
@@ -74,6 +77,8 @@ class ReadingReader:
         warn: Callable[[str], object] = str,
     ) -> None:
         self._change = None
+        self._zero = np.zeros(len(signal.fields)) if signal.zero else None
+        self._still = None if signal.still is None else StillWatch(signal, signal.still)
         self._guard = FrameGuard(signal, message_type(signal.type), own, warn)
         if signal.pose != 'absolute':
             self._change, signal = PoseChange(signal), whole_pose(signal)
@@ -93,25 +98,36 @@ class ReadingReader:
         try:
             time, values, covariance = self._read(data)
         except NoFixError as error:
-            return self._refused(leading_stamp(data), Outcome.NO_FIX, error)
+            return self.refused(leading_stamp(data), Outcome.NO_FIX, error)
         except AbsentError as error:
-            return self._refused(leading_stamp(data), Outcome.ABSENT, error)
+            return self.refused(leading_stamp(data), Outcome.ABSENT, error)
         except (LookupError, ValueError) as error:
-            return self._refused(None, Outcome.WRONG_SIZE, error)
+            return self.refused(None, Outcome.WRONG_SIZE, error)
         if not data.startswith(self._guard.accepted, FRAME_START):
             other = self._guard(data)
             if other:
-                return self._refused(time, Outcome.OTHER_FRAME, other)
+                return self.refused(time, Outcome.OTHER_FRAME, other)
         if self._change is not None:
             try:
                 time, values, covariance = self._change(Sample(time, values, covariance))
             except FirstPoseError as error:
-                return self._refused(time, Outcome.FIRST_POSE, error)
+                return self.refused(time, Outcome.FIRST_POSE, error)
+        moving = '' if self._still is None else self._still(data, time)
+        if moving:
+            return self.refused(time, Outcome.MOVING, moving)
+        if self._zero is not None:
+            return Reading(time, self._zero, None)
         used = source.used(covariance)
         completed = used is not covariance and used is not None
         return Reading(time, values, used, completed=completed)
 
-    def _refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:
+    @property
+    def frame(self) -> str:
+        """The frame of the messages; '' before the first that names one."""
+        return self._guard.frame
+
+    def refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:
+        """Return a reading that cannot be used, and keep why."""
         self.trouble = str(why)
         return Reading(time, np.empty(0), None, outcome)
 
@@ -137,11 +153,19 @@ class SensorReader:
         origin: Origin | None = None,
         own: Sequence[str] = (),
         warn: Callable[[str], object] = str,
+        mounts: Mounts | None = None,
     ) -> None:
         self.name = name
-        self._read = ReadingReader(source.signal, origin, own, lambda why: warn(f'{name}: {why}'))
+        self._build: Callable[[Signal], ReadingReader] = partial(
+            ReadingReader, origin=origin, own=own, warn=lambda why: warn(f'{name}: {why}')
+        )
+        self._read = self._build(source.signal)
+        #: What mounts the sensor, as long as its place is not known.
+        self._mounts = mounts if source.signal.mounting.from_tf else None
         self.message_type: Any = self._read.message_type
         self.nis = ChiSquareWindow(source.sensor.output.size)
+        # the innovations of readings that were never taken do not scatter
+        self._judged = not source.signal.zero
 
     def reset_statistics(self) -> None:
         """Restart the statistics of the innovations."""
@@ -149,6 +173,16 @@ class SensorReader:
 
     def read(self, data: bytes, source: SensorSource) -> Reading:
         """Return the reading in a message; UndecodableError if it is not of the type."""
+        if self._mounts is not None:
+            reading = self._read(data, source)
+            if reading.refused is not None:
+                return reading
+            try:
+                source = self._mounts.mount(self.name, self._read.frame)
+                self._read = self._build(source.signal)
+            except ValueError as error:
+                return self._read.refused(reading.time, Outcome.NO_TRANSFORM, error)
+            self._mounts = None
         return self._read(data, source)
 
     @property
@@ -158,5 +192,5 @@ class SensorReader:
 
     def judge(self, correction: Correction) -> None:
         """Record a correction, to test whether innovations scatter as expected."""
-        if isfinite(correction.nis):
+        if self._judged and isfinite(correction.nis):
             self.nis.add(correction.nis)

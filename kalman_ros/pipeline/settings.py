@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from kalman_ros import scenario
-from kalman_ros.core import Option, Value, options_of, refuse_unknown
+from kalman_ros.core import Array, Option, Value, options_of, refuse_unknown
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators import filter_options
 from kalman_ros.estimators.online import OnlineEstimator
@@ -19,6 +19,7 @@ from .datum_file import read_datum
 from .estimator_options import EstimatorOptions
 from .fusion import check_start, fusion
 from .idle import idle_input
+from .input_timeout import InputTimeout
 
 #: Parameters that rclpy itself reads from the same files.
 OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
@@ -107,6 +108,14 @@ class Settings:
             raise ValueError('datum_file: expected none beside a datum, which does not change')
         return Origin(read_datum(file) if file else datum)
 
+    def idle(self) -> Array:
+        """Return the input (m,) while there is no other."""
+        return idle_input(self.scenario.model, self.options.idle_input)
+
+    def input_timeout(self) -> InputTimeout:
+        """Return what ends inputs that are not renewed."""
+        return InputTimeout(self.options.input_timeout, self.idle())
+
     def estimator(self) -> OnlineEstimator:
         """Return a new estimator.
 
@@ -118,9 +127,8 @@ class Settings:
         found = fusion(self.scenario, self.options, self.extra)
         # this also imports the modules of the first step, which takes longer than a step
         check_start(found.filter, self.scenario)
-        idle = idle_input(self.scenario.model, self.options.idle_input)
         initial = self.scenario.initial_belief
-        return OnlineEstimator(found.filter, found.sensors, initial, idle, found.policy)
+        return OnlineEstimator(found.filter, found.sensors, initial, self.idle(), found.policy)
 
 
 def settings(given: Mapping[str, Any]) -> Settings:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Callable, Iterable, Iterator, Set
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from kalman_ros.codecs.tick import mentioned
@@ -51,10 +52,19 @@ class StepAssembler:
         The sensor of each topic; other topics are ignored.
     answered
         Whether an input responds to each tick; not so for a model without inputs.
+    resolve
+        Returns the full name of a topic: a relative and an absolute name may be of one topic.
     """
 
-    def __init__(self, names: dict[str, str], *, answered: bool = True) -> None:
-        self._names = names
+    def __init__(
+        self,
+        names: dict[str, str],
+        *,
+        answered: bool = True,
+        resolve: Callable[[str], str] = str,
+    ) -> None:
+        self._names = {**{resolve(topic): name for topic, name in names.items()}, **names}
+        self._resolve = lru_cache(maxsize=256)(resolve)
         self._answered = answered
         self._ticks: dict[int, list[_Key]] = {}
         self._kept: dict[int, Any] = {}
@@ -87,12 +97,11 @@ class StepAssembler:
 
         The ``kept`` object is returned with its step.
         """
-        named = [mentioned(topic, time) for topic in topics]
+        mentions = [mentioned(topic, time) for topic in topics]
+        named = [(self._sensor(topic), stamp) for topic, stamp in mentions]
         if time in self._ticks:
             self._give_up_before(time)
-        self._ticks[time] = [
-            (self._names[topic], stamp) for topic, stamp in named if topic in self._names
-        ]
+        self._ticks[time] = [(name, stamp) for name, stamp in named if name is not None]
         self._kept[time] = kept
         if len(self._ticks) > _MOST_TICKS or sum(map(len, self._ticks.values())) > _MOST_NAMED:
             for latest in sorted(self._ticks)[len(self._ticks) // 2 :]:
@@ -102,6 +111,14 @@ class StepAssembler:
         self._last, self._taken = None, frozenset()
         self._inputs.clear()
         return True
+
+    def _sensor(self, topic: str) -> str | None:
+        if topic not in self._names:
+            try:
+                topic = self._resolve(topic)
+            except ValueError:  # no name of a topic
+                return None
+        return self._names.get(topic)
 
     def waits_for(self, time: int) -> bool:
         """Return whether a tick at ``time`` was received and its step is incomplete."""

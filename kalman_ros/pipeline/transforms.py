@@ -86,6 +86,14 @@ def check_frame(argument: str, name: str) -> None:
         raise ValueError(f"{argument}: {expected}, got '{name}'")
 
 
+def check_frames(options: EstimatorOptions) -> None:
+    """Raise ValueError where tf2 would refuse the transform of an estimator."""
+    for argument in ('frame', 'child_frame'):
+        check_frame(argument, getattr(options, argument))
+    if options.frame == options.child_frame:
+        raise ValueError(f"child_frame: expected another than frame, got '{options.frame}'")
+
+
 class TransformWriter:
     """Writes the pose of an estimate as a ``tf2_msgs/TFMessage``.
 
@@ -111,10 +119,7 @@ class TransformWriter:
         except ValueError:
             why = 'the message package tf2_msgs is not installed (in ROS: ros-jazzy-tf2-msgs)'
             raise ValueError(f'publish_tf: {why}') from None
-        for argument in ('frame', 'child_frame'):
-            check_frame(argument, getattr(options, argument))
-        if options.frame == options.child_frame:
-            raise ValueError(f"child_frame: expected another than frame, got '{options.frame}'")
+        check_frames(options)
         self._body = body_of(scenario.model.state, scenario.state)
         if not (self._body.moves and self._body.turns):
             names = ', '.join(scenario.model.state.names)

@@ -8,7 +8,8 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from math import ceil, inf
+from dataclasses import dataclass
+from math import ceil, inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +17,18 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.suspects import suspects
-from kalman_ros.analysis.verdict import judge, least_duration
+from kalman_ros.analysis.verdict import Judgement, judge, least_duration
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.interrupts import deferred
 from kalman_ros.programs.common_arguments import add_parameters, add_scenario
 from kalman_ros.programs.refusal import refuse
-from kalman_ros.scenario import shipped
-from kalman_ros.scenario.parameter_files import DEMO, overrides, own_section
+from kalman_ros.scenario.drawing import drawing
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .results import ready
+from .tunings import Tuning, tunings
 
 #: The default duration in seconds.
 _DURATION = 60.0
@@ -55,29 +57,81 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--record', nargs='?', const='', metavar='DIR',
         help='record all topics of the loop (default: DIR is recording in the results)',
     )  # fmt: skip
+    parser.add_argument(
+        '--against', action='append', default=[], metavar='WHAT',
+        help='a second run with the same seed, beside the first: NAME=VALUE, a filter or a '
+        'parameter file; may be repeated',
+    )  # fmt: skip
+    parser.add_argument(
+        '--animate', action='store_true',
+        help='also an animation, animation.gif, and an MP4 where ffmpeg is installed',
+    )  # fmt: skip
     add_parameters(parser, 'a parameter for every node, as with --ros-args')
     return parser.parse_args(argv)
 
 
-def perform(
-    options: argparse.Namespace, folder: Path, console: Console
-) -> tuple[Run, Trajectory, float, int]:
-    """Run the nodes; return the run, its trajectory, its wall time and the missed steps."""
-    own = own_section(shipped.file(options.scenario), DEMO)
-    usual = float(own.pop('duration', _DURATION))
-    run = Run(
-        options.scenario,
-        {**own, **overrides(options.parameters)},
-        seed=options.seed,
-        lockstep=not options.realtime,
-        recording=folder / 'recording' if options.record == '' else options.record,
-    )
-    least = least_duration(run.scenario)
+@dataclass(frozen=True)
+class Performed:
+    """A run, its record and its judgement."""
+
+    tuning: Tuning
+    run: Run
+    trajectory: Trajectory
+    wall: float
+    missed: int
+    judgement: Judgement
+
+    @property
+    def failed(self) -> list[str]:
+        """The names of the failed checks."""
+        return [c.name for c in self.judgement.checks if c.counts and not c.passed]
+
+
+def perform(options: argparse.Namespace, console: Console) -> list[Performed]:
+    """Run the nodes, once or for two tunings, and judge the runs."""
+    name = Path(options.scenario).stem
+    asked = tunings(options, options.out or Path('out') / name)
+    runs = [
+        Run(
+            tuning.scenario,
+            tuning.parameters,
+            seed=options.seed,
+            lockstep=not options.realtime,
+            recording=_recording(options, tuning),
+        )
+        for tuning in asked
+    ]
+    _comparable(runs)
+    least = max(least_duration(run.scenario) for run in runs)
     if options.duration is None:
-        options.duration = max(usual, float(ceil(least)))
+        options.duration = max(asked[0].own.duration or _DURATION, float(ceil(least)))
     if not least <= options.duration < inf:
         raise ValueError(f'duration: expected {least:.4g} s or more, got {options.duration:g}')
-    ready(folder)
+    for tuning in asked:
+        ready(tuning.folder)
+    return [_performed(tuning, run, options, console) for tuning, run in zip(asked, runs)]
+
+
+def _recording(options: argparse.Namespace, tuning: Tuning) -> Path | str | None:
+    """Return the folder of the recording; of two runs each has its own."""
+    if not options.record:
+        return None if options.record is None else tuning.folder / 'recording'
+    return Path(options.record, 'against') if tuning.folder.name == 'against' else options.record
+
+
+def _comparable(runs: Sequence[Run]) -> None:
+    """Raise ValueError if the states or the inputs of two runs differ."""
+    first, *others = (run.scenario.model for run in runs)
+    for other in others:
+        for what in ('state', 'input'):
+            one, two = getattr(first, what), getattr(other, what)
+            if one.names != two.names:
+                raise ValueError(f'--against: expected the same {what}, ({one}), got ({two})')
+
+
+def _performed(
+    tuning: Tuning, run: Run, options: argparse.Namespace, console: Console
+) -> Performed:
     bar = Progress(
         TextColumn('{task.description}'),
         BarColumn(),
@@ -96,55 +150,139 @@ def perform(
             bar.update(task, completed=options.duration, description='recorded')
             trajectory = run.trajectory()
             missed = int(run.reported('plant', 'missed steps'))
-    return run, trajectory, wall, missed
+    return Performed(tuning, run, trajectory, wall, missed, judge(run.scenario, trajectory))
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run the demo; the exit code says whether theory and measurement agree."""
     options = arguments(argv)
     console = Console()
-    name = Path(options.scenario).stem
-    folder = options.out or Path('out') / name
     try:
-        run, trajectory, wall, missed = perform(options, folder, console)
-        judgement = judge(run.scenario, trajectory)
+        performed = perform(options, console)
     except (ValueError, NodeError, RuntimeError) as error:
         refuse('demo', error)
-    checks = judgement.checks
-    failed = [check.name for check in checks if check.counts and not check.passed]
 
-    from kalman_ros.report import run_pictures, run_tables, style  # loads while nothing waits
+    from kalman_ros.report import run_tables  # loads while nothing waits
 
     mode = 'real time' if options.realtime else 'lockstep'
-    title = f'{name}, {mode}, seed {options.seed}: theory and measurement'
-    console.print(run_tables.checks_table(title, checks))
-    console.print(
-        f'{options.duration:g} simulated seconds took {wall:.1f} s, with {missed} of '
-        f'{len(trajectory.time)} steps late; the first {judgement.settling_time:.1f} s settle '
-        f'and do not count. {judgement.basis}'
+    title = f'{Path(options.scenario).stem}, {mode}, seed {options.seed}'
+    if len(performed) == 1:
+        checks = performed[0].judgement.checks
+        console.print(run_tables.checks_table(f'{title}: theory and measurement', checks))
+    else:
+        labels = [f'{run}: {each.tuning.label}' for run, each in zip('AB', performed)]
+        console.print(title, *labels, sep='\n', markup=False, highlight=False)
+        console.print(run_tables.pair_table('', [_with_inputs(each) for each in performed]))
+    names = ('',) if len(performed) == 1 else ('A: ', 'B: ')
+    for run, each in zip(names, performed):
+        console.print(run + _course(options, each))
+        _write(options, each, mode, console)
+    if len(performed) > 1:
+        if any(check.name == 'cost J' for check in performed[0].judgement.checks):
+            console.print('The cost J of each is by its own weights.')
+        _write_pair(options, performed, mode, console)
+    for run, each in zip(names, performed):
+        judgement = each.judgement
+        console.print(run + run_tables.verdict(judgement.checks, judgement.claim))
+        for sentence in suspects(judgement.checks):
+            console.print(sentence)
+    sys.exit(1 if any(each.failed for each in performed) else 0)
+
+
+def _with_inputs(performed: Performed) -> list[Check]:
+    """Return the checks, and the RMS of each input."""
+    space = performed.run.scenario.model.input
+    rms = np.sqrt(np.mean(performed.trajectory.input**2, axis=0)).tolist()
+    return [*performed.judgement.checks, *(
+        Check(f'RMS of {name}', unit, nan, value, nan, nan, passed=True)
+        for name, unit, value in zip(space.names, space.units, rms)
+    )]  # fmt: skip
+
+
+def _course(options: argparse.Namespace, performed: Performed) -> str:
+    """Return how the run went, in a sentence or two."""
+    judgement = performed.judgement
+    return (
+        f'{options.duration:g} simulated seconds took {performed.wall:.1f} s, with '
+        f'{performed.missed} of {len(performed.trajectory.time)} steps late; the first '
+        f'{judgement.settling_time:.1f} s settle and do not count. {judgement.basis}'
     )
+
+
+def _caption(options: argparse.Namespace, mode: str, performed: Performed, what: str) -> Any:
+    """Return the caption of pictures: the scenario, ``what`` differs, mode, seed and duration."""
+    from kalman_ros.report import style
+
+    name, unit = Path(options.scenario).stem, performed.tuning.own.time_unit
+    text = f'{name}, {what}, {mode}, seed {options.seed}, {options.duration:g} {unit}'
+    return style.caption(text, unit)
+
+
+def _write(options: argparse.Namespace, performed: Performed, mode: str, console: Console) -> None:
+    """Write data, pictures and the summary of a run."""
+    from kalman_ros.report import run_pictures, run_tables
+
+    tuning, built, run = performed.tuning, performed.run.scenario, performed.trajectory
+    judgement, folder = performed.judgement, tuning.folder
+    what = ', '.join(filter(None, (f'filter {built.filter}', tuning.label)))
     # the summary last: if it exists, the results are complete
     with deferred():
-        _write(folder, trajectory)
-        about = f'{name}, filter {run.scenario.filter}, {mode}, seed {options.seed}'
-        with style.caption(f'{about}, {options.duration:g} s'):
-            drawn = run_pictures.draw_all(run.scenario, trajectory, folder)
+        _write_data(folder, run)
+        with _caption(options, mode, performed, what):
+            drawn = run_pictures.draw_all(built, run, folder, tuning.limits(built))
+            if options.animate:
+                drawn += _animation(options, performed, console)
         summary = {
-            'scenario': name, 'mode': mode, 'seed': options.seed, 'duration': options.duration,
-            'wall': wall, 'missed_steps': missed, 'settling_time': judgement.settling_time,
-            'passed': not failed,
-            'checks': run_tables.checks_json(checks),
+            'scenario': Path(tuning.scenario).stem, 'mode': mode, 'seed': options.seed,
+            'duration': options.duration, 'wall': performed.wall,
+            'missed_steps': performed.missed, 'settling_time': judgement.settling_time,
+            'passed': not performed.failed,
+            'checks': run_tables.checks_json(judgement.checks),
         }  # fmt: skip
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     files = ', '.join(['summary.json', 'data.npz', *(path.name for path in drawn)])
     console.print(f'In {folder}: {files}')
-    console.print(run_tables.verdict(checks, judgement.claim))
-    for sentence in suspects(checks):
-        console.print(sentence)
-    sys.exit(1 if failed else 0)
 
 
-def _write(folder: Path, run: Trajectory) -> None:
+def _animation(options: argparse.Namespace, performed: Performed, console: Console) -> list[Path]:
+    """Draw the system in motion; return the files."""
+    from kalman_ros.report.animation import animate, shown_steps
+    from kalman_ros.report.drawings import Moments
+
+    tuning, built, run = performed.tuning, performed.run.scenario, performed.trajectory
+    how = drawing(tuning.model, built.model.state)
+    show = Moments(built, run, shown_steps(built, run), how.heading, tuning.length)
+    bar = Progress(
+        TextColumn('{task.description}'), BarColumn(), TimeRemainingColumn(), console=console
+    )
+    with bar:
+        task = bar.add_task('animation', total=1.0)
+        title = ', '.join(filter(None, (Path(tuning.scenario).stem, tuning.label)))
+        path = tuning.folder / 'animation.gif'
+        try:
+            return animate(
+                how.kind, show, title, path, lambda done: bar.update(task, completed=done)
+            )
+        except RuntimeError as error:  # the GIF is there
+            console.print(f'[yellow]Warning:[/] {error}')
+            return [path]
+
+
+def _write_pair(
+    options: argparse.Namespace, performed: Sequence[Performed], mode: str, console: Console
+) -> None:
+    """Draw two runs in one picture."""
+    from kalman_ros.report.pair_pictures import pair
+
+    path = performed[0].tuning.folder / 'against.png'
+    labels = [each.tuning.label for each in performed]
+    with _caption(options, mode, performed[0], ' against '.join(labels)):
+        scenarios = [each.run.scenario for each in performed]
+        pair(scenarios, [each.trajectory for each in performed], labels, path)
+    console.print(f'Both: {path}')
+
+
+def _write_data(folder: Path, run: Trajectory) -> None:
     columns: dict[str, Any] = {
         'time': run.time,
         'truth': run.truth,

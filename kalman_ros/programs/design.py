@@ -18,7 +18,8 @@ from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.known_parameters import refuse_unknown_parameters
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import Scenario, shipped
-from kalman_ros.scenario.parameter_files import DEMO, from_file, overrides, own_section
+from kalman_ros.scenario.demo_section import demo_section
+from kalman_ros.scenario.parameter_files import from_file, overrides
 
 from .results import ready
 
@@ -76,10 +77,11 @@ def walk(path: Path, changes: dict[str, Any], seconds: float | None) -> tuple[fl
 
     It is that of the demo, whose rate and law serve a long run.
     """
-    own = own_section(path, DEMO)
-    usual = float(own.pop('duration', 0.0))
-    followed = believed(path, {**own, **changes})
-    return paths.default_seconds(followed, usual) if seconds is None else seconds, followed
+    own = demo_section(path)
+    followed = believed(path, {**own.parameters, **changes})
+    if seconds is None:
+        seconds = paths.default_seconds(followed, own.duration or 0.0)
+    return seconds, followed
 
 
 def check_wiring(built: Scenario) -> tuple[str, ...]:
@@ -129,6 +131,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         design_pictures,
         design_tables,
         sheet,
+        style,
     )
 
     law = f', law {built.law}' if built.law else ''
@@ -144,5 +147,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         console.print(f'[yellow]Warning:[/] {sentence}')
     summary = {'scenario': path.stem, **design_json.design_json(report, notes, warnings)}
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
-    drawn = design_pictures.draw_all(report, folder)
+    about = f'{path.stem}, design at {built.rate:g} Hz, filter {built.filter}{law}'
+    with style.caption(about, demo_section(path).time_unit):
+        drawn = design_pictures.draw_all(report, folder)
     console.print(f'In {folder}: {", ".join(["summary.json", *(p.name for p in drawn)])}')

@@ -5,15 +5,14 @@ from __future__ import annotations
 
 import argparse
 import os
-import secrets
 import webbrowser
 from collections.abc import Sequence
 
 from kalman_ros.harness import NodeError
 from kalman_ros.live.board import Board
 from kalman_ros.live.live_loop import LiveLoop
-from kalman_ros.live.web_access import Access
 from kalman_ros.programs.common_arguments import add_parameters, add_scenario
+from kalman_ros.programs.common_server import access, add_server
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import overrides
@@ -34,30 +33,11 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         'everybody with the token can change the loop, and nothing is encrypted.',
     )
     add_scenario(parser)
-    parser.add_argument(
-        '--port', type=int, default=_PORT, metavar='N', help='of the page (default: %(default)s)'
-    )
+    add_server(parser, _PORT, 'page', 'browser')
     parser.add_argument('--no-browser', action='store_true', help='only print the address')
-    parser.add_argument(
-        '--listen', default='127.0.0.1', metavar='ADDRESS',
-        help='also for other machines: an address of this one, or 0.0.0.0 for all',
-    )  # fmt: skip
-    parser.add_argument(
-        '--token', default='', help='that --listen requires of a browser (default: a random one)'
-    )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='of all noise')
     add_parameters(parser, 'a parameter for every node, as with --ros-args')
     return parser.parse_args(argv)
-
-
-def access(options: argparse.Namespace) -> Access:
-    """Return who may use the page; ValueError if an option is wrong."""
-    if not 1 <= options.port <= 65535:
-        raise ValueError(f'--port: expected 1 to 65535, got {options.port}')
-    token = options.token
-    if options.listen != '127.0.0.1' and not token:
-        token = secrets.token_urlsafe(16)
-    return Access(options.listen, options.port, token)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

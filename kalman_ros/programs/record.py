@@ -56,6 +56,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: stop.set())
     try:
+        if not options.duration > 0.0:
+            raise ValueError(f'--duration: expected a positive number, got {options.duration:g}')
         if options.params_file and options.topics:
             raise ValueError('expected --params-file or names of topics, got both')
         topics = topics_of(options.params_file) if options.params_file else options.topics

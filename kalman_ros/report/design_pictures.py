@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Circle
-from matplotlib.ticker import FormatStrFormatter, LogLocator, MultipleLocator, NullFormatter
+from matplotlib.ticker import MultipleLocator
 
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_warnings import loop_names
@@ -19,7 +19,17 @@ from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array
 from kalman_ros.scenario import Scenario
 
-from .style import ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below
+from .style import (
+    ESTIMATE,
+    INPUT,
+    READING,
+    TRUTH,
+    canvas,
+    legend_below,
+    log_ticks,
+    time_label,
+    time_unit,
+)
 
 #: Poles that differ by more than this factor are drawn on logarithmic axes.
 WIDE = 200.0
@@ -70,8 +80,8 @@ def poles(report: DesignReport, path: Path | None) -> None:
             axis.set_xscale('symlog', linthresh=inner)
             axis.set_yscale('symlog', linthresh=inner)
             axis.set_xlim(right=max(3.0 * float(every.real.max()), inner))
-        axis.set_xlabel('real part [1/s]')
-        axis.set_ylabel('imaginary part [rad/s]')
+        axis.set_xlabel(f'real part [1/{time_unit()}]')
+        axis.set_ylabel(f'imaginary part [rad/{time_unit()}]')
         axis.set_title('Poles: unstable on the right, fast on the left')
         legend_below(figure, axis, markerscale=1.0)
 
@@ -88,8 +98,6 @@ def uncertainty(report: DesignReport, path: Path | None) -> None:
     columns = 2 if space.size > 1 else 1
     rows = -(-space.size // columns)
     with canvas(path, (4.2 * columns, 1.8 * rows + 0.9)) as figure:
-        figure.suptitle('Standard deviation of the error, from the first belief on',
-                        x=0.01, ha='left', fontsize=10, fontweight='bold')  # fmt: skip
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
         for index, (axis, name) in enumerate(zip(axes, space.names)):
             axis.semilogy(found.time, found.std[:, index], color=ESTIMATE, lw=1.2,
@@ -102,14 +110,13 @@ def uncertainty(report: DesignReport, path: Path | None) -> None:
                 axis.axhline(report.sensor_std[name], color=READING, lw=1.2, label='one reading')
             low, high = axis.get_ylim()
             axis.set_ylim(low / 1.4, high * 1.4)  # room for a second tick
-            axis.set_ylabel(space.label(name))
-            axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.yaxis.set_major_formatter(FormatStrFormatter('%g'))
-            axis.yaxis.set_minor_formatter(NullFormatter())
+            axis.set_ylabel(f'std of\n{space.label(name)}')
+            log_ticks(axis)
+        axes[0].set_title('From the first belief on')
         for axis in axes[space.size :]:
             axis.set_visible(False)
         for axis in axes[max(0, space.size - columns) : space.size]:
-            axis.set_xlabel('time [s]')
+            axis.set_xlabel(time_label())
             axis.tick_params(labelbottom=True)
         legend_below(figure, max(axes, key=lambda axis: len(axis.get_legend_handles_labels()[1])))
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -12,32 +13,47 @@ from PIL import Image
 
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.analysis.verdict import nees_check
+from kalman_ros.control.limiter import Limits
 from kalman_ros.core import Array, Space
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
+from .close_up import close_up
+from .gain_pictures import gains
+from .innovation_pictures import innovations
 from .maps import plane, route
-from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, legend_below, picture
+from .style import (
+    BOUND,
+    ESTIMATE,
+    INPUT,
+    READING,
+    TRUTH,
+    legend_below,
+    picture,
+    time_unit,
+)
 
 SIGMAS = 3.0
-#: The close-up of the states shows this number of readings of the slowest sensor, from the start.
-CLOSE_UP = 8
-#: It is at least this share of the run.
-LEAST = 0.01
 #: The number of readings of a state in the overview.
 MOST_READINGS = 200
 
 
-def draw_all(scenario: Scenario, run: Trajectory, folder: Path) -> list[Path]:
-    """Draw every picture of a run into ``folder`` and return their paths."""
+def draw_all(
+    scenario: Scenario, run: Trajectory, folder: Path, limits: Limits | None = None
+) -> list[Path]:
+    """Draw every picture of a run into ``folder`` and return their paths.
+
+    ``limits`` are those of the actuators, if known.
+    """
     pictures = {
         'overview.png': overview,
         'states.png': states,
         'errors.png': errors,
+        'gains.png': gains,
         'innovations.png': innovations,
     }
     if scenario.model.input.size:
-        pictures['force.png'] = force
+        pictures['force.png'] = partial(force, limits=limits)
     if plane(scenario.model.state) is not None:
         pictures['map.png'] = route
     paths = []
@@ -74,6 +90,8 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     columns = min(2, space.size)
     rows = ceil(space.size / columns)
     with picture(path, rows, columns, (6.8, 1.2 * rows + 0.7)) as (figure, axes):
+        if space.size % columns:
+            _widen_last(figure, axes)
         for index, (name, axis) in enumerate(zip(space.names, axes.flat)):
             seen = read.get(name)
             if seen is not None:  # no more than can be distinguished
@@ -82,18 +100,24 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             low, high = _state(axis, run, index, seen, space)
             axis.set_ylabel(space.label(name))
             axis.set_ylim(low, high)
-        for column in range(space.size % columns, columns if space.size % columns else 0):
-            axes[-1, column].set_axis_off()
-            axes[-2, column].tick_params(labelbottom=True)
-            axes[-2, column].set_xlabel('time [s]')
         # without a measured state, the legend has no reading
         first = next((axes.flat[i] for i, name in enumerate(space.names) if name in read), None)
         legend_below(figure, axes[0, 0] if first is None else first)
     if path is not None:
         # for a page with many: a third of the size, without a visible difference
         with Image.open(path) as image:
-            image.convert('RGB').quantize(48).save(path, optimize=True)
+            image.convert('RGB').quantize(20).save(path, optimize=True)
     return axes
+
+
+def _widen_last(figure: Any, axes: Any) -> None:
+    """Let the first axis of the last row take all of it; the row above shows its times, too."""
+    grid = axes[-1, 0].get_gridspec()
+    for axis in axes[-1]:
+        axis.remove()
+    axes[-1, :] = figure.add_subplot(grid[-1, :], sharex=axes[0, 0])
+    for axis in axes[-2]:
+        axis.tick_params(labelbottom=True)
 
 
 def _state(
@@ -144,8 +168,7 @@ def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     """Draw truth, readings and estimate with its band, of every state: the run, and its start."""
     space = scenario.model.state
     read = _read_states(scenario, run)
-    slowest = min((source.timed.rate for source in scenario.enabled.values()), default=1.0)
-    start = min(max(CLOSE_UP / slowest, LEAST * run.time[-1]), float(run.time[-1]))
+    start = close_up(scenario, run)
     with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.6)) as (figure, axes):
         for index, name in enumerate(space.names):
             for axis, until in zip(axes[index], (np.inf, start)):
@@ -153,7 +176,7 @@ def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
                 axis.set_ylim(*limits)
             axes[index, 0].set_ylabel(space.label(name))
         axes[0, 0].set_title('Truth, readings and estimate')
-        axes[0, 1].set_title(f'The first {start:.3g} s: predict and update')
+        axes[0, 1].set_title(f'The first {start:.3g} {time_unit()}: predict and update')
         axes[0, 1].set_xlim(0.0, start)
         legend_below(figure, axes[0, 0])
     return axes
@@ -201,11 +224,12 @@ def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
                     run.time, sign * std[:, index], color=ESTIMATE, lw=1.0,
                     label=f'{SIGMAS:g} sigma of the filter' if sign > 0 else None,
                 )  # fmt: skip
-            settled = SIGMAS * float(np.max(std[len(std) // 2 :, index]))
-            axis.set_ylim(-2.5 * settled, 2.5 * settled)
+            band = SIGMAS * float(np.quantile(std[:, index], 0.9))
+            most = 1.2 * max(band, float(np.abs(error[:, index]).max()))
+            axis.set_ylim(-most, most)
             outside = float(np.mean(np.abs(error[:, index]) > SIGMAS * std[:, index]))
             axis.set_title(f'{100 * outside:.2f}% outside', loc='right', fontweight='normal')
-            axis.set_ylabel(f'error of {space.label(name)}')
+            axis.set_ylabel(f'error of\n{space.label(name)}')
         axes[0, 0].set_title('The error, and the band of the filter')
         legend_below(figure, axes[0, 0])
     return axes
@@ -231,38 +255,21 @@ def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:
     return np.minimum(least, np.sqrt(run.covariance.diagonal(axis1=1, axis2=2)))
 
 
-def innovations(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
-    """Draw the innovations of every sensor inside their bounds."""
-    rows = [
-        (name, column)
-        for name, source in scenario.enabled.items()
-        for column in range(source.sensor.output.size)
-        if len(run.innovations[name].time)
-    ]
-    with picture(path, len(rows), 1, (8.0, 1.5 * len(rows) + 0.6)) as (figure, axes):
-        for axis, (name, column) in zip(axes[:, 0], rows):
-            of = run.innovations[name]
-            output = scenario.sensors[name].sensor.output
-            axis.plot(of.time, of.values[:, column], '.', ms=2.0, color=TRUTH, label='innovation')
-            for sign in (-SIGMAS, SIGMAS):
-                axis.plot(
-                    of.time, sign * of.std[:, column], color=ESTIMATE, lw=1.0,
-                    label=f'{SIGMAS:g} sigma expected' if sign > 0 else None,
-                )  # fmt: skip
-            settled = SIGMAS * float(np.max(of.std[len(of.std) // 2 :, column]))
-            axis.set_ylim(-1.8 * settled, 1.8 * settled)
-            axis.set_ylabel(f'{name}\n{output.label(output.names[column])}')
-        axes[0, 0].set_title('Innovations and their expected width')
-        legend_below(figure, axes[0, 0])
-    return axes
-
-
-def force(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
-    """Draw the input from the controller."""
+def force(
+    scenario: Scenario, run: Trajectory, path: Path | None, limits: Limits | None = None
+) -> Any:
+    """Draw the input from the controller, and the limits of the actuators."""
     space = scenario.model.input
     with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.4)) as (_, axes):
-        for index, name in enumerate(space.names):
-            axes[index, 0].step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)
-            axes[index, 0].set_ylabel(space.label(name))
+        for index, (name, unit) in enumerate(zip(space.names, space.units)):
+            axis = axes[index, 0]
+            axis.step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)
+            axis.set_ylabel(space.label(name))
+            most = np.inf if limits is None else limits.magnitude[index]
+            if np.isfinite(most):
+                for sign in (-1.0, 1.0):
+                    axis.axhline(sign * most, color=TRUTH, lw=1.0, ls='--')
+                axis.set_title(f'limits {-most:g} and {most:g} {unit}', loc='right',
+                               fontweight='normal')  # fmt: skip
         axes[0, 0].set_title('The input for each estimate')
     return axes

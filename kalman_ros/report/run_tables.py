@@ -33,6 +33,32 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
     return table
 
 
+def pair_table(title: str, pair: Sequence[Sequence[Check]]) -> Table:
+    """Return a table of the theory and the measurements of two runs, A and B."""
+    heads = [f'{run}\n{what}' for run in 'AB' for what in ('theory', 'measured')]
+    table = plain_table(title, heads)
+    table.columns[0].no_wrap = False
+    columns = [_by_name(checks) for checks in pair]
+    for name in dict.fromkeys((*columns[0], *columns[1])):
+        table.add_row(name[0], *(cell for found in columns for cell in found.get(name, ('', ''))))
+    return table
+
+
+def _by_name(checks: Sequence[Check]) -> dict[tuple[str, int], tuple[str, str]]:
+    """Return theory and measurement by name, and by number where names repeat."""
+    found: dict[tuple[str, int], tuple[str, str]] = {}
+    for check in checks:
+        if isinstance(check.expected, complex) and check.expected.imag < 0.0:
+            continue  # its conjugate is shown
+        name = f'{check.name} \\[{check.unit}]' if check.unit else check.name
+        place = sum(each[0] == name for each in found)
+        measured = number(check.measured)
+        if check.counts and not check.passed:
+            measured = f'[bold red]{measured}[/]'
+        found[name, place] = number(check.expected), measured
+    return found
+
+
 def verdict(checks: Sequence[Check], claim: str) -> str:
     """Return the verdict: PASS or FAIL, the count, and the ``claim`` or the failed checks."""
     counted = [check for check in checks if check.counts]

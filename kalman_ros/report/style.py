@@ -11,14 +11,18 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 TRUTH = '#1a1a1a'
 ESTIMATE = '#0b6fb8'
 READING = '#9aa3ab'
 INPUT = '#b8500b'
 BOUND = '#5a9bd0'
+#: Curves that are none of these, distinct without colour vision (M. Okabe and K. Ito, 2008).
+CURVES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 
-_STYLE = {
+#: The settings of matplotlib.
+STYLE = {
     'figure.dpi': 110,
     'font.size': 9,
     'axes.spines.top': False,
@@ -34,16 +38,28 @@ _STYLE = {
 
 
 _CAPTION: ContextVar[str] = ContextVar('caption', default='')
+_TIME: ContextVar[str] = ContextVar('time', default='s')
 
 
 @contextmanager
-def caption(text: str) -> Iterator[None]:
-    """Write ``text`` above every picture that is drawn meanwhile: what it is a picture of."""
-    before = _CAPTION.set(text)
+def caption(text: str, time: str = 's') -> Iterator[None]:
+    """Write ``text`` above every picture that is drawn meanwhile, and ``time`` as unit of time."""
+    before = _CAPTION.set(text), _TIME.set(time)
     try:
         yield
     finally:
-        _CAPTION.reset(before)
+        _CAPTION.reset(before[0])
+        _TIME.reset(before[1])
+
+
+def time_unit() -> str:
+    """Return the unit of time of the pictures that are drawn now."""
+    return _TIME.get()
+
+
+def time_label() -> str:
+    """Return the label of an axis of time."""
+    return f'time [{_TIME.get()}]'
 
 
 @contextmanager
@@ -54,7 +70,7 @@ def picture(
     with figure_with(path, rows, columns, size, sharex='col') as (figure, axes):
         yield figure, axes
         for axis in axes[-1]:
-            axis.set_xlabel(axis.get_xlabel() or 'time [s]')
+            axis.set_xlabel(axis.get_xlabel() or time_label())
 
 
 @contextmanager
@@ -69,7 +85,7 @@ def figure_with(
 @contextmanager
 def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
     """Yield an empty figure; save it to ``path``, or leave it to pyplot to show."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         if path is not None:
             figure = Figure(figsize=size, layout='constrained')
             if _CAPTION.get():
@@ -82,14 +98,22 @@ def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
             yield pyplot.figure(figsize=size, layout='constrained')
 
 
+def log_ticks(axis: Any) -> None:
+    """Write plain numbers at 1, 2 and 5 of each decade of a logarithmic axis (y)."""
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.yaxis.set_major_formatter(FormatStrFormatter('%g'))
+    axis.yaxis.set_minor_formatter(NullFormatter())
+
+
 def shades(count: int) -> list[Any]:
     """Return colours of a family of curves, from light to dark."""
     return [mpl.colormaps['Blues'](0.3 + 0.7 * k / max(1, count - 1)) for k in range(count)]
 
 
-def legend_below(figure: Any, axis: Any, markerscale: float = 3.0) -> None:
-    """Put the legend of ``axis`` under the figure, where it covers no data."""
-    handles, labels = axis.get_legend_handles_labels()
+def legend_below(figure: Any, *axes: Any, markerscale: float = 3.0) -> None:
+    """Put the legend of ``axes`` under the figure, where it covers no data."""
+    pairs = (zip(*axis.get_legend_handles_labels()) for axis in axes)
+    handles, labels = zip(*(pair for each in pairs for pair in each))
     figure.legend(
         handles, labels, loc='outside lower center', ncols=len(labels), markerscale=markerscale
     )

@@ -15,9 +15,11 @@ import numpy as np
 
 from kalman_ros import sensors
 from kalman_ros.core import (
+    Array,
     Gaussian,
     Model,
     Option,
+    Sensor,
     Signal,
     TimedSensor,
     Value,
@@ -28,6 +30,8 @@ from kalman_ros.core import (
 )
 from kalman_ros.core.geodesy import Place, datum
 from kalman_ros.core.mount import mounting
+from kalman_ros.core.quantity import ATTITUDE, GLOBAL, PLACE, quantity
+from kalman_ros.core.still import stand_still
 from kalman_ros.estimators import FILTERS
 
 from .body_roles import body_of
@@ -40,6 +44,7 @@ from .wiring import system as system_of
 
 #: How a pose is read.
 POSES = ('absolute', 'relative', 'differential')
+_FIX = 'sensor_msgs/NavSatFix'
 #: The allowed sources of a reading's covariance.
 POLICIES = ('message', 'configuration', 'larger')
 
@@ -108,13 +113,28 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
     if not names:
         return built
     if not names <= built.sensors.keys():
-        return assemble(full, with_law=bool(built.law))
+        try:
+            found = assemble(full, with_law=bool(built.law))
+        except (ValueError, LookupError):
+            _check_input(
+                model_of(system_of(full['model']), section(full, 'model_parameters')), built
+            )
+            raise
+        _check_input(found.model, built)
+        return found
     sources = dict(built.sensors)
     for name in names:
         given = section(full, name)
         sources[name] = _source(name, given, built.model, built.rate, built.state, built.datum)
         check_sensor(name, sources[name].sensor, built.initial_belief.mean)
     return replace(built, sensors=sources)
+
+
+def _check_input(model: Model, built: Scenario) -> None:
+    """Raise ValueError if a changed model has another input, which has no topic."""
+    if model.input.size != built.model.input.size:
+        size = f'{built.model.input.size} inputs, got {model.input.size}'
+        raise ValueError(f'model_parameters: expected a model of {size}: restart the node for it')
 
 
 def _law(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:
@@ -142,7 +162,10 @@ def _source(
     wire = {key: given.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
     arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
-    frame, pose = given.pop('frame'), given.pop('pose')
+    frame, pose, from_tf = given.pop('frame'), given.pop('pose'), given.pop('mount.tf')
+    zero = given.pop('zero')
+    small, watched = given.pop('still.below'), given.pop('still.fields')
+    duration = given.pop('still.duration')
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
@@ -152,7 +175,9 @@ def _source(
             raise ValueError(f"pose: expected {', '.join(POSES)}, got '{pose}'")
         if pose != POSES[0] and any(arm):
             raise ValueError(f'mount.translation: expected none with pose: {pose}')
-        mount = mounting(rotation, convention, frame, arm)
+        _check_units(sensor, wire['fields'], pose)
+        mount = mounting(rotation, convention, frame, arm, from_tf)
+        still = stand_still(wire['fields'], small, watched, duration)
         if any(arm) or gravity:
             body = body_of(model.state, state)
             sensor = LeverArm(sensor, body, wire['fields'], arm, gravity)
@@ -162,8 +187,68 @@ def _source(
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
-    signal = replace(signal, datum=origin, mounting=mount, pose=pose)
+    signal = replace(signal, datum=origin, mounting=mount, pose=pose, zero=zero, still=still)
     return SensorSource(timed, signal, policy, reliable, gate)
+
+
+def _check_units(sensor: Sensor, fields: Iterable[str], pose: str) -> None:
+    """Raise ValueError where a field is known to have another unit than what it measures."""
+    for name, unit, field in zip(sensor.output.names, sensor.output.units, fields):
+        if pose != POSES[0]:
+            read = quantity(field)
+            if read is None or read.kind not in (PLACE, ATTITUDE) or read.names == GLOBAL:
+                expected = 'expected fields of a position or orientation'
+                raise ValueError(f'pose: {expected} with {pose}, got {field}')
+        if pose == 'differential' and unit in ('m', 'rad'):
+            expected = 'expected velocities or rates with pose: differential'
+            raise ValueError(f'measures: {expected}, got {name} in {unit}')
+        if unit == 'm' and field in ('latitude', 'longitude'):
+            expected = 'expected east, north or up, in m'
+            raise ValueError(f'fields: {expected}, for {name}, got {field}, in degrees')
+
+
+def placed(
+    name: str,
+    source: SensorSource,
+    state: Signal,
+    frame: str,
+    translation: Array,
+    rotation: Array,
+) -> SensorSource:
+    """Return a sensor of ``mount.tf`` at its place, once that is known.
+
+    Parameters
+    ----------
+    name, source
+        The sensor.
+    state
+        The signal of the state.
+    frame
+        That of its messages.
+    translation, rotation
+        Forward, left and up of the body (3,); roll, pitch and yaw (3,).
+
+    Raises
+    ------
+    ValueError
+        If the state lacks the attitude or the rate that this takes.
+    """
+    signal, sensor, arm = source.signal, source.sensor, translation.tolist()
+    # a fix has no axes, and neither has a pressure
+    has_axes = signal.type != _FIX and any(map(quantity, signal.fields))
+    angles = rotation.tolist() if has_axes else [0.0] * 3
+    mount = mounting(angles, signal.mounting.convention, frame, arm)
+    if signal.pose != POSES[0] and any(arm):
+        raise ValueError(f'{name}.mount.tf: expected no translation with pose: {signal.pose}')
+    if any(arm):
+        if isinstance(sensor, LeverArm):
+            sensor = sensor.at(arm)
+        else:
+            body = body_of(sensor.state, state)
+            sensor = LeverArm(sensor, body, signal.fields, arm)
+            sensor.name, sensor.state = name, source.sensor.state
+    signal = replace(signal, mounting=mount)
+    return replace(source, timed=replace(source.timed, sensor=sensor), signal=signal)
 
 
 def _signal(name: str, given: Mapping[str, Any], size: int) -> Signal:

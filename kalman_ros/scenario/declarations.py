@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import inf
+from math import inf, pi
 from typing import Annotated, Any
 
 from kalman_ros import models, sensors
@@ -24,7 +24,7 @@ from kalman_ros.estimators import FILTERS
 
 from .model_checks import check_equilibrium
 from .parameter_files import section
-from .wiring import by_name
+from .wiring import by_name, driven_by_name
 from .wiring import system as system_of
 
 
@@ -40,8 +40,12 @@ def _shared(
     """Carry the options that do not depend on the model."""
 
 
+#: The farthest from the centre of a body that a sensor is, in m.
+_FARTHEST = 1e4
 #: The feature of turned and displaced sensors, and of the frames of messages.
 _FRAMES = 'frames'
+#: That of readings of zero, and of those at rest.
+_STILL = 'stand-still'
 
 
 def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
@@ -71,15 +75,25 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         ),
         'mount.translation': (
             [0.0, 0.0, 0.0],
-            About('forward, left, up of the body', 'm', feature=_FRAMES),
+            About('forward, left, up of the body', 'm', -_FARTHEST, _FARTHEST, feature=_FRAMES),
         ),
         'mount.rotation': (
             [0.0, 0.0, 0.0],
-            About('roll, pitch, yaw on the body', 'rad', feature=_FRAMES),
+            About('roll, pitch, yaw on the body', 'rad', -2.0 * pi, 2.0 * pi, feature=_FRAMES),
         ),
         'mount.gravity': (
             0.0,
-            About('what an accelerometer reads upwards at rest', 'm/s^2', feature=_FRAMES),
+            About(
+                'what an accelerometer reads upwards at rest',
+                'm/s^2',
+                -100.0,
+                100.0,
+                feature=_FRAMES,
+            ),
+        ),
+        'mount.tf': (
+            False,
+            About('both by the transform of frame on /tf_static', feature=_FRAMES),
         ),
         'convention': (
             'enu',
@@ -94,6 +108,19 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         'frame': (
             '',
             About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),
+        ),
+        'zero': (
+            False,
+            About('read zeros in place of the fields: no slip, no speed', feature=_STILL),
+        ),
+        'still.below': (
+            [inf],
+            About('read only while still.fields are smaller than this', feature=_STILL),
+        ),
+        'still.fields': ([''], About("fields of the messages; '': fields", feature=_STILL)),
+        'still.duration': (
+            0.5,
+            About('and have been for this long', 's', 0.0, 3600.0, feature=_STILL),
         ),
         'gate': (
             1.0,
@@ -207,14 +234,15 @@ def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
 
 
 def _system(values: Mapping[str, Any]) -> tuple[System, Model]:
-    """Return the system in use, wired by name if its parameters change its states."""
+    """Return the system in use, wired by name where its parameters change states or inputs."""
     model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
     system = system_of(str(model.check(values.get('model', model.default))))
     built = model_of(system, section(values, 'model_parameters'))
-    sizes = len(system.state.fields), len(system.input.fields)
-    if sizes == (built.state.size, built.input.size):
-        return system, built
-    return by_name(system.build, built), built
+    if len(system.state.fields) != built.state.size:
+        return by_name(system.build, built), built
+    if len(system.input.fields) != built.input.size:
+        return driven_by_name(system, built), built
+    return system, built
 
 
 def model_of(system: System, parameters: Mapping[str, Any]) -> Model:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 
 import numpy as np
 
@@ -73,6 +74,12 @@ class LeverArm(Sensor):
                 raise ValueError(
                     f'mount.translation: a {kind} off the centre takes a state with a {what}'
                 )
+
+    def at(self, arm: Sequence[float]) -> LeverArm:
+        """Return the same sensor at another place (3,)."""
+        other = copy(self)
+        other._arm = vector('mount.translation', arm, 3)
+        return other
 
     def measure(self, x: Array) -> Array:
         """Return the reading at the place."""

@@ -17,11 +17,6 @@ from yaml.resolver import Resolver
 #: The nodes of a loop, and those that may stand between plant and estimator.
 NODES = ('estimator', 'controller', 'monitor', 'plant')
 BETWEEN = 'microphone_array'
-#: The program that runs a scenario for people; its section has a duration, and parameters for
-#: every node of a demo.
-DEMO = 'demo'
-
-
 #: Unquoted words that are strings to PyYAML, and truth values to the YAML of ROS.
 _BARE = tuple('yYnN')
 
@@ -85,8 +80,9 @@ def _reason(error: yaml.YAMLError) -> str:
     mark = getattr(error, 'problem_mark', None)
     line = f' in line {mark.line + 1}' if mark else ''
     what = getattr(error, 'problem', None) or str(error).partition('\n')[0]
-    kind = '' if isinstance(error, yaml.composer.ComposerError) else 'not YAML: '
-    return f'{kind}{what}{line}'
+    if not isinstance(error, yaml.composer.ComposerError):
+        return f'not YAML: {what}{line}'
+    return f'{f"{error.context}, " if error.context else ""}{what}{line}'
 
 
 def _read(path: Path) -> str:
@@ -256,12 +252,14 @@ def with_lines(path: Path) -> Lined:
     ValueError
         If it is not YAML, or larger than any parameter file; the message has the line.
     """
-    loader = _Loader(_read(path))
     try:
+        loader = _Loader(_read(path))
         node = loader.get_single_node()
         return Lined({}, 1) if node is None else _lined(loader, node)
     except yaml.YAMLError as error:
         raise ValueError(f'{path.name}: {_reason(error)}') from None
+    except ValueError as error:
+        raise ValueError(f'{path.name}: {error}') from None
 
 
 def _lined(loader: _Loader, node: Any) -> Lined:

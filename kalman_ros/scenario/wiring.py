@@ -7,11 +7,12 @@ For a model of this package that is ``config/NAME.yaml``.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 from kalman_ros import models
-from kalman_ros.core import LinearSystem, Model, SensorSetup, Signal, System
+from kalman_ros.core import LinearSystem, Model, SensorSetup, Signal, Space, System
 from kalman_ros.core.system import NO_INPUT
 
 from . import shipped
@@ -95,15 +96,36 @@ def by_name(build: Callable[..., Model], model: Model) -> System:
     """
     n, m = model.state.size, model.input.size
     positions = tuple(f'position[{name}]' for name in model.state.names)
-    elements = tuple(f'data[{index}]' for index in range(m))
     return System(
         build=build,
         sensors={},
         state=Signal('estimate', 'sensor_msgs/JointState', positions),
-        input=Signal('command', 'std_msgs/Float64MultiArray', elements),
+        input=_input_by_name(model.input),
         state_cost=(1.0,) * n,
         input_cost=(1.0,) * m,
         initial_state=(0.0,) * n,
         initial_std=(1.0,) * n,
         filter='kf' if isinstance(model, LinearSystem) else 'ekf',
     )
+
+
+def driven_by_name(system: System, model: Model) -> System:
+    """Return a system with the input of a model that its parameters give another input."""
+    n, m = model.state.size, model.input.size
+    input = _input_by_name(model.input)
+    return replace(system, input=input, state_cost=(1.0,) * n, input_cost=(1.0,) * m)
+
+
+#: The fields of a ``geometry_msgs/Twist`` for commanded velocities of a body.
+_COMMANDS = {
+    'v': 'linear.x', 'vx': 'linear.x', 'vy': 'linear.y', 'omega': 'angular.z', 'wz': 'angular.z',
+}  # fmt: skip
+
+
+def _input_by_name(input: Space) -> Signal:
+    """Return the signal of an input: ``cmd_vel`` if all of it are velocities of a body."""
+    if input.names and _COMMANDS.keys() >= {*input.names}:
+        fields = tuple(_COMMANDS[name] for name in input.names)
+        return Signal('cmd_vel', 'geometry_msgs/Twist', fields)
+    elements = tuple(f'data[{index}]' for index in range(input.size))
+    return Signal('command', 'std_msgs/Float64MultiArray', elements)

@@ -38,9 +38,9 @@ class Linear(Sensor):
         k = len(noise)
         given = [name for name in names if name]
         labels = given if len(given) == k else [f'y{index}' for index in range(k)]
-        self.output = Space(tuple(labels), ('',) * k)
         self.covariance = variances('noise', noise, k)
         self._C = np.asfortranarray(matrix('C', np.array(C), (k, state.size)))
+        self.output = Space(tuple(labels), tuple(_unit(state, row) for row in self._C))
 
     def measure(self, x: Array) -> Array:
         """Return C x."""
@@ -49,6 +49,12 @@ class Linear(Sensor):
     def jacobian(self, x: Array) -> Array:
         """Return C."""
         return self._C
+
+
+def _unit(state: Space, row: Array) -> str:
+    """Return the unit of a sum or difference of states; '' for other combinations."""
+    units = {unit for unit, factor in zip(state.units, row) if factor}
+    return units.pop() if len(units) == 1 and {*np.abs(row)} <= {0.0, 1.0} else ''
 
 
 SENSOR = Linear

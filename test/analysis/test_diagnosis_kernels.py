@@ -99,8 +99,12 @@ def test_a_gate_lists_what_is_far(case):
     value = record.value.copy()
     value[[20, 50, 70]] += 3.0
     spoilt = case.evidence.with_sensor('position', replace(record, value=value))
-    far = gated(spoilt, 'position', 25)
+    far, rest = gated(spoilt, 'position', 25)
     assert far.tolist() == [20, 50, 70]
+    value[far] = np.nan
+    without = passage(case.evidence.with_sensor('position', replace(record, value=value)))
+    assert rest.misfit == pytest.approx(without.misfit, abs=1e-4)
+    assert explained(rest, without) == pytest.approx(0.0, abs=1e-4)
 
 
 def test_directions_without_information_stay_at_zero():

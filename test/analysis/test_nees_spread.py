@@ -11,7 +11,8 @@ from kalman_ros import scenario
 from kalman_ros.analysis.nees_spread import average_nees
 from kalman_ros.analysis.verdict import consistency, judge, least_duration
 from kalman_ros.estimators.consistency import NeesWindow, independent
-from kalman_ros.scenario.parameter_files import from_file, own_section
+from kalman_ros.scenario.demo_section import demo_section
+from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 
@@ -101,10 +102,9 @@ def test_the_window_knows_what_is_no_covariance():
 
 def test_the_demo_of_the_bearing_tracker_shows_the_convergence():
     path = CONFIG / 'bearing_tracker.yaml'
-    own = own_section(path, 'demo')
-    duration = own.pop('duration')
-    built = scenario.build({**from_file(path), **own})
-    run = closed_loop.run(built, regulator(built)[0].gain, 0.75 * duration, 0)
+    own = demo_section(path)
+    built = scenario.build({**from_file(path), **own.parameters})
+    run = closed_loop.run(built, regulator(built)[0].gain, 0.75 * own.duration, 0)
     std = np.sqrt(np.trace(run.covariance[:, :2, :2], axis1=1, axis2=2))
     assert std[0] > 1500.0
     assert std[-1] < 0.05 * std[0]

@@ -11,6 +11,7 @@ from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.models import find_model
+from kalman_ros.sensors import build as build_sensor
 
 CHAIN = kr.continuous_model([[0, 1], [0, 0]], [0, 0.1], B=[0, 1], states=['x', 'v'])
 GPS = kr.sensor([1, 0], 0.25, 'gps')
@@ -106,6 +107,15 @@ def test_a_row_that_is_missing_or_missing_in_part():
     split = kr.filter(CHAIN, parts, np.arange(4.0), {'a': y[:, 0], 'b': y[:, 1]}, None, PRIOR)
     np.testing.assert_allclose(found.mean, split.mean, rtol=1e-12)
     np.testing.assert_allclose(found.log_likelihood, split.log_likelihood)
+
+
+def test_a_rotation_that_is_missing_in_part_is_missing():
+    built = kr.load('robot_3d')
+    turn = {'measures': ['rx', 'ry', 'rz']}
+    attitude = build_sensor('states', built.model.state, [0.1] * 3, turn)
+    y = np.array([[0.1, 0.2, 0.3], [np.nan, 0.2, 0.3]])
+    found = kr.filter(built.model, attitude, [0.0, 0.1], y, None, built.initial_belief)
+    assert list(found.counts.values()) == [{'fused': 1}]
 
 
 def test_a_first_row_that_is_missing_does_not_move_the_start():

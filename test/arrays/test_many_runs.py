@@ -71,7 +71,7 @@ def test_without_an_input_there_is_no_cost():
     ('options', 'says'),
     [
         ({'runs': 0}, 'runs: expected a whole number from 1, got 0'),
-        ({'runs': 2.5}, 'runs: expected a whole number from 1, got float'),
+        ({'runs': 2.5}, 'runs: expected a whole number from 1, got 2.5'),
         ({'seed': -1}, 'seed: expected a whole number from 0, got -1'),
         ({'workers': 0}, 'workers: expected a whole number from 1, got 0'),
         ({'chunk': 0}, 'chunk: expected a whole number from 1, got 0'),

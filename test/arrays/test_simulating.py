@@ -145,7 +145,7 @@ def test_design_prints_and_draws(tmp_path):
 @pytest.mark.slow
 def test_pictures(tmp_path):
     run = kr.simulate('cart_pole', seconds=5)
-    for what in ('overview', 'states', 'errors', 'innovations', 'force'):
+    for what in ('overview', 'states', 'errors', 'gains', 'innovations', 'force'):
         run.plot(tmp_path / f'{what}.png', what)
         assert (tmp_path / f'{what}.png').stat().st_size > 5_000
     with pytest.raises(ValueError, match="unknown picture 'statse'; did you mean 'states'"):

@@ -55,6 +55,7 @@ def spring(**changes):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_mass_and_the_damping_of_a_spring_are_identified():
     time = np.arange(0.0, DURATION, 1.0 / RATE)
     force = square_wave(time, 3.0, 5.0)[:, None]
@@ -90,6 +91,7 @@ def motor_readings():
     return time, voltage, readings(motor(), time, voltage, seed=2)[1:]
 
 
+@pytest.mark.slow
 def test_the_constants_of_a_motor_are_identified():
     time, voltage, (times, values) = motor_readings()
     start = motor(**{'model_parameters.constant': 0.02, 'model_parameters.friction': 0.05})
@@ -152,6 +154,7 @@ def coverage(runs):
     return hits / count
 
 
+@pytest.mark.slow
 def test_most_intervals_cover_the_truth():
     # of 12 intervals of 95 %, 8 or fewer cover with a probability of 2e-4
     assert (coverage(12) >= 9 / 12).all()

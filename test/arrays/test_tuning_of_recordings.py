@@ -6,7 +6,7 @@ import pytest
 from recorded import data
 
 import kalman_ros as kr
-from kalman_ros.core.model import from_coordinates
+from kalman_ros.core import from_coordinates
 
 pytestmark = pytest.mark.slow
 

@@ -181,6 +181,19 @@ def refusal(path):
     return str(caught.value)
 
 
+def test_names_that_a_terminal_would_obey_are_not_used(tmp_path):
+    hostile = '/po\x1b]0;title\x07'
+    with RecordingWriter(tmp_path / 'bag') as writer:
+        writer.add('/good', 'some\x1b[31m/msg/Type')
+        writer.add(hostile, NUMBER)
+        for topic in ('/good', hostile):
+            writer.write(topic, 1, serialised(1.0))
+    bag = Bag(tmp_path / 'bag')
+    assert list(bag.topics) == ['/good']
+    assert bag.topics['/good'] == {'some\\x1b[31m/msg/Type'}
+    assert bag.damage[0].endswith('no name of a topic: /po\\x1b]0;title\\x07')
+
+
 def test_what_is_missing_empty_or_something_else(tmp_path):
     assert 'there is no recording' in refusal(tmp_path / 'no')
     assert 'no .mcap, .db3, .bag file is in it' in refusal(tmp_path)

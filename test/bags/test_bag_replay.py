@@ -130,6 +130,16 @@ def test_smoothing_uses_later_readings_and_says_where_it_matters(tmp_path):
     assert label in [found.scenario.model.state.label(name) for name in ('x0', 'x1', 'x2', 'x3')]
 
 
+def test_smoothing_by_way_of_the_disk_gives_the_same_bytes(tmp_path, monkeypatch):
+    record(tmp_path / 'a', VALUES, 2.0)
+    whole = replay(tmp_path / 'a', VALUES, smooth=True).smoothed
+    monkeypatch.setattr(columns, '_MOST', 5000)
+    parts = replay(tmp_path / 'a', VALUES, smooth=True).smoothed
+    assert isinstance(parts.mean, np.memmap)
+    for name in ('time', 'mean', 'covariance'):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+
+
 def test_a_filter_that_has_no_smoother_says_so(tmp_path):
     record(tmp_path / 'a', VALUES, 1.0)
     with pytest.raises(ValueError, match='filter: expected the beliefs of one of'):

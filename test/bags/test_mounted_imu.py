@@ -6,6 +6,7 @@ count.
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from static_frames import message as transforms
 
 pytest.importorskip('rclpy')
 
@@ -28,15 +29,21 @@ VARIANCES = np.diag([0.04, 0.09, 4e-4])
 QUARTER = np.pi / 2
 
 
-def recorded(folder, mount=(0.0, 0.0, 0.0), frame='base_link', wheels='base_link'):
+def recorded(folder, mount=(0.0, 0.0, 0.0), frame='base_link', wheels='base_link', placed_at=None):
     """Write 10 s of an S at 1 m/s: the wheels' speed, and the rate of a turned gyroscope."""
     rng, turn = np.random.default_rng(4), Rotation.from_euler('xyz', mount).as_matrix()
     C = (turn.T @ VARIANCES @ turn).ravel()
     with RecordingWriter(folder) as writer:
         writer.add('/odom', 'nav_msgs/msg/Odometry')
         writer.add('/imu', 'sensor_msgs/msg/Imu')
+        if placed_at is not None:
+            writer.add('/tf_static', 'tf2_msgs/msg/TFMessage')
         for k in range(COUNT):
             time = START + k * STEP
+            if k == placed_at:
+                q = Rotation.from_euler('xyz', mount).as_quat()
+                place = ('base_link', frame, (0.0, 0.0, 0.0, *q))
+                writer.write('/tf_static', time, transforms(place))
             odometry, imu = Odometry(), Imu()
             odometry.header.frame_id, odometry.child_frame_id = 'odom', wheels
             imu.header.frame_id = frame
@@ -66,6 +73,27 @@ def test_an_imu_mounted_at_90_degrees_ends_at_the_same_place(tmp_path, straight,
     assert found.notes == straight.notes == ()
     lost = replay(tmp_path / 'a', DRIVE)
     assert np.hypot(*(lost.beliefs.mean - straight.beliefs.mean)[-1, :2]) > 1.0
+
+
+def test_the_mounting_is_that_of_the_static_transform(tmp_path, straight):
+    mount = (0.4, -1.2, 3.0)
+    values = {'imu.mount.tf': True}
+    bag = recorded(tmp_path / 'a', mount, frame='imu_link', placed_at=0)
+    found = replay(bag, DRIVE, values)
+    assert found.sensors['imu'].fused == COUNT
+    np.testing.assert_allclose(found.beliefs.mean, straight.beliefs.mean, atol=1e-9)
+    assert found.notes == ()
+    late = replay(recorded(tmp_path / 'b', mount, frame='imu_link', placed_at=100), DRIVE, values)
+    counts = late.sensors['imu'].counts
+    assert counts == {Outcome.NO_TRANSFORM: 100, Outcome.FUSED: COUNT - 100}
+    # the turn of the first 2 s is known from the wheels alone, and where it is wrong, it is known
+    error = late.beliefs.mean[-1] - straight.beliefs.mean[-1]
+    assert (np.abs(error) < 4.0 * np.sqrt(late.beliefs.covariance[-1].diagonal())).all()
+
+
+def test_a_recording_without_static_transforms_is_refused(tmp_path):
+    with pytest.raises(ValueError, match='/tf_static'):
+        replay(recorded(tmp_path / 'a'), DRIVE, {'imu.mount.tf': True})
 
 
 def test_an_imu_of_another_frame_than_declared_is_counted_and_not_fused(tmp_path, straight):

@@ -3,7 +3,7 @@ from typing import Annotated
 
 import pytest
 
-from kalman_ros.core import About, build_with, options_of
+from kalman_ros.core import About, build_with, options_of, refuse_unknown
 
 
 def thing(
@@ -66,3 +66,9 @@ def test_a_default_that_no_parameter_can_hold_is_refused():
 
     with pytest.raises(ValueError, match='x: a default must be'):
         options_of(odd)
+
+
+def test_a_name_of_which_only_parts_are_known():
+    known = ['imu.dropout', 'imu.mount.translation', 'imu.mount.rotation']
+    with pytest.raises(ValueError, match=r"'imu.mount'; its parts are imu.mount.translation, imu"):
+        refuse_unknown(['imu.mount'], known, 'parameter')

@@ -50,6 +50,18 @@ def test_small_and_large_angles_lose_no_digits_in_the_logarithm(r):
     assert np.linalg.norm(found) == pytest.approx(angle, rel=1e-14, abs=1e-300)
 
 
+@pytest.mark.parametrize('off', [0.0, 1e-16, 1e-12, 1e-9, 1e-7, 9e-7, 2e-6, 1e-3])
+@pytest.mark.parametrize('up', [1.0, -1.0])
+def test_roll_and_yaw_go_together_where_the_pitch_is_a_quarter_turn(off, up):
+    rng = np.random.default_rng(3)
+    given = rng.uniform(-3.0, 3.0, (200, 3))
+    given[:, 1] = up * (np.pi / 2 - off)
+    turns = Rotation.from_euler('xyz', given)
+    found = so3.to_euler(turns.as_rotvec())
+    error = (Rotation.from_euler('xyz', found).inv() * turns).magnitude()
+    assert error.max() < 1e-7
+
+
 @given(rotations(), rotations())
 def test_the_product_is_that_of_scipy(a, b):
     assert_same(so3.compose(a, b), (peer(a) * peer(b)).as_rotvec())

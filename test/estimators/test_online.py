@@ -54,6 +54,7 @@ items = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(items, st.randoms(use_true_random=False), st.booleans())
 def test_the_order_of_arrival_does_not_matter(given_items, random, gated):
     gates = {'position': 3.0} if gated else None
@@ -482,6 +483,7 @@ def test_starting_from_the_first_reading():
     ),
     st.sampled_from(['kf', 'ekf', 'ukf']),
 )
+@pytest.mark.slow
 def test_whatever_comes_the_belief_is_valid_and_the_counts_add_up(hostile, filter):
     online = estimator(gates={'position': 9.0}, filter=filter, window=1.0, recover_after=2)
     sent = Counter()

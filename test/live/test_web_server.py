@@ -5,6 +5,7 @@ import json
 import re
 import socket
 import time
+from contextlib import suppress
 from http.client import HTTPConnection
 from pathlib import Path
 from queue import Queue
@@ -81,7 +82,15 @@ def test_the_page_loads_nothing_from_elsewhere(served):
 
 @pytest.mark.parametrize(
     'path',
-    ['/nothing', '/../board.py', '/%2e%2e/board.py', '//etc/passwd', '/live.js/', '/socket2'],
+    [
+        '/nothing',
+        '/../board.py',
+        '/%2e%2e/board.py',
+        '//etc/passwd',
+        '/live.js/',
+        '/socket2',
+        '//[x',
+    ],
 )
 def test_only_the_files_of_the_page_are_served(served, path):
     assert served.get(path)[0] == 404
@@ -105,6 +114,19 @@ def test_a_socket_without_an_origin_is_refused(served):
     with pytest.raises(InvalidStatus) as refusal:
         connect(f'ws://{served.host}/socket', proxy=None)
     assert refusal.value.response.status_code == 403
+
+
+@pytest.mark.parametrize(
+    'request_line',
+    [b'POST / HTTP/1.1', b'GET / HTTP/9', b'GET', b'\x16\x03\x01', b'GET /' + b'x' * 20_000],
+)
+def test_what_is_not_a_request_is_dropped_without_a_word(served, request_line, capfd):
+    with socket.create_connection(('127.0.0.1', served.port), timeout=5) as raw:
+        raw.sendall(request_line + f'\r\nHost: {served.host}\r\n\r\n'.encode())
+        with suppress(ConnectionError):
+            raw.recv(1000)
+    assert served.get()[0] == 200
+    assert capfd.readouterr() == ('', '')
 
 
 def test_with_a_token_nothing_is_served_without_it():
@@ -160,7 +182,10 @@ def test_a_tab_that_sends_too_much_is_closed(served):
 
 def test_a_port_in_use_is_named():
     served = Served()
+    served.access.check_port()
     with served.server:
+        with pytest.raises(ValueError, match=f'--port: 127.0.0.1:{served.port} cannot be used'):
+            served.access.check_port()
         again = WebServer(Board(), print, served.access)
         with (
             pytest.raises(ValueError, match=f'--port: 127.0.0.1:{served.port} cannot be used'),

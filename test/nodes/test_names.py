@@ -22,6 +22,7 @@ OPTIONS = {
     'estimator': options.EstimatorOptions,
     'controller': options.ControllerOptions,
     'monitor': options.MonitorOptions,
+    'markers': options.MarkersOptions,
     'microphone_array': options.MicrophoneArrayOptions,
 }
 

@@ -25,26 +25,30 @@ def listed():
 
 
 def traced(found):
-    """Return the module and function of each call that a reading makes, in order."""
+    """Return the module and function of each call that a reading makes, in order.
+
+    It is the shortest of a few: a timer of the node may fire while a reading is on its way.
+    """
     velocity = found.publisher(TwistWithCovarianceStamped, 'velocity')
     counts, message = found.node._online.counts['velocity'], TwistWithCovarianceStamped()
     message.twist.covariance[:] = np.eye(6).ravel()
-    calls = []
+    walks = []
 
     def note(frame, event, _):
         path = Path(frame.f_code.co_filename)
         if event == 'call' and PACKAGE in path.parents:
-            calls.append((path.stem, frame.f_code.co_name))
+            walks[-1].append((path.stem, frame.f_code.co_name))
 
-    for number in range(1, 5):  # what is done for the first time takes other ways
+    for number in range(1, 9):  # what is done for the first time takes other ways
+        walks.append([])
         write_stamp(message.header.stamp, found.node.get_clock().now().nanoseconds)
-        sys.setprofile(note if number == 4 else None)
+        sys.setprofile(note if number >= 4 else None)
         try:
             velocity.publish(message)
             found.until(lambda n=number: counts.total() >= n, 'a reading was not taken')
         finally:
             sys.setprofile(None)
-    return calls
+    return min(walks[3:], key=lambda calls: len({module for module, _ in calls}))
 
 
 def test_the_walk_is_the_one_of_the_page(pair):

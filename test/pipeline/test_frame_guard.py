@@ -11,7 +11,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64MultiArray
 
 from kalman_ros.core import Signal
-from kalman_ros.core.mount import Mounting
+from kalman_ros.core.mount import Mounting, mounting
 from kalman_ros.pipeline.frame_guard import FrameGuard
 
 RATE, PLACE, TWIST = 'angular_velocity.z', 'pose.pose.position.x', 'twist.twist.linear.x'
@@ -64,6 +64,18 @@ def test_a_frame_is_announced_unless_it_is_clear(frame, mounting, meant):
     check(message(Odometry, frame, 'wheels'))
     assert bool(said) == bool(meant)
     assert all(f'is taken for {meant};' in each for each in said)
+
+
+@pytest.mark.parametrize(
+    ('rotation', 'translation', 'placed'),
+    [
+        ((0, 0, 1.5), (0, 0, 0), True),
+        ((0, 0, 0), (1.0, 0, 0), True),
+        ((0, 0, 0), (0, 0, 0), False),
+    ],
+)
+def test_a_sensor_is_placed_by_its_rotation_or_its_place(rotation, translation, placed):
+    assert mounting(rotation, 'enu', '', translation).placed is placed
 
 
 def test_a_twist_of_an_odometry_is_in_its_child_frame():

@@ -72,6 +72,15 @@ def test_a_relative_pose_is_seen_from_the_first():
         np.testing.assert_allclose(found(later).values, [0.5, 0.6, 0.4], atol=1e-12)
 
 
+def test_a_first_pose_that_is_not_finite_is_not_the_one_to_compare_with():
+    found, straight = change('relative'), Rotation.identity()
+    bad = sample(0.0, [np.nan, 0.0, 0.0], straight)
+    np.testing.assert_array_equal(found(bad).values, np.full(len(PLANE), np.nan))
+    with pytest.raises(FirstPoseError):
+        found(sample(0.1, [1.0, 0.0, 0.0], straight))
+    np.testing.assert_allclose(found(sample(0.2, [3.0, 0.0, 0.0], straight)).values[0], 2.0)
+
+
 def test_after_a_gap_a_velocity_starts_again():
     found, straight = change('differential'), Rotation.identity()
     for time, usable in ((0.0, False), (0.1, True), (0.1, False), (5.0, False), (5.1, True)):

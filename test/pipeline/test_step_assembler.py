@@ -265,3 +265,16 @@ def test_a_turn_brings_back_what_was_kept_with_its_tick():
 def test_a_tick_longer_than_that_of_any_plant_is_none(topics):
     with pytest.raises(UndecodableError, match='no tick'):
         read_tick(write_tick(1, topics))
+
+
+def test_a_relative_and_an_absolute_name_are_of_one_topic():
+    def full(topic):
+        if '{' in topic:
+            raise ValueError('no name of a topic')
+        return topic if topic.startswith('/') else f'/robot/{topic}'
+
+    for ours, theirs in (('/robot/y', 'y'), ('y', '/robot/y'), ('y', 'y')):
+        turns = StepAssembler({ours: 'sensor'}, answered=False, resolve=full)
+        turns.reading('sensor', 1, 'reading')
+        turns.tick(1, ['/other', '{', theirs])
+        assert [step.readings for step in turns.complete()] == [[('sensor', 'reading')]]

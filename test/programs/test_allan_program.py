@@ -21,7 +21,7 @@ STD = np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.3])
 
 @pytest.fixture
 def bag(tmp_path):
-    """A recording of an IMU at rest, 6000 readings with a gap after the first 1000."""
+    """6000 readings of an IMU at rest, with a gap after the first 1000 and a NaN before."""
     rng = np.random.default_rng(4)
     message, name = Imu(), 'sensor_msgs/msg/Imu'
     with RecordingWriter(tmp_path / 'bag') as writer:
@@ -35,6 +35,8 @@ def bag(tmp_path):
                 (message.angular_velocity, message.linear_acceleration), row.reshape(2, 3)
             ):
                 part.x, part.y, part.z = values.tolist()
+            if k == 500:
+                message.angular_velocity.y = float('nan')
             writer.write('/imu/data', time, bytes(serialize_message(message)))
         writer.write('/imu/data', time + 1, b'\0\1\0\0')
         writer.write('/joint_states', time, bytes(serialize_message(JointState())))
@@ -48,8 +50,8 @@ def test_a_topic_with_an_imu_is_found_and_its_noise_printed(bag, tmp_path, capsy
     allan.main([str(bag), '--out', str(out)])
     printed = capsys.readouterr().out
     assert '/imu/data: 5000 readings, 100 Hz, 50 s' in printed
-    assert 'used, 5000 of 6000 readings; gaps: 1.' in printed
-    assert 'Messages that cannot be decoded: 1.' in printed
+    assert 'used, 5000 of 5999 readings; gaps: 2.' in printed
+    assert 'Messages that cannot be decoded, or are not finite: 2.' in printed
     assert 'do not determine the bias instability of gyro x' in printed
     tables = printed.partition('For a parameter file')[0]
     assert max(map(len, tables.splitlines())) <= 80

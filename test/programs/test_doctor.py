@@ -1,6 +1,7 @@
 """The doctor from a bag to its verdict, and the page of its score."""
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -127,6 +128,11 @@ def test_the_page_counts():
     assert '| pairs with both among the first four | 1 of 1 |' in text
     assert '| clean recordings with a finding | 1 of 2 |' in text
     assert '| nan | level | - | nothing |' in text
+
+
+def test_other_processes_can_score_every_recording():
+    planned = score.work(score.arguments([]))
+    assert len(pickle.loads(pickle.dumps(planned))) == len(cases()) + len(pairs()) + 100
 
 
 def test_a_score_is_resumed(tmp_path):

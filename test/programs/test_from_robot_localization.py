@@ -160,6 +160,20 @@ def test_what_is_not_carried_over_is_named_with_its_reason_and_line(tmp_path, ca
     assert 'debug' not in left
 
 
+def test_commands_become_the_input_of_the_planar_model(tmp_path):
+    lines = (
+        'two_d_mode: true', 'odom0: odom', f'odom0_config: {config("vx")}', 'use_control: true',
+        'stamped_control: true', 'control_timeout: 0.3', 'acceleration_gains: [0.8, 0.0, 0.9]',
+    )  # fmt: skip
+    values, rows = one(tmp_path, *lines)
+    built = settings(values)
+    assert built.scenario.input.topic == 'cmd_vel'
+    assert built.scenario.input.type == 'geometry_msgs/TwistStamped'
+    assert built.options.input_timeout == values['model_parameters.command_time'] == 0.3
+    assert all(rows[name].carried for name in ('use_control', 'control_timeout'))
+    assert not rows['acceleration_gains'].carried
+
+
 def test_poses_as_changes_are_read_as_such(tmp_path):
     for planar, rate in ((True, ['wz']), (False, ['wx', 'wy', 'wz'])):
         values, rows = one(
@@ -214,13 +228,23 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
         ),
         (
             'odom0: odom\nodom0_config: C\nprocess_noise_covariance: [1]\n',
-            'expected 15 or 225 num',
+            'expected 15 or 225 finite num',
         ),
         ('odom0: odom\nodom0_config: F\n', 'expected a flag that is true, got none'),
         ('odom0: odom\nodom0_config: C\nfrequency: -3.0\n', 'publish_rate: expected'),
         ('odom0: odom\nodom0_config: C\nfrequency: 1' + 400 * '0', 'of at most 64 bits'),
+        ('odom0: odom\nodom0_config: C\nworld_frame: base_link\n', 'another than frame'),
+        ('odom0: odom\nodom0_config: C\nworld_frame: /\n', 'without a leading slash'),
+        (
+            'odom0: odom\nodom0_config: C\nodom0_twist_rejection_threshold: -1.0\n',
+            'line 3: odom0_twist_rejection_threshold: expected a distance above 0, got -1',
+        ),
         ("odom0: ''\nodom0_config: C\n", 'line 1: odom0: expected the name of a topic'),
-        ('odom0: odom\nodom0_config: C\ninitial_state: [.nan]\n', 'expected 15 numbers'),
+        ('odom0: odom\nodom0_config: C\ninitial_state: [.nan]\n', 'expected 15 finite num'),
+        (
+            f'odom0: odom\nodom0_config: C\ninitial_state: [{14 * "0, "}1{400 * "0"}]\n',
+            'line 3: initial_state: expected 15 finite num',
+        ),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):
@@ -231,6 +255,44 @@ def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):
     said = capsys.readouterr().err
     assert refused.value.code == 2 and why in said and said.count('\n') == 1
     assert not (tmp_path / 'ours.yaml').exists()
+
+
+def test_a_threshold_that_keeps_everything_is_a_gate_of_one(tmp_path):
+    file, ours = tmp_path / 'theirs.yaml', tmp_path / 'ours.yaml'
+    config_of_speed = f'odom0_config: {config("vx")}'
+    file.write_text(f'odom0: odom\n{config_of_speed}\nodom0_twist_rejection_threshold: 1.0e+300\n')
+    main([str(file), '--out', str(ours)])
+    assert 'gate: 1.0' in ours.read_text()
+
+
+def test_filters_of_one_name_in_two_namespaces_are_two_files(tmp_path, capsys):
+    file = tmp_path / 'theirs.yaml'
+    ekf = f'{{ekf: {{ros__parameters: {{odom0: odom, odom0_config: {config("vx")}}}}}}}'
+    file.write_text(f'/first: {ekf}\n/second: {ekf}\n')
+    main([str(file), '--out', str(tmp_path / 'ours [b].yaml')])
+    said = capsys.readouterr().out
+    for space in ('first', 'second'):
+        assert (tmp_path / f'ours [b]_{space}_ekf.yaml').is_file()
+        options = f'-r __ns:=/{space} -r __node:=ekf --params-file '
+        assert f"{options}'{tmp_path}/ours [b]_{space}_ekf.yaml'" in said
+
+
+def test_a_wildcard_has_the_name_of_the_file(tmp_path, capsys):
+    file = tmp_path / 'theirs.yaml'
+    ekf = f'{{ros__parameters: {{odom0: odom, odom0_config: {config("vx")}}}}}'
+    file.write_text(f'/**: {ekf}\nother: {ekf}\n')
+    main([str(file), '--out', str(tmp_path / 'ours.yaml')])
+    assert (tmp_path / 'ours_theirs.yaml').is_file() and '*' not in capsys.readouterr().out
+
+
+def test_their_own_file_is_not_overwritten(tmp_path, capsys):
+    file = tmp_path / 'theirs.yaml'
+    text = f'odom0: odom\nodom0_config: {config("vx")}\n'
+    file.write_text(text)
+    with pytest.raises(SystemExit):
+        main([str(file), '--out', f'{tmp_path}/../{tmp_path.name}/theirs.yaml'])
+    assert '--out: expected another file' in capsys.readouterr().err
+    assert file.read_text() == text
 
 
 def test_a_file_that_is_not_there_is_refused_in_one_line(capsys):

@@ -57,6 +57,13 @@ def test_what_is_refused(typed, says, tmp_path, capsys):
     assert says in printed
 
 
+def test_one_parameter_twice_is_refused(tmp_path, capsys):
+    twice = ['--over', 'input_cost=1..2:lin:2', '--over', 'input_cost=1..9:lin:3']
+    with pytest.raises(SystemExit):
+        sweep.main([*twice, *FEW, '--out', str(tmp_path)])
+    assert 'over: expected two parameters, got input_cost=1..2' in capsys.readouterr().err
+
+
 def test_cost_and_errors_beside_theory(tmp_path, capsys):
     points = swept(
         tmp_path, '--over', 'input_cost=0.1..10:log:3', '--runs', '60', '--seconds', '10'
@@ -106,7 +113,10 @@ def test_workers_change_nothing(tmp_path):
         (ValueError('workers: a process ended before its work did'), 1, 'workers: a process'),
     ],
 )
-@pytest.mark.parametrize('over', [['input_cost=0.1..10:log:4'], ['input_cost=0.1..10:log:2'] * 2])
+@pytest.mark.parametrize(
+    'over',
+    [['input_cost=0.1..10:log:4'], ['input_cost=0.1..10:log:2', 'state_cost=1..10:log:2']],
+)
 def test_points_that_are_finished_are_kept(end, code, says, over, tmp_path, capsys, monkeypatch):
     def ending(task, items, *_):
         yield 2, task(items[2])
@@ -122,7 +132,7 @@ def test_points_that_are_finished_are_kept(end, code, says, over, tmp_path, caps
     found = json.loads((tmp_path / 'summary.json').read_text())
     assert says in found['stopped'] and found['missing'] == 2
     costs = [point['at']['input_cost'] for point in found['points']]
-    assert costs == pytest.approx([0.1, 10 ** (1 / 3)] if len(over) == 1 else [0.1, 0.1])
+    assert costs == pytest.approx([0.1, 10 ** (1 / 3)] if len(over) == 1 else [0.1, 10.0])
     assert (tmp_path / 'sweep.png').stat().st_size > 10_000
 
 

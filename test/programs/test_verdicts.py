@@ -19,7 +19,8 @@ from kalman_ros.programs import demo
 from kalman_ros.programs.studies import Findings, close
 from kalman_ros.programs.studies import program as study
 from kalman_ros.report.run_tables import verdict
-from kalman_ros.scenario.parameter_files import from_file, own_section
+from kalman_ros.scenario.demo_section import demo_section
+from kalman_ros.scenario.parameter_files import from_file
 
 CONFIGS = sorted((Path(__file__).parents[2] / 'config').glob('*.yaml'))
 GOOD, BAD = close('a', '', 1.0, 1.0, 0.1), close('b', '', 1.0, 2.0, 0.1)
@@ -89,8 +90,7 @@ def test_the_exit_code_is_that_of_the_worst_study(studies, tmp_path, name, code)
 
 @pytest.mark.parametrize('path', CONFIGS, ids=lambda path: path.stem)
 def test_every_scenario_has_a_duration_that_can_be_judged(path):
-    own = own_section(path, 'demo')
-    duration = own.pop('duration')
-    built = scenario.build({**from_file(path), **own})
-    assert duration >= least_duration(built)
-    assert set(own) <= set(scenario.options(from_file(path)))
+    own = demo_section(path)
+    built = scenario.build({**from_file(path), **own.parameters})
+    assert own.duration >= least_duration(built)
+    assert set(own.parameters) <= set(scenario.options(from_file(path)))

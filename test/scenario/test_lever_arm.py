@@ -125,9 +125,20 @@ def test_a_body_goes_by_the_names_of_its_states():
     ('changes', 'why'),
     [
         ({'gnss.mount.translation': [1.0, 2.0]}, 'gnss.mount.translation: .*3'),
-        ({'gnss.mount.translation': [1.0, 2.0, float('nan')]}, 'expected a number m, got nan'),
+        (
+            {'gnss.mount.translation': [1.0, 2.0, float('nan')]},
+            'expected -10000 to 10000 m, got nan',
+        ),
         ({'gnss.mount.gravity': 9.8}, 'gnss.mount.gravity: expected an acceleration among'),
-        ({'gnss.fields': ['latitude', 'longitude']}, "nothing is known of a lever arm of 'lat"),
+        (
+            {'gnss.fields': ['latitude', 'longitude']},
+            'gnss.fields: expected east, north or up, in m, for x, got latitude, in degrees',
+        ),
+        ({'gnss.mount.rotation': [0.0, 0.0, 90.0]}, 'expected -6.28319 to 6.28319 rad, got 90'),
+        (
+            {'gnss.pose': 'relative', 'gnss.mount.translation': [0.0] * 3},
+            'expected fields of a position or orientation with relative',
+        ),
         (
             {'model': 'constant_velocity', 'sensors': ['gnss'], 'initial_state': [0.0] * 4},
             'takes a state with a heading',

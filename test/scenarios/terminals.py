@@ -58,7 +58,7 @@ class Terminals:
         """Receive messages; none of the nodes may have ended."""
         self._context.spin(seconds)
         for name, process in self.processes.items():
-            assert process.exit_code is None, f'{name}: {process.last_line()}'
+            assert process.exit_code is None, f'{name}: {process.last_words()}'
 
     def wait(self, condition, seconds, trouble):
         """Receive messages until ``condition`` holds."""

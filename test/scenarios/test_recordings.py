@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64, String
 
 from kalman_ros.bags.reading import Bag
@@ -197,6 +198,34 @@ def test_what_a_killed_recorder_had_a_second_ago_is_in_the_file(recording):
     assert [*bag.topics] == ['/numbers']
     values = [np.frombuffer(message.data[4:12])[0] for message in bag.messages(['/numbers'])]
     assert values == list(map(float, range(500)))
+
+
+@pytest.mark.real_time
+def test_a_recorder_that_is_killed_under_load_loses_at_most_the_last_second(recording):
+    found = recording()
+    topics = [f'topic_{k}' for k in range(20)]
+    publishers = [found.node.create_publisher(Float64, topic, 1000) for topic in topics]
+    taken = lambda: all(each.get_subscription_count() for each in publishers)  # noqa: E731
+    found.until(taken, 'not all topics are recorded')
+    sent, begin = [], time.monotonic()
+    for round in range(600):  # 3 s at 200 Hz
+        sent.append(time.monotonic())
+        data = bytes(serialize_message(Float64(data=float(round))))
+        for publisher in publishers:
+            publisher.publish(data)
+        time.sleep(max(0.0, begin + 0.005 * (round + 1) - time.monotonic()))
+    killed = time.monotonic()
+    code, _ = found.end(signal.SIGKILL)
+    assert code == -signal.SIGKILL
+    bag = Bag(found.folder)
+    assert 'not finished' in bag.damage[0]
+    safe = sum(each < killed - 1.0 for each in sent)
+    assert safe > 300
+    for topic in topics:
+        messages = bag.messages([f'/{topic}'])
+        values = [np.frombuffer(message.data[4:12])[0] for message in messages]
+        assert len(values) >= safe
+        assert values == list(map(float, range(len(values))))
 
 
 def test_a_demo_is_recorded_and_replayed_with_its_truth(tmp_path, capfd):

@@ -107,6 +107,14 @@ def test_lockstep_in_simulated_time_is_the_same_to_the_last_bit():
     assert found[0] == found[1]
 
 
+def test_an_estimator_that_has_the_full_name_of_a_topic_is_in_step():
+    with Run(only={'estimator': {'position.topic': '/position'}}, seed=5) as run:
+        run.advance(0.5)
+        assert len(run.recorder.raw['estimate']) == 51
+        fused = lambda: run.reported('estimator', 'position: fused')  # noqa: E731
+        run.wait(lambda: int(fused() or 0) > 1, 5.0, fused)
+
+
 @pytest.mark.real_time
 def test_a_bag_that_is_played_again_starts_the_estimator_anew(loop):
     run, bag = loop
@@ -147,6 +155,8 @@ def test_a_clock_that_jumps_ahead(loop, seconds):
     run.wait(lambda: stamps(run, 'estimate')[-1] == bag.now, 5.0, lambda: 'no new estimates')
     restarts = lambda: run.reported('estimator', 'restarts')  # noqa: E731
     run.wait(lambda: restarts() == ('1' if seconds > 60.0 else '0'), 5.0, restarts)
+    logged = 'restarted from the initial belief' in run.processes['estimator'].output()
+    assert logged == (seconds > 60.0)
     found = run.recorder['estimate']
     after = found.covariance[found.stamp >= jumped]
     assert after[0].trace() > 1.4 * before.trace()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ def replay(
     parameters: Mapping[str, Any],
     readings: Mapping[str, tuple[Array, Array, Array, Array | None]],
     inputs: InputRecord,
+    seconds: float = inf,
 ) -> Evidence:
     """Return the evidence of a recording: what the estimator makes of it as it was received.
 
@@ -48,6 +50,8 @@ def replay(
         messages carried, None if they carried none.
     inputs
         What was commanded.
+    seconds
+        How much of it is replayed; later readings have no outcome.
     """
     scenario = scenarios.build(parameters, with_law=False)
     run = _Replay(parameters, scenario, readings)
@@ -55,7 +59,11 @@ def replay(
     for name in scenario.enabled:
         received = readings[name][0].tolist() if name in readings else []
         arrivals += [(t, 0, name, i) for i, t in enumerate(received)]
-    for received, _, name, index in sorted(arrivals):
+    arrivals.sort()
+    end = arrivals[0][0] + seconds if arrivals else inf
+    for received, _, name, index in arrivals:
+        if received > end:
+            break
         if name:
             run.read(received, name, index)
         else:
@@ -67,7 +75,9 @@ def replay(
         run.records(),
         inputs,
         run.beliefs(),
-        lambda changes: replay(changed(parameters, changes), readings, inputs),
+        lambda changes, seconds=inf: replay(
+            changed(parameters, changes), readings, inputs, seconds
+        ),
     )
 
 
@@ -75,6 +85,7 @@ def passed(
     parameters: Mapping[str, Any],
     readings: Mapping[str, tuple[Array, Array, Array, Array | None]],
     inputs: InputRecord,
+    seconds: float = inf,
 ) -> Evidence:
     """Return the evidence of a recording as an extended filter has it, in the order of stamps.
 
@@ -87,9 +98,11 @@ def passed(
     none = Beliefs(np.zeros(0), np.zeros((0, n)), np.zeros((0, n, n)))
     blank = Evidence(
         parameters, scenario, run.records(), inputs, none,
-        lambda changes: passed(changed(parameters, changes), readings, inputs),
+        lambda changes, seconds=inf: passed(
+            changed(parameters, changes), readings, inputs, seconds
+        ),
     )  # fmt: skip
-    found = passage(blank, strict=False)
+    found = passage(blank, blank.start + seconds, strict=False)
     for event, e in zip(found.events, found.whitened):
         record = blank.sensors[event.sensor]
         record.innovation[event.index] = event.innovation

@@ -56,12 +56,15 @@ SIMPLER = {
     'unit': 1.1, 'sign': 1.1, 'swapped': 1.1, 'rotated': 1.05,
     'outliers': 1.1, 'bias': 1.02, 'noise too small': 0.9, 'noise too large': 0.9,
     'process noise too small': 0.85, 'process noise too large': 0.85, 'random walk': 0.95,
-    'parameter': 0.9, 'scale': 0.25, 'input gain': 1.02, 'input sign': 1.1,
+    'unrelated': 1.1, 'parameter': 0.9, 'scale': 0.25, 'input gain': 1.02, 'input sign': 1.1,
 }  # fmt: skip
 #: No more causes than this are looked for, and no more than these are tried for one.
 _ROUNDS, _TRIED = 6, 5
-#: Other candidates are tried if they promise this part of the best reduction.
-_CLOSE = 0.4
+#: Other candidates are tried if they promise this part of the best reduction; the second where
+#: promises hold: of a filter that is not lost, and of reductions that are not chance in part.
+_CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
+#: A change is proven by a replay of the first seconds.
+PROOF = 20.0
 #: A gain below this part of all numbers read is of no account, whatever its significance.
 _RELEVANT = 0.002
 
@@ -133,14 +136,18 @@ def _best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examina
     promised = [finding for detector in FITTED for finding in detector(case)]
     promised.sort(key=_promise, reverse=True)
     tried: list[tuple[Finding, Examination]] = []
+    sure = bool(promised) and _promise(promised[0]) > _SURE and not gross.lost(case)
+    close = _CLOSER if sure else _CLOSE
     # what passes have shown first: where a filter is lost, regressions promise anything
-    for finding in [*gross.find(case), *promised][:_TRIED]:
-        known_already = any(same(finding, other) for other in (*known, *(f for f, _ in tried)))
-        if finding.gain <= least or known_already:
+    shown = gross.find(case)
+    others = [f for f in promised if not any(same(f, other) for other in (*known, *shown))]
+    for finding in [*shown, *others][:_TRIED]:
+        if finding.gain <= least or any(same(finding, other) for other in known):
             continue
-        if tried and _promise(finding) < _CLOSE * max(_promise(other) for other, _ in tried):
+        best = max((_promise(other) for other, _ in tried), default=0.0)
+        if finding not in shown and _promise(finding) < close * best:
             break
-        after = Examination(finding.mended()) if finding.mended else case
+        after = Examination(finding.mended(), known=finding.passage) if finding.mended else case
         try:
             gain = explained(case.passage, after.passage) - finding.dues
         except np.linalg.LinAlgError:
@@ -163,11 +170,11 @@ def _promise(finding: Finding) -> float:
 
 
 def _proven(evidence: Evidence, finding: Finding) -> Finding:
-    """Return a finding with what a replay with its change alone gains."""
+    """Return a finding with what a replay with its change alone gains in the first seconds."""
     if not finding.change:
         return finding
     try:
-        after = evidence.rerun(finding.change)
+        after = evidence.rerun(finding.change, PROOF)
     except ValueError:
         return replace(finding, change={})
     return replace(finding, proof=improvement(evidence, after))

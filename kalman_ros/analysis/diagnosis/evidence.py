@@ -3,15 +3,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from math import inf
+from typing import Any, Protocol
 
 import numpy as np
 
 from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
 from kalman_ros.core import Array
 from kalman_ros.scenario import Scenario, build
+
+
+class Rerun(Protocol):
+    """Replays a recording, or its first seconds, with some parameters changed."""
+
+    def __call__(self, changes: Mapping[str, Any], seconds: float = inf) -> Evidence:
+        """Return the evidence; a parameter of the file that is changed to None is removed."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -31,8 +40,8 @@ class Evidence:
     beliefs
         The estimates.
     rerun
-        Replays the recording with some parameters changed, by their names in the file; one that
-        is changed to None is removed.
+        Replays the recording, or its first seconds, with some parameters changed, by their names
+        in the file.
     """
 
     parameters: Mapping[str, Any]
@@ -40,7 +49,7 @@ class Evidence:
     sensors: Mapping[str, SensorRecord]
     inputs: InputRecord
     beliefs: Beliefs
-    rerun: Callable[[Mapping[str, Any]], Evidence]
+    rerun: Rerun
 
     def with_sensor(self, name: str, record: SensorRecord) -> Evidence:
         """Return the evidence with another record of one sensor."""
@@ -97,16 +106,18 @@ def misfit(evidence: Evidence) -> float:
 def improvement(before: Evidence, after: Evidence) -> float:
     """Return by how much the misfit of a replay is smaller than that of another.
 
-    Only readings with an innovation in both count; NaN if there are none.
+    Only readings with an innovation in both count, and one may end before the other; NaN if there
+    are none.
     """
-    total, count = 0.0, 0
+    total, compared = 0.0, 0
     for name, record in before.sensors.items():
         other = after.sensors.get(name)
-        if other is not None and len(other) == len(record):
-            change = _terms(record) - _terms(other)
+        count = 0 if other is None else min(len(record), len(other))
+        if other is not None and np.array_equal(record.received[:count], other.received[:count]):
+            change = _terms(record)[:count] - _terms(other)[:count]
             total += float(np.nansum(change))
-            count += int(np.isfinite(change).sum())
-    return total if count else float('nan')
+            compared += int(np.isfinite(change).sum())
+    return total if compared else float('nan')
 
 
 def _terms(record: SensorRecord) -> Array:

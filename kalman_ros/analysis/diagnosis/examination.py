@@ -11,7 +11,7 @@ import numpy as np
 from kalman_ros.core import Array
 
 from .evidence import Evidence
-from .hypotheses import columns, value_of, varied
+from .hypotheses import columns, effect, value_of, varied
 from .noise_scores import NoiseScores, noise_scores
 from .passage import Passage, passage
 from .responses import Responses, responses
@@ -25,16 +25,18 @@ CHANCE = 30.0
 class Examination:
     """Evidence, the pass of a filter over it, and how its innovations respond to faults.
 
-    Unless it is ``strict``, the pass of a filter that fails ends there.
+    Unless it is ``strict``, the pass of a filter that fails ends there. The pass is computed if it
+    is not ``known``.
     """
 
     evidence: Evidence
     strict: bool = True
+    known: Passage | None = None
 
     @cached_property
     def passage(self) -> Passage:
         """The pass in the order of stamps."""
-        return passage(self.evidence, strict=self.strict)
+        return self.known or passage(self.evidence, strict=self.strict)
 
     @cached_property
     def responses(self) -> Responses:
@@ -67,19 +69,22 @@ class Examination:
         """Of each input, the frequency (Hz) at which the state is pushed most; None without."""
         m = self.evidence.scenario.model.input.size
         times = np.array([event.time for event in self.passage.events])
-        if not m or len(times) < 100 or times[-1] <= times[0]:
+        able = m and hasattr(self.evidence.scenario.model, 'derivative')
+        if not able or len(times) < 100 or times[-1] <= times[0]:
             return None
         rate = min(self.evidence.scenario.rate, 40.0)
         bins = ((times - times[0]) * rate).astype(int)
         series = np.zeros((bins[-1] + 1, m))
-        np.add.at(series, bins, np.array([self._push(i) for i in range(len(times))]))
+        np.add.at(series, bins, self._pushes())
         padded = 4 * len(series)  # finer than the resolution, so that no peak falls between
         power = np.abs(np.fft.rfft(series - series.mean(axis=0), padded, axis=0))
         grid = np.fft.rfftfreq(padded, 1.0 / rate)
         return np.asarray(grid[np.argmax(np.where(grid[:, None] > 0.05, power, 0.0), axis=0)])
 
-    def _push(self, index: int) -> Array:
-        """Return the inputs (m,) that an event's correction amounts to, along their effect."""
-        event = self.passage.events[index]
-        B = self.evidence.scenario.model.input_jacobian(event.x, event.u)
-        return np.asarray(np.linalg.pinv(B) @ (event.K @ event.innovation))
+    def _pushes(self) -> Array:
+        """Return the inputs (E, m) that the events' corrections amount to, along their effect."""
+        events, model = self.passage.events, self.evidence.scenario.model
+        X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
+        B = np.stack([effect(model, X, U, i) for i in range(model.input.size)], axis=2)
+        moved = np.array([event.K.dot(event.innovation) for event in events])
+        return np.asarray((np.linalg.pinv(B) @ moved[:, :, None])[:, :, 0])

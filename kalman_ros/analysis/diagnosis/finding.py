@@ -11,6 +11,7 @@ from typing import Any
 from kalman_ros.core import Array
 
 from .evidence import Evidence
+from .passage import Passage
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ class Finding:
     share
         The same as a part of the misfit that all findings together explain.
     proof
-        By how much a replay with the change alone reduces the misfit; NaN without a change.
+        By how much a replay of the first seconds, with the change alone, reduces their misfit; NaN
+        without a change.
     figure
         The evidence as a picture.
     same_as
@@ -65,6 +67,8 @@ class Finding:
     mended
         Returns the evidence with this corrected, for the search for what else is wrong; None
         where nothing needs to be.
+    passage
+        The pass over the corrected evidence, where it is known already.
     """
 
     kind: str
@@ -79,3 +83,4 @@ class Finding:
     same_as: tuple[tuple[str, str], ...] = ()
     dues: float = 0.0
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
+    passage: Passage | None = field(default=None, repr=False, compare=False)

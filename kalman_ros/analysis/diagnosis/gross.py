@@ -16,7 +16,7 @@ from .passage import explained, passage
 from .units import conversions, scaled
 
 #: A filter is lost if its innovations squared are larger than expected by this factor.
-_LOST = 3.0
+_LOST = 2.0
 #: Candidates are compared on the first seconds.
 _SECONDS = 8.0
 #: Factors that are tried on each coordinate.
@@ -29,8 +29,7 @@ def find(case: Examination) -> list[Finding]:
     Each candidate is passed itself, on the first seconds; of a linear system the regressions have
     the same at once.
     """
-    squares = np.array([e @ e / len(e) for e in case.passage.whitened])
-    if case.evidence.scenario.plan.linear or squares.mean() < _LOST:
+    if not lost(case):
         return []
     until = case.passage.events[0].time + _SECONDS
     before = passage(case.evidence, until, strict=False)
@@ -46,6 +45,12 @@ def find(case: Examination) -> list[Finding]:
         if gain > CHANCE:
             found.append(replace(finding, gain=gain, z=gain**0.5))
     return sorted(found, key=lambda finding: -finding.gain)[:2]
+
+
+def lost(case: Examination) -> bool:
+    """Return whether the filter is so far off that its linearisation holds nowhere."""
+    squares = np.array([e @ e / len(e) for e in case.passage.whitened])
+    return not case.evidence.scenario.plan.linear and bool(squares.mean() >= _LOST)
 
 
 def _candidates(case: Examination) -> Iterator[Finding]:

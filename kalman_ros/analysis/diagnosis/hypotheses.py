@@ -92,8 +92,8 @@ def _of_state(
     dt = np.array([event.dt for event in found.events])
     for index, name in enumerate(model.input.names):
         labels, pushes = _pushes(evidence, found, index, tones)
-        effect = _effect(model, X, U, index) * dt[:, None]
-        yield [(kind, name, *rest) for kind, *rest in labels], effect[:, :, None] * pushes[:, None]
+        moved = effect(model, X, U, index) * dt[:, None]
+        yield [(kind, name, *rest) for kind, *rest in labels], moved[:, :, None] * pushes[:, None]
     names: list[tuple[str, ...]] = []
     blocks: list[Array] = []
     for name, other, size in varied(evidence):
@@ -103,8 +103,8 @@ def _of_state(
     yield names, np.stack(blocks, axis=2) if blocks else np.zeros((E, n, 0))
 
 
-def _effect(model: Model, X: Array, U: Array, index: int) -> Array:
-    """Return d derivative / d u_index (E, n)."""
+def effect(model: Model, X: Array, U: Array, index: int) -> Array:
+    """Return d derivative / d u_index (E, n) at states (E, n) and inputs (E, m)."""
     step = np.zeros(U.shape[1])
     step[index] = _STEP * max(1.0, float(np.abs(U[:, index]).max(initial=0.0)))
     return np.asarray((model.derivative(X, U + step) - model.derivative(X, U)) / step[index])

@@ -14,7 +14,6 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import edges, held
-from .responses import Fit
 
 #: Gains within this of 1 are no finding.
 _RELEVANT = 0.05
@@ -26,8 +25,7 @@ def find(case: Examination) -> list[Finding]:
     for index, name in enumerate(case.evidence.scenario.model.input.names):
         if case.responses.columns('gain', name):
             found += [*_gain(case, name, index), *_late(case, name, index)]
-            found += _dead(case, name, index)
-    return [*found, *_disturbed(case), *_tones(case)]
+    return [*found, *_dead(case), *_disturbed(case), *_tones(case)]
 
 
 def _with(evidence: Evidence, index: int, column: Array) -> Evidence:
@@ -86,28 +84,32 @@ def _late(case: Examination, name: str, index: int) -> list[Finding]:
     ]
 
 
-def _dead(case: Examination, name: str, index: int) -> list[Finding]:
-    labels = case.responses.columns('dead', name)
-    fits: dict[float, Fit] = {
-        float(case.responses.labels[c][2]): case.responses.alone(c) for c in labels
-    }
-    if not fits:
+def _dead(case: Examination) -> list[Finding]:
+    """Return the inputs of which a part about zero has no effect."""
+    evidence = case.evidence
+    value, words, first, gain = evidence.inputs.value.copy(), [], '', 0.0
+    for index, name in enumerate(evidence.scenario.model.input.names):
+        columns = case.responses.columns('dead', name)
+        fits = [case.responses.alone(column) for column in columns]
+        best = max(range(len(fits)), key=lambda i: fits[i].gain, default=None)
+        if best is None or fits[best].gain < CHANCE or fits[best].size[0] < 0.3:
+            continue
+        zone = float(fits[best].size[0]) * float(case.responses.labels[columns[best]][2])
+        value[:, index] -= np.clip(value[:, index], -zone, zone)
+        gain, first = gain + fits[best].gain, first or name
+        words.append(f'{zone:.3g} of {name}')
+    if not words:
         return []
-    size, fit = max(fits.items(), key=lambda item: item[1].gain)
-    weight = float(fit.size[0])
-    if fit.gain < CHANCE or weight < 0.3:
-        return []
-    zone = weight * size
-    u = case.evidence.inputs.value[:, index]
+    mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
     return [
         Finding(
             'dead zone',
-            name,
-            f'the first {zone:.3g} of the input {name}, either way, has no effect: a dead zone, '
-            'as of a motor with static friction.',
-            fit.gain**0.5,
-            gain=fit.gain,
-            mended=lambda: _with(case.evidence, index, u - np.clip(u, -zone, zone)),
+            first,
+            f'the first {", ".join(words)}, either way, has no effect: a dead zone, as of a motor '
+            'with static friction.',
+            gain**0.5,
+            gain=gain,
+            mended=lambda: mended,
         )
     ]
 

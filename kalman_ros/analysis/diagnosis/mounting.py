@@ -7,8 +7,9 @@ from itertools import permutations
 from math import degrees
 
 import numpy as np
+from scipy.optimize import minimize
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, rotations
 
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
@@ -27,7 +28,7 @@ def find(case: Examination) -> list[Finding]:
         if space.size < 2 or not case.responses.columns('mix', name):
             continue
         found += [*_swaps(case, name, space.size)]
-        if len(set(space.units)) == 1:
+        if len(set(space.units)) == 1 and space.size <= 3:
             found += [*_rotations(case, name, space.size)]
     return found
 
@@ -102,7 +103,8 @@ def _best_rotation(case: Examination, name: str, size: int) -> Array:
     """Return the rotation that gains most: by a grid in the plane, else the nearest to the fit.
 
     The rotation nearest to a matrix is that of its polar decomposition (P. Schoenemann, A
-    Generalized Solution of the Orthogonal Procrustes Problem, Psychometrika 31(1), 1966).
+    Generalized Solution of the Orthogonal Procrustes Problem, Psychometrika 31(1), 1966); from
+    there the gain is climbed.
     """
     if size == 2:
         angles = np.linspace(-np.pi, np.pi, 721)
@@ -113,7 +115,13 @@ def _best_rotation(case: Examination, name: str, size: int) -> Array:
         case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
     )
     U, _, V = np.linalg.svd(np.eye(size) - fit.size.reshape(size, size))
-    return np.asarray(U @ np.diag([*np.ones(size - 1), np.linalg.det(U @ V)]) @ V)
+    start = U @ np.diag([*np.ones(size - 1), np.linalg.det(U @ V)]) @ V
+
+    def loss(turn: Array) -> float:
+        return -_gain(case, name, rotations.exp(turn) @ start)
+
+    found = minimize(loss, np.zeros(3), method='BFGS')
+    return np.asarray(rotations.exp(found.x) @ start)
 
 
 def _picture(case: Examination, name: str, M: Array) -> Figure:

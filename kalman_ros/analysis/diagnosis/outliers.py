@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import gammainccinv
 
 from kalman_ros.core import Array
 
+from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .passage import DROPPED, gated
@@ -41,25 +44,30 @@ def _of(case: Examination, name: str) -> Finding | None:
     limit = typical * 2.0 * float(gammainccinv(k / 2.0, _RARE))
     if not (squares > limit).any():
         return None
-    far = gated(case.evidence, name, limit)
+    far, rest = gated(case.evidence, name, limit)
     share = len(far) / len(events)
     indices = np.array([case.passage.events[i].index for i in events])
     gain = float(np.sum(squares[np.isin(indices, far)] - k - DROPPED))
-    rest = squares[~np.isin(indices, far)]
-    gain += float(np.sum(rest[rest > limit] - k))
+    kept = squares[~np.isin(indices, far)]
+    gain += float(np.sum(kept[kept > limit] - k))
     if not 0.0 < share <= _MOST or gain < CHANCE:
         return None
     record = case.evidence.sensors[name]
     size = float(np.sqrt(np.median(squares[np.isin(indices, far)]) / k))
-    keep = np.setdiff1d(np.arange(len(record)), far)
     gate = case.evidence.scenario.sensors[name].gate
     change = {f'{name}.gate': 0.9999} if gate >= 1.0 else {}
+
+    def mended() -> Evidence:
+        value = record.value.copy()
+        value[far] = np.nan
+        return case.evidence.with_sensor(name, replace(record, value=value))
+
     return Finding(
         'outliers', name,
         f'{len(far)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers, '
         f'some {size:.2g} standard deviations off. A gate rejects them.',
         gain**0.5, change, gain=gain, figure=_picture(case, name, events, squares, limit),
-        mended=lambda: case.evidence.with_sensor(name, record.select(keep)),
+        mended=mended, passage=rest,
     )  # fmt: skip
 
 

@@ -19,13 +19,16 @@ import numpy as np
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array, DiscreteLinearSystem, LinearSystem, Model, is_finite
 from kalman_ros.estimators.filter import parts
-from kalman_ros.linear.kernels import corrected, gain, joseph, sandwich, weighed
+from kalman_ros.linear.kernels import corrected, gain, joseph, sandwich, scaled, weighed, whitening
+from kalman_ros.linear.matrices import identity
 
 from .evidence import Evidence
 
 LOG_2_PI = log(2.0 * pi)
 #: A step is as long as the model allows if it is longer only by the rounding of stamps.
 _ROUNDING = 1e-6
+#: Steps of nonlinear models up to this (s) are taken by their linearisation.
+_SHORT = 0.02
 #: Innovations beyond this many of their standard deviations count as this many.
 _FAR = 1e6
 
@@ -135,7 +138,8 @@ def passage(
         events.append(
             Event(name, index, time, F, Q, dt, x, P, walk.u, H, K, S, innovation, white, size)
         )
-        whitened.append(np.clip(white @ innovation, -_FAR, _FAR))
+        e = white.dot(innovation)
+        whitened.append(e if e.dot(e) <= _FAR**2 else np.clip(e, -_FAR, _FAR))
     return Passage(events, whitened)
 
 
@@ -149,15 +153,15 @@ def whitener(S: Array) -> tuple[Array, float]:
     """
     if len(S) == 1 and S[0, 0] > 0.0:
         return S**-0.5, LOG_2_PI + log(S[0, 0])
-    L = np.linalg.cholesky(S)
-    return np.linalg.inv(L), len(S) * LOG_2_PI + 2.0 * float(np.log(L.diagonal()).sum())
+    white = whitening(S)
+    return white, len(S) * LOG_2_PI - 2.0 * sum(map(log, white.diagonal().tolist()))
 
 
-def gated(evidence: Evidence, name: str, limit: float) -> Array:
-    """Return the indices of the readings of a sensor that a gate rejects, at this NIS."""
+def gated(evidence: Evidence, name: str, limit: float) -> tuple[Array, Passage]:
+    """Return the readings of a sensor that a gate rejects, at this NIS, and the pass without."""
     far: list[int] = []
-    passage(evidence, gate=(name, limit, far), strict=False)
-    return np.array(far, dtype=int)
+    found = passage(evidence, gate=(name, limit, far), strict=False)
+    return np.array(far, dtype=int), found
 
 
 def usable(record: SensorRecord) -> Any:
@@ -186,6 +190,7 @@ class _Walk:
 
     def __init__(self, evidence: Evidence) -> None:
         self._model = evidence.scenario.model
+        self._exact = is_linear(self._model) or bool(self._model.state.rotations)
         self.x, self.P = evidence.scenario.initial_belief
         inputs = evidence.inputs
         order = np.argsort(inputs.stamp, kind='stable')
@@ -202,8 +207,8 @@ class _Walk:
 
     def to(self, time: float) -> tuple[Array, Array, float]:
         """Go on to ``time`` (s); return F, Q and the length of that step."""
-        n, begin = self.x.size, self._time
-        F, Q, before = self._skipped or (np.eye(n), np.zeros((n, n)), 0.0)
+        begin = self._time
+        F, Q, before = self._skipped or (None, None, 0.0)
         self._skipped = None
         while self._times[self._next] < time:
             at = self._times[self._next]
@@ -211,32 +216,60 @@ class _Walk:
             self.u, self._resting = self._inputs[self._next], False
             self._next += 1
         F, Q = self._moved(time, F, Q)
+        if F is None or Q is None:
+            F, Q = identity(self.x.size), np.zeros((self.x.size, self.x.size))
         return F, Q, before + (time - begin if np.isfinite(begin) else 0.0)
 
-    def _moved(self, time: float, F: Array, Q: Array) -> tuple[Array, Array]:
+    def _moved(
+        self, time: float, F: Array | None, Q: Array | None
+    ) -> tuple[Array | None, Array | None]:
+        """Go on to ``time`` (s); return F and Q, None if nothing has moved, so far."""
         dt = time - self._time
         if np.isfinite(dt) and dt > 0.0 and not self._resting:
             count = parts(self._model, dt * (1.0 - _ROUNDING))
             for _ in range(count):
                 A, W = transition(self._model, self.x, self.u, dt / count)
-                self.x = self._model.step(self.x, self.u, dt / count)
+                self.x = self._stepped(A, dt / count)
                 self.P = sandwich(A, self.P, W)
-                F, Q = A @ F, A @ Q @ A.T + W
+                if F is None or Q is None:
+                    F, Q = A, W
+                else:
+                    F, Q = scaled(A, F), sandwich(A, Q, W)
         self._time = max(self._time, time)
         return F, Q
+
+    def _stepped(self, F: Array, dt: float) -> Array:
+        """Return the state after a step; a short one by F, x + (I + F) f(x) dt / 2.
+
+        It is right to the second order in dt, as F is, and takes a quarter of the evaluations.
+        """
+        model = self._model
+        if self._exact or dt > _SHORT:
+            return model.step(self.x, self.u, dt)
+        moved = (0.5 * dt) * model.derivative(self.x, self.u)
+        return model.state.wrap(self.x + moved + F.dot(moved))
+
+
+def is_linear(model: Model) -> bool:
+    """Return whether steps of a model are linear, or known in no other way."""
+    return isinstance(model, (LinearSystem, DiscreteLinearSystem)) or not hasattr(
+        model, 'derivative'
+    )
 
 
 def transition(model: Model, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
     """Return F and Q (n, n) of a short step: exact where linear, else to second order in dt."""
-    if isinstance(model, (LinearSystem, DiscreteLinearSystem)) or not hasattr(model, 'derivative'):
+    if is_linear(model):
         step = model.transition(x, u, dt)
         return step.F, step.Q
     A, W = model.state_jacobian(x, u), model.noise_density(x)
-    AW = A @ W
-    F = np.eye(len(A)) + dt * A + (0.5 * dt * dt) * (A @ A)
-    third = A @ (AW + AW.T)
-    Q = dt * W + (0.5 * dt * dt) * (AW + AW.T) + (dt**3 / 6.0) * (third + third.T)
-    return np.asfortranarray(F), np.asfortranarray(Q)
+    A = dt * A
+    F = scaled(A, 0.5 * A) + A
+    F += identity(len(A))
+    second = scaled(A, (0.5 * dt) * W)
+    second = second + second.T
+    third = scaled(A, second / 3.0)
+    return F, dt * W + second + third + third.T
 
 
 def explained(before: Passage, after: Passage) -> float:

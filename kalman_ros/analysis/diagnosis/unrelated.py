@@ -19,11 +19,15 @@ _SUSPECT = 4.0
 #: The fewest readings that are judged.
 _FEWEST = 50
 #: Correlations with all states are looked at within this many seconds, and are none below this.
-_LAG, _CORRELATED = 1.0, 0.4
-#: The slope of readings over predictions is this many deviations below 1.
+_LAG, _CORRELATED = 1.0, 0.55
+#: The slopes of readings over predictions and of predictions over readings, between which the true
+#: one is where both have errors, are this many deviations below 1 (R. Frisch, Statistical
+#: Confluence Analysis by Means of Complete Regression Systems, 1934).
 _FAR = 4.0
 #: The other sensors know what it should read if this varies by more than their uncertainty.
 _EXCITED = 1.0
+#: How often the slope and the correlation of the residual are computed in turn.
+_REPEATED = 3
 
 
 @dataclass(frozen=True)
@@ -118,7 +122,11 @@ def _compared(case: Examination, name: str, without: Passage) -> _Comparison | N
         return None
     signals = np.column_stack((expected, _straight(case.evidence.scenario.model.state, x)))
     largest = max(_correlated(record, column, signals) for column in y.T)
-    z = min(_distance(y[:, i], expected[:, i]) for i in np.flatnonzero(known))
+    z = min(
+        _distance(one[:, i], other[:, i])
+        for one, other in ((y, expected), (expected, y))
+        for i in np.flatnonzero(known)
+    )
     return _Comparison(record.stamp, y, expected, largest, z)
 
 
@@ -151,16 +159,19 @@ def _correlated(record: SensorRecord, y: Array, signals: Array) -> float:
 def _distance(y: Array, expected: Array) -> float:
     """Return by how many standard deviations the slope of readings over predictions is below 1.
 
-    The slope's deviation counts N (1 - r) / (1 + r) independent readings, r the product of the
-    autocorrelations at one step (M. Bartlett, Some Aspects of the Time-Correlation Problem, J.
-    Royal Statistical Society 98(3), 1935).
+    The residual is taken for autoregressive of first order, and both are whitened by it (D.
+    Cochrane and G. Orcutt, Application of Least Squares Regression to Relationships Containing
+    Auto-correlated Error Terms, J. American Statistical Association 44(245), 1949).
     """
-
-    def successive(values: Array) -> float:
-        return float(np.corrcoef(values[1:], values[:-1])[0, 1])
-
-    r = min(max(successive(y) * successive(expected), 0.0), 1.0 - 1e-9)
-    independent = len(y) * (1.0 - r) / (1.0 + r)
-    ratio = float(y.std() / expected.std())
-    slope = ratio * float(np.corrcoef(y, expected)[0, 1])
-    return float((1.0 - abs(slope)) / (ratio / max(independent, 1.0) ** 0.5))
+    y, expected = y - y.mean(), expected - expected.mean()
+    slope = 0.0
+    for _ in range(_REPEATED):
+        residual = y - slope * expected
+        r = min(max(float(residual[1:] @ residual[:-1] / (residual @ residual)), 0.0), 0.999)
+        white_y, white = y[1:] - r * y[:-1], expected[1:] - r * expected[:-1]
+        information = float(white @ white)
+        if information <= 0.0:
+            return 0.0
+        slope = float(white @ white_y) / information
+    std = float(np.std(white_y - slope * white)) / information**0.5
+    return float((1.0 - abs(slope)) / max(std, 1e-300))

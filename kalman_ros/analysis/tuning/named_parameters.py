@@ -24,7 +24,7 @@ from .free_parameter import FreeParameter
 #: The longest delay of a sensor that is looked for, in seconds.
 LONGEST_DELAY = 1.0
 #: Options that are numbers and no parameter of the estimate.
-_NOT = ('rate', 'gate', 'datum', 'initial_state', 'enabled')
+_NOT = ('rate', 'gate', 'datum', 'initial_state', 'enabled', 'still.below', 'still.duration')
 #: What other filters are fitted as: the likelihood needs their own covariance.
 _FITTED_AS = {'steady_state': 'kf', 'luenberger': 'kf', 'gaussian_sum': 'ekf'}
 
@@ -179,9 +179,9 @@ class NamedParameters:
 
     def _found(self) -> Iterable[_Place]:
         for name, option in self._options.items():
-            last, sensor = name.rpartition('.')[2], name.partition('.')[0]
+            sensor, _, own = name.partition('.')
             disabled = sensor in self.scenario.sensors and sensor not in self.scenario.enabled
-            if last not in _NOT and not disabled:
+            if name not in _NOT and own not in _NOT and not disabled:
                 yield from self._of(name, option)
         for name, source in self.scenario.enabled.items():
             output, R = source.sensor.output, source.sensor.covariance

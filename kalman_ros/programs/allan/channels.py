@@ -11,7 +11,7 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.codecs.messages import UndecodableError
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
-from kalman_ros.core import Array, Signal
+from kalman_ros.core import Array, Signal, is_finite
 
 KIND = 'sensor_msgs/msg/Imu'
 NAMES = ('gyro x', 'gyro y', 'gyro z', 'accel x', 'accel y', 'accel z')
@@ -27,7 +27,8 @@ class Channels:
     """The readings (N, 6) of a topic without a gap, one every ``period`` s.
 
     ``gaps`` is the number of gaps in the whole recording, of which the longest part without one is
-    used; ``whole`` the number of readings in it, and ``dropped`` those that cannot be decoded.
+    used; ``whole`` the number of readings in it, and ``dropped`` those that cannot be
+    decoded or are not finite.
     """
 
     topic: str
@@ -70,6 +71,9 @@ def channels(bag: Bag, topic: str) -> Channels:
         try:
             sample = read(message.data)
         except (UndecodableError, LookupError, ValueError):
+            dropped += 1
+            continue
+        if not is_finite(sample.values):
             dropped += 1
             continue
         times.append(sample.time or message.time)

@@ -94,7 +94,7 @@ def _show(console: Console, found: Channels, results: Sequence[Allan]) -> None:
             f'{found.gaps}.'
         )
     if found.dropped:
-        console.print(f'Messages that cannot be decoded: {found.dropped}.')
+        console.print(f'Messages that cannot be decoded, or are not finite: {found.dropped}.')
     for key, title, per in _PARAMETERS:
         cells = [_cells(getattr(each, key)) for each in results]
         titles = (title, '95 % interval', 'at \\[s]')

@@ -96,7 +96,7 @@ class Respondent:
         end = time.monotonic() + 20.0
         while not condition():
             if time.monotonic() > end:
-                raise RuntimeError(f'{self._command[0]}: {self._process.last_line()}')
+                raise RuntimeError(f'{self._command[0]}: {self._process.last_words()}')
             self._context.spin(0.002)
 
     def restart(self) -> float:
@@ -118,7 +118,7 @@ class Respondent:
         time.sleep(pause)
         start = time.perf_counter()
         if not self._answered(5.0):
-            raise RuntimeError(f'no estimate: {self._process.last_line()}')
+            raise RuntimeError(f'no estimate: {self._process.last_words()}')
         return time.perf_counter() - start
 
     def _answered(self, patience: float) -> bool:

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, rotations
 
 from .recordings import Injection, stamps_of, values_of
 
 #: The scenarios, from linear to GNSS and IMU.
 SCENARIOS = ('mass_spring_damper_2d', 'cart_pole', 'diff_drive', 'gnss_imu')
 _MASS, _POLE, _DRIVE, _GNSS = SCENARIOS
+#: One more, for what has three axes.
+_SPACE = 'robot_3d'
 #: Of each scenario the sensor that goes wrong where it does not matter which.
 _SENSOR = {_MASS: 'position', _POLE: 'joint_states', _DRIVE: 'imu', _GNSS: 'imu'}
 
@@ -46,7 +48,8 @@ class Case:
 
 def cases() -> list[Case]:
     """Return all cases."""
-    return [*_links(), *_bodies(), *_edits(), *_noises(), *_models()]
+    in_space = Case('rotation', _SPACE, _askew('odometry', 20.0), ('rotated',), 'odometry')
+    return [*_links(), *_bodies(), *_edits(), *_noises(), *_models(), in_space]
 
 
 def _links() -> list[Case]:
@@ -134,6 +137,12 @@ def _swapped(sensor: str) -> Injection:
 def _turned(sensor: str, degrees: float) -> Injection:
     c, s = cos(radians(degrees)), sin(radians(degrees))
     return Injection(edits={sensor: values_of(lambda y: y @ np.array([[c, s], [-s, c]]))})
+
+
+def _askew(sensor: str, degrees: float) -> Injection:
+    """Return readings of three axes, turned by an angle about an axis between them."""
+    R = rotations.exp(radians(degrees) * np.array([2.0, 1.0, 2.0]) / 3.0)
+    return Injection(edits={sensor: values_of(lambda y: y @ R.T)})
 
 
 def _foreign(sensor: str, size: float) -> Injection:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +37,13 @@ def load(bag: str | Path, params: str | Path | None) -> Evidence:
     return replayed(Bag(bag), {'model': models.DEFAULT, **values})
 
 
-def replayed(bag: Bag, parameters: Mapping[str, Any]) -> Evidence:
-    """Return the evidence of a bag that is open, with these parameters of the estimator."""
-    found = replay_bag(bag, estimator_settings(parameters))
+def replayed(bag: Bag, parameters: Mapping[str, Any], seconds: float = inf) -> Evidence:
+    """Return the evidence of a bag, or of its first seconds, with the estimator's parameters."""
+    found = replay_bag(bag, estimator_settings(parameters), end=seconds)
     sensors: dict[str, SensorRecord] = dict(found.sensors)
     if found.lockstep:  # nothing takes time
         sensors = {name: replace(each, received=each.stamp) for name, each in sensors.items()}
     return Evidence(
         parameters, found.scenario, sensors, found.inputs, found.beliefs,
-        lambda changes: replayed(bag, changed(parameters, changes)),
+        lambda changes, seconds=inf: replayed(bag, changed(parameters, changes), seconds),
     )  # fmt: skip

@@ -122,6 +122,23 @@ def clean(scenario: str, seconds: float, seed: int) -> Row:
     return Row('none', scenario, [], False, found, time.process_time() - begin)
 
 
+def single(number: int, seconds: float, seed: int) -> Row:
+    """Return what is found in a recording with a fault, by its number."""
+    case = cases()[number]
+    return row(case.fault, [case], seconds, seed)
+
+
+def double(number: int, seconds: float, seed: int) -> Row:
+    """Return what is found in a recording with a pair of faults, by its number."""
+    both = pairs()[number]
+    return row(_named(both), both, seconds, seed)
+
+
+def _named(both: Sequence[Case]) -> str:
+    return ' and '.join(case.fault for case in both)
+
+
+#: The name of a fault, that of its row, and how the row is computed by another process.
 Work = tuple[str, str, Callable[..., Row], tuple[object, ...]]
 
 
@@ -131,12 +148,12 @@ def work(options: argparse.Namespace) -> list[Work]:
     for number, case in enumerate(cases()):
         seed = options.seed + number
         key = f'{case.fault} {case.scenario} {number}'
-        found.append((case.fault, key, row, (case.fault, [case], options.seconds, seed)))
+        found.append((case.fault, key, single, (number, options.seconds, seed)))
     for number, both in enumerate(pairs()):
-        fault = ' and '.join(case.fault for case in both)
+        fault = _named(both)
         key = f'{fault} {both[0].scenario}'
         seed = options.seed + 1000 + number
-        found.append((fault, key, row, (fault, both, options.seconds, seed)))
+        found.append((fault, key, double, (number, options.seconds, seed)))
     for number in range(options.clean):
         scenario = SCENARIOS[number % len(SCENARIOS)]
         seed = options.seed + 2000 + number

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kalman_ros.pipeline.settings import settings
+from kalman_ros.pipeline.transforms import check_frames
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario.parameter_text import section_text
 
@@ -43,31 +45,36 @@ def as_text(values: Mapping[str, Any], source: str) -> str:
     return f'# From {source}, a file of robot_localization.\n{section_text("/**", values)}'
 
 
-def written(found: Sequence[Translation], source: Path, out: Path | None) -> dict[str, Path]:
-    """Write a file for each filter, once all of them load, and return them by its name.
+def written(filters: Sequence[Translation], source: Path, out: Path | None) -> list[Path]:
+    """Write a file for each filter, once all of them load, and return their paths.
 
     Raises
     ------
     ValueError
-        If one does not load as a parameter file of the estimator.
+        If one does not load as a parameter file of the estimator, or two would be one file.
     """
-    filters = [each for each in found if each.values]
     for each in filters:
         try:
-            settings(each.values)
+            found = settings(each.values).options
+            if found.publish_tf:
+                check_frames(found)
         except ValueError as error:
-            raise ValueError(f'{each.name}: {error}') from None
+            raise ValueError(f'{each.title}: {error}') from None
     first = Path(f'{source.stem}_kalman_ros.yaml') if out is None else out
-    files = {}
-    for each in filters:
-        name = f'{first.stem}_{each.name}{first.suffix}' if len(filters) > 1 else first.name
-        files[each.name] = first.with_name(name)
-        files[each.name].write_text(as_text(each.values, source.name))
+    names = [f'{first.stem}_{each.title.replace("/", "_")}{first.suffix}' for each in filters]
+    files = [first.with_name(name) for name in names] if len(filters) > 1 else [first]
+    for file in files:
+        if files.count(file) > 1:
+            raise ValueError(f'{source.name}: two filters would be {file}')
+        if file.resolve() == source.resolve():
+            raise ValueError(f'--out: expected another file than {source}')
+    for file, each in zip(files, filters):
+        file.write_text(as_text(each.values, source.name))
     return files
 
 
 def _table(title: str, rows: Sequence[Row]) -> Table:
-    table = Table(title=title, title_justify='left', box=None, title_style='bold')
+    table = Table(title=Text(title), title_justify='left', box=None, title_style='bold')
     table.add_column('line', justify='right')
     table.add_column('parameter', overflow='fold')
     table.add_column('what becomes of it', overflow='fold')
@@ -81,7 +88,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(argv)
     try:
         found = translated(their_nodes(options.file))
-        files = written(found, options.file, options.out)
+        filters = [each for each in found if each.values]
+        files = written(filters, options.file, options.out)
     except OSError as error:
         refuse(PROGRAM, ValueError(f'{error.filename}: {error.strerror}'))
     except ValueError as error:
@@ -90,15 +98,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     for each in found:
         carried = [row for row in each.rows if row.carried]
         left = [row for row in each.rows if not row.carried]
-        console.print(_table(f'{each.name}: carried over, or not needed', carried))
+        console.print(_table(f'{each.title}: carried over, or not needed', carried))
         if left:
-            console.print(_table(f'{each.name}: NOT carried over', left))
+            console.print(_table(f'{each.title}: NOT carried over', left))
         console.print()
-    for name, file in files.items():
-        node = f' -r __node:={name}' if len(files) > 1 else ''
-        console.print(f'[bold]{name}[/]: {file}', soft_wrap=True)
-        command = f'ros2 run kalman_ros estimator --ros-args{node} --params-file {file}'
-        console.print(f'  {command}', soft_wrap=True, highlight=False)
+    for each, file in zip(filters, files):
+        space = f' -r __ns:=/{each.namespace}' if each.namespace else ''
+        node = f' -r __node:={each.name}' if len(files) > 1 else ''
+        command = f'ros2 run kalman_ros estimator --ros-args{space}{node} --params-file '
+        console.print(Text(f'{each.title}: {file}'), style='bold', soft_wrap=True)
+        console.print(Text(f'  {command}{shlex.quote(str(file))}'), soft_wrap=True)
     console.print(
         'Where sensors are is not in such a file: declare SENSOR.frame and SENSOR.mount.'
     )

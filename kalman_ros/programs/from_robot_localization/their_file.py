@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ class TheirNode:
     """The parameters of a node; what is taken is accounted for."""
 
     name: str
+    namespace: str
     values: dict[str, Lined]
     rows: list[Row] = field(default_factory=list)
 
@@ -68,22 +70,28 @@ class TheirNode:
         if name not in self.values:
             return None
         found, line = self.values[name]
-        plain = isinstance(found, list) and all(type(item) in (int, float) for item in found)
-        if not plain or len(found) not in sizes:
+        if not isinstance(found, list) or len(found) not in sizes or not all(map(_usable, found)):
             wanted = ' or '.join(map(str, sizes))
-            raise ValueError(f'line {line}: {name}: expected {wanted} numbers')
+            raise ValueError(f'line {line}: {name}: expected {wanted} finite numbers')
         return [float(item) for item in found]
 
     def note(self, name: str, what: str, *, carried: bool = True) -> None:
         """Account for a parameter, if it is given."""
         if name in self.values:
-            self.rows.append(Row(self.values[name].line, name, carried, what))
+            row = Row(self.values[name].line, name, carried, what)
+            if row not in self.rows:
+                self.rows.append(row)
 
     @property
     def unaccounted(self) -> list[str]:
         """The parameters that were not accounted for."""
         done = {row.name for row in self.rows}
         return [name for name in self.values if name not in done]
+
+
+def _usable(value: Any) -> bool:
+    """Return whether a value is a number that is finite as a float."""
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def their_nodes(path: Path) -> list[TheirNode]:
@@ -95,22 +103,24 @@ def their_nodes(path: Path) -> list[TheirNode]:
         If no filter of robot_localization is in it.
     """
     whole = with_lines(path)
-    found = list(_nodes(whole.value, path.stem)) if isinstance(whole.value, Mapping) else []
+    found = list(_nodes(whole.value, (), path.stem)) if isinstance(whole.value, Mapping) else []
     if not any(node.filters for node in found):
         expected = 'expected a node with one of odom0, pose0, twist0, imu0'
         raise ValueError(f'{path.name}: {expected}')
     return found
 
 
-def _nodes(values: Mapping[str, Lined], name: str) -> Iterator[TheirNode]:
+def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iterator[TheirNode]:
+    """Return the nodes below the parts of a name; a wildcard has the name of the file."""
+    *space, name = [part for part in parts if '*' not in part] or [stem]
     if any(map(SENSOR.fullmatch, values)):
-        yield TheirNode(name, _flat(values))
+        yield TheirNode(name, '/'.join(space), _flat(values))
         return
     for key, (value, _) in values.items():
         if key == 'ros__parameters' and isinstance(value, Mapping):
-            yield TheirNode(name, _flat(value))
+            yield TheirNode(name, '/'.join(space), _flat(value))
         elif isinstance(value, Mapping):
-            yield from _nodes(value, str(key).rpartition('/')[2] or name)
+            yield from _nodes(value, [*parts, *filter(None, str(key).split('/'))], stem)
 
 
 def _flat(values: Mapping[str, Lined], start: str = '') -> dict[str, Lined]:

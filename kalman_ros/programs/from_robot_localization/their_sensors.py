@@ -141,7 +141,12 @@ def _gate(node: TheirNode, name: str, part: Part, size: int) -> dict[str, float]
     for key in (f'{name}_{part.threshold}', f'{name}_rejection_threshold'):
         if key in node.values:
             distance = node.value(key, 0.0)
-            probability = max(_LEAST, float(chi2.cdf(distance**2, size)))
+            if not distance > 0.0:
+                expected = 'expected a distance above 0'
+                raise ValueError(
+                    f'line {node.values[key].line}: {key}: {expected}, got {distance:g}'
+                )
+            probability = max(_LEAST, float(chi2.cdf(distance * distance, size)))
             node.note(key, f'gate: a distance of {distance:g} is a probability, by its numbers')
             return {'gate': min(probability, 1.0)}
     return {}

@@ -35,10 +35,10 @@ _NOT_CARRIED = {
     'permit_corrected_publication': 'estimates are published as they are at the time',
     'base_link_frame_output': 'the estimate is that of child_frame',
     'disabled_at_startup': 'start with autostart: false, and configure on ~/change_state',
-    'acceleration_limits': 'no command is an input of these models',
-    'deceleration_limits': 'no command is an input of these models',
-    'acceleration_gains': 'no command is an input of these models',
-    'deceleration_gains': 'no command is an input of these models',
+    'acceleration_limits': 'the lag command_time limits the acceleration',
+    'deceleration_limits': 'the lag command_time limits the acceleration',
+    'acceleration_gains': 'the lag command_time limits the acceleration',
+    'deceleration_gains': 'the lag command_time limits the acceleration',
 }
 #: By name of ours: which of their 15 states, in the plane and in space.
 _PROCESS: Mapping[bool, Mapping[str, Any]] = {
@@ -55,6 +55,7 @@ _PLANAR = [0, 1, 5, 6, 7, 11, 12, 13]
 _STATES = 15
 #: What it takes without the parameter: robot_localization's own file of defaults.
 _FREQUENCY, _RATE = 30.0, 100.0
+_CONTROL_TIMEOUT = 0.2
 _GPS = 'odometry/gps'
 #: Standard deviations of a first belief; robot_localization's is the root of 1e-9, and overwritten
 #: by the first measurement.
@@ -66,8 +67,14 @@ class Translation:
     """Parameters of ours, and what became of theirs."""
 
     name: str
+    namespace: str
     values: Mapping[str, Any]
     rows: Sequence[Row]
+
+    @property
+    def title(self) -> str:
+        """The name with its namespace."""
+        return f'{self.namespace}/{self.name}' if self.namespace else self.name
 
 
 def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
@@ -78,6 +85,16 @@ def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
     ValueError
         If a parameter has another type or size; the line is named.
     """
+    spaces = dict.fromkeys(node.namespace for node in nodes)
+    return [
+        found
+        for space in spaces
+        for found in _translated([node for node in nodes if node.namespace == space])
+    ]
+
+
+def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
+    """Return the same for the nodes of one namespace, which work together."""
     navigation = next((node for node in nodes if node.navigates), None)
     filters = [node for node in nodes if node.filters]
     several = len(filters) > 1
@@ -94,13 +111,13 @@ def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
             values['tf_odometry'] = topic
         for name in node.unaccounted:
             node.note(name, 'unknown to this program', carried=False)
-        found.append(Translation(node.name, values, node.rows))
+        found.append(Translation(node.name, node.namespace, values, node.rows))
     for node in nodes:
         if not node.filters:
             what = 'unknown to this program' if node.navigates else 'of no filter'
             for name in node.unaccounted:
                 node.note(name, what, carried=False)
-            found.append(Translation(node.name, {}, node.rows))
+            found.append(Translation(node.name, node.namespace, {}, node.rows))
     return found
 
 
@@ -133,15 +150,14 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
         found[f'{name}.rate'] = 50.0
     _noise(node, found, sensors, planar=planar)
     _window(node, found)
-    control = node.value('use_control', False)
-    why = 'no command is an input of these models; model: diff_drive' if control else 'not used'
-    node.note('use_control', why, carried=not control)
+    _commands(node, found, planar=planar)
     node.note('use_sim_time', 'use_sim_time')
     if 'use_sim_time' in node.values:
         found['use_sim_time'] = node.value('use_sim_time', False)
     node.note('gravitational_acceleration', 'mount.gravity of the accelerometers')
-    for name, why in _NOT_NEEDED.items():
-        node.note(name, why)
+    for name in node.unaccounted:
+        if name in _NOT_NEEDED:
+            node.note(name, _NOT_NEEDED[name])
     for name, why in _NOT_CARRIED.items():
         # a switch that is off is nothing to carry over
         off = name in node.values and node.values[name].value is False
@@ -207,6 +223,24 @@ def _diagonal(node: TheirNode, name: str, ours: str) -> Array | None:
     lost = ', its diagonal: the rest is not carried over' if rest.any() else ''
     node.note(name, f'{ours}{lost}', carried=not lost)
     return diagonal
+
+
+def _commands(node: TheirNode, found: dict[str, Any], *, planar: bool) -> None:
+    """Take the commands as the input of the planar model; the other one has none."""
+    control = node.value('use_control', False)
+    if not control or not planar:
+        why = 'robot_3d has no input; robot_2d has (two_d_mode)' if control else 'not used'
+        node.note('use_control', why, carried=not control)
+        return
+    lag = max(node.value('control_timeout', _CONTROL_TIMEOUT), 1e-3)
+    found['model_parameters.command_time'] = found['input_timeout'] = lag
+    node.note('use_control', 'model_parameters.command_time: cmd_vel is the input')
+    node.note('control_timeout', 'model_parameters.command_time and input_timeout')
+    node.note('control_config', 'commands of forward, sideways and turn are all used')
+    if node.value('stamped_control', False):
+        fields = [f'twist.{field}' for field in ('linear.x', 'linear.y', 'angular.z')]
+        found.update({'input.type': 'geometry_msgs/TwistStamped', 'input.fields': fields})
+    node.note('stamped_control', 'input.type')
 
 
 def _window(node: TheirNode, found: dict[str, Any]) -> None:

@@ -115,7 +115,7 @@ def _conclude(outcomes: Sequence[Outcome], console: Console) -> None:
 
 def _report(console: Console, folder: Path, findings: Findings, wall: float) -> None:
     """Print and write what a study found."""
-    from kalman_ros.report import run_tables  # loads while nothing waits
+    from kalman_ros.report import run_tables, style  # loads while nothing waits
 
     console.print(run_tables.checks_table('', findings.checks))
     summary = {
@@ -127,6 +127,7 @@ def _report(console: Console, folder: Path, findings: Findings, wall: float) -> 
     }
     # the summary last: if it exists, the results are complete
     with deferred():
-        findings.draw(folder / f'{folder.name}.png')
+        with style.caption(f'study {folder.name}'):
+            findings.draw(folder / f'{folder.name}.png')
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     console.print(f'{wall:.1f} s; in {folder}: summary.json, {folder.name}.png', style='dim')

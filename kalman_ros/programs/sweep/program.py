@@ -89,6 +89,8 @@ def grid_of(options: argparse.Namespace, path: Path) -> Grid:
     if len(options.over) > 2:
         raise ValueError(f'over: expected one or two parameters, got {len(options.over)}')
     ranges = [parsed(each) for each in options.over]
+    if len({(each.name, each.index) for each in ranges}) < len(ranges):
+        raise ValueError(f'over: expected two parameters, got {options.over[0]} twice')
     changes = overrides(options.parameters)
     plant = {**from_file(path, 'plant'), **changes}
     believed = {**from_file(path, 'estimator', 'controller'), **changes}

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The transforms in a serialised ``tf2_msgs/TFMessage``, read without that package."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+from .messages import UndecodableError
+
+#: The most transforms of a message that are read.
+_MOST = 10_000
+#: Messages begin with four bytes, after which positions are counted.
+_START = 4
+
+
+class StampedTransform(NamedTuple):
+    """The place of a frame in its parent: translation in m, and a quaternion x, y, z, w."""
+
+    parent: str
+    child: str
+    translation: tuple[float, ...]
+    quaternion: tuple[float, ...]
+
+
+def transforms_in(data: bytes) -> list[StampedTransform]:
+    """Return the transforms in the bytes of a ``tf2_msgs/TFMessage`` (OMG CDR, version 1).
+
+    Raises
+    ------
+    UndecodableError
+        If the bytes are not those of such a message.
+    """
+    try:
+        order = '<' if data[1] & 1 else '>'
+        (count,) = struct.unpack_from(f'{order}I', data, _START)
+        if count > _MOST:
+            raise UndecodableError(f'{count} transforms')
+        found, place = [], _START + 4
+        for _ in range(count):
+            place = _aligned(place, 4) + 8  # the stamp
+            parent, place = _text(data, place, order)
+            child, place = _text(data, place, order)
+            place = _aligned(place, 8)
+            numbers = struct.unpack_from(f'{order}7d', data, place)
+            place += 56
+            found.append(StampedTransform(parent, child, numbers[:3], numbers[3:]))
+    except (struct.error, IndexError) as error:
+        raise UndecodableError(f'{len(data)} bytes are no TFMessage') from error
+    return found
+
+
+def _aligned(place: int, size: int) -> int:
+    return place + -(place - _START) % size
+
+
+def _text(data: bytes, place: int, order: str) -> tuple[str, int]:
+    """Return a string and where it ends; a leading slash is left out."""
+    start = _aligned(place, 4) + 4
+    end = start + struct.unpack_from(f'{order}I', data, start - 4)[0]
+    if end > len(data):
+        raise UndecodableError(f'{len(data)} bytes are no TFMessage')
+    return data[start:end].rstrip(b'\0').decode(errors='replace').lstrip('/'), end

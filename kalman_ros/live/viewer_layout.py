@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A layout of panels for Foxglove and Lichtblick: the states, innovations and inputs of a file."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import cycle
+from typing import Any
+
+from kalman_ros.codecs.messages import message_type
+from kalman_ros.codecs.paths import ANGLES, VECTOR, is_quaternion, parse, walk
+from kalman_ros.core import Signal
+from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal, state_signal
+from kalman_ros.scenario import Scenario
+from kalman_ros.sensors.states import States
+
+from .map_extent import extent, is_drawn
+
+#: Colours that differ without colour vision (M. Okabe and K. Ito, Color universal design, 2008).
+_COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
+_GREY = '#888888'
+#: Seconds that a plot shows.
+_WIDTH = 30
+
+
+class LayoutPanels:
+    """The panels of a layout by their identifiers, as they are added."""
+
+    def __init__(self) -> None:
+        self.configurations: dict[str, dict[str, Any]] = {}
+
+    def add(self, kind: str, configuration: Mapping[str, Any]) -> str:
+        """Add a panel and return its identifier."""
+        name = f'{kind}!{len(self.configurations) + 1}'
+        self.configurations[name] = dict(configuration)
+        return name
+
+    def plot(self, title: str, series: Iterable[dict[str, Any]]) -> str:
+        """Add a plot over time."""
+        return self.add('Plot', {
+            'title': title, 'foxglovePanelTitle': title, 'paths': list(series),
+            'showXAxisLabels': True, 'showYAxisLabels': True, 'showLegend': True,
+            'legendDisplay': 'left', 'showPlotValuesInLegend': True, 'isSynced': True,
+            'xAxisVal': 'timestamp', 'sidebarDimension': 160, 'followingViewWidth': _WIDTH,
+        })  # fmt: skip
+
+
+def layout(scenario: Scenario, frame: str) -> dict[str, Any]:
+    """Return the layout of a scenario, to be imported as JSON.
+
+    Parameters
+    ----------
+    scenario
+        Of the estimator.
+    frame
+        In which the node ``markers`` draws it, if it can.
+    """
+    panels = LayoutPanels()
+    tabs = {
+        'States': _states(panels, scenario),
+        'Innovations': _innovations(panels, scenario),
+        'Standard deviations': _deviations(panels, scenario),
+    }
+    if scenario.input.fields:
+        tabs['Input'] = [panels.plot('input', _input(scenario))]
+    report = panels.add('DiagnosticSummary', {'topicToRender': '/diagnostics'})
+    log = panels.add('RosOut', {'topicToRender': '/rosout'})
+    tabs['Nodes'] = [report, log]
+    plots = panels.add('Tab', {
+        'activeTabIdx': 0,
+        'tabs': [{'title': title, 'layout': stacked(found)} for title, found in tabs.items()],
+    })  # fmt: skip
+    side = [panels.add('3D', _map(scenario, frame))] if is_drawn(scenario) else []
+    side.append(panels.add('Parameters', {}))
+    return {
+        'configById': panels.configurations,
+        'globalVariables': {},
+        'userNodes': {},
+        'playbackConfig': {'speed': 1},
+        'layout': {
+            'direction': 'row', 'first': stacked(side), 'second': plots, 'splitPercentage': 40,
+        },
+    }  # fmt: skip
+
+
+def stacked(panels: Sequence[str]) -> Any:
+    """Return panels one above the other, all of one height."""
+    first, *others = panels
+    if not others:
+        return first
+    share = 100.0 / len(panels)
+    return {
+        'direction': 'column', 'first': first, 'second': stacked(others), 'splitPercentage': share,
+    }  # fmt: skip
+
+
+def message_paths(signal: Signal) -> list[str | None]:
+    """Return the viewer's path of each field of a signal; None where it has none.
+
+    A viewer does not compute angles of a quaternion, and finds a value by its name only if the
+    names are in the order of the signal.
+    """
+    kind = message_type(signal.type)
+    found: list[str | None] = []
+    names: list[str] = []
+    for field in signal.fields:
+        try:
+            path = parse(field, kind())
+        except ValueError:  # satellite fixes in metres
+            found.append(None)
+            continue
+        turned = path.attribute in (*ANGLES, *VECTOR) and is_quaternion(walk(kind(), path.parent))
+        if path.name is not None and path.name not in names:
+            names.append(path.name)
+        index = path.index if path.name is None else names.index(path.name)
+        steps = ''.join(f'[{step}]' if isinstance(step, int) else f'.{step}' for step in path.way)
+        end = '' if index is None else f'[{index}]'
+        found.append(None if turned else f'/{signal.topic.lstrip("/")}{steps}{end}')
+    return found
+
+
+def _series(
+    path: str, label: str, color: str, *, width: float = 1.5, line: bool = True
+) -> dict[str, Any]:
+    return {
+        'value': path, 'enabled': True, 'timestampMethod': 'receiveTime', 'label': label,
+        'color': color, 'lineSize': width, 'showLine': line,
+    }  # fmt: skip
+
+
+def _states(panels: LayoutPanels, scenario: Scenario) -> list[str]:
+    """Add a plot for each unit: estimate, truth, and readings of the states themselves."""
+    space, signal = scenario.model.state, scenario.state
+    estimates = message_paths(state_signal(signal, space))
+    truths = message_paths(Signal('ground_truth', signal.type, signal.fields))
+    groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    colors: dict[str, Iterator[str]] = defaultdict(lambda: cycle(_COLORS))
+    for index, (name, unit) in enumerate(zip(space.names, space.units)):
+        color = next(colors[unit])
+        groups[unit].append(_series(str(estimates[index]), name, color, width=2.0))
+        truth = truths[index]
+        if truth is not None:
+            groups[unit].append(_series(truth, f'{name} true', _GREY, width=1.0))
+        for path, label in _readings(scenario, name):
+            groups[unit].append(_series(path, label, color, width=1.0, line=False))
+    return [panels.plot(f'[{unit or "1"}]', series) for unit, series in groups.items()]
+
+
+def _readings(scenario: Scenario, state: str) -> Iterator[tuple[str, str]]:
+    """Yield the path and a label of each reading of a state."""
+    for name, source in scenario.enabled.items():
+        output, signal = source.sensor.output.names, source.signal
+        # a robot may publish its joints in another order
+        if state not in output or '[' in signal.fields[output.index(state)]:
+            continue
+        path = message_paths(signal)[output.index(state)]
+        if path is not None and isinstance(source.sensor, States):
+            yield path, f'{state} by {name}'
+
+
+def _innovations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
+    """Add a plot of the innovations of each sensor with their bounds, and one of all NIS."""
+    found, nis = [], []
+    for number, (name, source) in enumerate(scenario.enabled.items()):
+        output = source.sensor.output
+        paths = message_paths(innovation_signal(scenario.state, name, output))
+        series = []
+        for index, each in enumerate(output.names):
+            color = _COLORS[index % len(_COLORS)]
+            deviation = paths[output.size + index]
+            series.append(_series(str(paths[index]), each, color))
+            series.append(_series(str(deviation), f'+ deviation of {each}', _GREY, width=1.0))
+            series.append(
+                _series(f'{deviation}.@negative', f'- deviation of {each}', _GREY, width=1.0)
+            )
+        found.append(panels.plot(f'innovation of {name}', series))
+        nis.append(_series(str(paths[-1]), name, _COLORS[number % len(_COLORS)], line=False))
+    return [*found, panels.plot('NIS', nis)]
+
+
+def _deviations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
+    """Add a plot for each unit of the standard deviations."""
+    space = scenario.model.state
+    paths = message_paths(covariance_signal(scenario.state))
+    groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for index, (name, unit) in enumerate(zip(space.names, space.units)):
+        color = _COLORS[len(groups[unit]) % len(_COLORS)]
+        path = f'{paths[index * (space.size + 1)]}.@sqrt'
+        groups[unit].append(_series(path, name, color))
+    return [panels.plot(f'[{unit or "1"}]', series) for unit, series in groups.items()]
+
+
+def _input(scenario: Scenario) -> Iterator[dict[str, Any]]:
+    space = scenario.model.input
+    for index, path in enumerate(message_paths(scenario.input)):
+        if path is not None:
+            label = f'{space.names[index]} [{space.units[index]}]'
+            yield _series(path, label, _COLORS[index % len(_COLORS)])
+
+
+def _map(scenario: Scenario, frame: str) -> dict[str, Any]:
+    """Return the panel that shows the markers from above."""
+    across = extent(scenario)
+    return {
+        'foxglovePanelTitle': 'map',
+        'cameraState': {
+            'perspective': False, 'distance': 1.5 * across, 'phi': 0, 'thetaOffset': 90,
+            'targetOffset': [0, 0, 0], 'target': [0, 0, 0], 'targetOrientation': [0, 0, 0, 1],
+            'fovy': 45, 'near': 0.01 * across,
+            'far': 100.0 * across,
+        },
+        'followMode': 'follow-none',
+        'followTf': frame,
+        'fixedFrame': frame,
+        'scene': {},
+        'transforms': {},
+        'topics': {'/markers': {'visible': True}},
+        'layers': {
+            'grid': {
+                'instanceId': 'grid', 'layerId': 'foxglove.Grid', 'label': 'Grid',
+                'visible': True, 'frameLocked': True, 'frameId': frame, 'size': across,
+                'divisions': 10, 'lineWidth': 1, 'color': '#888888ff', 'position': [0, 0, 0],
+                'rotation': [0, 0, 0], 'order': 1,
+            },
+        },
+        'publish': {}, 'imageMode': {},
+    }  # fmt: skip

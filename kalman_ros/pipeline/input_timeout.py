@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robots stop when commands cease: an input that is not renewed becomes the idle one."""
+
+from __future__ import annotations
+
+from kalman_ros.core import Array
+from kalman_ros.estimators.timeline import Arrival
+
+
+class InputTimeout:
+    """Ends an input a fixed time after the last one.
+
+    By stamps, not by the clock: a recording gives the same inputs as the live topics.
+
+    Parameters
+    ----------
+    timeout
+        In s; 0 for never.
+    idle
+        The input (m,) from then on.
+    """
+
+    def __init__(self, timeout: float, idle: Array) -> None:
+        self._timeout, self._idle = round(timeout * 1e9), idle
+        #: When the input ends, in nanoseconds; None if it has ended.
+        self._due: int | None = None
+
+    def on_input(self, time: int) -> None:
+        """Take the stamp of an input in nanoseconds."""
+        if self._timeout:
+            due = time + self._timeout
+            self._due = due if self._due is None else max(self._due, due)
+
+    def ended_by(self, time: int) -> list[Arrival]:
+        """Return the idle input if the last one ended before ``time``; nothing otherwise."""
+        if self._due is None or time <= self._due:
+            return []
+        due, self._due = self._due, None
+        return [Arrival(None, due, self._idle)]

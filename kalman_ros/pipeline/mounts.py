@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where sensors are on the body, by the transforms on ``/tf_static``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kalman_ros.codecs.messages import message_type
+from kalman_ros.codecs.transform_list import transforms_in
+from kalman_ros.core import Array, is_finite
+from kalman_ros.core import rotations as so3
+from kalman_ros.scenario import Scenario, SensorSource
+from kalman_ros.scenario.building import placed
+
+TOPIC, TYPE = '/tf_static', 'tf2_msgs/TFMessage'
+#: The most frames that are kept.
+_MOST_FRAMES = 1_000
+#: A smaller change, in m or rad, is rounding.
+_SAME = 1e-9
+
+
+class Placement(NamedTuple):
+    """A frame in another: a translation (3,) and a rotation vector (3,)."""
+
+    translation: Array
+    rotation: Array
+
+    def then(self, inner: Placement) -> Placement:
+        """Return the placement of a frame that is placed in this one."""
+        moved = self.translation + so3.rotate(self.rotation, inner.translation)
+        return Placement(moved, so3.compose(self.rotation, inner.rotation))
+
+    def inverse(self) -> Placement:
+        """Return the placement of the other frame in this one."""
+        return Placement(-so3.rotate_back(self.rotation, self.translation), -self.rotation)
+
+    def differs_from(self, other: Placement) -> bool:
+        """Return whether they differ by more than rounding."""
+        turned = so3.compose(-other.rotation, self.rotation)
+        moved = self.translation - other.translation
+        return bool(np.abs((moved, turned)).max() > _SAME)
+
+
+_HERE = Placement(np.zeros(3), np.zeros(3))
+
+
+def static_type() -> Any:
+    """Return the type of the messages on ``/tf_static``; ValueError if it is not installed."""
+    try:
+        return message_type(TYPE)
+    except ValueError:
+        why = 'the message package tf2_msgs is not installed (in ROS: ros-jazzy-tf2-msgs)'
+        raise ValueError(f'mount.tf: {why}') from None
+
+
+class StaticFrames:
+    """The placements of frames in their parents, and in each other."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, tuple[str, Placement]] = {}
+        #: The frames whose last transform cannot be used.
+        self.refused: set[str] = set()
+
+    def add(self, data: bytes) -> None:
+        """Add the transforms in a message; one that is not finite or no rotation is left out.
+
+        Raises
+        ------
+        UndecodableError
+            If the bytes are not those of such a message.
+        """
+        for each in transforms_in(data):
+            place, q = np.array(each.translation), np.array(each.quaternion)
+            known = each.child in self._parents or len(self._parents) < _MOST_FRAMES
+            good = is_finite(place) and is_finite(q) and q.any()
+            if not good and len(self.refused) < _MOST_FRAMES:
+                self.refused.add(each.child)
+            if known and good:
+                self.refused.discard(each.child)
+                rotation = so3.from_quaternion(q / np.abs(q).max())
+                self._parents[each.child] = each.parent, Placement(place, rotation)
+
+    def placement(self, frame: str, base: str) -> Placement | None:
+        """Return where ``frame`` is in ``base``; None if no transforms connect them."""
+        above = dict(self._above(base))
+        for name, found in self._above(frame):
+            if name in above:
+                return above[name].inverse().then(found)
+        return None
+
+    def _above(self, frame: str) -> Iterator[tuple[str, Placement]]:
+        """Yield each frame above one, itself first, with the placement of the one in it."""
+        found, seen = _HERE, set()
+        while frame not in seen:
+            yield frame, found
+            seen.add(frame)
+            if frame not in self._parents:
+                return
+            frame, place = self._parents[frame]
+            found = place.then(found)
+
+
+class Mounts:
+    """Mounts the sensors that take their place from ``/tf_static``.
+
+    Until the transform of its frame is received, a sensor has no readings. The first one counts:
+    the mounting of a sensor is fixed.
+
+    Parameters
+    ----------
+    scenario
+        Of the estimator.
+    base
+        The frame of the body.
+    warn
+        Called with one line about a transform that changes.
+    """
+
+    def __init__(self, scenario: Scenario, base: str, warn: Callable[[str], object]) -> None:
+        self._scenario, self._base, self._warn = scenario, base, warn
+        self._frames = StaticFrames()
+        #: The frame and placement of each sensor that is mounted.
+        self._mounted: dict[str, tuple[str, Placement]] = {}
+        #: The sensors whose transform has changed since, which is logged once.
+        self._changed: set[str] = set()
+        #: Called with the scenario whenever a sensor is mounted.
+        self.on_mounted: Callable[[Scenario], object] = id
+
+    @property
+    def needed(self) -> bool:
+        """Whether any sensor takes its place from transforms."""
+        return any(each.signal.mounting.from_tf for each in self._scenario.sensors.values())
+
+    def on_static(self, data: bytes) -> None:
+        """Take a message of ``/tf_static``; UndecodableError if it is not one."""
+        self._frames.add(data)
+        for name, (frame, before) in self._mounted.items():
+            now = self._frames.placement(frame, self._base) or before
+            if name not in self._changed and now.differs_from(before):
+                self._changed.add(name)
+                self._warn(f'{name}: the transform of {frame} has changed: restart the estimator')
+
+    def configure(self, scenario: Scenario) -> None:
+        """Mount sensors of a scenario that was changed live; its names are the same."""
+        self._scenario = scenario
+
+    def mount(self, name: str, frame: str) -> SensorSource:
+        """Return a sensor with its mounting by the frame of its messages.
+
+        Raises
+        ------
+        ValueError
+            If its place is not known, or the model cannot use it; one line says why.
+        """
+        if not frame:
+            raise ValueError('mount.tf: the messages name no frame')
+        found = self._frames.placement(frame, self._base)
+        if found is None and frame in self._frames.refused:
+            raise ValueError(
+                f"the transform of '{frame}' on {TOPIC} is not finite, or no rotation"
+            )
+        if found is None:
+            raise ValueError(f"no transform from '{self._base}' to '{frame}' on {TOPIC} yet")
+        source = self._placed(name, self._scenario.sensors[name], frame, found)
+        self._mounted[name] = frame, found
+        self.on_mounted(self.applied(self._scenario))
+        return source
+
+    def applied(self, scenario: Scenario) -> Scenario:
+        """Return a scenario with the sensors that are mounted."""
+        sources = dict(scenario.sensors)
+        for name, (frame, found) in self._mounted.items():
+            sources[name] = self._placed(name, sources[name], frame, found)
+        return replace(scenario, sensors=sources) if self._mounted else scenario
+
+    def _placed(
+        self, name: str, source: SensorSource, frame: str, found: Placement
+    ) -> SensorSource:
+        scenario = self._scenario
+        angles = so3.to_euler(found.rotation)
+        return placed(name, source, scenario.state, frame, found.translation, angles)

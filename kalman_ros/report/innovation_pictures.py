@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The innovations of a run: over time, their distribution, and their correlation in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array
+from kalman_ros.scenario import Scenario
+from kalman_ros.simulation.trajectory import Innovations, Trajectory
+
+from .style import BOUND, ESTIMATE, TRUTH, figure_with, legend_below, time_label
+
+SIGMAS = 3.0
+#: The histogram is within this number of deviations.
+_WIDEST = 4.0
+#: The largest lag, in readings.
+_LAGS = 40
+#: Of 95 in 100 correlations of white noise, times the root of their number.
+_WHITE = 1.96
+
+
+def innovations(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
+    """Draw the innovations of every sensor, their histogram and their autocorrelation.
+
+    A consistent filter has white innovations with the covariance S that it expects (R. Mehra, On
+    the identification of variances and adaptive Kalman filtering, IEEE Trans. Automatic Control
+    15(2), 1970).
+
+    Returns
+    -------
+    The axes, three in each row: over time, histogram, autocorrelation.
+    """
+    rows = [
+        (name, column)
+        for name, source in scenario.enabled.items()
+        for column in range(source.sensor.output.size)
+        if len(run.innovations[name].time)
+    ]
+    size = (9.5, 1.5 * max(1, len(rows)) + 0.7)
+    ratios = {'width_ratios': (4.0, 1.1, 1.5)}
+    with figure_with(path, max(1, len(rows)), 3, size, gridspec_kw=ratios) as (figure, axes):
+        for row, (name, column) in zip(axes, rows):
+            of = run.innovations[name]
+            output = scenario.sensors[name].sensor.output
+            _over_time(row[0], of, column)
+            row[0].set_ylabel(f'{name}\n{output.label(output.names[column])}')
+            normalized = of.values[:, column] / of.std[:, column]
+            _histogram(row[1], normalized)
+            _autocorrelation(row[2], normalized)
+        for axis, title in zip(
+            axes[0], ('Innovations and their expected width', 'In sigma', 'Autocorrelation')
+        ):
+            axis.set_title(title)
+        for above in axes[:-1].flat:
+            above.tick_params(labelbottom=False)
+        for axis, label in zip(axes[-1], (time_label(), 'sigma', 'lag [readings]')):
+            axis.set_xlabel(label)
+        legend_below(figure, axes[0, 0], axes[0, 1], axes[0, 2])
+    return axes
+
+
+def _over_time(axis: Any, of: Innovations, column: int) -> None:
+    """Draw innovations between their bounds, and count those outside of the panel."""
+    axis.plot(of.time, of.values[:, column], '.', ms=2.0, color=TRUTH, label='innovation')
+    for sign in (-SIGMAS, SIGMAS):
+        axis.plot(
+            of.time, sign * of.std[:, column], color=ESTIMATE, lw=1.0,
+            label=f'{SIGMAS:g} sigma expected' if sign > 0 else None,
+        )  # fmt: skip
+    sizes = np.abs(of.values[:, column])
+    expected = SIGMAS * float(np.quantile(of.std[:, column], 0.9))
+    most = 1.2 * max(expected, float(np.quantile(sizes, 0.999, method='lower')))
+    axis.set_ylim(-most, most)
+    outside = int(np.sum(sizes > most))
+    if outside:
+        axis.set_title(f'{outside} outside of the panel', loc='right', fontweight='normal')
+
+
+def _histogram(axis: Any, normalized: Array) -> None:
+    """Draw the distribution of normalized innovations (N,), and N(0, 1)."""
+    bars = int(np.clip(2.0 * np.cbrt(len(normalized)), 6, 34)) // 2 * 2 + 1
+    edges = np.linspace(-_WIDEST, _WIDEST, bars + 1)
+    counts, _ = np.histogram(np.clip(normalized, -_WIDEST, _WIDEST), edges)
+    density = counts / (len(normalized) * np.diff(edges))
+    axis.stairs(density, edges, fill=True, color=BOUND, alpha=0.5)
+    x = np.linspace(-_WIDEST, _WIDEST, 121)
+    axis.plot(x, np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi), color=TRUTH, lw=0.9, label='N(0, 1)')
+    axis.set_xticks((-3, 0, 3))
+    axis.set_yticks(())
+
+
+def _autocorrelation(axis: Any, normalized: Array) -> None:
+    """Draw the correlations of normalized innovations (N,) with later ones."""
+    found = correlations(normalized)
+    lags = np.arange(1, len(found) + 1)
+    bound = _WHITE / np.sqrt(len(normalized))
+    axis.axhspan(-bound, bound, color=BOUND, alpha=0.25, lw=0, label='95% of white noise')
+    axis.vlines(lags, 0.0, found, color=TRUTH, lw=1.0)
+    axis.axhline(0.0, color=TRUTH, lw=0.5)
+    most = max(0.3, 2.0 * bound, 1.1 * float(np.abs(found).max(initial=0.0)))
+    axis.set_ylim(-most, most)
+
+
+def correlations(normalized: Array) -> Array:
+    """Return the autocorrelation (L,) of a series (N,) at the lags 1 to L, L at most N / 4.
+
+    r_k = sum_i v_i v_{i+k} / sum_i v_i^2; the mean of innovations is zero, and is not removed.
+    """
+    power = float(normalized @ normalized)
+    last = min(_LAGS, len(normalized) // 4)
+    if power == 0.0:
+        return np.zeros(last)
+    return np.array([normalized[:-k] @ normalized[k:] / power for k in range(1, last + 1)])

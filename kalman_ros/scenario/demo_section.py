@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The section of a parameter file for the program that runs a scenario for people."""
+
+from __future__ import annotations
+
+from numbers import Real
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .parameter_files import own_section
+
+_NAME = 'demo'
+
+
+class Demo(NamedTuple):
+    """What a parameter file has for its demo.
+
+    ``duration`` is in seconds, None if it has none; ``time_unit`` is written on pictures, for the
+    scenarios in which a second stands for another time; ``parameters`` are for every node.
+    """
+
+    duration: float | None
+    time_unit: str
+    parameters: dict[str, Any]
+
+
+def demo_section(path: Path | None) -> Demo:
+    """Return the section of the demo in a ROS parameter file.
+
+    Raises
+    ------
+    ValueError
+        If the file is not a ROS parameter file, the duration no number, or the unit no word.
+    """
+    own = own_section(path, _NAME)
+    duration, unit = own.pop('duration', None), own.pop('time_unit', 's')
+    if duration is not None and (isinstance(duration, bool) or not isinstance(duration, Real)):
+        raise ValueError(f"{_NAME}: duration: expected a number, got '{duration}'")
+    if not isinstance(unit, str):
+        raise ValueError(f"{_NAME}: time_unit: expected a word, got '{unit}'")
+    return Demo(None if duration is None else float(duration), unit, own)

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Requests that a page elsewhere can send do not reach the server behind the gate."""
+
+import socket
+import threading
+from contextlib import suppress
+
+import pytest
+
+from kalman_ros.live.viewer_gate import ViewerGate
+from kalman_ros.live.web_access import Access
+
+HEADERS = {
+    'Upgrade': 'websocket',
+    'Connection': 'Upgrade',
+    'Sec-WebSocket-Key': 'x' * 22 + '==',
+    'Sec-WebSocket-Version': '13',
+    'Sec-WebSocket-Protocol': 'foxglove.sdk.v1',
+}
+UPGRADED = b'HTTP/1.1 101 Switching Protocols\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n'
+
+
+class Gated:
+    """A gate before a server that accepts everything, notes requests, and echoes bytes."""
+
+    def __init__(self, token='', pages=(), answer=UPGRADED):
+        self.requests, self.refusals, self.answer = [], [], answer
+        self.server = socket.create_server(('127.0.0.1', 0))
+        with socket.socket() as probe:
+            probe.bind(('127.0.0.1', 0))
+            self.port = probe.getsockname()[1]
+        access = Access('127.0.0.1', self.port, token)
+        self.gate = ViewerGate(access, self.server.getsockname(), pages, self.refusals.append)
+
+    def __enter__(self):
+        threading.Thread(target=self.accept, daemon=True).start()
+        self.gate.__enter__()
+        return self
+
+    def __exit__(self, *_):
+        self.gate.__exit__()
+        self.server.close()
+
+    def accept(self):
+        while True:
+            try:
+                connection, _ = self.server.accept()
+            except OSError:
+                return
+            threading.Thread(target=self.serve, args=(connection,), daemon=True).start()
+
+    def serve(self, connection):
+        with connection:
+            data = b''
+            while b'\r\n\r\n' not in data:
+                data += connection.recv(4096)
+            self.requests.append(data.decode())
+            connection.sendall(self.answer)
+            while found := connection.recv(4096):
+                connection.sendall(found)
+
+    def ask(self, path='/', raw=None, **headers):
+        """Send a request and return the connection and the head of the answer."""
+        own = {name.replace('_', '-'): value for name, value in headers.items()}
+        found = {'Host': f'localhost:{self.port}', **HEADERS, **own}
+        lines = ''.join(f'{name}: {value}\r\n' for name, value in found.items())
+        connection = socket.create_connection(('127.0.0.1', self.port), timeout=5)
+        connection.sendall(raw or f'GET {path} HTTP/1.1\r\n{lines}\r\n'.encode())
+        data = b''
+        while b'\r\n\r\n' not in data:
+            part = connection.recv(4096)
+            if not part:
+                break
+            data += part
+        return connection, data.decode()
+
+    def status(self, *arguments, **headers):
+        connection, head = self.ask(*arguments, **headers)
+        connection.close()
+        return int(head.split(' ')[1]) if head else 0
+
+
+@pytest.fixture
+def gated():
+    with Gated() as found:
+        yield found
+
+
+def test_a_program_is_admitted_and_connected_both_ways(gated):
+    connection, head = gated.ask()
+    with connection:
+        assert head.startswith('HTTP/1.1 101 ')
+        connection.sendall(b'\x81\x02hi')
+        assert connection.recv(100) == b'\x81\x02hi'
+
+
+def test_the_page_of_a_viewer_is_admitted(gated):
+    assert gated.status(Origin='https://app.foxglove.dev') == 101
+
+
+@pytest.mark.parametrize(
+    'origin',
+    [
+        'null', 'https://evil.example', 'http://app.foxglove.dev', 'http://localhost:8080',
+        'https://app.foxglove.dev.evil.example', 'https://app.foxglove.dev, https://evil.example',
+        'file://', 'file://evil', '\x1b[2J',
+    ],
+)  # fmt: skip
+def test_other_pages_are_refused_and_never_reach_the_server(gated, origin):
+    assert gated.status(Origin=origin) in (403, 0)
+    assert gated.requests == []
+
+
+def test_a_page_may_be_named():
+    with Gated(pages=['http://localhost:8080']) as gated:
+        assert gated.status(Origin='http://localhost:8080') == 101
+        assert gated.status(Origin='http://localhost:8081') == 403
+        assert gated.refusals == [
+            'a page of http://localhost:8081 (--page http://localhost:8081 admits it)'
+        ]
+
+
+@pytest.mark.parametrize('host', ['evil.example:{}', 'localhost', 'localhost:1', ''])
+def test_a_name_that_was_pointed_here_is_refused(gated, host):
+    assert gated.status(Host=host.format(gated.port)) == 421
+    assert gated.requests == []
+
+
+def test_a_second_origin_is_not_overlooked(gated):
+    lines = ''.join(f'{name}: {value}\r\n' for name, value in HEADERS.items())
+    raw = (
+        f'GET / HTTP/1.1\r\nHost: localhost:{gated.port}\r\nOrigin: https://app.foxglove.dev\r\n{lines}'
+        f'origin: https://evil.example\r\n\r\n'
+    )
+    assert gated.status(raw=raw.encode()) == 403
+
+
+def test_the_token_is_required_and_compared():
+    with Gated(token='secret') as gated:
+        assert gated.status('/') == 401
+        assert gated.status('/?token=wrong') == 401
+        assert gated.status('/?token=') == 401
+        assert gated.requests == []
+        assert gated.status('/?token=secret') == 101
+        assert 'secret' not in gated.requests[0]
+
+
+def test_the_server_receives_nothing_but_the_opening_of_a_socket(gated):
+    assert (
+        gated.status('/?a=b', Cookie='c=d', X_Strange='e', Origin='https://app.foxglove.dev')
+        == 101
+    )
+    names = [line.partition(':')[0] for line in gated.requests[0].split('\r\n')[1:] if line]
+    assert names == ['Host', *HEADERS]
+
+
+def test_an_older_viewer_is_answered_in_its_words(gated):
+    connection, head = gated.ask(Sec_WebSocket_Protocol='foxglove.websocket.v1')
+    connection.close()
+    assert 'Sec-WebSocket-Protocol: foxglove.websocket.v1' in head
+    assert 'Sec-WebSocket-Protocol: foxglove.sdk.v1' in gated.requests[0]
+
+
+@pytest.mark.parametrize(
+    ('raw', 'status'),
+    [
+        (b'POST / HTTP/1.1\r\n\r\n', 0),
+        (b'GET / HTTP/1.0\r\n\r\n', 0),
+        (b'\xff\xfe\r\n\r\n', 0),
+        (b'GET / HTTP/1.1\r\nno header\r\n\r\n', 0),
+        (b'GET / HTTP/1.1\r\nA: ' + b'x' * 100_000 + b'\r\n\r\n', 0),
+        (b'GET / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n', 421),
+    ],
+)
+def test_garbage_is_dropped_and_the_next_viewer_is_served(gated, raw, status):
+    with suppress(ConnectionResetError):
+        assert gated.status(raw=raw) == status
+    assert gated.requests == []
+    assert gated.status() == 101
+
+
+def test_a_browser_that_opens_the_address_is_told_what_to_do(gated):
+    connection, head = gated.ask(Upgrade='no')
+    with connection:
+        assert head.startswith('HTTP/1.1 426 ')
+        assert 'open this address in a viewer' in head + connection.recv(1000).decode()
+
+
+def test_a_refusal_of_the_server_ends_the_connection():
+    """What follows would be another request, which nobody has checked."""
+    with Gated(answer=b'HTTP/1.1 400 Bad Request\r\n\r\n') as gated:
+        connection, head = gated.ask()
+        with connection:
+            assert head.startswith('HTTP/1.1 400 ')
+            assert connection.recv(100) == b''
+
+
+def test_a_port_in_use_is_named():
+    with Gated() as gated:
+        other = ViewerGate(Access('127.0.0.1', gated.port), ('127.0.0.1', 1))
+        message = f'--port: 127.0.0.1:{gated.port} cannot be used'
+        with pytest.raises(ValueError, match=message), other:
+            pass
