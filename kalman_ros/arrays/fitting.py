@@ -197,8 +197,8 @@ def tuning(likelihood: Likelihood) -> Tuning:
     if likelihood.until is not None and found.complete:
         starts = {each.name: each.start for each in likelihood.parameters}
         held = (
-            judge(likelihood, starts, likelihood.until),
-            judge(likelihood, found.values, likelihood.until),
+            judge(likelihood, starts, likelihood.until)[0],
+            judge(likelihood, found.values, likelihood.until)[0],
         )
     return Tuning(
         {each.name: each for each in found.parameters}, found.correlation,

@@ -6,11 +6,12 @@ from __future__ import annotations
 import numpy as np
 
 from kalman_ros.linear.matrices import Array
+from kalman_ros.linear.views import coordinates_first, coordinates_last
 
 
 def coordinates(x: Array) -> Array:
     """Return the coordinates of vectors (..., n), each (...,), to be unpacked."""
-    return x if x.ndim == 1 else np.moveaxis(x, -1, 0)
+    return coordinates_first(x)
 
 
 def from_coordinates(*values: Array) -> Array:
@@ -18,5 +19,4 @@ def from_coordinates(*values: Array) -> Array:
 
     Each coordinate is contiguous in memory, which is what a model computes with.
     """
-    whole = np.array(values)
-    return whole if whole.ndim == 1 else np.moveaxis(whole, 0, -1)
+    return coordinates_last(np.array(values))

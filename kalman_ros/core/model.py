@@ -14,6 +14,7 @@ import numpy as np
 
 from kalman_ros.linear.discretize import Discretization, noise_integral
 from kalman_ros.linear.matrices import Array
+from kalman_ros.linear.views import coordinates_first, entries_last
 
 from .leading_axes import coordinates
 from .space import Space
@@ -103,8 +104,8 @@ class Differences(NamedTuple):
         change = subtract(values[1 : n + 1], values[n + 1 :])
         if change.ndim == 2:
             return np.asarray((change / (2.0 * self.step[:, np.newaxis])).T)
-        by_coordinate = np.moveaxis(change, -1, 0) / (2.0 * self.step)
-        return np.moveaxis(by_coordinate, (0, 1), (-2, -1))
+        by_coordinate = coordinates_first(change) / (2.0 * self.step)
+        return entries_last(by_coordinate)
 
 
 def numerical_jacobian(

@@ -12,6 +12,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import lru_cache
 from math import inf
 from reprlib import Repr
 from typing import Any, Union, get_args
@@ -112,6 +113,17 @@ _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 
 _FEW = 8
 
 
+def signature(function: Callable[..., Any]) -> inspect.Signature:
+    """Return the signature of a callable; that of a function or a class is evaluated once."""
+    fixed = inspect.isfunction(function) or inspect.isclass(function)
+    return _evaluated(function) if fixed else inspect.signature(function, eval_str=True)
+
+
+@lru_cache(maxsize=256)
+def _evaluated(function: Callable[..., Any]) -> inspect.Signature:
+    return inspect.signature(function, eval_str=True)
+
+
 def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...]:
     """Return the options of a callable: its keyword arguments with a default.
 
@@ -123,7 +135,7 @@ def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...
         If a default has a type that a ROS parameter cannot hold.
     """
     found = []
-    for name, argument in inspect.signature(build, eval_str=True).parameters.items():
+    for name, argument in signature(build).parameters.items():
         default = argument.default
         if default is inspect.Parameter.empty:
             continue

@@ -10,7 +10,7 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-from .named_options import nearest
+from .named_options import nearest, signature
 
 
 def names(package: str) -> list[str]:
@@ -62,7 +62,7 @@ def builds(found: Any, kind: type) -> bool:
     if not inspect.isfunction(found):
         return False
     try:
-        returned = inspect.signature(found, eval_str=True).return_annotation
+        returned = signature(found).return_annotation
     except (NameError, SyntaxError, TypeError, ValueError):
         return False
     return inspect.isclass(returned) and issubclass(returned, kind)

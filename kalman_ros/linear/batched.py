@@ -12,6 +12,7 @@ import numpy as np
 
 from .factor import cholesky
 from .matrices import Array
+from .views import coordinates_last, entries_first, entries_last
 
 #: From this size on, in numbers, `einsum` is faster than a call of BLAS for each matrix.
 _MANY = 2000
@@ -98,7 +99,7 @@ def _columns(P: Array, tolerance: float) -> Array:
     A column whose pivot is not more than ``tolerance`` of its variance is zero; with NaN for the
     tolerance none is.
     """
-    entries = np.moveaxis(P, (-2, -1), (0, 1))
+    entries = entries_first(P)
     n = len(entries)
     L = np.zeros_like(entries, order='C')
     for j in range(n):
@@ -115,7 +116,7 @@ def _columns(P: Array, tolerance: float) -> Array:
         else:
             scale = 1.0 / np.sqrt(np.where(pivot > 0.0, pivot, np.nan))
         L[j:, j] = column * scale
-    return np.moveaxis(L, (0, 1), (-2, -1))
+    return entries_last(L)
 
 
 def whitened(L: Array, v: Array) -> Array:
@@ -146,11 +147,16 @@ def _solved(L: Array, B: Array) -> Array:
 
 
 def _coordinates(parts: list[Array]) -> Array:
-    return np.moveaxis(np.stack(np.broadcast_arrays(*parts)), 0, -1)
+    return coordinates_last(np.array(np.broadcast_arrays(*parts)))
 
 
 def divided(C: Array, L: Array) -> Array:
     """Return C' S^-1 (..., n, k), the gain from ``C`` (..., k, n) and the `factor` of S."""
+    if L.shape[-1] == 1:
+        return np.asarray((C / (L * L)).swapaxes(-1, -2))
+    if max(C.size, L.size) < _MANY:
+        inverse = np.linalg.inv(L)
+        return np.asarray((inverse @ C).swapaxes(-1, -2) @ inverse)
     return np.asarray(_solved(L, C).swapaxes(-1, -2))
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from kalman_ros.core import About, Array, Model, Space, from_coordinates
+from kalman_ros.linear.views import entries_last
 
 
 class CartPole(Model):
@@ -79,7 +80,7 @@ class CartPole(Model):
         W[1, 1] = J * J * force + c * c * torque
         W[1, 3] = W[3, 1] = c * (J * force + M * torque)
         W[3, 3] = c * c * force + M * M * torque
-        return np.moveaxis(W, (0, 1), (-2, -1))
+        return entries_last(W)
 
 
 MODEL = CartPole

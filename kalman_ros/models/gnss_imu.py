@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from kalman_ros.core import About, Array, Model, Space, coordinates, from_coordinates
+from kalman_ros.linear.views import entries_last
 
 
 class GnssImu(Model):
@@ -68,7 +69,7 @@ class GnssImu(Model):
         A[:2, 3] = np.cos(psi), np.sin(psi)
         A[2, 4] = A[3, 5] = 1.0
         A[4, 4] = A[5, 5] = -self._decay
-        return np.moveaxis(A, (0, 1), (-2, -1))
+        return entries_last(A)
 
     def noise_density(self, x: Array) -> Array:
         """Return the noise of the manoeuvres and of the biases."""

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from kalman_ros.core import About, Array, Model, Space, coordinates, from_coordinates
+from kalman_ros.linear.views import entries_last
 
 
 class TurnRate(Model):
@@ -47,7 +48,7 @@ class TurnRate(Model):
         A[:2, 2] = np.cos(psi), np.sin(psi)
         A[:2, 3] = -v * np.sin(psi), v * np.cos(psi)
         A[3, 4] = 1.0
-        return np.moveaxis(A, (0, 1), (-2, -1))
+        return entries_last(A)
 
     def noise_density(self, x: Array) -> Array:
         """Return the noise of acceleration and turn rate."""

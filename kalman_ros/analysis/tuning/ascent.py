@@ -19,8 +19,8 @@ from kalman_ros.core import Array
 from .likelihood import Expansion, Likelihood
 
 #: The fit ends if a step promises to raise the log-likelihood by less; of a long recording, whose
-#: passes take longer, by a thousandth of a standard deviation.
-_NEGLIGIBLE, _NEGLIGIBLE_LONG = 1e-9, 1e-6
+#: passes take longer, by a hundredth of a standard deviation.
+_NEGLIGIBLE, _NEGLIGIBLE_LONG = 1e-9, 1e-4
 _MOST_STEPS = 40
 #: The first damping, by how much it changes, the least and the largest.
 _DAMPING, _FACTOR, _LEAST, _LARGEST = 1e-3, 10.0, 1e-6, 1e7
@@ -57,12 +57,15 @@ class Ascent:
         The number of steps.
     stopped
         Why it ended before the maximum; '' if no step promised anything more.
+    before
+        The value at the start, -inf if it has none.
     """
 
     likelihood: Likelihood
     top: Expansion
     steps: int
     stopped: str = ''
+    before: float = -np.inf
 
 
 def climb(
@@ -180,33 +183,37 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
         )
     order = np.argsort(-values, kind='stable')
     ends: list[Ascent] = []
+    before = float(values[0])
     try:
         for index in order[:_FOLLOWED].tolist():
             begin = short.expand(points[index]) if np.isfinite(values[index]) else None
             if begin is not None:
-                ends.append(climb(short, begin, report, _NEGLIGIBLE if whole else _LITTLE))
+                ends.append(climb(short, begin, report, _LITTLE))
                 if ends[-1].stopped == INTERRUPTED:
-                    return _best(ends, INTERRUPTED)
+                    return _best(ends, before, INTERRUPTED)
         if not ends:
             raise ValueError('no likelihood near any start: it cannot be differentiated')
         if whole:
-            return _best(ends)
+            highest = _best(ends, before)
+            polished = climb(likelihood, highest.top, report, _NEGLIGIBLE)
+            return replace(polished, before=before, steps=highest.steps + polished.steps)
         tops = [points[0], *(each.top.z for each in ends)]
-        best = tops[int(np.argmax(likelihood.values(tops)))]
+        values = likelihood.values(tops)
+        best = tops[int(np.argmax(values))]
         begin = likelihood.expand(best, partial(report, 'all readings'))
     except KeyboardInterrupt:
         if not ends:
             raise
-        return _best(ends, INTERRUPTED)
+        return _best(ends, before, INTERRUPTED)
     if begin is None:
-        return _best(ends, 'all readings together have no likelihood')
-    return climb(likelihood, begin, report)
+        return _best(ends, before, 'all readings together have no likelihood')
+    return replace(climb(likelihood, begin, report), before=float(values[0]))
 
 
-def _best(ends: Sequence[Ascent], stopped: str = '') -> Ascent:
+def _best(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent:
     """Return the highest of several ascents; ``stopped`` says why they all ended early."""
     best = max(ends, key=lambda each: each.top.value)
-    return replace(best, stopped=stopped) if stopped else best
+    return replace(best, before=before, stopped=stopped or best.stopped)
 
 
 def _shortened(likelihood: Likelihood) -> Likelihood:

@@ -10,6 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor
 from kalman_ros.estimators.batch import candidate_sensor
+from kalman_ros.estimators.batch.candidates import candidate_dynamics
 from kalman_ros.estimators.filter import Filter
 
 
@@ -58,18 +59,14 @@ class Earlier(Sensor):
 
     def __init__(self, sensor: Sensor, models: Sequence[Model], earlier: Array) -> None:
         self.output, self.covariance, self.name = sensor.output, sensor.covariance, sensor.name
-        self._sensor, self._models, self._earlier = sensor, models, earlier
+        self._sensor, self._dynamics = sensor, candidate_dynamics(models)
+        self._earlier = earlier[:, np.newaxis]
         #: The input (m,) in effect, of copies of this sensor too.
         self.input: Array = np.zeros(models[0].input.size)
 
     def measure(self, x: Array) -> Array:
         """Return the readings (..., p, k)."""
-        then = x.copy()
-        for p in np.flatnonzero(self._earlier).tolist():
-            now = x[..., p, :]
-            u = np.broadcast_to(self.input, (*now.shape[:-1], self.input.size))
-            then[..., p, :] = now - self._earlier[p] * self._models[p].derivative(now, u)
-        return self._sensor.measure(then)
+        return self._sensor.measure(x - self._earlier * self._dynamics.derivative(x, self.input))
 
 
 class Part(Sensor):

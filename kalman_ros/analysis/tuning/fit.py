@@ -128,7 +128,7 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
         raise ValueError('fit: expected at least one parameter, got none')
     ascent = maximum(likelihood, report)
     first, likelihood, top = likelihood, ascent.likelihood, ascent.top
-    start = float(likelihood.values([likelihood.start])[0] - likelihood.prior(likelihood.start)[0])
+    start = ascent.before - likelihood.prior(likelihood.start)[0]
     found = determination(likelihood.parameters, top.information, top.z)
     fitted = []
     for index, each in enumerate(likelihood.parameters):

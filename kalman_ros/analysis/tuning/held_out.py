@@ -15,6 +15,7 @@ from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.linear.batched import factor, whitened
 
 from .likelihood import Likelihood
+from .walk import Block
 
 #: The probability that a consistent filter fails any of its checks.
 MISS = 1e-3
@@ -76,18 +77,30 @@ class Judgement:
         )
 
 
-def judge(likelihood: Likelihood, values: Mapping[str, float], after: int | None) -> Judgement:
-    """Return what the filter at these values makes of the readings after a stamp.
+def judge(
+    likelihood: Likelihood, values: Mapping[str, float], *after: int | None
+) -> list[Judgement]:
+    """Return what the filter at these values makes of the readings after each of some stamps.
 
-    The filter runs from the start of the recording; ``after`` None judges all readings.
+    The filter runs once, from the start of the recording; ``after`` None judges all readings.
     """
     whole = replace(likelihood, until=None)
-    first = likelihood.observations.span[0]
+    try:
+        with np.errstate(all='ignore'):
+            blocks = list(whole.walk([likelihood.build(values)]).blocks())
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return [Judgement(-np.inf, 0, {}) for _ in after]
+    return [_of_blocks(whole, blocks, each) for each in after]
+
+
+def _of_blocks(whole: Likelihood, blocks: Sequence[Block], after: int | None) -> Judgement:
+    """Return the judgement of the readings after a stamp."""
+    first = whole.observations.span[0]
     columns: dict[str, list[tuple[Array, Array, int, Array]]] = {}
     total, count = 0.0, 0
     try:
         with np.errstate(all='ignore'):
-            for block in whole.walk([likelihood.build(values)]).blocks():
+            for block in blocks:
                 use = np.ones(len(block.time), bool) if after is None else block.time > after
                 if not use.any():
                     continue

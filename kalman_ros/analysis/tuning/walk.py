@@ -224,10 +224,12 @@ class Walk:
                 output = output.select(np.array(output.names)[use].tolist())
             times, innovations, covariances, accepted = zip(*columns)
             k = int(use.sum())
-            S = np.stack([np.broadcast_to(each, (p, k, k)) for each in covariances])
-            E = np.stack([np.broadcast_to(each, (p, k)) for each in innovations])
-            A = np.stack([np.broadcast_to(np.asarray(each), (p,)) for each in accepted])
-            yield Block(name, output, np.array(times, dtype=np.int64), E, S, A)
+            N = len(times)
+            S = np.broadcast_to(np.array(covariances).reshape(N, -1, k, k), (N, p, k, k))
+            E, A = np.array(innovations), np.array(accepted).reshape(N, -1)
+            yield Block(
+                name, output, np.array(times, dtype=np.int64), E, S, np.broadcast_to(A, (N, p))
+            )
 
 
 #: By sensor and coordinates: time, innovation, covariance and what was accepted, by reading.

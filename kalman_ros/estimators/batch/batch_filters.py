@@ -33,6 +33,7 @@ from kalman_ros.linear.batched import (
     symmetric,
     times,
 )
+from kalman_ros.linear.views import coordinates_first, coordinates_last
 
 from .batch_correction import BatchCorrection
 from .candidates import candidate_dynamics
@@ -130,7 +131,7 @@ class BatchUnscented:
         """Return the points (2n + 1, ..., n) for ``offsets`` (..., n, 2n + 1)."""
         if offsets.ndim == 2:
             offsets = offsets.reshape(*(1,) * (x.ndim - 1), *offsets.shape)
-        return self.filter.model.state.reached(np.moveaxis(offsets, -1, 0) + x, x)
+        return self.filter.model.state.reached(coordinates_first(offsets) + x, x)
 
     def _offsets(self, P: Array) -> Array:
         """Return the sigma points minus the mean (..., n, 2n + 1)."""
@@ -139,7 +140,7 @@ class BatchUnscented:
     def _spread(self, space: Space, points: Array) -> tuple[Array, Array]:
         """Return mean (..., k) and deviations (..., k, 2n + 1) of points (2n + 1, ..., k)."""
         mean = space.mean(points, self.filter.mean_weights)
-        return mean, np.moveaxis(space.subtract(points, mean), 0, -1)
+        return mean, coordinates_last(space.subtract(points, mean))
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Move every point by the model; P = sum of W d d' + Q."""

@@ -46,6 +46,10 @@ class _LinearCandidates(Dynamics):
         super().__init__(models[0])
         self._models = models
         self._sampled: dict[float, tuple[Array, Array, Array]] = {}
+        if all(isinstance(each, LinearSystem) for each in models):
+            self._A, self._B = (
+                np.stack([getattr(each, name) for each in models]) for name in ('A', 'B')
+            )
 
     def _at(self, dt: float) -> tuple[Array, Array, Array]:
         found = self._sampled.get(dt)
@@ -59,6 +63,9 @@ class _LinearCandidates(Dynamics):
                 self._sampled.clear()
             found = self._sampled[dt] = F, G, Q
         return found
+
+    def derivative(self, x: Array, u: Array) -> Array:
+        return times(self._A, x) + times(self._B, like(u, x))
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         F, G, _ = self._at(dt)
@@ -89,6 +96,9 @@ class _EachCandidate(Dynamics):
         self.model = models[0]
         self.linear = False
         self._each = [Dynamics(model) for model in models]
+
+    def derivative(self, x: Array, u: Array) -> Array:
+        return _in_turn(lambda p, a, b: self._each[p].derivative(a, b), x, u, -2)
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         return _in_turn(lambda p, a, b: self._each[p].step(a, b, dt), x, u, -2)

@@ -66,6 +66,10 @@ class Dynamics:
             return model.state.wrap(times(sampled.F, x) + times(sampled.G, u))
         return model.step(x, like(u, x), dt)
 
+    def derivative(self, x: Array, u: Array) -> Array:
+        """Return dx/dt (..., n) of a model in continuous time."""
+        return self.model.derivative(x, like(u, x))
+
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return the states (..., n) after a step, F and Q, (..., n, n) or the same for all."""
         model = self.model

@@ -163,24 +163,18 @@ class Results:
 def _results(
     recorded: Recorded, found: Fit, options: argparse.Namespace, changes: dict[str, Any]
 ) -> Results:
-    everything = _judged(recorded, found, None)
-    held = _judged(recorded, found, recorded.likelihood.until) if options.hold_out else None
+    starts = {each.name: each.start for each in found.parameters}
+    after = [None, recorded.likelihood.until] if options.hold_out else [None]
+    both = (judge(recorded.likelihood, values, *after) for values in (starts, found.values))
+    everything, *held = zip(*both)
     shapes = profiles(recorded.likelihood, found)
     worst, why = _margins(options.params_file, changes, recorded, found)
-    return Results(everything, held, shapes, worst, why)
+    return Results(everything, held[0] if held else None, shapes, worst, why)
 
 
 def _bar(console: Console) -> Progress:
     columns = SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn()
     return Progress(*columns, console=console, transient=True)
-
-
-def _judged(recorded: Recorded, found: Fit, after: int | None) -> tuple[Judgement, Judgement]:
-    """Return what the start and the fit make of the readings after a stamp."""
-    starts = {each.name: each.start for each in found.parameters}
-    both = (judge(recorded.likelihood, values, after) for values in (starts, found.values))
-    before, fitted = both
-    return before, fitted
 
 
 def _held_from(recorded: Recorded) -> float | None:
