@@ -116,7 +116,7 @@ class StepAssembler:
         if topic not in self._names:
             try:
                 topic = self._resolve(topic)
-            except ValueError:  # no name of a topic
+            except (ValueError, RuntimeError):  # no name of a topic, as rcl finds it
                 return None
         return self._names.get(topic)
 

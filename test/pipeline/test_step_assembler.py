@@ -271,10 +271,12 @@ def test_a_relative_and_an_absolute_name_are_of_one_topic():
     def full(topic):
         if '{' in topic:
             raise ValueError('no name of a topic')
+        if topic.startswith('0'):  # as rclpy does
+            raise RuntimeError('failed to resolve name')
         return topic if topic.startswith('/') else f'/robot/{topic}'
 
     for ours, theirs in (('/robot/y', 'y'), ('y', '/robot/y'), ('y', 'y')):
         turns = StepAssembler({ours: 'sensor'}, answered=False, resolve=full)
         turns.reading('sensor', 1, 'reading')
-        turns.tick(1, ['/other', '{', theirs])
+        turns.tick(1, ['/other', '{', '0', theirs])
         assert [step.readings for step in turns.complete()] == [[('sensor', 'reading')]]

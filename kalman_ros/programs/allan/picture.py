@@ -32,4 +32,4 @@ def allan_picture(topic: str, results: Sequence[Allan], path: Path) -> None:
         for row in axes:
             row[0].set_ylabel('Allan deviation')
         figure.suptitle(f'{topic}: {results[0].duration:.4g} s at rest')
-        legend_below(figure, axes[0, 0], 1.0)
+        legend_below(figure, axes[0, 0], markerscale=1.0)
