@@ -220,7 +220,7 @@ class Space:
         Kalman filter, arXiv:1711.02508, section 6.3).
         """
         if not self._turned:
-            return self.wrap(total), P
+            return total if self._wrapped is None else self.wrap(total), P
         mean = self.wrap(self.reached(total, origin))
         return mean, self._congruent(P, total - origin, so3.left_jacobian)
 

@@ -56,16 +56,23 @@ def compete(benchmark: Benchmark, rounds: int) -> Result:
 def results_table(results: Sequence[Result]) -> Table:
     """Return the results for people; a ratio that misses its goal is red."""
     table = plain_table('', ('ours', 'peer', 'ratio', 'goal'))
+    table.columns[0].no_wrap = False
     for result in results:
         colour = 'green' if result.ratio <= result.goal else 'red'
         table.add_row(
             result.name,
-            f'{result.ours * 1e6:.0f} us',
-            f'{result.peer * 1e6:.0f} us',
+            _duration(result.ours),
+            _duration(result.peer),
             f'[{colour}]{result.ratio:.3f}[/]',
             f'{result.goal:.3f}',
         )
     return table
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 0.01:
+        return f'{seconds * 1e6:.0f} us'
+    return f'{seconds * 1e3:.0f} ms' if seconds < 1.0 else f'{seconds:.2f} s'
 
 
 def main(argv: Sequence[str] | None = None) -> None:
