@@ -69,8 +69,11 @@ def joseph(K: Array, H: Array, P: Array, R: Array) -> Array:
     ``K`` (n, k) is (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
     Navigation, 2001, equation 5.2.3-18).
     """
-    I_KH = dgemm(-1.0, K.T, H, 1.0, identity(len(P)), 1)
-    return mirrored(dgemm(1.0, dgemm(1.0, I_KH, P), I_KH, 1.0, through_gain(K, R), 0, 1, 1))
+    eye, Kt = identity(len(P)), K.T
+    I_KH = dgemm(-1.0, Kt, H, 1.0, eye, 1)
+    KRK = dgemm(1.0, dgemm(1.0, Kt, R, 0.0, None, 1), Kt)
+    symmetric: Array = dsymm(1.0, dgemm(1.0, dgemm(1.0, I_KH, P), I_KH, 1.0, KRK, 0, 1, 1), eye)
+    return symmetric
 
 
 def mirrored(P: Array) -> Array:

@@ -10,6 +10,8 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.harness.process import NodeProcess
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ('script', 'says'),
