@@ -17,10 +17,10 @@ from kalman_ros.linear.matrices import (
     variances,
     vector,
 )
+from kalman_ros.linear.views import coordinates, from_coordinates
 
 from .discrete_model import DiscreteLinearSystem, DiscreteModel
 from .gaussian import Gaussian, unchecked
-from .leading_axes import coordinates, from_coordinates
 from .linear_system import LinearSystem, linearize
 from .model import (
     LinearizedStep,

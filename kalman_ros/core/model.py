@@ -14,9 +14,8 @@ import numpy as np
 
 from kalman_ros.linear.discretize import Discretization, noise_integral
 from kalman_ros.linear.matrices import Array
-from kalman_ros.linear.views import coordinates_first, entries_last
+from kalman_ros.linear.views import coordinates, entries_last
 
-from .leading_axes import coordinates
 from .space import Space
 
 #: The most integration steps within one step of a model; a longer step is coarser.
@@ -104,7 +103,7 @@ class Differences(NamedTuple):
         change = subtract(values[1 : n + 1], values[n + 1 :])
         if change.ndim == 2:
             return np.asarray((change / (2.0 * self.step[:, np.newaxis])).T)
-        by_coordinate = coordinates_first(change) / (2.0 * self.step)
+        by_coordinate = coordinates(change) / (2.0 * self.step)
         return entries_last(by_coordinate)
 
 

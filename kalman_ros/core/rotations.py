@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.linear.matrices import Array
-
-from .leading_axes import coordinates, from_coordinates
+from kalman_ros.linear.views import coordinates, from_coordinates
 
 #: A number, or an array (...,) of numbers: a single rotation is computed in plain floats, which
 #: takes a tenth of the time.

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +23,12 @@ from .interrupts import deferred
 from .isolated_context import IsolatedContext
 from .node_set import NodeSet
 from .process import NodeProcess
+from .readiness import missing
 
 #: The intervals in seconds after which a request is repeated.
 _REPEATS = (1.0, 2.0, 4.0, 8.0, 15.0)
+#: Seconds in which all nodes must be connected.
+_PATIENCE = 60.0
 
 
 class NodeError(RuntimeError):
@@ -51,6 +56,27 @@ class LaunchedNodes:
         self._context = IsolatedContext('harness', sockets=sockets)
         self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
         self._clients: dict[str, Any] = {}
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @contextmanager
+    def starting(self) -> Iterator[None]:
+        """Leave nothing running if what is done in this context fails."""
+        try:
+            yield
+        except BaseException:
+            self.close()
+            raise
+
+    def launch(self, topics: Sequence[str] = ()) -> None:
+        """Start all nodes, and wait until they and the subscribers of ``topics`` are connected."""
+        self.listen()
+        names = self._node_set.names
+        for name in names:
+            self.start(name)
+        unready = partial(missing, names, self.diagnostics, topics)
+        self.wait(lambda: not unready(), _PATIENCE, lambda: f'not ready: {unready()}')
 
     def listen(self) -> None:
         """Subscribe to the diagnostics of the nodes."""

@@ -98,18 +98,12 @@ class Run(LaunchedNodes):
 
     def __enter__(self) -> Run:
         self.open(sockets=not self.lockstep)
-        try:
+        with self.starting():
             self._listen()
             for name in self._node_set.names:
                 self.start(name)
             self._until_ready()
-        except BaseException:
-            self.close()
-            raise
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Stop every node, and complete the recording."""

@@ -69,6 +69,7 @@ def joseph(K: Array, H: Array, P: Array, R: Array) -> Array:
     ``K`` (n, k) is (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
     Navigation, 2001, equation 5.2.3-18).
     """
+    # `through_gain` and `mirrored` in place: this is the longest part of a step
     eye, Kt = identity(len(P)), K.T
     I_KH = dgemm(-1.0, Kt, H, 1.0, eye, 1)
     KRK = dgemm(1.0, dgemm(1.0, Kt, R, 0.0, None, 1), Kt)

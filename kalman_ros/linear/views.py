@@ -11,14 +11,22 @@ import numpy as np
 from .matrices import Array
 
 
-def coordinates_first(x: Array) -> Array:
-    """Return the coordinates (n, ...) of vectors (..., n), to be unpacked."""
+def coordinates(x: Array) -> Array:
+    """Return the coordinates (n, ...) of vectors (..., n), each (...,), to be unpacked."""
     return np.asarray(x.transpose(x.ndim - 1, *range(x.ndim - 1)))
 
 
 def coordinates_last(x: Array) -> Array:
     """Return the vectors (..., n) with coordinates (n, ...)."""
     return np.asarray(x.transpose(*range(1, x.ndim), 0))
+
+
+def from_coordinates(*values: Array) -> Array:
+    """Return the vectors (..., n) with these coordinates, each (...,).
+
+    Each coordinate is contiguous in memory, which is what a model computes with.
+    """
+    return coordinates_last(np.array(values))
 
 
 def entries_first(A: Array) -> Array:

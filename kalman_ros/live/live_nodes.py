@@ -22,7 +22,6 @@ from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.core import Array, Signal
 from kalman_ros.harness.launched_nodes import LaunchedNodes
 from kalman_ros.harness.node_set import NodeSet
-from kalman_ros.harness.readiness import missing
 from kalman_ros.harness.recorder import QUEUE
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
@@ -33,8 +32,6 @@ _MOST = 5000
 _LOOK = 0.01
 #: Seconds of simulated time that is never reached.
 FOREVER = 1e9
-#: Seconds in which the nodes must be connected.
-_PATIENCE = 60.0
 
 
 class LiveNodes(LaunchedNodes):
@@ -73,26 +70,13 @@ class LiveNodes(LaunchedNodes):
 
     def __enter__(self) -> LiveNodes:
         self.open(sockets=True)
-        try:
+        with self.starting():
             topics = [self._watch(topic, signal) for topic, signal in _signals(self.scenario)]
             self._push = self._disturbance()
             steady = Clock(clock_type=ClockType.STEADY_TIME)
             self.node.create_timer(_LOOK, self._look, clock=steady)
-            self.listen()
-            for name in self._names:
-                self.start(name)
-            self.wait(
-                lambda: not missing(self._names, self.diagnostics, topics),
-                _PATIENCE,
-                lambda: f'not ready: {missing(self._names, self.diagnostics, topics)}',
-            )
-        except BaseException:
-            self.close()
-            raise
+            self.launch(topics)
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _watch(self, topic: str, signal: Signal) -> str:
         """Decode every message of a topic; return its full name."""

@@ -5,13 +5,9 @@ from __future__ import annotations
 
 from kalman_ros.harness.launched_nodes import LaunchedNodes
 from kalman_ros.harness.node_set import NodeSet
-from kalman_ros.harness.readiness import missing
 
 from .adjustments import Adjustments
 from .map_extent import is_drawn
-
-#: Seconds in which the nodes must be connected.
-_PATIENCE = 60.0
 
 
 class ViewedNodes(LaunchedNodes):
@@ -33,23 +29,9 @@ class ViewedNodes(LaunchedNodes):
             only['markers'] = {'frame': found.value('estimator', 'frame')}
         nodes = NodeSet(str(found.file), shared, only, None, also, {})
         super().__init__(nodes)
-        self._names = nodes.names
 
     def __enter__(self) -> ViewedNodes:
         self.open(sockets=True)
-        try:
-            self.listen()
-            for name in self._names:
-                self.start(name)
-            self.wait(
-                lambda: not missing(self._names, self.diagnostics, ()),
-                _PATIENCE,
-                lambda: f'not ready: {missing(self._names, self.diagnostics, ())}',
-            )
-        except BaseException:
-            self.close()
-            raise
+        with self.starting():
+            self.launch()
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

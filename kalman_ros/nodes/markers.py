@@ -8,8 +8,6 @@ from functools import partial
 from typing import Any
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codecs import codec_of
-from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Signal, Value
 from kalman_ros.pipeline.estimate_topics import covariance_signal
 from kalman_ros.pipeline.throttle import Throttle
@@ -19,7 +17,7 @@ from . import runtime
 from .diagnostics import Level, Report
 from .marker_drawing import MarkerDrawing
 from .options import MarkersOptions
-from .topics import WATCH, on_topic
+from .topics import on_topic, watched
 
 #: Seconds between two looks whether somebody looks.
 _LOOK = 0.5
@@ -72,17 +70,8 @@ class MarkersNode(runtime.ScenarioNode):
             self.destroy_subscription(self._subscriptions_to_loop.pop())
 
     def _watch(self, signal: Signal, take: Callable[[Sample], None]) -> None:
-        """Subscribe to a signal; unreadable messages are skipped."""
-        read = WireReader(codec_of(signal))
-
-        def on_message(data: bytes) -> None:
-            try:
-                take(read(data))
-            except (LookupError, ValueError):
-                self._warn(f'{signal.topic}: a message cannot be read')
-
-        found = self.watch(read.message_type, signal.topic, on_message, WATCH)
-        self._subscriptions_to_loop.append(found)
+        """Subscribe to a signal."""
+        self._subscriptions_to_loop.append(watched(self, signal, take, self._warn))
 
     def _on_covariance(self, sample: Sample) -> None:
         n = self.scenario.model.state.size

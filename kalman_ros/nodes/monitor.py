@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codecs import codec_of
-from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Gaussian, Signal, Value
 from kalman_ros.estimators.consistency import ChiSquareWindow
 from kalman_ros.estimators.error_statistics import Comparison
@@ -26,7 +24,7 @@ from .connections import PATIENCE
 from .diagnostics import Level, Report
 from .options import MonitorOptions
 from .pairing import Pairing
-from .topics import WATCH, on_topic
+from .topics import on_topic, watched
 
 #: Seconds between two checks for new messages.
 _PERIOD = 0.02
@@ -77,17 +75,8 @@ class MonitorNode(runtime.ScenarioNode):
         self._count, self._compared_at = 0, monotonic()
 
     def _watch(self, signal: Signal, take: Callable[[Sample], None]) -> Any:
-        """Subscribe to a signal; unreadable messages are skipped."""
-        read = WireReader(codec_of(signal))
-
-        def on_message(data: bytes) -> None:
-            try:
-                take(read(data))
-            except (LookupError, ValueError):
-                self._warn(f'{signal.topic}: a message cannot be read')
-
-        kind, topic = read.message_type, signal.topic
-        return self.watch(kind, topic, on_message, WATCH)
+        """Subscribe to a signal."""
+        return watched(self, signal, take, self._warn)
 
     def _on_truth(self, sample: Sample) -> None:
         self._comparison.truth(sample.time or 0, sample.values)

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.expand_topic_name import expand_topic_name
@@ -11,7 +13,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_topic_name import validate_topic_name
 
+from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import message_type
+from kalman_ros.codecs.signal_codecs import codec_of
+from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Signal
 from kalman_ros.scenario import Scenario
 
@@ -39,6 +44,21 @@ def sensor_queue(*, reliable: bool) -> QoSProfile:
 
 #: For monitoring: losses have no effect on other nodes.
 WATCH = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def watched(
+    node: Any, signal: Signal, take: Callable[[Sample], None], warn: Callable[[str], object]
+) -> Any:
+    """Subscribe to a signal for monitoring; messages that cannot be read are only named."""
+    read = WireReader(codec_of(signal))
+
+    def on_message(data: bytes) -> None:
+        try:
+            take(read(data))
+        except (LookupError, ValueError):
+            warn(f'{signal.topic}: a message cannot be read')
+
+    return node.watch(read.message_type, signal.topic, on_message, WATCH)
 
 
 def on_topic(signal: Signal, topic: str) -> Signal:

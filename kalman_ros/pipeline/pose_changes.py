@@ -10,7 +10,7 @@ import numpy as np
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Array, Signal
 from kalman_ros.core import rotations as so3
-from kalman_ros.core.quantity import ANGLES, ATTITUDE, PLACE, ROTATION, Quantity, quantity
+from kalman_ros.core.quantity import ANGLES, ATTITUDE, GLOBAL, PLACE, ROTATION, Quantity, quantity
 from kalman_ros.linear.kernels import is_definite
 
 #: Poses further apart than this, in nanoseconds, are no velocity.
@@ -31,7 +31,10 @@ def whole_pose(signal: Signal) -> Signal:
         If a field is of neither.
     """
     found = [quantity(field) for field in signal.fields]
-    if not all(each is not None and each.kind in (PLACE, ATTITUDE) for each in found):
+    if not all(
+        each is not None and each.kind in (PLACE, ATTITUDE) and each.names != GLOBAL
+        for each in found
+    ):
         listed = ', '.join(signal.fields)
         raise ValueError(f'pose: expected fields of a position or orientation, got {listed}')
     if any(each.kind == PLACE for each in found if each is not None):

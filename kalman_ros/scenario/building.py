@@ -30,7 +30,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.core.geodesy import Place, datum
 from kalman_ros.core.mount import mounting
-from kalman_ros.core.quantity import ATTITUDE, GLOBAL, PLACE, quantity
+from kalman_ros.core.quantity import quantity
 from kalman_ros.core.still import stand_still
 from kalman_ros.estimators import FILTERS
 
@@ -194,11 +194,6 @@ def _source(
 def _check_units(sensor: Sensor, fields: Iterable[str], pose: str) -> None:
     """Raise ValueError where a field is known to have another unit than what it measures."""
     for name, unit, field in zip(sensor.output.names, sensor.output.units, fields):
-        if pose != POSES[0]:
-            read = quantity(field)
-            if read is None or read.kind not in (PLACE, ATTITUDE) or read.names == GLOBAL:
-                expected = 'expected fields of a position or orientation'
-                raise ValueError(f'pose: {expected} with {pose}, got {field}')
         if pose == 'differential' and unit in ('m', 'rad'):
             expected = 'expected velocities or rates with pose: differential'
             raise ValueError(f'measures: {expected}, got {name} in {unit}')

@@ -28,18 +28,48 @@ class Screen:
     """Notes what is played; one that has ended ends the player, unless it goes on."""
 
     def __init__(self):
-        self.wanted, self.messages, self.positions = set(), [], []
+        self.subscribed, self.messages, self.positions = set(), [], []
+        self.looks, self.changed = 0, threading.Condition()
         self.stop = threading.Event()
         self.goes_on = False
 
+    @property
+    def wanted(self):
+        with self.changed:
+            self.looks += 1
+            self.changed.notify_all()
+        return self.subscribed
+
     def publish(self, topic, data, time):
         assert data == DATA
-        self.messages.append((topic, time))
+        with self.changed:
+            self.messages.append((topic, time))
+            self.changed.notify_all()
+
+    def until(self, condition):
+        with self.changed:
+            assert self.changed.wait_for(condition, 10.0)
 
     def report(self, position):
-        self.positions.append(position)
+        with self.changed:
+            self.positions.append(position)
+            self.changed.notify_all()
         if self.stop.is_set() or (position.ended and not self.goes_on):
             raise EndedError
+
+
+class Waits(threading.Condition):
+    """Says when it has been waited for several times, as a player that is paused does."""
+
+    def __init__(self):
+        super().__init__()
+        self.count, self.several = 0, threading.Event()
+
+    def wait(self, timeout=None):
+        self.count += 1
+        if self.count > 3:
+            self.several.set()
+        return super().wait(timeout)
 
 
 @pytest.fixture
@@ -64,22 +94,15 @@ def run(player, screen):
     return thread
 
 
-def until(condition):
-    end = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
-
-
 def test_it_waits_for_a_viewer_and_plays_all_at_the_pace_of_the_recording(bag):
     player, screen = BagPlayer(bag), Screen()
     assert player.topics == {'/x': 'std_msgs/msg/Float64'}
     assert player.refused == {'/strange': 'its type no_msgs/msg/Such is not installed'}
     thread = run(player, screen)
-    time.sleep(0.3)
+    screen.until(lambda: screen.looks > 3)
     assert screen.messages == []
-    screen.wanted = {'/x'}
-    until(lambda: screen.messages)
+    screen.subscribed = {'/x'}
+    screen.until(lambda: screen.messages)
     start = time.monotonic()
     thread.join(10.0)
     assert time.monotonic() - start > 0.8
@@ -91,19 +114,20 @@ def test_it_waits_for_a_viewer_and_plays_all_at_the_pace_of_the_recording(bag):
 
 def test_a_viewer_pauses_seeks_and_hurries(bag):
     player, screen = BagPlayer(bag), Screen()
-    screen.wanted, screen.goes_on = {'/x'}, True
+    screen.subscribed, screen.goes_on = {'/x'}, True
+    player._changed = Waits()
     assert not player.control(playing=False, speed=1.0, seek=None).playing
     thread = run(player, screen)
-    time.sleep(0.3)
+    assert player._changed.several.wait(10.0)
     assert screen.messages == []
     found = player.control(playing=True, speed=100.0, seek=SECOND + SECOND // 2)
     assert (found.time, found.speed, found.playing) == (SECOND + SECOND // 2, 100.0, True)
-    until(lambda: screen.positions and screen.positions[-1].ended)
+    screen.until(lambda: screen.positions and screen.positions[-1].ended)
     assert len(screen.messages) == COUNT // 2 + 1
     screen.messages.clear()
     # once it has ended, it starts again
     assert player.control(playing=True, speed=100.0, seek=None).time == SECOND
-    until(lambda: len(screen.messages) == COUNT)
+    screen.until(lambda: len(screen.messages) == COUNT)
     screen.stop.set()
     player.control(playing=True, speed=1.0, seek=None)
     thread.join(10.0)

@@ -4,7 +4,6 @@
 import json
 import socket
 import struct
-import time
 from math import inf
 
 import pytest
@@ -55,6 +54,11 @@ class Viewer:
     def send(self, op, **fields):
         self.socket.send(json.dumps({'op': op, **fields}))
 
+    def processed(self):
+        """Wait until what was sent so far is processed, which is in its order."""
+        self.send('getParameters', parameterNames=['/a.on'], id='processed')
+        self.next('parameterValues')
+
     def next(self, op):
         """Return the next message of a kind; bytes for ``'data'``."""
         while True:
@@ -76,13 +80,6 @@ def served():
         yield server
 
 
-def until(condition):
-    end = time.monotonic() + 5.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
 def test_a_topic_is_subscribed_to_by_its_schema_and_its_bytes_arrive(served):
     served.offer('/estimate/state', 'sensor_msgs/msg/JointState')
     with Viewer(served.port) as viewer:
@@ -94,14 +91,16 @@ def test_a_topic_is_subscribed_to_by_its_schema_and_its_bytes_arrive(served):
         assert 'MSG: std_msgs/Header' in channel['schema']
         assert served.wanted == set()
         viewer.send('subscribe', subscriptions=[{'id': 9, 'channelId': channel['id']}])
-        until(lambda: served.wanted == {'/estimate/state'})
+        viewer.processed()
+        assert served.wanted == {'/estimate/state'}
         message = JointState(name=['x'], position=[1.5])
         served.publish('/estimate/state', serialize_message(message), 123)
         data = viewer.next('data')
         assert struct.unpack_from('<BIQ', data) == (1, 9, 123)
         assert deserialize_message(data[13:], JointState) == message
         viewer.send('unsubscribe', subscriptionIds=[9])
-        until(lambda: served.wanted == set())
+        viewer.processed()
+        assert served.wanted == set()
 
 
 def values(message):

@@ -38,6 +38,8 @@ def test_the_fields_of_the_whole_pose_are_read():
     assert alone.fields == ('orientation.rx', 'orientation.ry', 'orientation.rz')
     with pytest.raises(ValueError, match='pose: expected fields of a position or orientation'):
         whole_pose(Signal('imu', 'sensor_msgs/Imu', ('angular_velocity.z',)))
+    with pytest.raises(ValueError, match='pose: expected fields of a position .*got east, north'):
+        whole_pose(Signal('fix', 'sensor_msgs/NavSatFix', ('east', 'north')))
 
 
 def test_a_drive_on_a_circle_has_constant_velocities():

@@ -136,10 +136,6 @@ def test_a_body_goes_by_the_names_of_its_states():
         ),
         ({'gnss.mount.rotation': [0.0, 0.0, 90.0]}, 'expected -6.28319 to 6.28319 rad, got 90'),
         (
-            {'gnss.pose': 'relative', 'gnss.mount.translation': [0.0] * 3},
-            'expected fields of a position or orientation with relative',
-        ),
-        (
             {'model': 'constant_velocity', 'sensors': ['gnss'], 'initial_state': [0.0] * 4},
             'takes a state with a heading',
         ),

@@ -33,7 +33,7 @@ from kalman_ros.linear.batched import (
     symmetric,
     times,
 )
-from kalman_ros.linear.views import coordinates_first, coordinates_last
+from kalman_ros.linear.views import coordinates, coordinates_last
 
 from .batch_correction import BatchCorrection
 from .candidates import candidate_dynamics
@@ -131,7 +131,7 @@ class BatchUnscented:
         """Return the points (2n + 1, ..., n) for ``offsets`` (..., n, 2n + 1)."""
         if offsets.ndim == 2:
             offsets = offsets.reshape(*(1,) * (x.ndim - 1), *offsets.shape)
-        return self.filter.model.state.reached(coordinates_first(offsets) + x, x)
+        return self.filter.model.state.reached(coordinates(offsets) + x, x)
 
     def _offsets(self, P: Array) -> Array:
         """Return the sigma points minus the mean (..., n, 2n + 1)."""

@@ -13,6 +13,7 @@ from kalman_ros.core import Array
 from kalman_ros.core import rotations as so3
 
 from .their_file import SENSOR, Row, TheirNode
+from .their_receiver import receiver
 from .their_sensors import Sensors, sensors_of
 
 #: What a parameter is for, where ours needs none, or has none.
@@ -140,7 +141,7 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
         assert kind is not None
         made = sensors_of(node, name, kind[1], planar=planar)
         if navigation is not None and node.value(name, '').endswith(_GPS):
-            made = _receiver(node, name, made, navigation, found)
+            made = receiver(node, name, made, navigation, found)
         sensors.update(made)
     if not sensors:
         raise ValueError(f'{node.name}: expected a flag that is true, got none')
@@ -249,64 +250,3 @@ def _window(node: TheirNode, found: dict[str, Any]) -> None:
         node.note('history_length', 'window')
     else:
         node.note('history_length', 'not needed: late readings are fused within window')
-
-
-def _receiver(
-    node: TheirNode,
-    name: str,
-    made: Mapping[str, Mapping[str, Any]],
-    navigation: TheirNode,
-    found: dict[str, Any],
-) -> dict[str, dict[str, Any]]:
-    """Return a sensor that reads the fixes themselves, for what navsat_transform made of them."""
-    position = next((each for key, each in made.items() if key.endswith('_position')), None)
-    if position is None:
-        return {key: dict(each) for key, each in made.items()}
-    axes = [axis for axis in position['measures'] if axis != 'z' or not _flat_ground(navigation)]
-    fields = [{'x': 'east', 'y': 'north', 'z': 'up'}[axis] for axis in axes]
-    number = len(axes)
-    node.note(name, f'sensor {name}_fix: the fixes themselves, without navsat_transform')
-    node.rows[:] = [row for row in node.rows if row.name != name or 'fixes' in row.what]
-    datum = navigation.values.get('datum')
-    if datum is not None:
-        numbers = navigation.numbers('datum', (2, 3, 5)) or []
-        found['datum'] = [numbers[0], numbers[1], 0.0]
-        navigation.note('datum', "datum, with an altitude of 0; a heading is the state's")
-    found['publish_fix'] = navigation.value('publish_filtered_gps', False)
-    for key, what in _NAVIGATION.items():
-        navigation.note(key, what)
-    turns = 'magnetic_declination_radians', 'yaw_offset'
-    total = sum(navigation.value(key, 0.0) for key in turns)
-    why = f'set mount.rotation of the sensor of the heading to [0.0, 0.0, {-total:g}]'
-    for key in turns:
-        off = navigation.value(key, 0.0) == 0.0
-        navigation.note(key, 'zero: nothing to do' if off else why, carried=off)
-    return {
-        f'{name}_fix': {
-            **{key: value for key, value in position.items() if key == 'gate'},
-            'kind': 'states', 'measures': axes, 'topic': 'gps/fix',
-            'type': 'sensor_msgs/NavSatFix', 'fields': fields, 'noise': [2.0] * number,
-        },
-        **{key: dict(each) for key, each in made.items() if not key.endswith('_position')},
-    }  # fmt: skip
-
-
-def _flat_ground(navigation: TheirNode) -> bool:
-    return bool(navigation.value('zero_altitude', False))
-
-
-_NAVIGATION = {
-    'frequency': 'not needed: there is no second node',
-    'delay': 'not needed: there is no second node',
-    'wait_for_datum': 'not needed: without a datum the first good fix is it',
-    'zero_altitude': 'up is no field where it is true, or z is not used',
-    'publish_filtered_gps': 'publish_fix',
-    'use_odometry_yaw': 'not needed: the heading is a state',
-    'broadcast_utm_transform': 'not needed: there is no UTM zone',
-    'broadcast_cartesian_transform': 'not needed: estimate/datum is the origin',
-    'broadcast_utm_transform_as_parent_frame': 'not needed: there is no UTM zone',
-    'broadcast_cartesian_transform_as_parent_frame': 'not needed: estimate/datum is the origin',
-    'use_local_cartesian': 'not needed: the plane is always the local one',
-    'use_sim_time': 'not needed: there is no second node',
-    'transform_timeout': 'not needed: declare mount of the receiver',
-}
