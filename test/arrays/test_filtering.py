@@ -191,6 +191,7 @@ def test_it_prints_and_goes_on():
     np.testing.assert_allclose(more.last.mean, whole.last.mean, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_pictures(tmp_path):
     _, times, y, u = record()
     found = kr.filter(CHAIN, kr.sensor([1, 0], 0.25, 'gps', outputs=['x']), times, y, u, PRIOR)

@@ -48,6 +48,7 @@ def test_the_repr_fits_and_says_what_is_wrong(many):
     assert 'NOT consistent' in repr(wrong)
 
 
+@pytest.mark.slow
 def test_a_controller_that_is_too_weak_loses_the_pole():
     many = kr.monte_carlo('cart_pole', runs=4, seconds=3, input_limit=1.0, after=0.0)
     assert many.lost.all() and np.isnan(many.cost)
@@ -57,6 +58,7 @@ def test_a_controller_that_is_too_weak_loses_the_pole():
     assert not kept.lost.any()
 
 
+@pytest.mark.slow
 def test_the_picture(many, tmp_path):
     many.plot(tmp_path / 'many.png')
     assert (tmp_path / 'many.png').stat().st_size > 10_000

@@ -224,6 +224,7 @@ def test_a_view_in_the_place_of_the_messages_is_not_asked(tmp_path):
     assert 'without messages' in refusal(tmp_path / 'a.db3')
 
 
+@pytest.mark.slow
 def test_sizes_are_checked_before_memory_is_taken(tmp_path):
     huge = 2**40
     head = b'\x89MCAP0\r\n' + struct.pack('<BQ', 1, 8) + bytes(8)

@@ -172,6 +172,7 @@ def test_a_truth_gives_errors(tmp_path):
     assert errors.nees > 10.0  # it is wrong, and sure of it
 
 
+@pytest.mark.slow
 def test_a_consistent_filter_passes_and_one_that_is_sure_of_itself_fails(tmp_path):
     record(tmp_path / 'a', VALUES, 20.0)
     good = statistics.checks(replay(tmp_path / 'a', VALUES), None)

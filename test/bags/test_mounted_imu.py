@@ -75,6 +75,7 @@ def test_an_imu_mounted_at_90_degrees_ends_at_the_same_place(tmp_path, straight,
     assert np.hypot(*(lost.beliefs.mean - straight.beliefs.mean)[-1, :2]) > 1.0
 
 
+@pytest.mark.slow
 def test_the_mounting_is_that_of_the_static_transform(tmp_path, straight):
     mount = (0.4, -1.2, 3.0)
     values = {'imu.mount.tf': True}
@@ -105,6 +106,7 @@ def test_an_imu_of_another_frame_than_declared_is_counted_and_not_fused(tmp_path
     assert declared.notes == ()
 
 
+@pytest.mark.slow
 def test_an_undeclared_frame_is_taken_for_that_of_the_body_with_a_warning(tmp_path):
     bag = recorded(tmp_path / 'a', frame='imu_link', wheels='base_footprint')
     taken = "frame '{}' is taken for base_link; declare frame and mount to be sure"

@@ -64,6 +64,7 @@ def found(tmp_path_factory):
     return results
 
 
+@pytest.mark.slow
 def test_ranges_halve_the_error_of_the_wheels(found):
     (wheels, _), (both, _) = found
     alone, together = (np.linalg.norm(each[-1]) for each in (wheels, both))

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from seeds import first_fast
 
 from kalman_ros.control.compensator import compensator, current_compensator
 from kalman_ros.control.delay import sampled_plant
@@ -39,7 +40,7 @@ def random_loop(seed, dt=None):
     )
 
 
-LOOPS = [(seed, dt) for seed in range(12) for dt in (None, 0.1)]
+LOOPS = first_fast([(seed, dt) for seed in range(12) for dt in (None, 0.1)], 8)
 
 
 @pytest.mark.parametrize(('seed', 'dt'), LOOPS)
@@ -90,7 +91,7 @@ def test_the_disk_is_within_the_margins_of_one_change(seed, dt):
     assert found.disk.phase <= min(found.lead.value, found.lag.value) * (1 + 1e-6)
 
 
-@pytest.mark.parametrize('seed', range(12))
+@pytest.mark.parametrize('seed', first_fast(range(12), 4))
 def test_a_delay_margin_is_where_stability_ends(seed):
     """With the delay as a Pade approximant, good to far beyond the frequencies of the loop."""
     loop = random_loop(seed)

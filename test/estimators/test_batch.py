@@ -34,7 +34,13 @@ def served(scenario):
     return kinds
 
 
-CASES = [(name, kind) for name in SCENARIOS for kind in served(load(name))]
+#: The scenarios whose single estimators take the longest.
+LONG = {'sound_tracker', 'robot_3d', 'inertial'}
+CASES = [
+    pytest.param(name, kind, marks=[pytest.mark.slow] * (name in LONG))
+    for name in SCENARIOS
+    for kind in served(load(name))
+]
 
 
 def recorded(scenario, seed, outliers):

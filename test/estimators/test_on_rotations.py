@@ -179,6 +179,7 @@ def test_the_nees_of_a_rotation_walk_is_one(kind):
     assert all(0.97 * low < each < 1.03 * high for each in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', ['ekf', 'ukf'])
 def test_smoothed_rotations_are_nearer_and_consistent(kind):
     plan = plan_of(0.3, Tumbling(0.1))

@@ -94,6 +94,7 @@ def run(player, screen):
     return thread
 
 
+@pytest.mark.slow
 def test_it_waits_for_a_viewer_and_plays_all_at_the_pace_of_the_recording(bag):
     player, screen = BagPlayer(bag), Screen()
     assert player.topics == {'/x': 'std_msgs/msg/Float64'}

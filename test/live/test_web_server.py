@@ -168,6 +168,7 @@ def test_commands_are_passed_on_and_noise_is_dropped(served):
     assert served.commands.empty()
 
 
+@pytest.mark.slow
 def test_a_tab_that_sends_too_much_is_closed(served):
     with served.tab() as tab:
         tab.send('x' * 5000)

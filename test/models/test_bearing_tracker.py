@@ -78,6 +78,7 @@ def test_the_first_belief_is_not_the_truth():
     assert built.filter == 'gaussian_sum'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(3))
 def test_a_first_belief_in_quite_another_direction_does_no_harm(seed):
     # 70 degrees off, and nearer than the target: the range alone is right within its deviation

@@ -154,6 +154,7 @@ def test_an_arrow_has_the_heading():
     assert matrix(marker.pose.orientation)[:, 0] == pytest.approx([np.cos(0.7), np.sin(0.7), 0.0])
 
 
+@pytest.mark.slow
 def test_the_node_subscribes_only_while_somebody_looks(pair):
     found = pair(MarkersNode)
     peer, received = found.peer, []

@@ -92,6 +92,7 @@ def runs():
     return found
 
 
+@pytest.mark.slow
 def test_both_are_in_one_picture(runs, tmp_path):
     scenarios, trajectories = zip(*runs)
     axes = pair(scenarios, trajectories, ('dear', 'cheap'), tmp_path / 'against.png')
@@ -127,6 +128,7 @@ def test_a_table_of_two_keeps_repeated_names_and_what_only_one_has():
     ]
 
 
+@pytest.mark.slow
 def test_a_demo_of_two_writes_both_and_their_picture(runs, tmp_path, monkeypatch, capsys):
     options = ['mass_spring_damper', '--against', 'input_cost=[0.1]', '--duration', '9']
 

@@ -64,6 +64,7 @@ def test_one_parameter_twice_is_refused(tmp_path, capsys):
     assert 'over: expected two parameters, got input_cost=1..2' in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_cost_and_errors_beside_theory(tmp_path, capsys):
     points = swept(
         tmp_path, '--over', 'input_cost=0.1..10:log:3', '--runs', '60', '--seconds', '10'
@@ -79,6 +80,7 @@ def test_cost_and_errors_beside_theory(tmp_path, capsys):
     assert (tmp_path / 'sweep.png').stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_belief_that_is_wrong_is_seen(tmp_path, capsys):
     # the true deviation is 0.05 m: too sure, and too careful
     points = swept(tmp_path, '--over', 'estimator.position.noise=0.03..0.3:log:2', *FEW)
@@ -89,6 +91,7 @@ def test_a_belief_that_is_wrong_is_seen(tmp_path, capsys):
     assert '*' in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_two_parameters_make_a_map(tmp_path):
     points = swept(
         tmp_path, '--over', 'plant.model_parameters.mass=0.5..2:log:2',
@@ -106,6 +109,7 @@ def test_workers_change_nothing(tmp_path):
     assert alone == swept(tmp_path / 'two', *arguments, '--workers', '2')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('end', 'code', 'says'),
     [

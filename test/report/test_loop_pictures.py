@@ -66,6 +66,7 @@ def test_the_gain_is_that_of_the_filter(loop, tmp_path):
     np.testing.assert_allclose(K[k], P[1, 1] / (P[1, 1] + R[0, 0]))
 
 
+@pytest.mark.slow
 def test_a_gain_uses_the_covariance_in_the_message(loop, tmp_path):
     built = scenario.build({'model': 'mass_spring_damper', 'velocity.covariance_from': 'message'})
     run = loop[1]
@@ -81,6 +82,7 @@ def test_a_gain_uses_the_covariance_in_the_message(loop, tmp_path):
     np.testing.assert_allclose(quarter, K / 4.0)
 
 
+@pytest.mark.slow
 def test_a_filter_without_such_a_gain_has_none_drawn(ship, tmp_path):
     built, run = ship
     bank = replace(built, filter='gaussian_sum')
@@ -137,6 +139,7 @@ def test_an_error_that_outgrows_its_band_stays_in_the_panel(loop, tmp_path):
     assert low < -7.0 < 7.0 < high
 
 
+@pytest.mark.slow
 def test_the_unit_of_time_is_that_of_the_caption(loop, tmp_path):
     built, run = loop
     with caption('a river', 'years'):
