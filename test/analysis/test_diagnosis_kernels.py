@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kalman_ros.analysis.diagnosis import passage as passage_module
 from kalman_ros.analysis.diagnosis.array_replay import replay
 from kalman_ros.analysis.diagnosis.bias import courses_of
 from kalman_ros.analysis.diagnosis.evidence import misfit
@@ -14,6 +15,7 @@ from kalman_ros.analysis.diagnosis.quantisation import grid
 from kalman_ros.analysis.diagnosis.refilter import misfits
 from kalman_ros.analysis.diagnosis.responses import Responses, fitted
 from kalman_ros.analysis.diagnosis.stamps import slope
+from kalman_ros.linear.kernels import gain
 from kalman_ros.programs.doctor.recordings import recorded
 
 SCENARIO = 'mass_spring_damper'
@@ -131,7 +133,23 @@ def test_courses_are_told_apart():
     assert course(5.0 + noise) == 'constant'
     assert course(0.5 * t + noise) == 'ramp'
     assert course(9.0 * (t > 12) + noise) == 'step'
-    assert course(4.0 * np.cumsum(rng.standard_normal(30)) + noise) == 'walk'
+    walk = np.cumsum(rng.standard_normal(30))
+    assert course(4.0 * walk + noise) == 'walk'
+    # nearly all of it is a ramp, and what is left is far more than chance
+    assert course(10.0 * t + 20.0 * walk + noise) == 'walk'
+
+
+def test_the_pass_of_a_filter_that_fails_ends_there(case, monkeypatch):
+    calls = []
+
+    def failing(P, H, R):
+        calls.append(P)
+        return gain(P, H, R if len(calls) % 50 else -R - 1e9)
+
+    monkeypatch.setattr(passage_module, 'gain', failing)
+    with pytest.raises(np.linalg.LinAlgError, match='not positive definite'):
+        passage(case.evidence)
+    assert len(passage(case.evidence, strict=False).events) == 49
 
 
 def test_the_step_of_quantised_values():

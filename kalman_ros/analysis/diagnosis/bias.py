@@ -18,8 +18,10 @@ from .responses import Fit, Responses
 
 #: What one more number that is fitted must gain, about log N of a recording.
 _COST = 10.0
-#: The kinds of courses, and by how much a simpler one is preferred.
-_KINDS = {'constant': 1.1, 'ramp': 1.05, 'step': 1.0, 'walk': 0.9}
+#: The kinds of courses, the simplest first.
+_KINDS = ('constant', 'ramp', 'step', 'walk')
+#: A simpler course is preferred if it explains as much, but for chance and this part.
+_AS_MUCH = 0.005
 #: Intensities of random walks that are tried, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
 
@@ -57,24 +59,23 @@ def courses_of(
 ) -> dict[int, Course]:
     """Return the courses of several coordinates, by index, of those that explain anything.
 
-    They are of one kind: the one that explains most by the fewest numbers. A walk is a random
+    They are of one kind: the simplest that explains as much as any. A walk is a random
     effect with the covariance min(t, s) times an intensity, whose likelihood counts what its
     freedom costs (N. Laird and J. Ware, Random-Effects Models for Longitudinal Data, Biometrics
     38(4), 1982); the others are single numbers.
     """
-    best: dict[int, Course] = {}
-    most = 0.0
-    for kind, favour in _KINDS.items():
+    found = []
+    for kind in _KINDS:
         courses = {
             index: _of_kind(responses, columns, kind, cost)
             for index, columns in groups.items()
             if columns
         }
         courses = {i: course for i, course in courses.items() if course.gain > CHANCE}
-        total = favour * sum(course.gain for course in courses.values())
-        if total > most:
-            best, most = courses, total
-    return best
+        found.append((sum(course.gain for course in courses.values()), courses))
+    most = max(total for total, _ in found)
+    least = (1.0 - _AS_MUCH) * most - CHANCE
+    return next(courses for total, courses in found if total >= least)
 
 
 def _of_kind(responses: Responses, columns: Sequence[int], kind: str, cost: float) -> Course:

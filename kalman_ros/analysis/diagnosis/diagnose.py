@@ -9,6 +9,7 @@ would hide it, and what only follows from a fault is gone once the fault is corr
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -51,15 +52,18 @@ FITTED: Sequence[Detector] = (
     units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
     inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
 )  # fmt: skip
-#: How much simpler a cause is than others that explain as much: its gain is multiplied by this.
+#: How much simpler a cause is than others that explain as much: its gain is multiplied by this,
+#: or increased by the `_MOST_FAVOUR` where that is less.
 SIMPLER = {
     'unit': 1.1, 'sign': 1.1, 'swapped': 1.1, 'rotated': 1.05,
     'outliers': 1.1, 'bias': 1.02, 'noise too small': 0.9, 'noise too large': 0.9,
-    'process noise too small': 0.85, 'process noise too large': 0.85, 'random walk': 0.95,
-    'unrelated': 1.1, 'parameter': 0.9, 'scale': 0.25, 'input gain': 1.02, 'input sign': 1.1,
+    'process noise too small': 0.85, 'process noise too large': 0.85,
+    'parameter': 0.9, 'scale': 0.25, 'input gain': 1.02, 'input sign': 1.1,
 }  # fmt: skip
-#: No more causes than this are looked for, and no more than these are tried for one.
-_ROUNDS, _TRIED = 6, 5
+#: Where a filter is lost, a part of any gain is more than what one cause explains beyond another.
+_MOST_FAVOUR = 3000.0
+#: At most this many causes are looked for, and tried for one, and of one kind.
+_ROUNDS, _TRIED, _ALIKE = 6, 5, 2
 #: Other candidates are tried if they promise this part of the best reduction; the second where
 #: promises hold: of a filter that is not lost, and of reductions that are not chance in part.
 _CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
@@ -141,7 +145,7 @@ def _best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examina
     # what passes have shown first: where a filter is lost, regressions promise anything
     shown = gross.find(case)
     others = [f for f in promised if not any(same(f, other) for other in (*known, *shown))]
-    for finding in [*shown, *others][:_TRIED]:
+    for finding in [*shown, *_few_of_a_kind(others)][:_TRIED]:
         if finding.gain <= least or any(same(finding, other) for other in known):
             continue
         best = max((_promise(other) for other, _ in tried), default=0.0)
@@ -165,8 +169,20 @@ def _best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examina
     return replace(finding, same_as=(*finding.same_as, *alike)), after
 
 
+def _few_of_a_kind(found: Sequence[Finding]) -> list[Finding]:
+    """Return the first of each kind, so that no kind leaves the others untried."""
+    seen: Counter[str] = Counter()
+    few = []
+    for finding in found:
+        seen[finding.kind] += 1
+        if seen[finding.kind] <= _ALIKE:
+            few.append(finding)
+    return few
+
+
 def _promise(finding: Finding) -> float:
-    return finding.gain * SIMPLER.get(finding.kind, 1.0)
+    favoured = finding.gain * SIMPLER.get(finding.kind, 1.0)
+    return min(favoured, finding.gain + _MOST_FAVOUR)
 
 
 def _proven(evidence: Evidence, finding: Finding) -> Finding:

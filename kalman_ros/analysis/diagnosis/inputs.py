@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,20 +15,21 @@ from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .hypotheses import edges, held
+from .responses import Fit
 
-#: Gains within this of 1 are no finding.
-_RELEVANT = 0.05
+#: Gains within this of 1 are no finding; those this far below 1 are of the wrong sign.
+_RELEVANT, _REVERSED = 0.05, -1.3
 #: Of the zone that fits best, the part that fits: more than all of it is no dead zone.
 _DEAD = (0.3, 1.5)
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return what is wrong with each input."""
+    """Return what is wrong with the inputs."""
     found = []
     for index, name in enumerate(case.evidence.scenario.model.input.names):
         if case.responses.columns('gain', name):
-            found += [*_gain(case, name, index), *_late(case, name, index)]
-    return [*found, *_dead(case), *_disturbed(case), *_tones(case)]
+            found += _late(case, name, index)
+    return [*_gains(case), *found, *_dead(case), *_disturbed(case), *_tones(case)]
 
 
 def _with(evidence: Evidence, index: int, column: Array) -> Evidence:
@@ -37,24 +39,43 @@ def _with(evidence: Evidence, index: int, column: Array) -> Evidence:
     return replace(evidence, inputs=replace(evidence.inputs, value=value))
 
 
-def _gain(case: Examination, name: str, index: int) -> list[Finding]:
-    fit = case.responses.alone(case.responses.columns('gain', name)[0])
-    gain, std = 1.0 + float(fit.size[0]), float(fit.std[0])
-    if fit.gain < CHANCE or abs(gain - 1.0) < _RELEVANT:
-        return []
-    u = case.evidence.inputs.value[:, index]
-    kind = 'input sign' if gain < -0.3 else 'input gain'
-    what = 'with the wrong sign' if gain < -0.3 else f'at {gain:.3g} +- {std:.1g} of its command'
-    return [
-        Finding(
-            kind,
-            name,
-            f'the input {name} acts {what}.',
-            fit.gain**0.5,
-            gain=fit.gain,
-            mended=lambda: _with(case.evidence, index, gain * u),
+def _gains(case: Examination) -> list[Finding]:
+    """Return the inputs that act with another sign, and those at a part of their command."""
+    evidence, names = case.evidence, case.evidence.scenario.model.input.names
+    fits: dict[str, dict[int, Fit]] = {'input sign': {}, 'input gain': {}}
+    for index, name in enumerate(names):
+        for column in case.responses.columns('gain', name):
+            fit = case.responses.alone(column)
+            if fit.gain >= CHANCE and abs(fit.size[0]) >= _RELEVANT:
+                fits['input sign' if fit.size[0] < _REVERSED else 'input gain'][index] = fit
+    found = []
+    for kind, those in fits.items():
+        if not those:
+            continue
+        value, words = evidence.inputs.value.copy(), []
+        for index, fit in those.items():
+            gain = 1.0 + float(fit.size[0])
+            value[:, index] *= gain
+            size = f'at {gain:.3g} +- {fit.std[0]:.1g} of its command'
+            sign = 'with the wrong sign'
+            words.append(f'{names[index]} acts {sign if kind == "input sign" else size}')
+        gain = sum(fit.gain for fit in those.values())
+        mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
+        found.append(
+            Finding(
+                kind,
+                names[min(those)],
+                f'the input {", ".join(words)}.',
+                gain**0.5,
+                gain=gain,
+                mended=partial(_itself, mended),
+            )
         )
-    ]
+    return found
+
+
+def _itself(evidence: Evidence) -> Evidence:
+    return evidence
 
 
 def _late(case: Examination, name: str, index: int) -> list[Finding]:

@@ -104,13 +104,13 @@ def passage(
 ) -> Passage:
     """Return what an extended filter makes of the usable readings, up to a stamp (s).
 
-    Duplicates, what is not finite and what has no positive covariance are left out. A ``gate``
-    (sensor, largest NIS, list) leaves out what is beyond it, and lists the indices.
+    Duplicates and what is not `usable` are left out. A ``gate`` (sensor, largest NIS, list) leaves
+    out what is beyond it, and lists the indices.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the estimate is not finite; unless it is ``strict``, the pass ends there instead.
+        If the filter fails; unless it is ``strict``, the pass ends there instead.
     """
     scenario = evidence.scenario
     sensors = {name: source.sensor for name, source in scenario.sensors.items()}
@@ -121,13 +121,16 @@ def passage(
         F, Q, dt = walk.to(time)
         sensor, record = sensors[name], evidence.sensors[name]
         x, P, R = walk.x, walk.P, record.covariance[index]
-        if not is_finite(x):
-            if strict:
+        try:
+            if not is_finite(x):
                 raise np.linalg.LinAlgError('the estimate is not finite')
+            H = np.asfortranarray(sensor.jacobian(x))
+            K, S = gain(P, H, R)
+        except np.linalg.LinAlgError:
+            if strict:
+                raise
             break
-        H = np.asfortranarray(sensor.jacobian(x))
         innovation = sensor.output.subtract(record.value[index], sensor.measure(x))
-        K, S = gain(P, H, R)
         if gate and name == gate[0] and weighed(S, innovation) > gate[1]:
             gate[2].append(index)
             walk.skip(F, Q, dt)
@@ -138,8 +141,7 @@ def passage(
         events.append(
             Event(name, index, time, F, Q, dt, x, P, walk.u, H, K, S, innovation, white, size)
         )
-        e = white.dot(innovation)
-        whitened.append(e if e.dot(e) <= _FAR**2 else np.clip(e, -_FAR, _FAR))
+        whitened.append(np.clip(white.dot(innovation), -_FAR, _FAR))
     return Passage(events, whitened)
 
 

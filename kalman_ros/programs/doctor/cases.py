@@ -98,7 +98,7 @@ def _bodies() -> list[Case]:
     """Return the faults of the injector where inputs act."""
     found = []
     sizes: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[str, ...]]] = {
-        'actuator_loss': ({}, {'actuator_loss': 0.3}, ('input delay',)),
+        'actuator_loss': ({}, {'actuator_loss': 0.4}, ('input delay',)),
         'actuator_dead_zone': (
             {'actuator_dead_zone': [0.8]}, {'actuator_dead_zone': [0.15]}, ('dead zone',)
         ),
@@ -119,7 +119,7 @@ def _bodies() -> list[Case]:
         if mass:  # on the mass, what is lost is less than the force noise
             found.append(Case(fault, _MASS, Injection(body=mass), kinds, subject))
         found.append(Case(fault, _POLE, Injection(body=pole), kinds, subject))
-    for fault, factor in {'input_gain': 1.6, 'input_sign': -1.0}.items():
+    for fault, factor in {'input_gain': 2.5, 'input_sign': -1.0}.items():
         right = fault.replace('_', ' ')
         for scenario in (_MASS, _POLE):
             found.append(Case(fault, scenario, Injection(command=factor), (right,), 'f'))
@@ -219,7 +219,7 @@ def _models() -> list[Case]:
         _GNSS: [1.0, 1.0, 0.2, 0.05, 0.2, 1.0, 0.02, 0.2],
     }  # fmt: skip
     found = [
-        Case('parameter', _MASS, Injection(plant={'model_parameters.mass': 1.5}),
+        Case('parameter', _MASS, Injection(plant={'model_parameters.stiffness_x': 5.0}),
              ('parameter', 'input gain')),
         Case('parameter', _POLE, Injection(plant={'model_parameters.length': 0.36}),
              ('parameter',)),
