@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Sequence
@@ -81,14 +82,20 @@ def _by_dask(task: Callable[[T], R], items: Sequence[T], address: str) -> Iterat
         import distributed
     except ModuleNotFoundError:
         raise ValueError('dask: it is not installed: pip install distributed') from None
+    # what it reports below is said in one line instead
+    logging.getLogger('distributed').setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(address, timeout=_PATIENCE)
     except (OSError, TimeoutError, ValueError) as error:
-        reason = str(error).partition('\n')[0] or type(error).__name__
-        raise ValueError(f"dask: no scheduler at '{address}': {reason}") from None
+        raise ValueError(f"dask: no scheduler at '{address}': {_first_line(error)}") from None
     with client:
-        # the task is sent once, not with each item
-        whole = client.scatter(task, broadcast=True)
+        try:
+            # the task is sent once, not with each item
+            whole = client.scatter(task, broadcast=True)
+        except Exception as error:
+            # of whatever kind a worker raises; the scheduler wraps its message in others
+            reason = _first_line(error)
+            raise ValueError(f'dask: no worker of {address} takes the work: {reason}') from None
         waiting = {
             client.submit(_call, whole, item, pure=False): index
             for index, item in enumerate(items)
@@ -97,7 +104,12 @@ def _by_dask(task: Callable[[T], R], items: Sequence[T], address: str) -> Iterat
             for future in distributed.as_completed(waiting):
                 yield waiting[future], future.result()
         except (distributed.KilledWorker, distributed.CancelledError) as error:
-            raise ValueError(f'dask: the workers of {address} are gone: {error}') from None
+            reason = _first_line(error)
+            raise ValueError(f'dask: the workers of {address} are gone: {reason}') from None
+
+
+def _first_line(error: BaseException) -> str:
+    return str(error).partition('\n')[0] or type(error).__name__
 
 
 def _call(task: Callable[[T], R], item: T) -> R:

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 import kalman_ros as kr
-from kalman_ros.simulation.spread import spread
+from kalman_ros.simulation import spread as spreading
 
 pytestmark = pytest.mark.slow
 
 
-def test_a_scheduler_that_is_not_there():
+def test_a_scheduler_that_is_not_there(monkeypatch):
     pytest.importorskip('distributed', reason='the extra dask is not installed')
+    monkeypatch.setattr(spreading, '_PATIENCE', 1.0)
     with pytest.raises(ValueError, match="dask: no scheduler at 'tcp://127.0.0.1:1'"):
         kr.monte_carlo(runs=2, seconds=0.1, dask='tcp://127.0.0.1:1')
 
@@ -22,7 +23,7 @@ def test_a_scheduler_that_is_not_there():
 def test_without_dask_the_error_names_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__('sys').modules, 'distributed', None)
     with pytest.raises(ValueError, match='dask: it is not installed: pip install distributed'):
-        list(spread(abs, [1], dask='tcp://127.0.0.1:1'))
+        list(spreading.spread(abs, [1], dask='tcp://127.0.0.1:1'))
 
 
 def test_a_killed_worker_costs_time_not_results():
