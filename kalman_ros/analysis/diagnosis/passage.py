@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import cached_property
-from math import log, pi
+from math import isfinite, log, pi
 from typing import Any
 
 import numpy as np
@@ -226,8 +226,8 @@ class _Walk:
         self, time: float, F: Array | None, Q: Array | None
     ) -> tuple[Array | None, Array | None]:
         """Go on to ``time`` (s); return F and Q, None if nothing has moved, so far."""
-        dt = time - self._time
-        if np.isfinite(dt) and dt > 0.0 and not self._resting:
+        dt = round(time - self._time, 9)  # stamps are of nanoseconds: equal steps are equal numbers
+        if isfinite(dt) and dt > 0.0 and not self._resting:
             count = parts(self._model, dt * (1.0 - _ROUNDING))
             for _ in range(count):
                 A, W = transition(self._model, self.x, self.u, dt / count)

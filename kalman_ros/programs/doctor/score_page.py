@@ -14,6 +14,9 @@ simulation, seed {seed}, with one fault each, with two, and with none. A cause c
 kind and sensor (or input, or parameter) are right. *Tied* means that the first finding names
 another cause and adds that this one fits the data as well: a bias of one of two sensors that
 contradict each other, or a force and the bias that looks like it.
+
+Sizes of faults were chosen so that they show. A loss of commands on the mass is left out: the
+commands change by less than the noise of the force.
 """
 _FIRST = """
 The search is a forward selection by likelihood. What stamps and values show without a filter
