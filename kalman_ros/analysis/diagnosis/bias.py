@@ -20,7 +20,7 @@ from .responses import Fit, Responses
 _COST = 10.0
 #: The kinds of courses, the simplest first.
 _KINDS = ('constant', 'ramp', 'step', 'walk')
-#: A simpler course is preferred if it explains as much, but for chance and this part.
+#: A simpler course is preferred if it explains as much, except for chance and this part.
 _AS_MUCH = 0.005
 #: Intensities of random walks that are tried, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
