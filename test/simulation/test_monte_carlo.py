@@ -8,7 +8,6 @@ import pytest
 
 import kalman_ros as kr
 from kalman_ros.arrays.loop_setup import Given, loop_of
-from kalman_ros.core import LinearSystem
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.regulator import price
 from kalman_ros.simulation.batch_loop import Loop
@@ -18,8 +17,6 @@ from kalman_ros.simulation.run_statistics import Outcomes
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 NAMES = sorted(path.stem for path in shipped.folder().glob('*.yaml'))
-#: Of which the noise does not depend on the state, nor so on rounding.
-NAMES = [name for name in NAMES if isinstance(kr.load(name).model, LinearSystem)]
 STEPS = 40
 
 
