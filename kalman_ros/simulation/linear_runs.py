@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from math import ceil
 from typing import NamedTuple
 
@@ -121,7 +122,7 @@ class LinearRuns:
         return sums.outcomes(truth, step.covariance)
 
     @property
-    def _shares(self) -> dict[str, float]:
+    def _shares(self) -> dict[str, Fraction]:
         """By sensor, in which share of the steps it reads."""
         real = self.loop.scenario
         return {name: ratio(each.timed.rate, real.rate) for name, each in real.enabled.items()}
@@ -203,7 +204,7 @@ class _Sums:
             self._read[name] += 1
         self._step_variance[k] = step.covariance.diagonal() * self._runs
         self._waiting += 1
-        return self._results[self._waiting - 1]
+        return np.asarray(self._results[self._waiting - 1])
 
     def _add(self) -> None:
         """Add the results that wait."""
