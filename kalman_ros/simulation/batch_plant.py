@@ -15,7 +15,7 @@ from kalman_ros.linear.batched import semidefinite_factor, times
 from .noise import root, stream
 
 #: The most normal numbers that wait to be used, and the most steps for which they are drawn.
-_WAITING, _STEPS = 2_000_000, 512
+_WAITING, _STEPS = 2_000_000, 128
 
 
 class BatchNoise:
@@ -43,6 +43,8 @@ class BatchNoise:
         steps: int,
         factor: Array | None = None,
     ) -> None:
+        #: The numbers of one draw.
+        self.size = size
         self._streams = [stream(seed, name) for seed in seeds]
         most = max(1, min(_STEPS, _WAITING // (len(seeds) * max(1, size))))
         steps = -(-steps // -(-steps // most))  # blocks of one length

@@ -32,6 +32,12 @@ class Law:
         """Return the controller at its start."""
         return Answer(self)
 
+    @property
+    def proportional(self) -> bool:
+        """Whether the input is -K x: no integral action, no limit, no reference."""
+        limits = np.isinf([self.limits.magnitude, self.limits.rate])
+        return self.reference is None and not self.feedback.tracked and bool(limits.all())
+
     def target(self, time: float) -> Array:
         """Return the state (n,) to hold at a time in seconds."""
         answer = self()

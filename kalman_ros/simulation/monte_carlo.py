@@ -20,6 +20,7 @@ from kalman_ros.estimators.batch.gain_schedule import GainSchedule
 
 from . import closed_loop
 from .batch_loop import Loop, run_batch
+from .linear_runs import LinearRuns, is_linear
 from .run_statistics import Outcomes, RunStatistics, outcomes_of
 from .spread import spread
 
@@ -63,6 +64,11 @@ class Experiment:
         """
         if (self.loop.filter or self.loop.believed.filter) not in BATCHED:
             return Outcomes.joined([self.outcome(seed) for seed in seeds])
+        if self._linear is not None:
+            with np.errstate(all='ignore'):
+                found = self._linear.outcomes(seeds)
+            if found is not None:
+                return found
         statistics = RunStatistics(self.loop, len(seeds), self.weight, self.first)
         limited = run_batch(self.loop, seeds, statistics, schedule=self._schedule)
         return statistics.outcomes(limited)
@@ -80,6 +86,13 @@ class Experiment:
             )  # fmt: skip
         limited = int(answer.limited) if answer else 0
         return outcomes_of(loop, run, self.weight, self.first, limited)
+
+    @cached_property
+    def _linear(self) -> LinearRuns | None:
+        """The runs as matrix products, where all is linear."""
+        if not (self._schedule.applies and is_linear(self.loop)):
+            return None
+        return LinearRuns(self.loop, self.weight, self.first, self._schedule)
 
     @cached_property
     def _schedule(self) -> GainSchedule:

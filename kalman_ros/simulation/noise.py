@@ -8,6 +8,7 @@ from zlib import crc32
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.linear.batched import semidefinite_factor
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -33,6 +34,15 @@ class NoiseSource:
         if covariance is not self._covariance:
             self._covariance, self._factor = covariance, root(covariance)
         return np.asarray(self._factor @ self._generator.standard_normal(len(self._factor)))
+
+    def draw_varying(self, covariance: Array) -> Array:
+        """Return one draw (n,) from a ``covariance`` that is another at every draw.
+
+        By a factor that changes no more than the covariance does: the eigenvectors of `root` are
+        arbitrary where eigenvalues are close, so that rounding would decide what is drawn.
+        """
+        factor = semidefinite_factor(covariance)
+        return np.asarray(factor @ self._generator.standard_normal(len(factor)))
 
 
 def root(covariance: Array) -> Array:

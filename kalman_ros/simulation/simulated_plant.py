@@ -7,7 +7,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kalman_ros.core import Array, Model, TimedSensor, is_due, is_finite, ratio
+from kalman_ros.core import (
+    Array,
+    DiscreteLinearSystem,
+    LinearSystem,
+    Model,
+    TimedSensor,
+    is_due,
+    is_finite,
+    ratio,
+)
 
 from .actuator import Actuator
 from .faults.body import BodyFaults, BodyOptions
@@ -94,7 +103,9 @@ class SimulatedPlant:
 
     def _moved(self, u: Array, disturbance: Array | None) -> Array:
         model, x, time = self.model, self.state, self.steps * self.dt
-        noise = self._process_noise.draw(model.transition(x, u, self.dt).Q)
+        Q, source = model.transition(x, u, self.dt).Q, self._process_noise
+        constant = isinstance(model, (LinearSystem, DiscreteLinearSystem))
+        noise = source.draw(Q) if constant else source.draw_varying(Q)
         faults = self.faults if self.faults.act(time) else None
         if faults is None or not faults.lose(self._loss):
             self._command = u

@@ -8,17 +8,15 @@ import pytest
 
 import kalman_ros as kr
 from kalman_ros.arrays.loop_setup import Given, loop_of
-from kalman_ros.core import LinearSystem
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.regulator import price
 from kalman_ros.simulation.batch_loop import Loop
+from kalman_ros.simulation.linear_runs import is_linear
 from kalman_ros.simulation.monte_carlo import Experiment, monte_carlo, spawned
 from kalman_ros.simulation.run_statistics import Outcomes
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 NAMES = sorted(path.stem for path in shipped.folder().glob('*.yaml'))
-#: Of which the noise does not depend on the state, nor so on rounding.
-NAMES = [name for name in NAMES if isinstance(kr.load(name).model, LinearSystem)]
 STEPS = 40
 
 
@@ -112,6 +110,32 @@ def test_the_numbers_do_not_depend_on_how_runs_are_divided(name, divided):
     assert done[-1] == 7 and done == sorted(done)
     for field, difference in differences(parts, monte_carlo(experiment, seeds)):
         assert difference <= 1e-12, field
+
+
+def test_a_linear_loop_by_matrix_products_is_the_loop_step_by_step(monkeypatch):
+    changes = {'position.rate': 40.0, 'velocity.noise': [0.1, 0.2]}
+    experiment, seeds = experiment_of('mass_spring_damper_2d', changes), spawned(3, 4)
+    assert is_linear(experiment.loop)
+    products = monte_carlo(experiment, seeds)
+    monkeypatch.setattr(Experiment, '_linear', None)
+    stepwise = monte_carlo(experiment_of('mass_spring_damper_2d', changes), seeds)
+    for field, difference in differences(products, stepwise):
+        assert difference <= 1e-12, field
+
+
+@pytest.mark.parametrize(
+    ('name', 'overrides', 'given'),
+    [
+        ('mass_spring_damper_2d', {'position.gate': 0.9}, {}),
+        ('mass_spring_damper_2d', {'law': 'lqi', 'tracked': ['x', 'y']}, {}),
+        ('mass_spring_damper_2d', {}, {'input_limit': 0.6}),
+        ('mass_spring_damper_2d', {}, {'reference': {'x': 1.0}}),
+        ('mass_spring_damper_2d', {'filter': 'ukf'}, {}),
+        ('cart_pole', {}, {}),
+    ],
+)
+def test_loops_that_are_not_linear_are_not_taken_for_linear(name, overrides, given):
+    assert experiment_of(name, overrides, **given)._linear is None
 
 
 def test_run_k_is_the_same_however_many_there_are():

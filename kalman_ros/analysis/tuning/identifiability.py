@@ -16,10 +16,12 @@ from .free_parameter import FreeParameter
 #: Directions with less than this part of the information of their parameters are not seen.
 _NULL = 1e-6
 #: A parameter with a larger share in these directions is not determined.
-_LOADING = 1e-2
+_LOADING = 1e-4
 #: The largest standard deviation of a logarithm that says anything: 95 % within a factor of 10;
 #: and of another number, in units of its scale.
 WIDEST, WIDEST_SCALED = 1.17, 3.0
+#: Parameters whose deviation is this many times wider are as good as absent from the data.
+_ABSENT = 100.0
 #: A deviation this many times the one with the others known is due to them.
 _TIED = 3.0
 
@@ -61,7 +63,7 @@ def determination(
     p = len(parameters)
     alone = np.sqrt(np.maximum(information.diagonal(), 0.0))
     widest = np.array([WIDEST if each.positive else WIDEST_SCALED for each in parameters])
-    seen = alone * widest > 1.0
+    seen = alone * widest * _ABSENT > 1.0
     reasons = ['' if each else 'these data do not depend on it' for each in seen]
     d = np.where(seen, alone, 1.0)
     C = np.where(np.outer(seen, seen), information / np.outer(d, d), np.eye(p))

@@ -62,6 +62,12 @@ class Observations:
         stamps = [each.stamp for each in self.readings.values() if len(each.stamp)]
         return int(min(s.min() for s in stamps)), int(max(s.max() for s in stamps))
 
+    @property
+    def first(self) -> int:
+        """The first stamp, in nanoseconds, of an input or a reading."""
+        stamps = [*(each.stamp for each in self.readings.values()), self.input_stamp]
+        return int(min(s.min() for s in stamps if len(s)))
+
     def until(self, share: float) -> int:
         """Return the stamp before which a ``share`` of the readings was taken."""
         stamps = np.concatenate([each.stamp for each in self.readings.values()])

@@ -131,10 +131,14 @@ class Walk:
         policy, u = self._conditions.policy, self._conditions.input
         moving = not policy.rest_until_input or not len(self._observations.input_stamp)
         longest = round(policy.max_gap * 1e9) or np.inf
-        now = events[0].time if events else 0
+        # a first belief that does not begin with a reading holds from the first stamp on, whatever
+        # the delays: if it moved with them, what it says of them would be lost
+        now = self._observations.first if events else 0
+        if events and policy.from_reading:
+            now = events[0].time
         taken = 0
         for event in events:
-            if event.time != now:
+            if event.time > now:
                 if event.time - now > longest:
                     self._belief, self._fresh = self._first(), True
                 elif moving:

@@ -24,13 +24,18 @@ from .benchmark import Benchmark
 _RUNS, _STEPS = 1000, 1000
 #: A linear loop with 4 states and 2 readings at each step.
 _LINEAR = {'velocity.enabled': False, 'position.rate': 100.0, 'rate': 100.0}
+#: Runs that workers divide.
+_SHARED = 400
 #: Processor seconds for a million steps of the cart-pole.
 _MILLION = 4.0
 
 
 @contextmanager
 def benchmarks() -> Iterator[list[Benchmark]]:
-    """Yield the benchmarks: processor time, of a run for those of the linear loop."""
+    """Yield the benchmarks: processor time, of a run for those of the linear loop.
+
+    That of workers is of elapsed time: it needs two processors that nothing else uses.
+    """
     linear, seeds = _experiment(scenario.build(_LINEAR)), spawned(0, _RUNS)
     upright = _experiment(scenario.build({'model': 'cart_pole', 'filter': 'ekf'}))
     monte_carlo(linear, seeds[:2])  # imports
@@ -41,6 +46,11 @@ def benchmarks() -> Iterator[list[Benchmark]]:
         Benchmark(
             'million steps of EKF and LQR, cart-pole / 4 CPU s', 1.0,
             lambda: _RUNS * _ours(upright, seeds), lambda: _MILLION,
+        ),
+        Benchmark(
+            f'{_SHARED} runs of the cart-pole, 2 workers / 1', 1.0 / 1.6,
+            lambda: _elapsed(upright, seeds[:_SHARED], 2),
+            lambda: _elapsed(upright, seeds[:_SHARED], 1),
         ),
     ]  # fmt: skip
 
@@ -56,6 +66,13 @@ def _ours(experiment: Experiment, seeds: tuple[int, ...]) -> float:
     start = time.process_time()
     monte_carlo(experiment, seeds)
     return (time.process_time() - start) / len(seeds)
+
+
+def _elapsed(experiment: Experiment, seeds: tuple[int, ...], workers: int) -> float:
+    """Return the time that the runs take, in chunks of one size."""
+    start = time.perf_counter()
+    monte_carlo(experiment, seeds, workers=workers, chunk=len(seeds) // 4)
+    return time.perf_counter() - start
 
 
 def _noise(seeds: tuple[int, ...]) -> float:

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many runs of a loop in which all is linear: one matrix product a step for all of them.
+
+What a step does to truth and estimate, and the errors in it, are linear in both and in the noise,
+with matrices that are the same in every run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+
+from kalman_ros.core import Array, DiscreteLinearSystem, LinearSystem, Sensor, is_due, ratio
+from kalman_ros.estimators.batch.gain_schedule import GainSchedule
+from kalman_ros.estimators.filter import linear_model
+from kalman_ros.scenario import Scenario
+
+from .batch_loop import Loop
+from .batch_plant import BatchNoise
+from .loop_law import Law
+from .noise import root
+from .run_statistics import Outcomes
+
+#: Steps whose results are squared and summed together: they fit a cache.
+_BLOCK = 8
+
+
+def is_linear(loop: Loop) -> bool:
+    """Return whether a loop has no angles, gates or limits, nor anything that varies in time."""
+    real, believed, law = loop.scenario, loop.believed, loop.answer
+    n = real.model.state.size
+    sources = (*real.enabled.values(), *believed.sensors.values())
+    return (
+        all(_is_linear(each) and each.model.state.size == n for each in (real, believed))
+        and all(_is_proportional(each.sensor, n) for each in sources)
+        and all(source.gate >= 1.0 for source in believed.sensors.values())
+        and (law is None or (isinstance(law, Law) and law.proportional))
+        and loop.command is None
+        and loop.arrives is None
+    )
+
+
+def _is_linear(scenario: Scenario) -> bool:
+    model = scenario.model
+    curved = model.state.angles or model.state.rotations or np.concatenate(model.equilibrium).any()
+    return isinstance(model, (LinearSystem, DiscreteLinearSystem)) and not curved
+
+
+def _is_proportional(sensor: Sensor, n: int) -> bool:
+    curved = sensor.output.angles or sensor.output.rotations
+    return sensor.linear and not curved and not sensor.measure(np.zeros(n)).any()
+
+
+class LinearStep(NamedTuple):
+    """The matrix of a step, and the covariances of its estimates and of their predictions."""
+
+    matrix: Array
+    covariance: Array
+    predicted: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LinearRuns:
+    """The runs of a loop that `is_linear`.
+
+    Parameters
+    ----------
+    loop
+        The loop.
+    weight
+        Of the stacked state and input in the cost of a step (n + m, n + m); None for no cost.
+    first
+        The first step that counts.
+    schedule
+        Of the filter.
+    """
+
+    loop: Loop
+    weight: Array | None
+    first: int
+    schedule: GainSchedule
+    _known: dict[tuple[bytes, tuple[str, ...], float], LinearStep] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    def outcomes(self, seeds: Sequence[int]) -> Outcomes | None:
+        """Return the outcomes of the runs with these seeds; None if a number is not finite.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If a covariance cannot be computed.
+        """
+        real, steps = self.loop.scenario, self.loop.steps
+        x, (x_hat, P) = real.initial_state, self.loop.believed.initial_belief
+        n, shares = len(x), self._shares
+        noise = {'': BatchNoise(seeds, 'process', n, steps)}
+        for name, each in real.enabled.items():
+            k, draws = each.sensor.output.size, ceil(steps * shares[name]) + 1
+            noise[name] = BatchNoise(seeds, f'sensor {name}', k, draws)
+        rows = self._rows([2 * n, *(each.size for each in noise.values())])
+        before = np.zeros((rows[-1].stop, len(seeds)))
+        before[rows[0]] = np.concatenate((x, x_hat))[:, np.newaxis]
+        sums = _Sums(self, len(seeds))
+        truth: Array = before[:n]
+        for k in range(steps):
+            due = tuple(name for name in shares if is_due(k, shares[name]))
+            for (name, source), place in zip(noise.items(), rows[1:]):
+                if not name or name in due:
+                    before[place] = source.draw().T
+            step = self._step(P, due, self._time(k + 1) - self._time(k))
+            if k == steps - 1:
+                truth = before[:n].T.copy()
+            after = sums.room(k, due, step)
+            np.dot(step.matrix, before, out=after)
+            before[rows[0]], P = after[: 2 * n], step.predicted
+        return sums.outcomes(truth, step.covariance)
+
+    @property
+    def _shares(self) -> dict[str, Fraction]:
+        """By sensor, in which share of the steps it reads."""
+        real = self.loop.scenario
+        return {name: ratio(each.timed.rate, real.rate) for name, each in real.enabled.items()}
+
+    def _time(self, k: int) -> int:
+        """Return the time of a step in nanoseconds, as `BatchPlant` does."""
+        return round(k * (1.0 / self.loop.scenario.rate) * 1e9)
+
+    @staticmethod
+    def _rows(widths: Sequence[int]) -> list[slice]:
+        ends = np.cumsum(widths).tolist()
+        return [slice(end - width, end) for end, width in zip(ends, widths)]
+
+    def _step(self, P: Array, due: tuple[str, ...], nanoseconds: int) -> LinearStep:
+        """Return the step from predictions of covariance ``P``, with the readings ``due``."""
+        key = P.tobytes(), due, nanoseconds * 1e-9
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = self._composed(P, due, nanoseconds * 1e-9)
+        return found
+
+    def _composed(self, P: Array, due: tuple[str, ...], dt: float) -> LinearStep:
+        """Return a step: every vector below is a matrix, which maps what was before to it."""
+        real, believed = self.loop.scenario, self.loop.believed
+        n, sensors = real.model.state.size, [each.sensor for each in real.enabled.values()]
+        places = self._rows([n, n, n, *(sensor.output.size for sensor in sensors)])
+        x, x_hat, w, *v = (np.eye(places[-1].stop)[place] for place in places)
+        innovations = []
+        for name, sensor, noise in zip(real.enabled, sensors, v):
+            innovation = np.zeros_like(noise)
+            if name in due:
+                own = believed.sensors[name].sensor
+                found = self.schedule.correction(P, own)
+                assert found is not None
+                y = sensor.jacobian(np.zeros(n)) @ x + root(sensor.covariance) @ noise
+                residual = y - own.jacobian(np.zeros(n)) @ x_hat
+                x_hat, P = x_hat + found.gain @ residual, found.covariance
+                innovation = found.whitening @ residual
+            innovations.append(innovation)
+        law = self.loop.answer
+        K = law.feedback.gain if isinstance(law, Law) else np.zeros((real.model.input.size, n))
+        u = -K @ x_hat
+        plant = linear_model('plant', real.model).sampled(dt)
+        filter = self.schedule.prediction(P, dt)
+        error = x - x_hat
+        price = [] if self.weight is None else [root(self.weight).T @ np.vstack((x, u))]
+        noise = root(real.model.noise_covariance(*real.model.equilibrium, 1.0 / real.rate)) @ w
+        moved = plant.F @ x + plant.G @ u + noise, filter.F @ x_hat + filter.G @ u
+        white = self.schedule.whitening(P) @ error
+        matrix = np.vstack((*moved, error, white, *innovations, *price))
+        return LinearStep(matrix, P, filter.covariance)
+
+
+class _Sums:
+    """Sums of squares of the results of steps, over steps and over runs."""
+
+    def __init__(self, loops: LinearRuns, runs: int) -> None:
+        loop = loops.loop
+        n, steps = loop.scenario.model.state.size, loop.steps
+        sensors = {name: each.sensor for name, each in loop.scenario.enabled.items()}
+        self._degrees = {name: sensor.output.size for name, sensor in sensors.items()}
+        price = 0 if loops.weight is None else len(loops.weight)
+        self._rows = loops._rows([2 * n, n, n, *self._degrees.values(), price])
+        self._names, self._first, self._runs = list(loop.believed.sensors), loops.first, runs
+        self._results = np.empty((_BLOCK, self._rows[-1].stop, runs))
+        self._k, self._waiting = 0, 0
+        self._squares, self._nees = np.zeros((n, runs)), np.zeros(runs)
+        self._nis = {name: np.zeros(runs) for name in sensors}
+        self._read = dict.fromkeys(self._names, 0)
+        self._cost = np.zeros(runs) if price else np.empty(0)
+        self._step_squares, self._step_variance = np.zeros((steps, n)), np.zeros((steps, n))
+        self._step_nees = np.zeros(steps)
+
+    def room(self, k: int, due: Sequence[str], step: LinearStep) -> Array:
+        """Return where the results (rows, runs) of step k go."""
+        if self._waiting == _BLOCK or k == self._first:
+            self._add()
+        for name in due if k >= self._first else ():
+            self._read[name] += 1
+        self._step_variance[k] = step.covariance.diagonal() * self._runs
+        self._waiting += 1
+        return np.asarray(self._results[self._waiting - 1])
+
+    def _add(self) -> None:
+        """Add the results that wait."""
+        first, last = self._k, self._k + self._waiting
+        found = self._results[: self._waiting]
+        _, error, white, *others = (found[:, place] for place in self._rows)
+        self._step_squares[first:last] = np.einsum('kir,kir->ki', error, error)
+        self._step_nees[first:last] = np.einsum('kir,kir->k', white, white)
+        if first >= self._first:
+            self._squares += np.einsum('kir,kir->ir', error, error)
+            self._nees += np.einsum('kir,kir->r', white, white)
+            for total, each in zip((*self._nis.values(), self._cost), others):
+                if total.size:
+                    total += np.einsum('kir,kir->r', each, each)
+        self._k, self._waiting = last, 0
+
+    def outcomes(self, truth: Array, covariance: Array) -> Outcomes | None:
+        """Return the outcomes; None if a number is not finite."""
+        error = self._results[self._waiting - 1, self._rows[1]].T.copy()
+        self._add()
+        steps, counted = self._k, self._k - self._first
+        if not (np.isfinite(self._step_nees).all() and np.isfinite(self._cost).all()):
+            return None
+        nis = {name: np.full(self._runs, np.nan) for name in self._names}
+        for name, total in self._nis.items():
+            if self._read[name]:
+                nis[name] = total / (self._read[name] * self._degrees[name])
+        return Outcomes(
+            np.ascontiguousarray(self._squares.T) / counted,
+            self._nees / (counted * error.shape[1]),
+            nis,
+            self._cost / counted,
+            np.zeros(self._runs),
+            error,
+            np.broadcast_to(np.sqrt(covariance.diagonal()), error.shape).copy(),
+            truth,
+            np.full(steps, self._runs),
+            self._step_squares,
+            self._step_variance,
+            self._step_nees,
+        )
