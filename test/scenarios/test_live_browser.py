@@ -89,10 +89,27 @@ def test_a_number_and_the_keyboard_do_the_same(page):
 def test_a_pole_is_dragged(page):
     browser, loop = page
     left, top, _, _ = browser.place('#poles')
-    x, y = browser.run('window.livePoles().at(0)')
+    x, y = browser.run('window.livePoles("regulator").at(0)')
     browser.drag((left + x, top + y), (left + x - 20, top + y - 10), (left + x - 60, top + y - 20))
     placed = loop.seen('values', lambda m: m['chosen']['law'] == 'placement', 60)
     assert placed
+    browser.until('document.querySelector("#notice").hidden')
+
+
+def test_the_poles_of_the_estimator_are_dragged_and_it_keeps_its_belief(page):
+    browser, loop = page
+    assert loop.do(do='choose', what='filter', value='luenberger')['error'] == ''
+    loop.seen('theory', lambda m: (m.get('estimator') or {}).get('placed'), 60)
+    browser.until('window.livePoles("estimator").length === 4')
+    left, top, _, _ = browser.place('#poles')
+    x, y = min(browser.run('window.livePoles("estimator")'))  # the fastest
+    browser.until(f'JSON.stringify(window.livePoles("estimator")).includes({str(x)[:8]!r})')
+    before = loop.sections['values']
+    loop.frames.clear()
+    browser.drag((left + x, top + y), (left + x + 4, top + y), (left + x + 9, top + y))
+    after = loop.seen('theory', lambda m: m['estimator']['placed'] != before, 60)
+    assert after['estimator']['gains']
+    assert "observer_poles: [" in loop.seen('share', lambda m: 'observer_poles' in m['yaml'])['yaml']
     browser.until('document.querySelector("#notice").hidden')
 
 

@@ -52,7 +52,10 @@ function answered({ n, error }) {
   const done = waiting.get(n % 1e6);
   waiting.delete(n % 1e6);
   done?.();
-  if (error) controls.show(page.values);
+  if (error) {
+    controls.show(page.values);
+    map.show(page.theory, page.scene?.linear);
+  }
 }
 
 function notice(text) {
@@ -88,7 +91,8 @@ const RECEIVE = {
       select.replaceChildren(...names.map((name) => new Option(name, name)));
     }
     $('pole-map').hidden = !message.open && !message.regulator && !message.estimator;
-    map.show(message);
+    map.show(message, page.scene?.linear);
+    $('estimator-legend').textContent = `○ estimator${page.scene?.linear ? ': drag' : ''}${message.estimator?.placed ? ', | as sampled' : ''}`;
     listPoles();
     const margins = (loops[0]?.estimated ?? loops[0]?.known)?.margins;
     controls.mark('plant/actuator_gain/0', margins ? [margins.lower_gain[0], margins.upper_gain[0]].filter(Boolean) : []);
@@ -118,28 +122,28 @@ const RECEIVE = {
 
 // --- what depends on the scene -----------------------------------------------------------------
 const controls = new Controls($('controls'), send);
-const map = new PoleMap($('poles'), (poles) => placePoles(poles));
+const map = new PoleMap($('poles'), placePoles);
 let placing = false, nextPoles = null;
 
-function placePoles(poles) {
-  if (placing) { nextPoles = poles.map((pole) => [...pole]); return; }
+function placePoles(of, poles) {
+  if (placing) { nextPoles = [of, poles.map((pole) => [...pole])]; return; }
   placing = true;
-  send({ do: 'poles', of: 'regulator', poles }, () => {
+  send({ do: 'poles', of, poles }, () => {
     placing = false;
-    if (nextPoles) { const next = nextPoles; nextPoles = null; placePoles(next); }
+    if (nextPoles) { const next = nextPoles; nextPoles = null; placePoles(...next); }
   });
 }
 
 function listPoles() {
   if ($('pole-list').contains(document.activeElement)) return;
   const rows = [];
-  for (const [of, poles] of [['regulator', map.poles ?? []], ['estimator', page.theory.estimator?.poles ?? []]]) {
+  for (const [of, poles] of Object.entries(map.poles)) {
     poles.forEach(([re, im], index) => {
       if (im < 0) return;
       const row = Object.assign(document.createElement('div'), { className: 'pole' });
       const numbers = [re, ...(im ? [im] : [])].map((value, part) => {
         const input = Object.assign(document.createElement('input'), { type: 'number', step: 'any', value: Number(value.toPrecision(4)) });
-        input.disabled = of === 'estimator' && (!page.scene?.linear || page.chosen.filter !== 'luenberger');
+        input.disabled = !map.draggable.includes(of);
         input.setAttribute('aria-label', `${of} pole ${index + 1}, ${part ? 'imaginary' : 'real'} part`);
         input.addEventListener('change', () => {
           const wanted = poles.map((pole) => [...pole]), old = wanted[index][1];
@@ -306,7 +310,7 @@ addEventListener('resize', () => { dirty = true; });
 const darkness = matchMedia('(prefers-color-scheme: dark)');
 darkness.addEventListener('change', () => theme(darkness.matches));
 theme(darkness.matches);
-// where the regulator's poles are on the map, in pixels: for tests
-window.livePoles = () => map.poles.map(([re, im]) => [map.X(re), map.Y(im)]);
+// where the poles are on the map, in pixels: for tests
+window.livePoles = (of) => map.poles[of].map(([re, im]) => [map.X(re), map.Y(im)]);
 connect();
 requestAnimationFrame(draw);
