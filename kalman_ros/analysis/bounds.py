@@ -52,9 +52,9 @@ def posterior_cramer_rao(
     model, plan = scenario.model, scenario.plan
     read = _due(scenario, len(truth)) if readings is None else _read(scenario, readings)
     P = scenario.initial_belief.covariance
-    steps = range(len(truth)) if time is None else np.rint(time * scenario.rate).astype(int).tolist()
+    steps = np.arange(len(truth)) if time is None else np.rint(time * scenario.rate).astype(int)
     bounds, done = [], -1
-    for k, (step, x) in enumerate(zip(steps, truth)):
+    for k, (step, x) in enumerate(zip(steps.tolist(), truth)):
         last = max(k - 1, 0)
         for at in range(done + 1, step + 1):
             if at:

@@ -147,9 +147,7 @@ def pole_pairs(
     parts = spread_poles(names[0], real, count)
     if len(imaginary) > count:
         raise ValueError(f'{names[1]}: expected at most {count} numbers, got {len(imaginary)}')
-    return [
-        complex(re, imaginary[k] if k < len(imaginary) else 0.0) for k, re in enumerate(parts)
-    ]
+    return [complex(re, imaginary[k] if k < len(imaginary) else 0.0) for k, re in enumerate(parts)]
 
 
 def place_observer(A: Array, C: Array, poles: Sequence[complex]) -> PlacementDesign:

@@ -98,7 +98,8 @@ def _estimator(believed: Scenario, filter_options: dict[str, Any]) -> dict[str, 
     dt, point, plan = 1.0 / believed.rate, _point(believed), believed.plan
     _check_seen(believed, point)
     step, phases = believed.model.transition(*point, dt), schedule(believed, point.state)
-    n, found = len(step.F), {}
+    n = len(step.F)
+    found: dict[str, Any] = {}
     if believed.filter in _FIXED:
         fixed: Any = build_filter(believed.filter, plan, filter_options)
         none = np.empty((n, 0))

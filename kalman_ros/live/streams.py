@@ -162,7 +162,7 @@ class Streams:
         return found
 
     def _gains(self, believed: Scenario, fixed: Mapping[str, list[float]]) -> dict[str, Any]:
-        """Return the gain K of each sensor, row by row: fixed, or P C' R^-1 at the newest belief."""
+        """Return the gain K of each sensor, row by row: fixed, or P C' R^-1 now."""
         if fixed:
             return dict(fixed)
         found = {}

@@ -135,7 +135,7 @@ def _performed(
     bar = Progress(
         TextColumn('{task.description}'),
         BarColumn(),
-        TextColumn('{task.completed:.0f} of {task.total:.0f} simulated seconds'),
+        TextColumn(f'{{task.completed:.0f}} of {{task.total:.0f}} {_unit(tuning)}'),
         TimeRemainingColumn(),
         console=console,
     )
@@ -202,11 +202,19 @@ def _with_inputs(performed: Performed) -> list[Check]:
 def _course(options: argparse.Namespace, performed: Performed) -> str:
     """Return how the run went, in a sentence or two."""
     judgement = performed.judgement
+    unit, settling = performed.tuning.own.time_unit, judgement.settling_time
+    counted = f'; the first {settling:.1f} {unit} settle and do not count' if settling else ''
     return (
-        f'{options.duration:g} simulated seconds took {performed.wall:.1f} s, with '
-        f'{performed.missed} of {len(performed.trajectory.time)} steps late; the first '
-        f'{judgement.settling_time:.1f} s settle and do not count. {judgement.basis}'
+        f'{options.duration:g} {_unit(performed.tuning)} took {performed.wall:.1f} s, with '
+        f'{performed.missed} of {len(performed.trajectory.time)} steps late{counted}. '
+        f'{judgement.basis}'
     )
+
+
+def _unit(tuning: Tuning) -> str:
+    """Return the unit of time of a scenario in words."""
+    unit = tuning.own.time_unit
+    return 'simulated seconds' if unit == 's' else unit
 
 
 def _caption(options: argparse.Namespace, mode: str, performed: Performed, what: str) -> Any:

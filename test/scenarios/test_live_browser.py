@@ -99,18 +99,21 @@ def test_a_pole_is_dragged(page):
 def test_the_poles_of_the_estimator_are_dragged_and_it_keeps_its_belief(page):
     browser, loop = page
     assert loop.do(do='choose', what='filter', value='luenberger')['error'] == ''
-    loop.seen('theory', lambda m: (m.get('estimator') or {}).get('placed'), 60)
-    browser.until('window.livePoles("estimator").length === 4')
+    placed = loop.seen('theory', lambda m: (m.get('estimator') or {}).get('placed'), 60)
+    before = placed['estimator']['placed']
+    browser.until(f'{text("#estimator-legend")}.includes("as sampled")')
     left, top, _, _ = browser.place('#poles')
-    x, y = min(browser.run('window.livePoles("estimator")'))  # the fastest
-    browser.until(f'JSON.stringify(window.livePoles("estimator")).includes({str(x)[:8]!r})')
-    before = loop.sections['values']
+    x, y = browser.run('window.livePoles("estimator").at(-1)')
+    loop.until(lambda m: 'estimate' in m and m['estimate'][-1][-1] < 1.0)  # the trace of P
     loop.frames.clear()
-    browser.drag((left + x, top + y), (left + x + 4, top + y), (left + x + 9, top + y))
+    browser.drag((left + x, top + y), (left + x - 5, top + y), (left + x - 12, top + y))
     after = loop.seen('theory', lambda m: m['estimator']['placed'] != before, 60)
-    assert after['estimator']['gains']
-    assert "observer_poles: [" in loop.seen('share', lambda m: 'observer_poles' in m['yaml'])['yaml']
-    browser.until('document.querySelector("#notice").hidden')
+    assert set(after['estimator']['gains']) == {'position', 'velocity'}
+    loop.seen('share', lambda m: 'observer_poles: [' in m['yaml'])
+    rows = [row for frame in loop.frames for row in frame.get('estimate', ())]
+    assert max(row[-1] for row in rows) < 1.0  # it was not configured again
+    assert browser.run('document.querySelector("#notice").hidden')
+    assert loop.do(do='choose', what='filter', value='kf')['error'] == ''
 
 
 def test_buttons_and_keys_pause_push_and_reset(page):

@@ -10,6 +10,7 @@ import { drawSystem } from './system.js';
 const $ = (id) => document.getElementById(id);
 const page = { scene: null, values: {}, chosen: {}, theory: {}, status: {}, share: {}, plots: [] };
 const waiting = new Map();
+const STEPS = 150;  // that a plot of single steps shows
 let socket = null, count = 0, dirty = true;
 
 // --- the socket --------------------------------------------------------------------------------
@@ -66,6 +67,8 @@ function notice(text) {
 const RECEIVE = {
   scene(message) {
     page.scene = message;
+    data.unit = message.time;
+    data.each = message.time.replace(/(?<=.)s$/, '');
     clear();
     waiting.clear();
     $('name').textContent = document.title = message.name;
@@ -90,6 +93,7 @@ const RECEIVE = {
     if ([...select.options].map((option) => option.value).join() !== names.join()) {
       select.replaceChildren(...names.map((name) => new Option(name, name)));
     }
+    $('regulator-legend').hidden = !message.regulator;
     $('pole-map').hidden = !message.open && !message.regulator && !message.estimator;
     map.show(message, page.scene?.linear);
     $('estimator-legend').textContent = `○ estimator${page.scene?.linear ? ': drag' : ''}${message.estimator?.placed ? ', | as sampled' : ''}`;
@@ -155,7 +159,7 @@ function listPoles() {
         });
         return input;
       });
-      row.append(of === 'regulator' ? '□ regulator' : '○ estimator', numbers[0], ...(numbers[1] ? ['± j', numbers[1]] : []), '1/s');
+      row.append(of === 'regulator' ? '□ regulator' : '○ estimator', numbers[0], ...(numbers[1] ? ['± j', numbers[1]] : []), `1/${data.each}`);
       rows.push(row);
     });
   }
@@ -170,7 +174,7 @@ function buildPushes() {
     button.addEventListener('click', () => push(input, share));
     return button;
   })));
-  $('strength-label').hidden = !names.length;
+  $('strength-label').hidden = $('input-legend').hidden = !names.length;
 }
 
 function buildChoices() {
@@ -227,7 +231,7 @@ function buildPlots() {
     }));
   }
   build('filter', () => ({
-    title: 'trace of P', log: true, share: 0.15,
+    title: 'trace of P', log: true, share: Math.min(1, STEPS / (rate * data.span)),
     curves: [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate' }],
     marks: rate * data.span < 800 ? [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate', dot: true }] : [],
   }));
@@ -248,7 +252,7 @@ function draw(time) {
   if (!dirty || !page.scene || time - drawn < 45) return;
   drawn = time;
   dirty = false;
-  $('clock').textContent = `${data.now.toFixed(2)} s`;
+  $('clock').textContent = `${data.now.toFixed(data.unit === 's' ? 2 : 0)} ${data.unit}`;
   $('prior-legend').hidden = !data.prior;
   drawSystem($('system'), page.scene);
   for (const { canvas, make } of page.plots) plot(canvas, make());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The poles in the complex plane, and the loop at an input: Bode and Nyquist with its margins.
 
+import { data } from './data.js';
 import { colour, prepare, short, stroke, ticks } from './plots.js';
 
 const GRAB = 16;   // pixels
@@ -81,7 +82,7 @@ export class PoleMap {
     pen.textAlign = 'right';
     pen.fillText('grows', this.width - 4, 12);
     pen.textAlign = 'left';
-    pen.fillText('1/s, rad/s', 4, 12);
+    pen.fillText(`1/${data.each}, rad/${data.each}`, 4, 12);
     this.marks(pen, this.theory.open ?? [], 'ink', (x, y) => { pen.moveTo(x - 5, y - 5); pen.lineTo(x + 5, y + 5); pen.moveTo(x - 5, y + 5); pen.lineTo(x + 5, y - 5); });
     if (this.theory.estimator?.placed) this.marks(pen, this.theory.estimator.poles, 'estimate', (x, y) => { pen.moveTo(x, y - 8); pen.lineTo(x, y + 8); });
     this.marks(pen, this.poles.estimator, 'estimate', (x, y) => { pen.moveTo(x + 6, y); pen.arc(x, y, 6, 0, 7); });
