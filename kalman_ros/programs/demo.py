@@ -232,11 +232,10 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
 
     tuning, built, run = performed.tuning, performed.run.scenario, performed.trajectory
     judgement, folder = performed.judgement, tuning.folder
-    what = ', '.join(filter(None, (f'filter {built.filter}', tuning.label)))
     # the summary last: if it exists, the results are complete
     with deferred():
         _write_data(folder, run)
-        with _caption(options, mode, performed, what):
+        with _caption(options, mode, performed, _what(performed)):
             drawn = run_pictures.draw_all(built, run, folder, tuning.limits(built))
             if options.animate:
                 drawn += _animation(options, performed, console)
@@ -252,6 +251,13 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
     console.print(f'In {folder}: {files}')
 
 
+def _what(performed: Performed) -> str:
+    """Return the filter of a run, and what is different in it."""
+    return ', '.join(
+        filter(None, (f'filter {performed.run.scenario.filter}', performed.tuning.label))
+    )
+
+
 def _animation(options: argparse.Namespace, performed: Performed, console: Console) -> list[Path]:
     """Draw the system in motion; return the files."""
     from kalman_ros.report.animation import animate, shown_steps
@@ -265,7 +271,8 @@ def _animation(options: argparse.Namespace, performed: Performed, console: Conso
     )
     with bar:
         task = bar.add_task('animation', total=1.0)
-        title = ', '.join(filter(None, (Path(tuning.scenario).stem, tuning.label)))
+        which = Path(tuning.scenario).stem, _what(performed), f'seed {options.seed}'
+        title = ', '.join(which)
         path = tuning.folder / 'animation.gif'
         try:
             return animate(

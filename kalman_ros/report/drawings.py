@@ -238,7 +238,7 @@ def curves(axes: Any, show: Moments, k: int) -> None:
                 axis.plot(series.time[read], series.values[read, column], '.', ms=2.5,
                           color=READING)  # fmt: skip
         axis.fill_between(time, (mean - band)[past], (mean + band)[past], **BAND_LOOK)
-        axis.plot(time, mean[past], color=ESTIMATE, lw=1.2)
+        axis.plot(time, mean[past], color=ESTIMATE, lw=1.2, ls='--')
         axis.plot(time, truth[past], color=TRUTH, lw=0.9)
         shown = np.concatenate([(truth - band)[show.steps], (truth + band)[show.steps]])
         low, high = np.quantile(shown, (0.05, 0.95))
