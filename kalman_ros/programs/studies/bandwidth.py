@@ -20,12 +20,12 @@ from kalman_ros.analysis.checks import MISS, Check, LqgTheory, theory
 from kalman_ros.control.identification import fit
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
-from kalman_ros.harness import Run
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, mean_square
 from .loops import average
+from .study_run import StudyRun
 from .systems import linear
 
 RATE = 50.0
@@ -47,7 +47,7 @@ def study(size: float = 1.0) -> Findings:
     """Run four sensors and three more regulators, 40 s each."""
     seconds = max(20.0, 40.0 * size)
     points = []
-    with Run(system(NOISES[0], WEIGHT), nodes=('estimator', 'controller', 'plant')) as run:
+    with StudyRun(system(NOISES[0], WEIGHT), nodes=('estimator', 'controller', 'plant')) as run:
         for noise in NOISES:
             for node in ('plant', 'estimator'):
                 run.set_parameter('reading.noise', [noise], node)
@@ -73,7 +73,7 @@ def _theory(noise: float, weight: float) -> LqgTheory:
     return theory(scenarios.build(system(noise, weight)))
 
 
-def _point(run: Run, noise: float, weight: float, seconds: float) -> Point:
+def _point(run: StudyRun, noise: float, weight: float, seconds: float) -> Point:
     """Continue until the loop has settled, then for ``seconds``, and return those."""
     settled = run.elapsed + _theory(noise, weight).settling_time
     run.advance(settled - run.elapsed + seconds)
