@@ -20,6 +20,7 @@ from kalman_ros.analysis.checks import MISS, Check, LqgTheory, theory
 from kalman_ros.control.identification import fit
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
+from kalman_ros.harness import Run
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -73,7 +74,7 @@ def _theory(noise: float, weight: float) -> LqgTheory:
     return theory(scenarios.build(system(noise, weight)))
 
 
-def _point(run: StudyRun, noise: float, weight: float, seconds: float) -> Point:
+def _point(run: Run, noise: float, weight: float, seconds: float) -> Point:
     """Continue until the loop has settled, then for ``seconds``, and return those."""
     settled = run.elapsed + _theory(noise, weight).settling_time
     run.advance(settled - run.elapsed + seconds)
