@@ -24,7 +24,7 @@ class PrivateFolder:
     """A temporary folder of this process, locked until `cleanup`; a context manager.
 
     The lock ends with the process, however that ends. So a folder that is not locked is a
-    leftover, and whoever makes the next one removes it.
+    leftover, which is removed when the next one is made.
     """
 
     def __init__(self) -> None:
