@@ -106,7 +106,8 @@ def perform(options: argparse.Namespace, console: Console) -> list[Performed]:
     if options.duration is None:
         options.duration = max(asked[0].own.duration or _DURATION, float(ceil(least)))
     if not least <= options.duration < inf:
-        raise ValueError(f'duration: expected {least:.4g} s or more, got {options.duration:g}')
+        unit, given = asked[0].own.time_unit, f'got {options.duration:g}'
+        raise ValueError(f'duration: expected {least:.4g} {unit} or more for a verdict, {given}')
     for tuning in asked:
         ready(tuning.folder)
     return [_performed(tuning, run, options, console) for tuning, run in zip(asked, runs)]
