@@ -18,6 +18,7 @@ def posterior_cramer_rao(
     truth: Array,
     input: Array,
     readings: Mapping[str, Series] | None = None,
+    time: Array | None = None,
 ) -> Array:
     """Return the posterior Cramer-Rao bound of the error covariance (N, n, n), step by step.
 
@@ -37,24 +38,32 @@ def posterior_cramer_rao(
         The model, the sensors with their rates, and the covariance of the first belief, which
         is the bound at the first step: its readings count as part of it.
     truth
-        The path (N, n), a state for each step of the scenario.
+        The path (N, n), a state for each step of the scenario, or for each ``time``.
     input
         From each step on (N, m).
     readings
         The actual readings by sensor, each with its covariance: then these count instead of those
         that are due, at the first step, too.
+    time
+        With actual readings: the time (N,) of each state from the first step on, in seconds, where
+        steps are missing, as in real time. In between F is that of the state before, and H that
+        of the state after.
     """
     model, plan = scenario.model, scenario.plan
     read = _due(scenario, len(truth)) if readings is None else _read(scenario, readings)
     P = scenario.initial_belief.covariance
-    bounds = []
-    for step, x in enumerate(truth):
-        if step:
-            move = model.transition(truth[step - 1], input[step - 1], plan.dt)
-            P = symmetric(move.F @ P @ move.F.T + move.Q)
-        for name, R in read.get(step, ()):
-            _, P = updated(P, Readings(plan.sensors[name].sensor.jacobian(x), R))
+    steps = np.arange(len(truth)) if time is None else np.rint(time * scenario.rate).astype(int)
+    bounds, done = [], -1
+    for k, (step, x) in enumerate(zip(steps.tolist(), truth)):
+        last = max(k - 1, 0)
+        for at in range(done + 1, step + 1):
+            if at:
+                move = model.transition(truth[last], input[last], plan.dt)
+                P = symmetric(move.F @ P @ move.F.T + move.Q)
+            for name, R in read.get(at, ()):
+                _, P = updated(P, Readings(plan.sensors[name].sensor.jacobian(x), R))
         bounds.append(P)
+        done = step
     return np.array(bounds)
 
 

@@ -66,9 +66,10 @@ def average_nees(scenario: Scenario, run: Trajectory) -> AverageNees:
 
 def _normalised_moves(scenario: Scenario, run: Trajectory) -> Array:
     """Return M (N - 1, n, n), with F and Q of each step to second order in its length."""
-    model, dt = scenario.model, scenario.plan.dt
-    x, u = run.truth[:-1], run.input[:-1]
-    known = posterior_cramer_rao(scenario, run.truth, run.input, run.readings)
+    model, x, u = scenario.model, run.truth[:-1], run.input[:-1]
+    # in whole steps, some of which may be missing in real time
+    dt = scenario.plan.dt * np.rint(np.diff(run.time) * scenario.rate)[:, None, None]
+    known = posterior_cramer_rao(scenario, run.truth, run.input, run.readings, run.time)
     roots, P = np.linalg.cholesky(known), known[:-1]
     A = np.array([model.state_jacobian(*point) for point in zip(x, u)])
     W = np.array([model.noise_density(each) for each in x])

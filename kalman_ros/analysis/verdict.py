@@ -78,7 +78,7 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
     basis = f'{what}; the filter is judged by its consistency.'
     claim = 'The filter is consistent.'
     least = least_duration(scenario)
-    if (len(run.time) - 0.5) / scenario.rate < least:
+    if not len(run.time) or run.time[-1] - run.time[0] + 0.5 / scenario.rate < least:
         raise ValueError(f'run: expected {least:.4g} s or more to judge it')
     return Judgement(consistency(scenario, run), 0.0, basis, claim)
 

@@ -51,12 +51,10 @@ def _placement(
 
     Fewer poles than states are completed by `spread_poles`.
     """
-    from kalman_ros.linear.placement import sampled_place, spread_poles
+    from kalman_ros.linear.placement import pole_pairs, sampled_place
 
-    n = system.state.size
-    real = spread_poles('regulator_poles', regulator_poles, n)
-    imaginary = [*regulator_frequencies, *[0.0] * (n - len(regulator_frequencies))]
-    poles = [complex(*pair) for pair in zip(real, imaginary)]
+    names = 'regulator_poles', 'regulator_frequencies'
+    poles = pole_pairs(names, regulator_poles, regulator_frequencies, system.state.size)
     design = sampled_place(system.A, system.B, poles, dt)
     return Feedback(design.gain, np.empty((len(design.gain), 0)), (), design.poles)
 

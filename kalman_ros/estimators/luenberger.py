@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 
 from kalman_ros.core import About, DesignError
-from kalman_ros.linear.placement import place_observer, spread_poles
+from kalman_ros.linear.placement import place_observer, pole_pairs
 
 from .filter import Plan, linear_system
 from .fixed_gain import FixedGainObserver
@@ -23,15 +23,22 @@ def build(
     observer_poles: Annotated[
         Sequence[float],
         About(
-            'where the poles of the error are put, real, up to one per state', '1/s', maximum=-1e-9
+            'real parts of the poles of the error, up to one per state',
+            '1/s',
+            maximum=-1e-9,
+            live=True,
         ),
     ] = (-4.0,),
+    observer_frequencies: Annotated[
+        Sequence[float],
+        About('their imaginary parts, in pairs of both signs; zero where not given', live=True),
+    ] = (0.0,),
 ) -> FixedGainObserver:
     """Return the observer whose error, with all sensors together, has the given poles.
 
     The continuous gain L with eig(A - L C) at the poles is divided among the readings: one
-    of a sensor with period T corrects by L T. Fewer poles than states are completed by
-    `spread_poles`.
+    of a sensor with period T corrects by L T. Fewer poles than states are completed as by
+    `pole_pairs`.
 
     Raises
     ------
@@ -39,11 +46,12 @@ def build(
         If the sensors, if there are any, do not observe every state, or a pole is too fast for
         the slowest sensor that it needs.
     ValueError
-        If the model is not linear, or there are more poles than states.
+        If the model is not linear, there are more poles than states, or a complex one comes
+        without its conjugate.
     """
     system = linear_system('luenberger', plan)
     n = system.state.size
-    poles = spread_poles('observer_poles', observer_poles, n)
+    poles = placed_poles(n, observer_poles, observer_frequencies)
     if not plan.sensors:
         raise DesignError('filter: luenberger needs at least one enabled sensor')
     x = np.zeros(n)
@@ -60,6 +68,14 @@ def build(
     observer = FixedGainObserver(system, gains)
     _check_decay(plan, observer)
     return observer
+
+
+def placed_poles(
+    n: int, observer_poles: Sequence[float], observer_frequencies: Sequence[float]
+) -> list[complex]:
+    """Return the n poles in 1/s that the continuous gain has, for these options."""
+    names = 'observer_poles', 'observer_frequencies'
+    return pole_pairs(names, observer_poles, observer_frequencies, n)
 
 
 def _check_decay(plan: Plan, observer: FixedGainObserver) -> None:

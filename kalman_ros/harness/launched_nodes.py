@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -18,6 +16,8 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
+
+from kalman_ros.nodes.private_folder import PrivateFolder
 
 from .interrupts import deferred
 from .isolated_context import IsolatedContext
@@ -54,7 +54,7 @@ class LaunchedNodes:
     def open(self, *, sockets: bool) -> None:
         """Open a private domain with a node of this process; start no other node."""
         self._context = IsolatedContext('harness', sockets=sockets)
-        self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_')
+        self._folder = PrivateFolder()
         self._clients: dict[str, Any] = {}
 
     def __exit__(self, *_: object) -> None:
@@ -99,7 +99,7 @@ class LaunchedNodes:
 
     def start(self, name: str) -> None:
         """Start a node; one that was killed may be started again."""
-        log = Path(self._folder.name) / f'{name}.log'
+        log = self._folder.path / f'{name}.log'
         with deferred():
             self.processes[name] = NodeProcess(
                 name, self._node_set.command(name), self._context.environment, log

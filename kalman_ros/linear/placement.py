@@ -124,6 +124,32 @@ def spread_poles(name: str, poles: Sequence[float], count: int) -> list[float]:
     return given + [fastest * (1.0 + _SPREAD * k) for k in range(1, count - len(given) + 1)]
 
 
+def pole_pairs(
+    names: tuple[str, str], real: Sequence[float], imaginary: Sequence[float], count: int
+) -> list[complex]:
+    """Return ``count`` poles in 1/s from the values of two parameters.
+
+    Parameters
+    ----------
+    names
+        Of the parameters.
+    real, imaginary
+        Their values: real parts, completed by `spread_poles`, and imaginary parts, zero where
+        not given.
+    count
+        The number of states.
+
+    Raises
+    ------
+    ValueError
+        If there are none, or more than ``count``.
+    """
+    parts = spread_poles(names[0], real, count)
+    if len(imaginary) > count:
+        raise ValueError(f'{names[1]}: expected at most {count} numbers, got {len(imaginary)}')
+    return [complex(re, imaginary[k] if k < len(imaginary) else 0.0) for k, re in enumerate(parts)]
+
+
 def place_observer(A: Array, C: Array, poles: Sequence[complex]) -> PlacementDesign:
     """Return Luenberger's L (n, k) with the eigenvalues of A - L C at ``poles``: the dual.
 

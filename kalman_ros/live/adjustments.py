@@ -52,6 +52,8 @@ class Adjustments:
         demo = demo_section(file)
         #: Seconds that the demo of the scenario takes.
         self.duration = 60.0 if demo.duration is None else demo.duration
+        #: The units of time and of rates: s and Hz, unless a second stands for another time.
+        self.time_unit, self.rate_unit = demo.time_unit, demo.rate_unit
         self.shared: dict[str, Any] = {**demo.parameters, **parameters}
         #: Changes of single nodes, by their names.
         self.changes: dict[str, dict[str, Any]] = {}

@@ -128,7 +128,7 @@ def _sensors(of: Adjustments) -> Iterator[Control]:
         rate, everywhere = of.value('plant', f'{name}.rate'), ('plant', 'estimator', 'monitor')
         most = of.value('plant', 'rate')
         yield Control(
-            everywhere, f'{name}.rate', None, group, 'rate', 'Hz', 'readings a second', '',
+            everywhere, f'{name}.rate', None, group, 'rate', of.rate_unit, 'of readings', '',
             min(rate, most / _REACH), most, 'log',
         )  # fmt: skip
         yield Control(('plant',), f'{name}.enabled', None, group, 'publishes')
@@ -187,7 +187,7 @@ def _actuator(of: Adjustments) -> Iterator[Control]:
     unit = of.scenario('plant').model.input.units[0]
     ranges: Mapping[str, tuple[int | None, str, tuple[float, float, str]]] = {
         'actuator_gain': (0, '', (0.01, 100.0, 'log')),
-        'actuator_delay': (None, 's', (0.0, 0.5, 'linear')),
+        'actuator_delay': (None, of.time_unit, (0.0, 0.5, 'linear')),
         'disturbance_constant': (0, unit, (-10.0, 10.0, 'linear')),
     }
     for name, (index, unit, ends) in ranges.items():
@@ -210,7 +210,8 @@ def _faults(of: Adjustments) -> Iterator[Control]:
             else:
                 ends = (0.0, high, 'linear')
             yield Control(
-                ('plant',), parameter, index, f'Faults of {name}', fault, about.unit,
+                ('plant',), parameter, index, f'Faults of {name}', fault,
+                of.time_unit if about.unit == 's' else about.unit,
                 about.description, '', *ends,
             )  # fmt: skip
 

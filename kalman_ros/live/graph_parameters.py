@@ -9,27 +9,27 @@ from threading import Lock
 from time import monotonic
 from typing import Any
 
-from rcl_interfaces.msg import ParameterEvent, ParameterType
-from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
+from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, ParameterType
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParametersAtomically,
+)
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 
 from kalman_ros.harness.graph_topics import GraphTopics
 from kalman_ros.pipeline.settings import OF_RCLPY
 
+from .parameter_values import of_viewer
+
 #: Seconds in which all nodes must answer, and between two looks whether they have.
 _PATIENCE, _LOOK = 3.0, 0.05
 #: The service by which a node is found, and what separates its name from a parameter's.
 _SERVICE, _BETWEEN = '/set_parameters_atomically', '.'
-#: Types of parameters with decimal numbers, and of lists.
-_DOUBLES = (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_DOUBLE_ARRAY)
-_LISTS = (
-    ParameterType.PARAMETER_BYTE_ARRAY, ParameterType.PARAMETER_BOOL_ARRAY,
-    ParameterType.PARAMETER_INTEGER_ARRAY, ParameterType.PARAMETER_DOUBLE_ARRAY,
-    ParameterType.PARAMETER_STRING_ARRAY,
-)  # fmt: skip
 
 
 class GraphParameters:
@@ -68,7 +68,7 @@ class GraphParameters:
                 f'{node}{_BETWEEN}{name}': parameter_value_to_python(value)
                 for node, values in self._values(asked).items()
                 for name, value in values.items()
-                if value.type != ParameterType.PARAMETER_NOT_SET
+                if value.type != ParameterType.PARAMETER_NOT_SET and not name.startswith(OF_RCLPY)
             }
 
     def change(self, values: Mapping[str, Any]) -> str:
@@ -81,21 +81,15 @@ class GraphParameters:
             if strange:
                 return f'expected /NODE{_BETWEEN}PARAMETER, got {strange[0]:.60}'
             asked = self._split(values)
-            types = {
-                node: {name: value.type for name, value in found.items()}
-                for node, found in self._values(asked).items()
-            }
+            described = self._described(asked)
             refusals, requests = [], {}
             for node, names in asked.items():
                 try:
                     wanted = [
-                        _parameter(name, values[f'{node}{_BETWEEN}{name}'], types[node][name])
-                        for name in names
+                        of_viewer(name, values[f'{node}{_BETWEEN}{name}'], known)
+                        for name, known in _existing(names, described.get(node)).items()
                     ]
-                except KeyError:
-                    missing = ', '.join(name for name in names if name not in types.get(node, {}))
-                    refusals.append(f'{node}: it has no parameter {missing}')
-                except (TypeError, ValueError) as error:
+                except ValueError as error:
                     refusals.append(f'{node}: {error}')
                 else:
                     requests[node] = SetParametersAtomically.Request(
@@ -106,7 +100,7 @@ class GraphParameters:
                 if node not in answers:
                     refusals.append(f'{node}: it does not answer')
                 elif not answers[node].result.successful:
-                    refusals.append(f'{node}: {answers[node].result.reason}')
+                    refusals.append(f'{node}: {_plain(answers[node].result.reason)}')
             return '; '.join(refusals)
 
     def _nodes(self) -> list[str]:
@@ -145,6 +139,18 @@ class GraphParameters:
             if len(answer.values) == len(names[node])  # else one of them does not exist
         }
 
+    def _described(
+        self, names: Mapping[str, list[str]]
+    ) -> dict[str, dict[str, ParameterDescriptor]]:
+        """Return the descriptions of parameters by node and name, of nodes that answer."""
+        known = {*self._nodes()}
+        requests = {
+            node: DescribeParameters.Request(names=each) for node, each in names.items()
+            if node in known
+        }  # fmt: skip
+        answers = self._ask(DescribeParameters, '/describe_parameters', requests)
+        return {node: {d.name: d for d in answer.descriptors} for node, answer in answers.items()}
+
     def _ask(self, kind: Any, service: str, requests: Mapping[str, Any]) -> dict[str, Any]:
         """Call a service of several nodes at once; return the answers received in time."""
         end = monotonic() + _PATIENCE
@@ -165,31 +171,28 @@ class GraphParameters:
         return self._clients[service]
 
 
+def _plain(reason: str) -> str:
+    """Return the reason of a node; rclpy takes an empty list for one of another type."""
+    return 'it accepts no empty list' if reason.startswith('Wrong parameter type') else reason
+
+
+def _existing(
+    names: Sequence[str], described: Mapping[str, ParameterDescriptor] | None
+) -> dict[str, ParameterDescriptor]:
+    """Return the descriptions of parameters; ValueError if they do not exist."""
+    if described is None:
+        raise ValueError('there is no such node, or it does not answer')
+    found = {name: described[name] for name in names if name in described}
+    missing = [name for name in names if name not in found]
+    if missing:
+        # a node may describe none of them if one does not exist
+        what = 'does not have all of' if len(missing) > 1 else 'has no parameter'
+        raise ValueError(f'it {what} {", ".join(missing)}')
+    return found
+
+
 def changed(event: ParameterEvent) -> Iterator[tuple[str, Any]]:
     """Yield the parameters that have changed by an event, with their values."""
     for each in (*event.new_parameters, *event.changed_parameters):
         if not each.name.startswith(OF_RCLPY):
             yield f'{event.node}{_BETWEEN}{each.name}', parameter_value_to_python(each.value)
-
-
-def _parameter(name: str, value: Any, kind: int) -> Parameter:
-    """Return a parameter of a type that a node has declared; ValueError if it cannot be one."""
-    if value is None or isinstance(value, dict):
-        raise ValueError(f'{name}: expected a value of a parameter, got {value!r:.60}')
-    values = value if isinstance(value, list) else [value]
-    if kind in _DOUBLES:
-        values = [_number(each) for each in values]
-    value = values if kind in _LISTS or isinstance(value, list) else values[0]
-    if value == [] and kind != ParameterType.PARAMETER_NOT_SET:
-        return Parameter(name, Parameter.Type(kind), value)
-    return Parameter(name, value=value)
-
-
-def _number(value: Any) -> Any:
-    """Return what a viewer means by a number: also a whole one, or the text of an infinite one."""
-    if type(value) is int:
-        return float(value)
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value

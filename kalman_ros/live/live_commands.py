@@ -153,8 +153,11 @@ class LiveCommands:
             raise ValueError('poles: expected pairs of finite numbers')
         real, imaginary = poles.T.tolist()
         if command.get('of') == 'estimator':
-            values = {'filter': 'luenberger', 'observer_poles': real}
-            self._reconfigure('estimator', values)
+            values = {'observer_poles': real, 'observer_frequencies': imaginary}
+            if self._adjustments.value('estimator', 'filter') == 'luenberger':
+                self._apply({'estimator': values})
+            else:
+                self._reconfigure('estimator', {'filter': 'luenberger', **values})
             return
         if not self._adjustments.driven:
             raise ValueError('poles: there is no regulator')

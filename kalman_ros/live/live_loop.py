@@ -58,7 +58,13 @@ class LiveLoop:
         self._pace = Pace.usual(self._adjustments)
         self._carried: dict[str, dict[str, Any]] | None = None
         self._runs = 0
-        self._theory = TheoryWorker(lambda found: board.put('theory', found))
+        self._fixed_gains: dict[str, list[float]] = {}
+        self._theory = TheoryWorker(self._on_theory)
+
+    def _on_theory(self, found: dict[str, Any]) -> None:
+        """Show the theory; a thread of the worker calls this."""
+        self._fixed_gains = (found.get('estimator') or {}).get('gains', {})
+        self._board.put('theory', found)
 
     def command(self, command: dict[str, Any], arrival: float) -> None:
         """Queue a command from a tab; any thread may call this."""
@@ -119,7 +125,7 @@ class LiveLoop:
                 if target is not None:
                     nodes.run_until(target)
                 obey.end_push()
-                frame = streams.frame(nodes.take(), self._believed, self._weight)
+                frame = streams.frame(nodes.take(), *self._judged, self._fixed_gains)
                 if frame is not None:
                     self._board.add(frame)
                 framed = now
@@ -163,10 +169,11 @@ class LiveLoop:
     def _follow(self) -> None:
         """Show the parameters in use, and compute the theory of them."""
         found = self._adjustments
-        self._believed: Scenario = found.scenario('estimator')
-        self._weight: Array | None = None
+        weight: Array | None = None
         if found.driven:
-            self._weight = price(found.scenario('controller')).weight
+            weight = price(found.scenario('controller')).weight
+        #: What the estimator believes, and the weight of the cost.
+        self._judged: tuple[Scenario, Array | None] = (found.scenario('estimator'), weight)
         self._board.put('values', {
             'values': {key: control.read(found) for key, control in self._controls.items()},
             'chosen': {

@@ -18,11 +18,14 @@ from kalman_ros.control.margins import Margin
 from kalman_ros.control.separation import LqgLoop
 from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
 from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.luenberger import placed_poles
 from kalman_ros.linear.periodic import Phase, periodic_filter
 from kalman_ros.linear.structure import continuous_poles, eigenvalues
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, price, regulator
 
+#: Filters whose gains do not change.
+_FIXED = ('luenberger', 'steady_state')
 #: The number of frequencies of a response.
 _POINTS = 160
 
@@ -87,26 +90,31 @@ def _regulator(believed: Scenario) -> dict[str, Any]:
 
 
 def _estimator(believed: Scenario, filter_options: dict[str, Any]) -> dict[str, Any]:
-    """Return the poles of the error, and for a Kalman filter its steady standard deviation."""
+    """Return the poles of the sampled error.
+
+    With them the gains (n, k) of each sensor, row by row, if they are fixed; and for a
+    Luenberger observer the ``placed`` poles of its continuous gain.
+    """
     dt, point, plan = 1.0 / believed.rate, _point(believed), believed.plan
     _check_seen(believed, point)
     step, phases = believed.model.transition(*point, dt), schedule(believed, point.state)
+    n = len(step.F)
     found: dict[str, Any] = {}
-    if believed.filter == 'luenberger':
+    if believed.filter in _FIXED:
         fixed: Any = build_filter(believed.filter, plan, filter_options)
-        none = np.empty((len(step.F), 0))
+        none = np.empty((n, 0))
         gains = [
             np.hstack([none, *(fixed.gains[name] for name in plan.due(phase))])
             for phase in range(plan.period)
         ]
+        found['gains'] = {name: _rounded(L.ravel()) for name, L in fixed.gains.items()}
     else:
-        filter = periodic_filter([Phase(step.F, step.Q, readings) for readings in phases])
-        gains = filter.gains
-        variances = filter.posterior.diagonal(axis1=1, axis2=2).mean(axis=0)
-        found['std'] = _rounded(np.sqrt(np.maximum(variances, 0.0)))
-    over = np.eye(len(step.F))
+        gains = periodic_filter([Phase(step.F, step.Q, readings) for readings in phases]).gains
+    if believed.filter == 'luenberger':
+        found['placed'] = _pairs(placed_poles(n, **filter_options))
+    over = np.eye(n)
     for readings, L in zip(phases, gains):
-        over = (np.eye(len(over)) - L @ readings.C) @ step.F @ over
+        over = (np.eye(n) - L @ readings.C) @ step.F @ over
     poles = eigenvalues(over) ** (1.0 / len(phases))
     return {**found, 'poles': _pairs(continuous_poles(poles, dt))}
 

@@ -39,7 +39,9 @@ class Pace:
 
     @classmethod
     def usual(cls, adjustments: Adjustments) -> Pace:
-        """Return real time, or for a scenario with rare readings a minute of lockstep."""
+        """Return real time; lockstep if asked for, and a minute of it for rare readings."""
+        if adjustments.value('plant', 'lockstep'):
+            return cls(lockstep=True)
         rates = [adjustments.value('plant', f'{name}.rate') for name in adjustments.sensors]
         if max(rates, default=1.0) >= _RARE:
             return cls()

@@ -23,6 +23,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
         'name': adjustments.file.stem,
         'model': adjustments.value('plant', 'model'),
         'rate': plant.rate,
+        'time': adjustments.time_unit,
         'state': _space(state),
         'input': _space(input),
         'sensors': {

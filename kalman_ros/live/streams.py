@@ -63,7 +63,11 @@ class Streams:
         return self._input
 
     def frame(
-        self, samples: Mapping[str, Sequence[Sample]], believed: Scenario, weight: Array | None
+        self,
+        samples: Mapping[str, Sequence[Sample]],
+        believed: Scenario,
+        weight: Array | None,
+        fixed: Mapping[str, list[float]],
     ) -> dict[str, Any] | None:
         """Return what is new; None if nothing is.
 
@@ -75,6 +79,8 @@ class Streams:
             The estimator's scenario, for its gains.
         weight
             Of the cost of a sample (n + m, n + m); None without a cost.
+        fixed
+            The gain of each sensor, row by row, of a filter with fixed ones.
         """
         truths = samples['ground_truth']
         if self._origin is None:
@@ -101,7 +107,7 @@ class Streams:
             found['readings'] = readings
         if innovations:
             found['innovations'] = innovations
-            found['gain'] = self._gains(believed)
+            found['gain'] = self._gains(believed, fixed)
         if weight is not None and truths:
             found['cost'] = self._cost(truths, weight)
         return found or None
@@ -155,8 +161,10 @@ class Streams:
                 found[name] = self._rows(samples[topic])
         return found
 
-    def _gains(self, believed: Scenario) -> dict[str, Any]:
-        """Return the gain K = P C' R^-1 of each sensor at the newest belief, row by row."""
+    def _gains(self, believed: Scenario, fixed: Mapping[str, list[float]]) -> dict[str, Any]:
+        """Return the gain K of each sensor, row by row: fixed, or P C' R^-1 now."""
+        if fixed:
+            return dict(fixed)
         found = {}
         if self.estimate is not None:
             x, P = self.estimate

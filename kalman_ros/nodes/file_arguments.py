@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from kalman_ros.scenario.parameter_files import unambiguous
+
+from .private_folder import PrivateFolder
 
 _FILE, _EMPTY = '--params-file', re.compile(r':=\s*\[\s*\]$')
 #: The part of rcl's error about a list with strings and truth values.
@@ -26,10 +27,10 @@ def readable(arguments: Sequence[str]) -> Iterator[list[str]]:
     replaces them.
     """
     found = [_EMPTY.sub(":=['']", argument) for argument in arguments]
-    with tempfile.TemporaryDirectory(prefix='kalman_ros_') as folder:
+    with PrivateFolder() as folder:
         for index, argument in enumerate(found[:-1]):
             if argument == _FILE:
-                found[index + 1] = _copied(Path(found[index + 1]), Path(folder) / f'{index}.yaml')
+                found[index + 1] = _copied(Path(found[index + 1]), folder / f'{index}.yaml')
         yield found
 
 

@@ -37,7 +37,7 @@ NAMES = {
         'lockstep max_message_size microphone_noise microphones recording sample_rate seed '
         'sound_level speed_of_sound'
     ),
-    'filters': 'alpha beta hypotheses kappa observer_poles',
+    'filters': 'alpha beta hypotheses kappa observer_frequencies observer_poles',
     'laws': (
         'input_cost integral_cost law regulator_frequencies regulator_poles state_cost tracked'
     ),

@@ -106,7 +106,8 @@ def perform(options: argparse.Namespace, console: Console) -> list[Performed]:
     if options.duration is None:
         options.duration = max(asked[0].own.duration or _DURATION, float(ceil(least)))
     if not least <= options.duration < inf:
-        raise ValueError(f'duration: expected {least:.4g} s or more, got {options.duration:g}')
+        unit, given = asked[0].own.time_unit, f'got {options.duration:g}'
+        raise ValueError(f'duration: expected {least:.4g} {unit} or more for a verdict, {given}')
     for tuning in asked:
         ready(tuning.folder)
     return [_performed(tuning, run, options, console) for tuning, run in zip(asked, runs)]
@@ -135,7 +136,7 @@ def _performed(
     bar = Progress(
         TextColumn('{task.description}'),
         BarColumn(),
-        TextColumn('{task.completed:.0f} of {task.total:.0f} simulated seconds'),
+        TextColumn(f'{{task.completed:.0f}} of {{task.total:.0f}} {_unit(tuning)}'),
         TimeRemainingColumn(),
         console=console,
     )
@@ -202,11 +203,19 @@ def _with_inputs(performed: Performed) -> list[Check]:
 def _course(options: argparse.Namespace, performed: Performed) -> str:
     """Return how the run went, in a sentence or two."""
     judgement = performed.judgement
+    unit, settling = performed.tuning.own.time_unit, judgement.settling_time
+    counted = f'; the first {settling:.1f} {unit} settle and do not count' if settling else ''
     return (
-        f'{options.duration:g} simulated seconds took {performed.wall:.1f} s, with '
-        f'{performed.missed} of {len(performed.trajectory.time)} steps late; the first '
-        f'{judgement.settling_time:.1f} s settle and do not count. {judgement.basis}'
+        f'{options.duration:g} {_unit(performed.tuning)} took {performed.wall:.1f} s, with '
+        f'{performed.missed} of {len(performed.trajectory.time)} steps late{counted}. '
+        f'{judgement.basis}'
     )
+
+
+def _unit(tuning: Tuning) -> str:
+    """Return the unit of time of a scenario in words."""
+    unit = tuning.own.time_unit
+    return 'simulated seconds' if unit == 's' else unit
 
 
 def _caption(options: argparse.Namespace, mode: str, performed: Performed, what: str) -> Any:
@@ -224,11 +233,10 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
 
     tuning, built, run = performed.tuning, performed.run.scenario, performed.trajectory
     judgement, folder = performed.judgement, tuning.folder
-    what = ', '.join(filter(None, (f'filter {built.filter}', tuning.label)))
     # the summary last: if it exists, the results are complete
     with deferred():
         _write_data(folder, run)
-        with _caption(options, mode, performed, what):
+        with _caption(options, mode, performed, _what(performed)):
             drawn = run_pictures.draw_all(built, run, folder, tuning.limits(built))
             if options.animate:
                 drawn += _animation(options, performed, console)
@@ -244,6 +252,13 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
     console.print(f'In {folder}: {files}')
 
 
+def _what(performed: Performed) -> str:
+    """Return the filter of a run, and what is different in it."""
+    return ', '.join(
+        filter(None, (f'filter {performed.run.scenario.filter}', performed.tuning.label))
+    )
+
+
 def _animation(options: argparse.Namespace, performed: Performed, console: Console) -> list[Path]:
     """Draw the system in motion; return the files."""
     from kalman_ros.report.animation import animate, shown_steps
@@ -257,7 +272,8 @@ def _animation(options: argparse.Namespace, performed: Performed, console: Conso
     )
     with bar:
         task = bar.add_task('animation', total=1.0)
-        title = ', '.join(filter(None, (Path(tuning.scenario).stem, tuning.label)))
+        which = Path(tuning.scenario).stem, _what(performed), f'seed {options.seed}'
+        title = ', '.join(which)
         path = tuning.folder / 'animation.gif'
         try:
             return animate(

@@ -135,19 +135,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
 
     law = f', law {built.law}' if built.law else ''
-    console.print(f'[bold]{path.stem} at {built.rate:g} Hz{law}[/]')
+    own = demo_section(path)
+    console.print(f'[bold]{path.stem} at {built.rate:g} {own.rate_unit}{law}[/]')
     console.print(design_tables.structure(report))
-    sheet.show(console, design_tables.tables(report))
+    sheet.show(console, design_tables.tables(report, own.time_unit))
     if options.matrices:
         sheet.show(console, design_tables.matrices(report))
     console.print()
-    for sentence in (*design_tables.closing(report), *notes, *unchecked):
+    for sentence in (*design_tables.closing(report, own.time_unit), *notes, *unchecked):
         console.print(sentence, markup=False)
     for sentence in warnings:
         console.print(f'[yellow]Warning:[/] {sentence}')
     summary = {'scenario': path.stem, **design_json.design_json(report, notes, warnings)}
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
-    about = f'{path.stem}, design at {built.rate:g} Hz, filter {built.filter}{law}'
-    with style.caption(about, demo_section(path).time_unit):
+    about = f'{path.stem}, design at {built.rate:g} {own.rate_unit}, filter {built.filter}{law}'
+    with style.caption(about, own.time_unit):
         drawn = design_pictures.draw_all(report, folder)
     console.print(f'In {folder}: {", ".join(["summary.json", *(p.name for p in drawn)])}')

@@ -78,6 +78,8 @@ class Viewing:
         return found
 
     def _serve_nodes(self, found: Adjustments) -> None:
+        if found.shared.get('lockstep'):
+            print('in real time, without lockstep: viewers follow the clock', file=sys.stderr)
         self._rules.check_port()
         nodes, name = ViewedNodes(found, self._options.seed), found.file.stem
         print(f'{name}: starting the nodes', flush=True)
@@ -142,17 +144,21 @@ def _write_files(options: argparse.Namespace, found: Adjustments) -> None:
     """
     scenario, frame = found.scenario('estimator'), str(found.value('estimator', 'frame'))
     if options.layout:
-        _write(options.layout, json.dumps(layout(scenario, frame), indent=2) + '\n')
+        _write('--layout', options.layout, json.dumps(layout(scenario, frame), indent=2) + '\n')
     if options.rviz:
         if not is_drawn(scenario):
             names = ', '.join(scenario.model.state.names)
             raise ValueError(
                 f'--rviz: expected a state with x and y, and visualization_msgs, got ({names})'
             )
-        _write(options.rviz, yaml.safe_dump(rviz_file(scenario, frame), sort_keys=False))
+        _write('--rviz', options.rviz, yaml.safe_dump(rviz_file(scenario, frame), sort_keys=False))
 
 
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
+def _write(option: str, path: Path, text: str) -> None:
+    """Write a file; ValueError if it cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    except OSError as error:
+        raise ValueError(f'{option}: cannot write {path}: {error.strerror}') from None
     print(f'wrote {path}')

@@ -82,7 +82,8 @@ def animate(
         If ffmpeg fails.
     """
     frames = []
-    legend = f'{_LEGEND}; orange: input' if show.scenario.model.input.size else _LEGEND
+    with_input = kind in DRAWN and show.scenario.model.input.size
+    legend = f'{_LEGEND}; orange: input' if with_input else _LEGEND
     with mpl.rc_context({**STYLE, 'axes.grid': False}):
         figure = Figure(figsize=_SIZE, dpi=_DPI, layout='constrained')
         canvas = FigureCanvasAgg(figure)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Circle
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_warnings import loop_names
@@ -64,10 +64,12 @@ def poles(report: DesignReport, path: Path | None) -> None:
     with canvas(path, (6.4, 4.4)) as figure:
         axis = figure.add_subplot()
         every = np.concatenate([_both(modes) for _, modes, _, _ in groups])
-        reach = max(float(np.abs(every).max()), 1e-3)
+        reach = float(np.abs(every).max()) or 1.0
         right = max(1.3 * float(every.real.max()), 0.2 * reach)
         axis.axvspan(0.0, right, color=GROWTH, lw=0.0, zorder=0)
         axis.set_xlim(1.15 * float(every.real.min()) - 0.05 * reach, right)
+        high = 1.2 * max(float(every.imag.max()), 0.4 * reach)
+        axis.set_ylim(-high, high)
         axis.axhline(0.0, color=READING, lw=0.8)
         axis.axvline(0.0, color=READING, lw=0.8)
         for label, modes, marker, colour in groups:
@@ -229,6 +231,8 @@ def _frame(gain: Any, phase: Any, plane: Any) -> None:
     phase.yaxis.set_major_locator(MultipleLocator(90.0))
     phase.set_ylabel('phase [deg]')
     phase.set_xlabel('frequency [rad/s]')
+    phase.xaxis.set_major_locator(LogLocator())
+    phase.xaxis.set_minor_formatter(NullFormatter())
     plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, ls=':', color=READING))
     plane.plot(-1.0, 0.0, '+', color='#c0182b', ms=11, mew=1.8, zorder=5)
     plane.set_aspect('equal')

@@ -22,9 +22,9 @@ from kalman_ros.core import Array, Space, linearize
 from .sheet import Sheet
 
 
-def tables(report: DesignReport) -> Iterator[tuple[str, Sheet]]:
-    """Return the tables of a design with their titles, in reading order."""
-    yield 'Modes', _modes(report)
+def tables(report: DesignReport, time: str = 's') -> Iterator[tuple[str, Sheet]]:
+    """Return the tables of a design with their titles, in reading order; ``time`` is its unit."""
+    yield 'Modes', _modes(report, time)
     if report.regulator:
         law = 'u = -K x - K_q q' if report.regulator.feedback.tracked else 'u = -K x'
         yield f'Regulator: {law}', _regulator_gains(report)
@@ -46,21 +46,22 @@ def structure(report: DesignReport) -> str:
     return f'{text[0].upper()}{text[1:]}.'
 
 
-def closing(report: DesignReport) -> Iterator[str]:
-    """Return the performance of the closed loop as text."""
+def closing(report: DesignReport, time: str = 's') -> Iterator[str]:
+    """Return the performance of the closed loop as text; ``time`` is its unit."""
     if report.closed_loop:
         least = report.scenario.law == 'lqr'
         what = 'The least cost that these sensors allow is' if least else 'Its cost is'
         yield (
-            f'The loop settles to a thousandth in {report.closed_loop.settling_time:.3g} s. '
+            f'The loop settles to a thousandth in {report.closed_loop.settling_time:.3g} '
+            f'{time}. '
             f'{what} J = {report.closed_loop.cost:.4g} a second.'
         )
     elif report.estimator:
         seconds = settling_time(report.estimator.modes)
-        yield f'The error of the estimate settles to a thousandth in {seconds:.3g} s.'
+        yield f'The error of the estimate settles to a thousandth in {seconds:.3g} {time}.'
 
 
-def _modes(report: DesignReport) -> Sheet:
+def _modes(report: DesignReport, time: str) -> Sheet:
     groups = {'open loop': report.modes}
     if report.regulator:
         groups['regulator'] = report.regulator.modes
@@ -74,7 +75,8 @@ def _modes(report: DesignReport) -> Sheet:
             rows.append((f'{times} x' if times > 1 else '', pole, *rest))
             name = ''
     titles = (
-        '', 'pole\n\\[1/s]', '', 'time\nconstant\n\\[s]', 'frequency\n\\[rad/s]', 'damping\nratio'
+        '', f'pole\n\\[1/{time}]', '', f'time\nconstant\n\\[{time}]',
+        f'frequency\n\\[rad/{time}]', 'damping\nratio',
     )  # fmt: skip
     return Sheet(names, list(zip(titles, zip(*rows))))
 

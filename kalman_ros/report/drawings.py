@@ -121,10 +121,10 @@ def springs(axis: Any, show: Moments, k: int) -> None:
     axis.add_patch(Circle(tuple(truth), 0.05 * reach, fill=False, **TRUTH_LOOK))
     push = 0.4 * reach * np.array([show.push(k, 0), show.push(k, 1)])
     arrow(axis, tuple(truth), tuple(push), reach)
-    window(axis, (-reach, reach), (-reach, reach))
-    magnified(axis, truth, mean, P, 'estimate')
     axis.set_xlabel('x [m]')
     axis.set_ylabel('y [m]')
+    window(axis, (-reach, reach), (-reach, reach))
+    magnified(axis, truth, mean, P, 'estimate')
 
 
 def cart_pole(axis: Any, show: Moments, k: int) -> None:
@@ -184,10 +184,10 @@ def submersible(axis: Any, show: Moments, k: int) -> None:
     low, high = shown.min(axis=0), shown.max(axis=0)
     middle = 0.5 * (low + high)
     half = 0.5 * max(float(np.max(high - low)), 8.0 * size) + 3.0 * size
-    window(axis, (middle[0] - 1.3 * half, middle[0] + 1.3 * half),
-            (middle[1] - half, middle[1] + half))  # fmt: skip
     axis.set_xlabel('x [m]')
     axis.set_ylabel('z [m]')
+    window(axis, (middle[0] - 1.3 * half, middle[0] + 1.3 * half),
+            (middle[1] - half, middle[1] + half))  # fmt: skip
 
 
 def course(axis: Any, show: Moments, k: int) -> None:
@@ -238,7 +238,7 @@ def curves(axes: Any, show: Moments, k: int) -> None:
                 axis.plot(series.time[read], series.values[read, column], '.', ms=2.5,
                           color=READING)  # fmt: skip
         axis.fill_between(time, (mean - band)[past], (mean + band)[past], **BAND_LOOK)
-        axis.plot(time, mean[past], color=ESTIMATE, lw=1.2)
+        axis.plot(time, mean[past], color=ESTIMATE, lw=1.2, ls='--')
         axis.plot(time, truth[past], color=TRUTH, lw=0.9)
         shown = np.concatenate([(truth - band)[show.steps], (truth + band)[show.steps]])
         low, high = np.quantile(shown, (0.05, 0.95))

@@ -133,7 +133,12 @@ def magnified(axis: Any, truth: Array, mean: Array, covariance: Array, label: st
     inset.set_xticks(())
     inset.set_yticks(())
     inset.spines[['top', 'right']].set_visible(True)
-    inset.set_xlabel(f'{label}, {2.0 * reach:.2g} m wide', fontsize=7, labelpad=2)
+    inset.set_xlabel(f'{label}, {_rounded(2.0 * reach)} m wide', fontsize=7, labelpad=2)
+
+
+def _rounded(length: float) -> str:
+    """Return a length with two digits, without an exponent where it is not long."""
+    return f'{float(f"{length:.2g}"):g}'
 
 
 def _readings(axis: Any, scenario: Scenario, run: Trajectory, names: list[str]) -> None:

@@ -246,7 +246,7 @@ def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:
     if scenario.plan.linear or not np.allclose(np.diff(run.time), dt, atol=0.1 * dt):
         return None
     try:
-        bound = posterior_cramer_rao(scenario, run.truth, run.input, run.readings)
+        bound = posterior_cramer_rao(scenario, run.truth, run.input, run.readings, run.time)
     except np.linalg.LinAlgError:
         return None
     least = np.sqrt(bound.diagonal(axis1=1, axis2=2))

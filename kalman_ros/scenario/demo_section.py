@@ -23,6 +23,11 @@ class Demo(NamedTuple):
     time_unit: str
     parameters: dict[str, Any]
 
+    @property
+    def rate_unit(self) -> str:
+        """The unit of rates: Hz, or per year where a second stands for a year."""
+        return 'Hz' if self.time_unit == 's' else f'per {self.time_unit.removesuffix("s")}'
+
 
 def demo_section(path: Path | None) -> Demo:
     """Return the section of the demo in a ROS parameter file.

@@ -39,7 +39,7 @@ def file(scenario: str | Path) -> Path:
     Raises
     ------
     ValueError
-        If there is none; the message lists the known names.
+        If there is none; the message has the nearest name, or else the known ones.
     """
     if str(scenario).endswith(('.yaml', '.yml')):
         path = Path(scenario)
@@ -48,7 +48,6 @@ def file(scenario: str | Path) -> Path:
         return path.resolve()
     known = names()
     if str(scenario) not in known:
-        listed = f'known are {", ".join(known)}'
-        hint = ' '.join(filter(None, (nearest(str(scenario), known), listed)))
+        hint = nearest(str(scenario), known) or f'known are {", ".join(known)}'
         raise ValueError(f"scenario: unknown scenario '{scenario}'; {hint}")
     return folder() / f'{scenario}.yaml'

@@ -2,6 +2,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
@@ -53,3 +54,15 @@ def test_readings_that_did_not_come_leave_the_bound_wide():
     truth, input = np.zeros((50, 4)), np.zeros((50, 2))
     lost, due = (posterior_cramer_rao(built, truth, input, read) for read in ({}, None))
     assert lost[-1, 0, 0] > 10.0 * due[-1, 0, 0]
+
+
+@pytest.mark.parametrize('first', [0, 5])
+def test_where_steps_are_missing_as_in_real_time_the_bound_is_the_same(first):
+    built = scenario.build({'model': 'level'})
+    run = closed_loop.run(built, None, 3.0, 0)
+    some = slice(first, None, 10)
+    whole = posterior_cramer_rao(built, run.truth, run.input, run.readings)
+    sparse = posterior_cramer_rao(
+        built, run.truth[some], run.input[some], run.readings, run.time[some]
+    )
+    np.testing.assert_allclose(sparse, whole[some], rtol=1e-9)

@@ -110,3 +110,14 @@ def test_the_demo_of_the_bearing_tracker_shows_the_convergence():
     assert std[-1] < 0.05 * std[0]
     assert np.linalg.norm((run.truth - run.estimate)[-1, :2]) < 4.0 * std[-1]
     assert np.abs(run.input).max() < 0.05  # what a ship can do, in m/s^2
+
+
+def test_a_run_in_real_time_with_an_estimate_per_reading_is_judged_as_one_per_step():
+    built = scenario.build({'model': 'level'})
+    run = closed_loop.run(built, None, 40.0, 1)
+    some = slice(0, None, 10)
+    names = ('time', 'truth', 'estimate', 'covariance', 'input')
+    sparse = replace(run, **{name: getattr(run, name)[some] for name in names})
+    assert all(check.passed for check in judge(built, sparse).checks)
+    whole = average_nees(built, run).variance
+    assert average_nees(built, sparse).variance == pytest.approx(whole, rel=0.2)

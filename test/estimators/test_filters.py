@@ -198,17 +198,27 @@ def test_the_covariance_of_a_fixed_gain_is_that_of_its_errors(kind):
     assert np.all(np.abs(sample - P) < 0.08 * scale)
 
 
-def test_a_luenberger_observer_has_its_poles():
+@pytest.mark.parametrize(
+    ('options', 'expected'),
+    [
+        ({'observer_poles': [-5.0, -8.0]}, [-8.0, -5.0]),
+        (
+            {'observer_poles': [-6.0, -6.0], 'observer_frequencies': [4.0, -4.0]},
+            [-6.0 - 4.0j, -6.0 + 4.0j],
+        ),
+    ],
+)
+def test_a_luenberger_observer_has_its_poles(options, expected):
     system = scenario.build({'model': 'mass_spring_damper', 'rate': 1000.0,
                              'position.rate': 1000.0, 'velocity.rate': 1000.0})  # fmt: skip
-    observer = build_filter('luenberger', system.plan, {'observer_poles': [-5.0, -8.0]})
+    observer = build_filter('luenberger', system.plan, options)
     F = system.model.sampled(1e-3).F
     over = F
     for name, timed in system.plan.sensors.items():
         C = timed.sensor.jacobian(np.zeros(2))
         over = (np.eye(2) - observer.gains[name] @ C) @ over
-    poles = np.sort(np.log(np.linalg.eigvals(over)) / 1e-3)
-    np.testing.assert_allclose(poles, [-8.0, -5.0], rtol=0.02)
+    poles = np.sort_complex(np.log(np.linalg.eigvals(over).astype(complex)) / 1e-3)
+    np.testing.assert_allclose(poles, expected, rtol=0.02)
 
 
 @pytest.mark.parametrize(
@@ -216,6 +226,8 @@ def test_a_luenberger_observer_has_its_poles():
     [
         ('luenberger', {}, {'observer_poles': [-900.0]}, 'observer_poles: too fast'),
         ('luenberger', {}, {'observer_poles': [1.0]}, 'observer_poles: expected'),
+        ('luenberger', {}, {'observer_frequencies': [1.0]}, 'observer_poles: expected every'),
+        ('luenberger', {}, {'observer_frequencies': [0.0] * 3}, 'expected at most 2 numbers'),
         ('ukf', {}, {'kappa': -9.0}, 'kappa: expected more than -2'),
         ('kv', {}, {}, "unknown filter 'kv'"),
     ],

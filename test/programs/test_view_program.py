@@ -24,6 +24,9 @@ WRONG = {
     '--listen here': "--listen: expected an IP address, got 'here'",
     '--page localhost:8080': '--page: expected an origin, such as http://localhost:8080, got',
     '-p nonsense:=1': "unknown parameter 'nonsense'",
+    'mass_sprin': "unknown scenario 'mass_sprin'; did you mean 'mass_spring_damper'?\n",
+    '--layout /proc/x/y.json': '--layout: cannot write /proc/x/y.json: No such file',
+    '--rviz /': '--rviz: cannot write /: Is a directory',
 }
 
 

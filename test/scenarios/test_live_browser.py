@@ -89,11 +89,31 @@ def test_a_number_and_the_keyboard_do_the_same(page):
 def test_a_pole_is_dragged(page):
     browser, loop = page
     left, top, _, _ = browser.place('#poles')
-    x, y = browser.run('window.livePoles().at(0)')
+    x, y = browser.run('window.livePoles("regulator").at(0)')
     browser.drag((left + x, top + y), (left + x - 20, top + y - 10), (left + x - 60, top + y - 20))
     placed = loop.seen('values', lambda m: m['chosen']['law'] == 'placement', 60)
     assert placed
     browser.until('document.querySelector("#notice").hidden')
+
+
+def test_the_poles_of_the_estimator_are_dragged_and_it_keeps_its_belief(page):
+    browser, loop = page
+    assert loop.do(do='choose', what='filter', value='luenberger')['error'] == ''
+    placed = loop.seen('theory', lambda m: (m.get('estimator') or {}).get('placed'), 60)
+    before = placed['estimator']['placed']
+    browser.until(f'{text("#estimator-legend")}.includes("as sampled")')
+    left, top, _, _ = browser.place('#poles')
+    x, y = browser.run('window.livePoles("estimator").at(-1)')
+    loop.until(lambda m: 'estimate' in m and m['estimate'][-1][-1] < 1.0)  # the trace of P
+    loop.frames.clear()
+    browser.drag((left + x, top + y), (left + x - 5, top + y), (left + x - 12, top + y))
+    after = loop.seen('theory', lambda m: m['estimator']['placed'] != before, 60)
+    assert set(after['estimator']['gains']) == {'position', 'velocity'}
+    loop.seen('share', lambda m: 'observer_poles: [' in m['yaml'])
+    rows = [row for frame in loop.frames for row in frame.get('estimate', ())]
+    assert max(row[-1] for row in rows) < 1.0  # it was not configured again
+    assert browser.run('document.querySelector("#notice").hidden')
+    assert loop.do(do='choose', what='filter', value='kf')['error'] == ''
 
 
 def test_buttons_and_keys_pause_push_and_reset(page):

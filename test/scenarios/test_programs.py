@@ -202,9 +202,12 @@ def test_the_demo_fails_when_the_statistics_do_not_hold(environment, tmp_path):
         (['-p', 'input_cost'], "demo: -p: expected NAME:=VALUE, got 'input_cost'"),
         (['-p', 'inptu_cost:=[1.0, 1.0]'], "unknown parameter 'inptu_cost'"),
         (['-p', 'filter:=ukff'], "unknown filter 'ukff'; did you mean 'ukf'?"),
-        (['--duration', '1'], 'demo: duration: expected 6.9 s or more, got 1'),
-        (['--duration', 'nan'], 'demo: duration: expected 6.9 s or more, got nan'),
-        (['cart_pole', '--duration', '-5'], 'demo: duration: expected 1 s or more, got -5'),
+        (['--duration', '1'], 'demo: duration: expected 6.9 s or more for a verdict, got 1'),
+        (['--duration', 'nan'], 'demo: duration: expected 6.9 s or more for a verdict, got nan'),
+        (
+            ['cart_pole', '--duration', '-5'],
+            'demo: duration: expected 1 s or more for a verdict, got -5',
+        ),
     ],
 )
 def test_the_demo_says_what_is_wrong(environment, tmp_path, arguments, says):

@@ -226,7 +226,7 @@ class _Walk:
         self, time: float, F: Array | None, Q: Array | None
     ) -> tuple[Array | None, Array | None]:
         """Go on to ``time`` (s); return F and Q, None if nothing has moved, so far."""
-        dt = round(time - self._time, 9)  # stamps are of nanoseconds: equal steps are equal numbers
+        dt = round(time - self._time, 9)  # so that equal steps are equal numbers
         if isfinite(dt) and dt > 0.0 and not self._resting:
             count = parts(self._model, dt * (1.0 - _ROUNDING))
             for _ in range(count):

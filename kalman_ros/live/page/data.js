@@ -4,8 +4,10 @@
 const MOST = 4000;
 
 export const data = {
-  now: 0,         // the time of the newest truth, in s
-  span: 10,       // seconds that plots show
+  now: 0,         // the time of the newest truth
+  span: 10,       // the time that plots show
+  unit: 's',      // of time, unless a second stands for another
+  each: 's',      // the same in the singular
   rows: {},       // streams by name
   P: null,        // the newest covariance, flat
   prior: null,    // the prediction of the next step

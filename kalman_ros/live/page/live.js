@@ -10,6 +10,7 @@ import { drawSystem } from './system.js';
 const $ = (id) => document.getElementById(id);
 const page = { scene: null, values: {}, chosen: {}, theory: {}, status: {}, share: {}, plots: [] };
 const waiting = new Map();
+const STEPS = 150;  // that a plot of single steps shows
 let socket = null, count = 0, dirty = true;
 
 // --- the socket --------------------------------------------------------------------------------
@@ -52,7 +53,10 @@ function answered({ n, error }) {
   const done = waiting.get(n % 1e6);
   waiting.delete(n % 1e6);
   done?.();
-  if (error) controls.show(page.values);
+  if (error) {
+    controls.show(page.values);
+    map.show(page.theory, page.scene?.linear);
+  }
 }
 
 function notice(text) {
@@ -63,6 +67,8 @@ function notice(text) {
 const RECEIVE = {
   scene(message) {
     page.scene = message;
+    data.unit = message.time;
+    data.each = message.time.replace(/(?<=.)s$/, '');
     clear();
     waiting.clear();
     $('name').textContent = document.title = message.name;
@@ -87,8 +93,10 @@ const RECEIVE = {
     if ([...select.options].map((option) => option.value).join() !== names.join()) {
       select.replaceChildren(...names.map((name) => new Option(name, name)));
     }
+    $('regulator-legend').hidden = !message.regulator;
     $('pole-map').hidden = !message.open && !message.regulator && !message.estimator;
-    map.show(message);
+    map.show(message, page.scene?.linear);
+    $('estimator-legend').textContent = `○ estimator${page.scene?.linear ? ': drag' : ''}${message.estimator?.placed ? ', | as sampled' : ''}`;
     listPoles();
     const margins = (loops[0]?.estimated ?? loops[0]?.known)?.margins;
     controls.mark('plant/actuator_gain/0', margins ? [margins.lower_gain[0], margins.upper_gain[0]].filter(Boolean) : []);
@@ -118,28 +126,28 @@ const RECEIVE = {
 
 // --- what depends on the scene -----------------------------------------------------------------
 const controls = new Controls($('controls'), send);
-const map = new PoleMap($('poles'), (poles) => placePoles(poles));
+const map = new PoleMap($('poles'), placePoles);
 let placing = false, nextPoles = null;
 
-function placePoles(poles) {
-  if (placing) { nextPoles = poles.map((pole) => [...pole]); return; }
+function placePoles(of, poles) {
+  if (placing) { nextPoles = [of, poles.map((pole) => [...pole])]; return; }
   placing = true;
-  send({ do: 'poles', of: 'regulator', poles }, () => {
+  send({ do: 'poles', of, poles }, () => {
     placing = false;
-    if (nextPoles) { const next = nextPoles; nextPoles = null; placePoles(next); }
+    if (nextPoles) { const next = nextPoles; nextPoles = null; placePoles(...next); }
   });
 }
 
 function listPoles() {
   if ($('pole-list').contains(document.activeElement)) return;
   const rows = [];
-  for (const [of, poles] of [['regulator', map.poles ?? []], ['estimator', page.theory.estimator?.poles ?? []]]) {
+  for (const [of, poles] of Object.entries(map.poles)) {
     poles.forEach(([re, im], index) => {
       if (im < 0) return;
       const row = Object.assign(document.createElement('div'), { className: 'pole' });
       const numbers = [re, ...(im ? [im] : [])].map((value, part) => {
         const input = Object.assign(document.createElement('input'), { type: 'number', step: 'any', value: Number(value.toPrecision(4)) });
-        input.disabled = of === 'estimator' && (!page.scene?.linear || page.chosen.filter !== 'luenberger');
+        input.disabled = !map.draggable.includes(of);
         input.setAttribute('aria-label', `${of} pole ${index + 1}, ${part ? 'imaginary' : 'real'} part`);
         input.addEventListener('change', () => {
           const wanted = poles.map((pole) => [...pole]), old = wanted[index][1];
@@ -151,7 +159,7 @@ function listPoles() {
         });
         return input;
       });
-      row.append(of === 'regulator' ? '□ regulator' : '○ estimator', numbers[0], ...(numbers[1] ? ['± j', numbers[1]] : []), '1/s');
+      row.append(of === 'regulator' ? '□ regulator' : '○ estimator', numbers[0], ...(numbers[1] ? ['± j', numbers[1]] : []), `1/${data.each}`);
       rows.push(row);
     });
   }
@@ -166,7 +174,7 @@ function buildPushes() {
     button.addEventListener('click', () => push(input, share));
     return button;
   })));
-  $('strength-label').hidden = !names.length;
+  $('strength-label').hidden = $('input-legend').hidden = !names.length;
 }
 
 function buildChoices() {
@@ -223,7 +231,7 @@ function buildPlots() {
     }));
   }
   build('filter', () => ({
-    title: 'trace of P', log: true, share: 0.15,
+    title: 'trace of P', log: true, share: Math.min(1, STEPS / (rate * data.span)),
     curves: [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate' }],
     marks: rate * data.span < 800 ? [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate', dot: true }] : [],
   }));
@@ -244,7 +252,7 @@ function draw(time) {
   if (!dirty || !page.scene || time - drawn < 45) return;
   drawn = time;
   dirty = false;
-  $('clock').textContent = `${data.now.toFixed(2)} s`;
+  $('clock').textContent = `${data.now.toFixed(data.unit === 's' ? 2 : 0)} ${data.unit}`;
   $('prior-legend').hidden = !data.prior;
   drawSystem($('system'), page.scene);
   for (const { canvas, make } of page.plots) plot(canvas, make());
@@ -306,7 +314,7 @@ addEventListener('resize', () => { dirty = true; });
 const darkness = matchMedia('(prefers-color-scheme: dark)');
 darkness.addEventListener('change', () => theme(darkness.matches));
 theme(darkness.matches);
-// where the regulator's poles are on the map, in pixels: for tests
-window.livePoles = () => map.poles.map(([re, im]) => [map.X(re), map.Y(im)]);
+// where the poles are on the map, in pixels: for tests
+window.livePoles = (of) => map.poles[of].map(([re, im]) => [map.X(re), map.Y(im)]);
 connect();
 requestAnimationFrame(draw);

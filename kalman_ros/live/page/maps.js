@@ -1,17 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The poles in the complex plane, and the loop at an input: Bode and Nyquist with its margins.
 
+import { data } from './data.js';
 import { colour, prepare, short, stroke, ticks } from './plots.js';
 
 const GRAB = 16;   // pixels
 const WIDE = 200;  // poles further apart than this factor are drawn on logarithmic axes
 
-// Draws poles and lets a person drag those of the regulator; `moved` gets all of them.
+// Draws poles and lets a person drag those of the regulator and of a linear estimator; `moved`
+// gets which of the two, and all poles of it.
 export class PoleMap {
   constructor(canvas, moved) {
     this.canvas = canvas;
     this.moved = moved;
     this.theory = {};
+    this.poles = { regulator: [], estimator: [] };
+    this.draggable = [];
     this.held = null;
     canvas.addEventListener('pointerdown', (event) => this.grab(event));
     canvas.addEventListener('pointermove', (event) => this.drag(event));
@@ -19,15 +23,19 @@ export class PoleMap {
     canvas.addEventListener('pointercancel', () => { this.held = null; });
   }
 
-  show(theory) {
+  show(theory, linear) {
     this.theory = theory;
-    if (!this.held) this.poles = (theory.regulator?.poles ?? []).map((pole) => [...pole]);
+    this.draggable = linear ? ['regulator', 'estimator'] : ['regulator'];
+    if (!this.held) {
+      const copy = (poles) => (poles ?? []).map((pole) => [...pole]);
+      this.poles = { regulator: copy(theory.regulator?.poles), estimator: copy(theory.estimator?.placed ?? theory.estimator?.poles) };
+    }
     this.draw();
   }
 
   frame() {
     if (this.held) return;
-    const all = [...(this.theory.open ?? []), ...(this.poles ?? []), ...(this.theory.estimator?.poles ?? [])];
+    const all = [this.theory.open, this.poles.regulator, this.poles.estimator, this.theory.estimator?.poles].flatMap((poles) => poles ?? []);
     const sizes = all.map(([re, im]) => Math.hypot(re, im)).filter((size) => size > 1e-9);
     const reach = Math.max(1e-3, ...sizes), least = Math.min(...sizes, reach);
     this.inner = reach > WIDE * least ? 10 ** Math.floor(Math.log10(least)) : 0;
@@ -74,10 +82,11 @@ export class PoleMap {
     pen.textAlign = 'right';
     pen.fillText('grows', this.width - 4, 12);
     pen.textAlign = 'left';
-    pen.fillText('1/s, rad/s', 4, 12);
+    pen.fillText(`1/${data.each}, rad/${data.each}`, 4, 12);
     this.marks(pen, this.theory.open ?? [], 'ink', (x, y) => { pen.moveTo(x - 5, y - 5); pen.lineTo(x + 5, y + 5); pen.moveTo(x - 5, y + 5); pen.lineTo(x + 5, y - 5); });
-    this.marks(pen, this.theory.estimator?.poles ?? [], 'estimate', (x, y) => { pen.moveTo(x + 6, y); pen.arc(x, y, 6, 0, 7); });
-    this.marks(pen, this.poles ?? [], 'input', (x, y) => pen.rect(x - 5, y - 5, 10, 10));
+    if (this.theory.estimator?.placed) this.marks(pen, this.theory.estimator.poles, 'estimate', (x, y) => { pen.moveTo(x, y - 8); pen.lineTo(x, y + 8); });
+    this.marks(pen, this.poles.estimator, 'estimate', (x, y) => { pen.moveTo(x + 6, y); pen.arc(x, y, 6, 0, 7); });
+    this.marks(pen, this.poles.regulator, 'input', (x, y) => pen.rect(x - 5, y - 5, 10, 10));
   }
 
   marks(pen, poles, look, shape) {
@@ -95,31 +104,34 @@ export class PoleMap {
   grab(event) {
     const [x, y] = this.at(event);
     let best = GRAB;
-    (this.poles ?? []).forEach(([re, im], index) => {
-      const distance = Math.hypot(this.X(re) - x, this.Y(im) - y);
-      if (distance < best) {
-        best = distance;
-        this.held = { index, partner: im ? this.poles.findIndex(([a, b], k) => k !== index && a === re && b === -im) : -1 };
-      }
-    });
+    for (const of of this.draggable) {
+      this.poles[of].forEach(([re, im], index) => {
+        const distance = Math.hypot(this.X(re) - x, this.Y(im) - y);
+        if (distance < best) {
+          best = distance;
+          this.held = { of, index, partner: im ? this.poles[of].findIndex(([a, b], k) => k !== index && a === re && b === -im) : -1 };
+        }
+      });
+    }
     if (this.held) this.canvas.setPointerCapture(event.pointerId);
   }
 
   drag(event) {
     if (!this.held) return;
-    const [x, y] = this.at(event), { left, right, high } = this.box, { index, partner } = this.held;
+    const [x, y] = this.at(event), { left, right, high } = this.box, { of, index, partner } = this.held, poles = this.poles[of];
     const re = Math.min(this.straight(left + (right - left) * x / this.width), -1e-3);
     const im = this.straight(high - 2 * high * y / this.height);
-    this.poles[index] = [re, partner < 0 ? 0 : im];
-    if (partner >= 0) this.poles[partner] = [re, -im];
+    poles[index] = [re, partner < 0 ? 0 : im];
+    if (partner >= 0) poles[partner] = [re, -im];
     this.draw();
-    this.moved(this.poles);
+    this.moved(of, poles);
   }
 
   release() {
     if (!this.held) return;
+    const { of } = this.held;
     this.held = null;
-    this.moved(this.poles);
+    this.moved(of, this.poles[of]);
   }
 }
 

@@ -30,11 +30,11 @@ export function prepare(canvas) {
   return { pen, width: box.width, height: box.height };
 }
 
-export function short(value) {
+export function short(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const size = Math.abs(value);
   if (size !== 0 && (size >= 1e5 || size < 1e-3)) return value.toExponential(1).replace('e+', 'e');
-  return String(Number(value.toPrecision(3)));
+  return String(Number(value.toPrecision(digits)));
 }
 
 // round numbers within an interval
@@ -62,7 +62,7 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
   if (!area) return;
   const { pen, width, height } = area;
   const left = 46, right = width - 6, top = 15, bottom = height - 14;
-  const end = data.now, start = end - share * data.span;
+  const end = data.now, start = Math.max(0, end - share * data.span);
   const scale = log ? (v) => (v > 0 ? Math.log10(v) : NaN) : (v) => v;
   const recent = (rows) => (rows ?? []).filter((row) => row[0] >= start);
   let low = Infinity, high = -Infinity;
@@ -91,13 +91,17 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
   pen.textBaseline = 'middle';
   pen.textAlign = 'right';
   stroke(pen, 'line', 1);
-  for (const v of ticks(low, high, 4)) {
+  const marked = ticks(low, high, 4);
+  // as many digits as it takes to tell two neighbours apart
+  const step = marked[1] - marked[0] || 1, change = log ? 2.3 * step : step / Math.max(...marked.map(Math.abs));
+  const digits = Math.min(7, Math.max(3, Math.ceil(-Math.log10(change) + 1e-9) + 1));
+  for (const v of marked) {
     pen.beginPath(); pen.moveTo(left, Y(v)); pen.lineTo(right, Y(v)); pen.stroke();
-    pen.fillText(short(log ? 10 ** v : v), left - 4, Y(v));
+    pen.fillText(short(log ? 10 ** v : v, digits), left - 4, Y(v));
   }
   pen.textAlign = 'center';
   pen.textBaseline = 'top';
-  for (const t of ticks(start, end, Math.max(2, width / 110))) if (X(t) > left + 8 && X(t) < right - 14) pen.fillText(`${short(t)} s`, X(t), bottom + 3);
+  for (const t of ticks(start, end, Math.max(2, width / 110))) if (X(t) > left + 8 && X(t) < right - 14) pen.fillText(`${short(t)} ${data.unit}`, X(t), bottom + 3);
   pen.save();
   pen.beginPath(); pen.rect(left, top - 2, right - left, bottom - top + 4); pen.clip();
   for (const { points, look } of filled) {

@@ -26,6 +26,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, mean_square
 from .loops import average
+from .study_run import StudyRun
 from .systems import linear
 
 RATE = 50.0
@@ -47,7 +48,7 @@ def study(size: float = 1.0) -> Findings:
     """Run four sensors and three more regulators, 40 s each."""
     seconds = max(20.0, 40.0 * size)
     points = []
-    with Run(system(NOISES[0], WEIGHT), nodes=('estimator', 'controller', 'plant')) as run:
+    with StudyRun(system(NOISES[0], WEIGHT), nodes=('estimator', 'controller', 'plant')) as run:
         for noise in NOISES:
             for node in ('plant', 'estimator'):
                 run.set_parameter('reading.noise', [noise], node)

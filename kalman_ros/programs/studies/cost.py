@@ -22,7 +22,6 @@ from kalman_ros.control.separation import optimal_cost
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_bounds
-from kalman_ros.harness import Run
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, price, regulator
 from kalman_ros.simulation import closed_loop
@@ -30,6 +29,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
 from .loops import controller
+from .study_run import StudyRun
 from .systems import linear
 
 FACTORS = (1 / 30, 1.0, 30.0)
@@ -111,7 +111,7 @@ def _gap(expected: Trajectory, kind: str, factor: float) -> float:
     """Return the difference of a run over topics from one in a single process."""
     node = {'K': 'controller', 'L': 'estimator'}[kind]
     only: Mapping[str, Any] = {node: system(**{kind: factor})}
-    with Run(system(), only=only, seed=0, nodes=('estimator', 'controller', 'plant')) as run:
+    with StudyRun(system(), only=only, seed=0, nodes=('estimator', 'controller', 'plant')) as run:
         run.advance(SECONDS)
         found = run.trajectory()
     pairs = ((found.truth, expected.truth), (found.input, expected.input))

@@ -17,11 +17,11 @@ from scipy.linalg import block_diag
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.lqr import Cost, sampled_cost, sampled_lqr
 from kalman_ros.core import Array
-from kalman_ros.harness import Run
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
 from .cost_to_rest import price
+from .study_run import StudyRun
 from .systems import carts, plant
 
 DT, SECONDS = 0.05, 12.0
@@ -49,7 +49,7 @@ ROUNDING = 1e-8
 def study(size: float = 1.0) -> Findings:
     """Run all carts for 12 s, until they are at rest."""
     nodes = ('estimator', 'controller', 'plant')
-    with Run(SYSTEM, nodes=nodes, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
+    with StudyRun(SYSTEM, nodes=nodes, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
         run.advance(SECONDS)
         found = run.trajectory()
     checks = [*_along_checks(found), *_cross_checks(found), *_distance_checks(found)]

@@ -13,13 +13,13 @@ import numpy as np
 
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.identification import fit
-from kalman_ros.harness import Run
 from kalman_ros.linear.placement import place_observer
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
 from .stationary import Stationary, estimation_error
+from .study_run import StudyRun
 from .systems import CART_READING, cart, plant
 
 POLES = (-2.0, -5.0)
@@ -38,7 +38,7 @@ CART = cart(
 def study(size: float = 1.0) -> Findings:
     """Observe the cart for 5 s without noise, and for 40 s with it."""
     nodes = ('estimator', 'controller', 'plant')
-    with Run(CART, only={'plant': {'reading.noise': [TINY]}}, nodes=nodes) as run:
+    with StudyRun(CART, only={'plant': {'reading.noise': [TINY]}}, nodes=nodes) as run:
         run.advance(EXACT)
         run.set_parameter('reading.noise', [NOISE])
         run.advance(FILLED + 37.0 * size)

@@ -23,11 +23,11 @@ from kalman_ros.control.margins import Margins, margins
 from kalman_ros.control.separation import Expectation
 from kalman_ros.control.state_space import StateSpace, state_space
 from kalman_ros.core import Array
-from kalman_ros.harness import Run
 
 from . import Findings, close, mean_square
 from .loops import lqg_loop
 from .stability_boundary import Trial, stability_boundary, trial
+from .study_run import StudyRun
 from .systems import linear
 
 A, B, C = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
@@ -47,7 +47,7 @@ def study(size: float = 1.0) -> Findings:
     small = system(STRENGTH, scale=SMALL, rate=SLOW)
     upper = margins(lqg_loop(scenarios.build(small))).upper_gain.value
     seconds = 20.0
-    with Run(small, nodes=NODES) as run:
+    with StudyRun(small, nodes=NODES) as run:
         inside, outside = (
             trial(run, 'actuator_gain', 1.0 + share * (upper - 1.0), seconds)
             for share in (0.5, 1.5)
@@ -84,7 +84,7 @@ def measured_cost(seconds: float, strength: float, **others: Any) -> Check:
     scenario = scenarios.build(parameters)
     expected = theory(scenario)
     settled = expected.settling_time
-    with Run(parameters, nodes=NODES) as run:
+    with StudyRun(parameters, nodes=NODES) as run:
         run.advance(settled + seconds)
         found = run.trajectory()
     z = np.hstack((found.truth, found.input))[found.time >= settled]

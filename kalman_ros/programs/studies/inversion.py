@@ -17,11 +17,11 @@ import numpy as np
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.lqe import dlqe
 from kalman_ros.core import Array, Transition
-from kalman_ros.harness import Run
 from kalman_ros.linear.structure import observed
 
 from . import Findings, close
 from .stationary import Stationary, estimation_error, white
+from .study_run import StudyRun
 from .systems import CART_READING, cart, plant
 
 DT, NOISE = 0.02, 0.1
@@ -57,7 +57,7 @@ def study(size: float = 1.0) -> Findings:
 
 
 def _watch(parameters: dict[str, Any], size: float) -> Watched:
-    with Run(parameters) as run:
+    with StudyRun(parameters) as run:
         run.advance(SETTLED + 40.0 * size)
         found = run.trajectory()
     (readings,) = found.readings.values()

@@ -17,11 +17,11 @@ import numpy as np
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.lqe import LqeDesign, dlqe
 from kalman_ros.core import Array
-from kalman_ros.harness import Run
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, close
 from .stationary import Stationary, estimation_error
+from .study_run import StudyRun
 from .systems import linear, plant
 
 DT, SETTLED = 0.05, 20.0
@@ -51,7 +51,7 @@ READING = np.eye(1)
 def study(size: float = 1.0) -> Findings:
     """Run the levels for 200 s."""
     R = RATIOS * STEP.Q[0, 0]
-    with Run(levels(np.sqrt(R).tolist(), enabled=False)) as run:
+    with StudyRun(levels(np.sqrt(R).tolist(), enabled=False)) as run:
         run.advance(SETTLED + 180.0 * size)
         found = run.trajectory()
     gains, variances = _gains(found), found.covariance[-1].diagonal()

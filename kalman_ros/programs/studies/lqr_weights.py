@@ -17,12 +17,12 @@ import numpy as np
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.lqr import Cost, LqrDesign, cost, sampled_cost, sampled_lqr
 from kalman_ros.core import Array
-from kalman_ros.harness import Run
 from kalman_ros.linear.placement import sampled_place
 from kalman_ros.linear.structure import describe
 
 from . import Findings, between, close
 from .cost_to_rest import price
+from .study_run import StudyRun
 from .systems import cart, carts, plant
 
 #: Weights R of u^2 beside a weight 1 of x^2.
@@ -89,7 +89,7 @@ def _weighed() -> list[Point]:
     weights: dict[str, Any] = {'state_cost': [1.0, 0.0] * count, 'input_cost': [*WEIGHTS]}
     start = START.tolist() * count
     system = carts(count, *CART, initial_state=start, **weights)
-    with Run(system, remaps=ON_TRUTH) as run:
+    with StudyRun(system, remaps=ON_TRUTH) as run:
         run.advance(DURATION)
         found = run.trajectory()
     # z = (x, u) of each cart, samples first
@@ -102,7 +102,7 @@ def _placed(poles: tuple[complex, complex]) -> Point:
     """Return the cost of poles, from a run."""
     real, imaginary = np.real(poles).tolist(), np.imag(poles).tolist()
     law = {'law': 'placement', 'regulator_poles': real, 'regulator_frequencies': imaginary}
-    with Run(cart(*CART, initial_state=START.tolist(), **law), remaps=ON_TRUTH) as run:
+    with StudyRun(cart(*CART, initial_state=START.tolist(), **law), remaps=ON_TRUTH) as run:
         run.advance(DURATION)
         found = run.trajectory()
     gain = sampled_place(PLANT.A, PLANT.B, poles, DT).gain

@@ -15,11 +15,11 @@ from typing import Any
 from kalman_ros import scenario as scenarios
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.margins import margins
-from kalman_ros.harness import Run
 
 from . import Findings, close
 from .loops import growth, lqg_loop, lqr_loop
 from .stability_boundary import Trial, root, stability_boundary
+from .study_run import StudyRun
 from .systems import linear
 
 #: The noise is smaller than the estimator's by this factor; its gain is the same.
@@ -45,7 +45,7 @@ def study(size: float = 1.0) -> Findings:
     trials: dict[tuple[str, str], list[Trial]] = {}
     for name in LOOPS:
         remaps = {'controller': {'estimate': 'ground_truth'}} if name == 'LQR' else {}
-        with Run(system, nodes=('estimator', 'controller', 'plant'), remaps=remaps) as run:
+        with StudyRun(system, nodes=('estimator', 'controller', 'plant'), remaps=remaps) as run:
             for search, (parameter, start, factor) in SEARCHES.items():
                 run.set_parameter('actuator_gain', [1.0])  # reset after the last search
                 predicted = predict(system, name)[search]

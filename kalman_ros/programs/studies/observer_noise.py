@@ -18,12 +18,12 @@ from kalman_ros.analysis.checks import Check
 from kalman_ros.control.identification import fit
 from kalman_ros.control.lqe import dlqe
 from kalman_ros.core import Array
-from kalman_ros.harness import Run
 from kalman_ros.linear.placement import place_observer
 from kalman_ros.linear.structure import continuous_poles, eigenvalues
 
 from . import Findings, close
 from .stationary import SIGMAS, Stationary, estimation_error
+from .study_run import StudyRun
 from .systems import CART_READING, cart, plant
 
 #: Observers have their poles at -p and -2 p, for each of these p in 1/s.
@@ -88,7 +88,7 @@ def _placed(speed: float, duration: float) -> Observer:
 
 def _run(name: str, gain: Array, options: Mapping[str, Any], duration: float) -> Observer:
     # the same seed each time: every observer has the same cart and the same readings
-    with Run(cart(*CART, initial_state=START.tolist(), enabled=False, **options)) as run:
+    with StudyRun(cart(*CART, initial_state=START.tolist(), enabled=False, **options)) as run:
         run.advance(duration)
         found = run.trajectory()
     return Observer(name, gain, found.truth - found.estimate, _theory(gain))

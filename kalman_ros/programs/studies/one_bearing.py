@@ -20,12 +20,12 @@ from std_srvs.srv import SetBool
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.analysis.checks import Check
 from kalman_ros.core import Array, Signal
-from kalman_ros.harness import Run
 from kalman_ros.scenario import build
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
 from .stationary import SIGMAS
+from .study_run import StudyRun
 
 DT, TURN, END = 10.0, 900.0, 1800.0
 NOISE, FIRST = 0.026, 2000.0
@@ -71,7 +71,7 @@ class Track:
 
 def study(size: float = 1.0) -> Findings:
     """Track the ship for half an hour, which takes no longer than a part of it."""
-    with Run(
+    with StudyRun(
         system(), only={'estimator': {'buoy.enabled': False}}, also={'pair': 'estimator'},
         nodes=('estimator', 'controller', 'plant'), seed=2,
         remaps={'pair': {'estimate': 'pair/estimate', 'estimate/covariance': 'pair/covariance'}},

@@ -20,12 +20,12 @@ from kalman_ros.analysis.checks import Check
 from kalman_ros.control.margins import margins
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array
-from kalman_ros.harness import Run
 from kalman_ros.scenario import build
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, close
 from .loops import lqr_loop
+from .study_run import StudyRun
 from .systems import linear
 
 DT, SECONDS = 0.2, 40.0
@@ -65,7 +65,7 @@ def study(size: float = 1.0) -> Findings:
     plant = {'model_parameters.B': real['model_parameters.B']}
     remaps = {'controller': {'estimate': 'ground_truth'}}
     nodes = ('estimator', 'controller', 'plant')
-    with Run(believed, only={'plant': plant}, nodes=nodes, remaps=remaps) as run:
+    with StudyRun(believed, only={'plant': plant}, nodes=nodes, remaps=remaps) as run:
         run.advance(SECONDS)
         found = _growth(run.trajectory()).reshape(len(MODES), -1)
     pairs = [Pairs(mode, angles[mode], row, loops[mode]) for mode, row in zip(MODES, found)]

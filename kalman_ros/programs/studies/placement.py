@@ -14,7 +14,6 @@ import numpy as np
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.identification import fit
 from kalman_ros.control.lqr import Cost
-from kalman_ros.harness import Run
 from kalman_ros.linear.placement import sampled_place
 from kalman_ros.linear.structure import continuous_poles
 from kalman_ros.simulation.trajectory import Trajectory
@@ -22,6 +21,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 from . import Findings, close
 from .cost_to_rest import price
 from .stationary import SIGMAS
+from .study_run import StudyRun
 from .systems import cart, plant
 
 #: The poles are s (-1 +- j), for each of these s in 1/s.
@@ -51,7 +51,7 @@ def _at(speed: float) -> tuple[Trajectory, list[Check], tuple[float, float]]:
     }
     # the noise determines the tolerances: its steps are a tenth of a micrometre
     system = cart([1e-12, 1e-12], 0.01, 1.0 / DT, initial_state=START.tolist(), **options)
-    with Run(system, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
+    with StudyRun(system, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
         run.advance(12.0 / speed)
         found = run.trajectory()
     believed = plant(system)

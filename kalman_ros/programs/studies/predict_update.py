@@ -20,11 +20,11 @@ from scipy.special import ndtri
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.lqe import dlqe
 from kalman_ros.core import Array, Signal
-from kalman_ros.harness import Run
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, close
 from .stationary import SIGMAS
+from .study_run import StudyRun
 from .systems import linear
 
 BoolArray = npt.NDArray[np.bool_]
@@ -64,7 +64,7 @@ def study(size: float = 1.0) -> Findings:
         initial_std=[float(np.sqrt(FIRST))] * LEVELS, enabled=False,
     )  # fmt: skip
     fields = tuple(f'position[{name}]' for name in names)
-    with Run(
+    with StudyRun(
         system, also={'steady': 'estimator'}, only={'steady': {'filter': 'steady_state'}},
         nodes=('estimator', 'controller', 'plant'),
         remaps={'steady': {'estimate': 'steady/estimate',

@@ -21,7 +21,7 @@ from kalman_ros.harness.interrupts import deferred
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
-from . import STUDIES, Findings
+from . import STUDIES, Findings, study_run
 
 #: The columns of the progress bar.
 _COLUMNS = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
@@ -88,8 +88,10 @@ def _run(name: str, options: argparse.Namespace, console: Console) -> Outcome:
         folder = ready(options.out / name)
         with Progress(*_COLUMNS, console=console, transient=True) as bar:
             bar.add_task('running the nodes')
+            study_run.taken()  # of one that failed
             findings = import_module(f'{__package__}.{name}').study(options.size)
-        _report(console, folder, findings, time.monotonic() - start)
+        ran = study_run.described(study_run.taken())
+        _report(console, folder, findings, time.monotonic() - start, ran)
     except (ValueError, NodeError, RuntimeError) as error:
         print(f'study: {name}: {error}', file=sys.stderr)
         return Outcome(name, 0, 0, str(error))
@@ -113,7 +115,7 @@ def _conclude(outcomes: Sequence[Outcome], console: Console) -> None:
     sys.exit(max(found.code for found in outcomes))
 
 
-def _report(console: Console, folder: Path, findings: Findings, wall: float) -> None:
+def _report(console: Console, folder: Path, findings: Findings, wall: float, ran: str) -> None:
     """Print and write what a study found."""
     from kalman_ros.report import run_tables, style  # loads while nothing waits
 
@@ -127,7 +129,7 @@ def _report(console: Console, folder: Path, findings: Findings, wall: float) -> 
     }
     # the summary last: if it exists, the results are complete
     with deferred():
-        with style.caption(f'study {folder.name}'):
+        with style.caption(': '.join(filter(None, (f'study {folder.name}', ran)))):
             findings.draw(folder / f'{folder.name}.png')
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     console.print(f'{wall:.1f} s; in {folder}: summary.json, {folder.name}.png', style='dim')

@@ -16,7 +16,6 @@ from scipy.linalg import block_diag
 
 from kalman_ros.analysis.checks import Check
 from kalman_ros.core import Array, DesignError, LinearSystem, Transition
-from kalman_ros.harness import Run
 from kalman_ros.linear.placement import place
 from kalman_ros.linear.structure import uncontrollable_modes
 from kalman_ros.scenario import build
@@ -24,6 +23,7 @@ from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
+from .study_run import StudyRun
 from .systems import linear, plant
 
 DT, SECONDS = 0.05, 20.0
@@ -52,7 +52,7 @@ def study(size: float = 1.0) -> Findings:
     calm = {'plant': {'model_parameters.noise_density': [0.0, 1e-20] * 4}}
     nodes = ('estimator', 'controller', 'plant')
     remaps = {'controller': {'estimate': 'ground_truth'}}
-    with Run(SYSTEM, only=calm, nodes=nodes, remaps=remaps) as run:
+    with StudyRun(SYSTEM, only=calm, nodes=nodes, remaps=remaps) as run:
         run.advance(SECONDS)
         found = run.trajectory()
     checks = [*_input_checks(found), *_sensor_checks(found), *_energy_checks()]

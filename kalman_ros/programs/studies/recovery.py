@@ -20,7 +20,6 @@ from kalman_ros.control.margins import margins
 from kalman_ros.control.recovery import recover
 from kalman_ros.control.state_space import StateSpace, state_space
 from kalman_ros.core import Array
-from kalman_ros.harness import Run
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import price
 
@@ -28,6 +27,7 @@ from . import Findings, close, mean_square
 from .doyle import NODES, ONES, SMALL, STRENGTH, A, B, C, system
 from .loops import average, lqg_loop, lqr_loop
 from .stability_boundary import stability_boundary
+from .study_run import StudyRun
 
 RATE = 25.0
 #: The q of the runs.
@@ -41,7 +41,7 @@ def study(size: float = 1.0) -> Findings:
     checks = []
     for q in ASSUMED:
         upper = margins(_loop(q)).upper_gain.value
-        with Run(system(STRENGTH, SMALL, RATE), only=_assumed(q, SMALL), nodes=NODES) as run:
+        with StudyRun(system(STRENGTH, SMALL, RATE), only=_assumed(q, SMALL), nodes=NODES) as run:
             found, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.3, 16.0)
         # of the margin beyond 1; the search stops within 0.3 %
         name = f'q = {q:g}: gain margin'
@@ -72,7 +72,7 @@ def _measured(q: float, seconds: float) -> list[Check]:
     """Compare cost and input over topics with theory; the bounds are their scatter."""
     parameters = {**system(STRENGTH, rate=RATE), 'initial_state': [0.0, 0.0]}
     settled = theory(_real()).settling_time
-    with Run(parameters, only=_assumed(q), nodes=NODES) as run:
+    with StudyRun(parameters, only=_assumed(q), nodes=NODES) as run:
         run.advance(settled + seconds)
         found = run.trajectory()
     z = np.hstack((found.truth, found.input))[found.time >= settled]

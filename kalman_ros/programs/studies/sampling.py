@@ -16,11 +16,11 @@ import numpy as np
 
 from kalman_ros.analysis.checks import Check
 from kalman_ros.core import Array
-from kalman_ros.harness import Run
 from kalman_ros.scenario import build
 from kalman_ros.scenario.regulator import feedback
 
 from . import Findings, close
+from .study_run import StudyRun
 from .systems import linear
 
 DT, STEPS = 0.1, 30
@@ -50,7 +50,7 @@ def study(size: float = 1.0) -> Findings:
     actuators = {'plant': {'actuator_gain': (GAINS / DT / gain).tolist()}}
     remaps = {'controller': {'estimate': 'ground_truth'}}
     nodes = ('estimator', 'controller', 'plant')
-    with Run(system, only=actuators, nodes=nodes, remaps=remaps) as run:
+    with StudyRun(system, only=actuators, nodes=nodes, remaps=remaps) as run:
         run.advance(STEPS * DT)
         prompt = run.trajectory().truth
         run.set_parameter('actuator_delay', DT)

@@ -21,12 +21,12 @@ from kalman_ros.core import Array, Signal
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.estimators.fixed_gain import FixedGainObserver
-from kalman_ros.harness import Run
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
 from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
+from .study_run import StudyRun
 
 #: One axis; both sensors read at every step, so that the observer's gain is one matrix.
 _SYSTEM = {'position.rate': 100.0, 'initial_state': [1.0, 0.0]}
@@ -61,7 +61,7 @@ def study(size: float = 1.0) -> Findings:
 
 
 def _loop(seconds: float, overrides: dict[str, Any], **options: Any) -> Trajectory:
-    with Run('mass_spring_damper', {**_SYSTEM, **overrides}, seed=1, **options) as run:
+    with StudyRun('mass_spring_damper', {**_SYSTEM, **overrides}, seed=1, **options) as run:
         run.advance(seconds)
         return run.trajectory()
 
@@ -73,7 +73,7 @@ def _largest(difference: Array) -> float:
 def _regulator(name: str, topic: str | None, seconds: float) -> list[Check]:
     """Fit the dynamics of the state under feedback of one kind of estimate."""
     estimate = Signal('', 'nav_msgs/Odometry', ('pose.pose.position.x', 'twist.twist.linear.x'))
-    with Run(
+    with StudyRun(
         'mass_spring_damper', _SYSTEM, seed=1, also={'observer': 'estimator'},
         only={'observer': {'filter': 'luenberger', 'observer_poles': [-6.0, -7.0]}},
         remaps={
@@ -111,7 +111,7 @@ def _all_poles() -> tuple[ComplexArray, ComplexArray]:
         **_NO_NOISE, 'filter': 'luenberger', 'observer_poles': [-6.0, -9.0],
         'initial_estimate': [0.3, -0.5],
     }  # fmt: skip
-    with Run('mass_spring_damper', {**_SYSTEM, **overrides}) as run:
+    with StudyRun('mass_spring_damper', {**_SYSTEM, **overrides}) as run:
         run.advance(1.5)
         loop, scenario = run.trajectory(), run.scenario
     z = np.hstack((loop.truth, loop.truth - loop.estimate))

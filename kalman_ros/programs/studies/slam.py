@@ -18,11 +18,11 @@ import numpy as np
 from kalman_ros.analysis.checks import MISS, Check
 from kalman_ros.core import Array, LinearSystem, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
-from kalman_ros.harness import Run
 from kalman_ros.linear.periodic import Readings, updated
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, between, close
+from .study_run import StudyRun
 
 LANDMARKS, DT, LAP = 4, 0.1, 40.0
 RADIUS, TURN = 10.0, 2.0 * np.pi / LAP
@@ -83,7 +83,7 @@ def system() -> dict[str, Any]:
 
 def study(size: float = 1.0) -> Findings:
     """Drive one lap and a quarter, which is the least that closes the loop."""
-    with Run(system(), nodes=('estimator', 'plant'), seed=4) as run:
+    with StudyRun(system(), nodes=('estimator', 'plant'), seed=4) as run:
         for quarter in range(LANDMARKS + 1):
             for k in range(LANDMARKS):
                 run.set_parameter(f'landmark{k}.enabled', k == quarter % LANDMARKS)

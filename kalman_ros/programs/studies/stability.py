@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from kalman_ros.control.stability import modes
-from kalman_ros.harness import Run
 from kalman_ros.simulation.trajectory import Trajectory
 
 from . import Findings, close
+from .study_run import StudyRun
 from .systems import linear
 
 RATES = {'decays': -0.8, 'stays': 0.0, 'grows': 0.4}
@@ -28,7 +28,7 @@ def study(size: float = 1.0) -> Findings:
         dict.fromkeys(RATES, ''), A, np.eye(3), np.full(3, 1e-12), np.eye(3), [0.01] * 3,
         initial_state=[1.0] * 3, enabled=False,
     )  # fmt: skip
-    with Run(system) as run:
+    with StudyRun(system) as run:
         run.advance(8.0 * max(size, 0.25))
         found = run.trajectory()
     checks = []

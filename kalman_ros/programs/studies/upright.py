@@ -17,12 +17,12 @@ import numpy as np
 
 from kalman_ros.control.lqr import Cost
 from kalman_ros.core import Array, linearize
-from kalman_ros.harness import Run
 from kalman_ros.scenario import Scenario, build
 from kalman_ros.scenario.regulator import feedback
 
 from . import Findings, between, close
 from .cost_to_rest import price
+from .study_run import StudyRun
 
 #: x, z, pitch and their rates: the default weights, and the reverse.
 WEIGHTS: Mapping[str, list[float]] = {
@@ -86,7 +86,7 @@ def _values(weights: list[float]) -> dict[str, Any]:
 
 def _run(weights: list[float], duration: float) -> Descent:
     values = _values(weights)
-    with Run(values, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
+    with StudyRun(values, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
         run.advance(duration)
         found = run.trajectory()
     expected, tolerance = _theory(build(values), len(found.truth))
