@@ -11,6 +11,9 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
 #: The most writers of a topic that are distinguished.
 _MOST = 16
+#: Fast DDS counts losses in 32 bits with a sign; after messages of 20 MB its total was sometimes
+#: -2147483647, as 64 bits. From here on it is no count.
+_OVERFLOW = 2**31 - 1
 
 
 class Losses:
@@ -64,7 +67,8 @@ class Losses:
         if self._event is not None:
             with self._event:
                 status = self._event.take_event()
-            by_middleware = 0 if status is None else status.total_count
+            if status is not None and 0 <= status.total_count < _OVERFLOW:
+                by_middleware = status.total_count
         self._count = max(self._count, by_middleware, self._missing - self._unnumbered)
         return self._count
 

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The count of messages that the middleware lost."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from types import SimpleNamespace
+
+import pytest
+
+from kalman_ros.nodes import losses
+
+
+class Event(nullcontext):
+    """An event of the middleware with a total count."""
+
+    total = 0
+
+    def take_event(self):
+        """Return the status."""
+        return SimpleNamespace(total_count=self.total)
+
+
+@pytest.fixture
+def event(monkeypatch):
+    """Return the event that the next `Losses` reads."""
+    event = Event()
+    monkeypatch.setattr(losses._rclpy, 'EventHandle', lambda handle, kind: event)
+    return event
+
+
+def counter():
+    """Return a counter of the losses of a subscription."""
+    return losses.Losses(SimpleNamespace(handle=nullcontext()))
+
+
+# the last is what Fast DDS reported once after messages of 20 MB
+@pytest.mark.parametrize('total', [2**31 - 1, 2**31, 18446744071562067969])
+def test_a_total_that_overflowed_is_not_a_count_of_losses(event, total):
+    losses = counter()
+    event.total = 3
+    assert losses.count == 3
+    event.total = total
+    assert losses.count == 3
+
+
+def test_gaps_in_the_numbers_count_although_the_total_overflowed(event):
+    losses = counter()
+    event.total = 18446744071562067969
+    for number in (1, 2, 7):
+        losses.numbered(number)
+    assert losses.count == 4
