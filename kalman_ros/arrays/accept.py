@@ -186,8 +186,7 @@ def belief_of(initial: Any, model: Model) -> Gaussian:
             f'got {got(initial)}'
         )
     mean = vector('initial mean', np.ravel(numbers('initial mean', initial[0])), n)
-    P = weight('initial covariance', initial[1], n)
-    return Gaussian(mean, semidefinite('initial covariance', P, n, definite=True))
+    return Gaussian(mean, weight('initial covariance', initial[1], n))
 
 
 def number(name: str, value: Any, what: str = 'a number') -> float:

@@ -108,7 +108,7 @@ def _back(
     x, P = belief.mean, belief.covariance
     predicted = filter.predict(belief, u, dt)
     if isinstance(filter, UnscentedKalmanFilter):
-        F = solve(P, filter.cross_covariance(belief, u, dt)).T
+        F = _slope(P, filter.cross_covariance(belief, u, dt))
         Q = symmetric(predicted.covariance - F @ P @ F.T)
     else:
         transition = model.transition(x, u, dt)
@@ -120,3 +120,15 @@ def _back(
     I_CF = np.eye(x.size) - C @ F
     covariance = symmetric(I_CF @ P @ I_CF.T + C @ (P_s + Q) @ C.T)
     return Gaussian(*model.state.arrived(x + C @ change, x, covariance))
+
+
+def _slope(P: Array, cross: Array) -> Array:
+    """Return F (n, n) with F P = cross'; the smallest, if states are known exactly."""
+    try:
+        return solve(P, cross).T
+    except np.linalg.LinAlgError:
+        variances = P.diagonal()
+        # the units of the states do not matter
+        std = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+        scaled = np.linalg.lstsq(P / np.outer(std, std), cross / std[:, np.newaxis], rcond=None)[0]
+        return np.asarray((scaled / std[:, np.newaxis]).T)

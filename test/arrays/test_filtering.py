@@ -230,6 +230,22 @@ def test_consistency():
         assert str(report).startswith('FAIL: ') and hint in str(report)
 
 
+@pytest.mark.parametrize('filter', ['kf', 'ekf', 'ukf'])
+@pytest.mark.parametrize('known', [[0, 0], [1, 0], [0, 1]])
+def test_a_start_that_is_known_exactly_is_the_limit_of_small_variances(filter, known):
+    model = kr.continuous_model([[0, 1], [-1, 0]], W=[0, 0.1])
+    task = model, kr.sensor([1, 0], 0.01), np.arange(20) * 0.1, np.sin(np.arange(20.0))
+
+    def estimates(variances):
+        found = kr.filter(*task, initial=([0, 1], variances), filter=filter)
+        return found, kr.smooth(found)
+
+    near = [variance or 1e-10 for variance in known]
+    for exact, limit in zip(estimates(known), estimates(near)):
+        np.testing.assert_allclose(exact.mean, limit.mean, atol=1e-7)
+        np.testing.assert_allclose(exact.covariance, limit.covariance, atol=1e-7)
+
+
 @pytest.mark.parametrize(
     ('change', 'says'),
     [
