@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -12,7 +12,8 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from kalman_ros.control.lqe import LqeDesign
-from kalman_ros.control.margins import Margins, loop_at_a_time
+from kalman_ros.control.margins import DiskMargin, Margins, loop_at_a_time
+from kalman_ros.control.simultaneous import simultaneous_disk
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import Array
 from kalman_ros.linear.structure import ComplexArray, is_stable
@@ -87,7 +88,7 @@ class StateFeedback(_Gain):
         """
         m = len(self.gain)
         loop = StateSpace(self.plant.A, self.plant.B, self.gain, np.zeros((m, m)), self.dt)
-        return LoopMargins(loop_at_a_time(loop))
+        return LoopMargins.of(loop)
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.gain, self.cost_to_go, self.poles))
@@ -103,18 +104,41 @@ class StateFeedback(_Gain):
         if is_stable(plant.A - plant.B @ self.gain, sampled=sampled):
             for name, at in zip(plant.inputs, self.margins):
                 lines += text.sentence(f'margins at {name}: {at}')
+            for together in self.margins.together:
+                lines += text.sentence(f'margins at {together}')
         else:
             lines += ['the closed loop is not stable']
         return '\n'.join(lines)
 
 
 class LoopMargins(tuple[Margins, ...]):
-    """The margins at each input, in order; they print one per line."""
+    """The margins at each input, in order, of changes there alone; they print one per line."""
 
-    __slots__ = ()
+    all_at_once: DiskMargin
+    """The change that all inputs tolerate together, which may be far smaller."""
+
+    @classmethod
+    def of(cls, loop: StateSpace) -> LoopMargins:
+        """Return the margins of a loop L (m, m); DesignError if it is not stable when closed."""
+        found = cls(loop_at_a_time(loop))
+        found.all_at_once = simultaneous_disk(loop)
+        return found
 
     def __repr__(self) -> str:
-        return '\n'.join(f'input {index}: {at}' for index, at in enumerate(self))
+        lines = [f'input {index}: {at}' for index, at in enumerate(self)]
+        return '\n'.join([*lines, *self.together])
+
+    @property
+    def together(self) -> list[str]:
+        """What all inputs tolerate together, as lines of text; none if there is one input."""
+        if len(self) < 2:
+            return []
+        # 2 is an end, beyond which rounding would print gains of 1e15
+        disk = replace(self.all_at_once, alpha=round(self.all_at_once.alpha, 9))
+        return [
+            f'all inputs at once: gain {disk.lower_gain:.3g} to {disk.upper_gain:.3g}, '
+            f'phase +-{np.degrees(disk.phase):.3g} deg, disk {disk.alpha:.3g}'
+        ]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

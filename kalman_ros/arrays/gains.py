@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.control import lqr as regulation
-from kalman_ros.control.margins import Margins, loop_at_a_time
+from kalman_ros.control.margins import Margins
 from kalman_ros.control.state_space import state_space
 from kalman_ros.core import ArrayLike, DiscreteModel, Discretization, Model, linearize
 from kalman_ros.linear import placement
@@ -148,7 +148,8 @@ def margins(
     Returns
     -------
     Margins
-        For a loop with one input; for several, one for each, with all others closed.
+        For a loop with one input; for several, one for each, with all others closed, and
+        ``all_at_once`` for changes of all together.
 
     Raises
     ------
@@ -167,8 +168,8 @@ def margins(
     C = rows('C', C, len(loop.A))
     if len(C) != loop.B.shape[1]:
         raise ValueError(f'C: expected a row for each of {loop.B.shape[1]} inputs, got {len(C)}')
-    each = loop_at_a_time(state_space(loop.A, loop.B, C, D, loop.dt or dt))
-    return each[0] if len(each) == 1 else LoopMargins(each)
+    each = LoopMargins.of(state_space(loop.A, loop.B, C, D, loop.dt or dt))
+    return each[0] if len(each) == 1 else each
 
 
 def discretize(

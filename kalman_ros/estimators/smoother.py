@@ -125,7 +125,7 @@ def _back(
 def _slope(P: Array, cross: Array) -> Array:
     """Return F (n, n) with F P = cross'; the smallest, if states are known exactly."""
     try:
-        return solve(P, cross).T
+        return np.asarray(solve(P, cross).T)
     except np.linalg.LinAlgError:
         variances = P.diagonal()
         # the units of the states do not matter

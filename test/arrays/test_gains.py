@@ -177,3 +177,18 @@ def test_place():
 def test_mistakes_are_named(call, says):
     with pytest.raises(ValueError, match=f'^{says}'):
         call()
+
+
+def test_margins_of_several_inputs_say_what_all_tolerate_at_once():
+    # the satellite of K. Zhou, J. Doyle and K. Glover, Robust and Optimal Control, 1996, section
+    # 9.6: each loop alone looks perfect; gains 1 + e and 1 - e are the end at e = 1 / sqrt(101)
+    found = kr.margins([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]])
+    assert all(at.disk.alpha == pytest.approx(2.0) for at in found)
+    assert 1.09 < found.all_at_once.upper_gain < 1.11
+    assert 'all inputs at once: gain 0.905 to 1.1, phase +-5.71 deg' in str(found)
+    assert 'at once' not in str(kr.margins(kr.lqr([[0, 1], [0, 0]], [0, 1], 1, 1)))
+
+
+def test_a_gain_of_several_inputs_prints_what_all_tolerate_at_once():
+    gain = kr.lqr([[0, 10], [-10, 0]], np.eye(2), 1, 1)
+    assert 'margins at all inputs at once: gain 0 to inf, phase +-90 deg, disk 2' in str(gain)
