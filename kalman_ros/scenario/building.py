@@ -166,6 +166,7 @@ def _source(
     zero = given.pop('zero')
     small, watched = given.pop('still.below'), given.pop('still.fields')
     duration = given.pop('still.duration')
+    offset = round(given.pop('stamp_offset') * 1e9)
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
@@ -187,7 +188,10 @@ def _source(
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
-    signal = replace(signal, datum=origin, mounting=mount, pose=pose, zero=zero, still=still)
+    signal = replace(
+        signal, datum=origin, mounting=mount, pose=pose, zero=zero, still=still,
+        stamp_offset=offset,
+    )  # fmt: skip
     return SensorSource(timed, signal, policy, reliable, gate)
 
 

@@ -109,6 +109,10 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
             '',
             About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),
         ),
+        'stamp_offset': (
+            0.0,
+            About('added to the stamps: below 0 for stamps that are late', 's', -10.0, 10.0),
+        ),
         'zero': (
             False,
             About('read zeros in place of the fields: no slip, no speed', feature=_STILL),

@@ -51,6 +51,12 @@ def test_another_seed_gives_other_bytes(default_run):
     assert record(seed=4)[0] != default_run[0]
 
 
+def test_stamps_that_are_late_by_a_known_offset_change_nothing(default_run):
+    # the plant stamps so, too
+    late = {'position.stamp_offset': -0.15, 'velocity.stamp_offset': 0.05}
+    assert record(overrides=late, seed=3)[0] == default_run[0]
+
+
 def test_separation_over_topics(default_run):
     _, one, _ = default_run
     _, two, _ = record(overrides={'input_cost': [0.05, 0.05]}, seed=3)
