@@ -270,6 +270,6 @@ def candidate_of(
     """Return the candidate of a scenario."""
     kind = _FITTED_AS.get(built.filter, built.filter)
     chosen = filter_options if kind == built.filter else {}
-    filter = build_filter(kind, built.plan, chosen)
-    sensors = {name: source.sensor for name, source in built.enabled.items()}
-    return Candidate(filter, built.model, sensors, built.initial_belief, biases, delays)
+    filter, believed = build_filter(kind, built.believed_plan, chosen), built.believed
+    sensors = {name: believed.sensors[name] for name in built.enabled}
+    return Candidate(filter, believed.model, sensors, believed.initial, biases, delays)
