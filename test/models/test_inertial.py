@@ -3,7 +3,6 @@
 
 import numpy as np
 import pytest
-
 from heading_survey import band, scores
 
 from kalman_ros import sensors
