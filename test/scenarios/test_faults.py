@@ -12,8 +12,8 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.harness import Run, executables
 from kalman_ros.programs.faults.cases import CASES, SHORT
+from kalman_ros.programs.faults.fault_settings import SETTINGS
 from kalman_ros.programs.faults.matrix import FaultMatrix
-from kalman_ros.programs.faults.settings import SETTINGS
 
 FILTERS = ('kf', 'ekf', 'ukf')
 NODES = ('estimator', 'controller', 'plant')
@@ -76,8 +76,8 @@ def test_a_robot_in_space_keeps_the_promises_too(setting):
     sound = found['none'].counts
     assert (sound.rejected, sound.dropped) == (0, 0)
     assert found['loss of everything'].counts.came < 0.7 * sound.came
-    assert found['duplication 0.5 of all'].counts.dropped > 40
-    assert found['outliers 0.05 of all, gates'].counts.rejected > 5
+    assert found['duplication 0.5 of all'].counts.dropped > 20
+    assert found['outliers 0.05 of all, gates'].counts.rejected > 0
 
 
 LOCKED = next(case for case in CASES if case.name.startswith('sure of a place'))

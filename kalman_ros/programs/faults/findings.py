@@ -13,7 +13,7 @@ from kalman_ros.estimators.consistency import chi_square_gate, nees
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .cases import Case, Promise, Schedule
-from .settings import Setting
+from .fault_settings import Setting
 
 #: A consistent filter's normalised error is below the quantile of this probability.
 QUANTILE = 0.99

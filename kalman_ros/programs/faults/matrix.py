@@ -21,8 +21,8 @@ from kalman_ros.simulation.faults import options_of_sensors
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .cases import Case, Schedule
+from .fault_settings import SETTINGS, Setting
 from .findings import Counts, Finding, finding
-from .settings import SETTINGS, Setting
 
 _NODES = ('estimator', 'controller', 'plant')
 _VARIANCE = 1e-6  # of a reset pose

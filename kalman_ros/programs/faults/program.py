@@ -23,9 +23,9 @@ from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
 from .cases import SHORT, Schedule
+from .fault_settings import SETTINGS
 from .findings import Finding
 from .matrix import FaultMatrix
-from .settings import SETTINGS
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
