@@ -14,8 +14,6 @@ from kalman_ros.core.geodesy import Place, TangentPlane, axes, geodetic
 
 #: When a recording begins, in nanoseconds.
 START = 1_700_000_000_000_000_000
-#: The bag has fixes where they belong: the receiver of the car dates them this much late, in s.
-RECEIVER_DELAY = 0.1
 #: From forward, right, down to forward, left, up (REP-103).
 FLIPPED = np.array([1.0, -1.0, -1.0])
 
@@ -88,12 +86,10 @@ class Car:
         ]
 
     def fixes(self):
-        """Return times and local places of the fixes."""
+        """Return the times, as they are stamped, and the local places of the fixes."""
         times, values = self._timed('live_gnss_ublox')
         plane = TangentPlane(self.datum)
-        return times - RECEIVER_DELAY, np.array([
-            plane.local(Place(*row)) for row in values[:, [0, 1, 4]]
-        ])  # fmt: skip
+        return times, np.array([plane.local(Place(*row)) for row in values[:, [0, 1, 4]]])
 
     def bag(self, folder, silent=(0.0, 0.0)):
         """Write NavSatFix, Imu and Odometry, without fixes between the times ``silent``."""
@@ -104,7 +100,7 @@ class Car:
             entries.append((t, '/odom', of_twist(speed[0], 0.0, 0.0)))
         for t, row in zip(*self._timed('live_gnss_ublox')):
             if not silent[0] < t < silent[1]:
-                entries.append((t - RECEIVER_DELAY, '/fix', of_fix(*row[[0, 1, 4]])))
+                entries.append((t, '/fix', of_fix(*row[[0, 1, 4]])))
         topics = {
             '/imu': 'sensor_msgs/Imu', '/odom': 'nav_msgs/Odometry',
             '/fix': 'sensor_msgs/NavSatFix',

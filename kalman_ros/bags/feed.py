@@ -202,7 +202,7 @@ class Feed:
 
     def _on_pose(self, data: bytes) -> None:
         try:
-            belief = self._read_pose(data, self.settings.scenario.initial_belief)
+            belief = self._read_pose(data, self.settings.scenario.believed.initial)
         except ValueError as error:
             self.notes.append(f'initialpose: {error}')
             return
@@ -217,7 +217,7 @@ class Feed:
             self._due = now
         while self._due <= now:
             time = max(self._due, self.online.time)
-            self.publish(time, self.online.predicted(time))
+            self.publish(time, self.fuser.predicted(time))
             self._due += self._period
 
     # --- the results --------------------------------------------------------------------------
@@ -226,6 +226,7 @@ class Feed:
         """Take the belief at ``time``, in nanoseconds."""
         if self.start is None:
             self.start = time
+        belief = self.settings.scenario.believed.own(belief)
         self.beliefs.add(seconds(time, self.start), belief)
         if self.lockstep:
             self._now = time

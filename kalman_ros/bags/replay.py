@@ -163,6 +163,7 @@ def replay_bag(
     if feed.start is None or not count:
         names = ', '.join(feed.topics)
         raise ValueError(f'nothing could be replayed from {bag.path}: {count} messages on {names}')
+    believed = feed.settings.scenario.believed
     return Replayed(
         scenario=feed.settings.scenario,
         start=feed.start,
@@ -176,7 +177,8 @@ def replay_bag(
         inputs=feed.inputs.result(),
         restarts=feed.online.restarts,
         repairs=feed.online.repairs,
-        smoothed=None if final is None else final.smoothed(feed.start),
+        smoothed=None if final is None else final.smoothed(feed.start, believed.own),
+        biases=believed.biases(feed.online.belief),
         truth=None if known is None else known.result(feed.start),
         notes=(*bag.damage, *feed.notes),
     )

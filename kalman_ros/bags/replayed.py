@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
-from kalman_ros.core import Array
+from kalman_ros.core import Array, Gaussian
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import Scenario
 
@@ -89,6 +89,8 @@ class Replayed:
         Of the estimator.
     smoothed
         The beliefs given all readings, if that was asked for.
+    biases
+        Of the sensors that have one, at the end.
     truth
         If the recording has it and its topic was named.
     notes
@@ -105,6 +107,7 @@ class Replayed:
     restarts: int
     repairs: int
     smoothed: Beliefs | None
+    biases: Mapping[str, Gaussian]
     truth: Truth | None
     notes: tuple[str, ...]
 

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from kalman_ros.analysis.records import Beliefs
-from kalman_ros.core import Array, unchecked
+from kalman_ros.core import Array, Gaussian, unchecked
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.smoother import Filtered, smoothed_back
 from kalman_ros.estimators.timeline import Item
@@ -58,8 +58,15 @@ class FinalBeliefs:
             moment = np.array((self._last.time, self._last.restarted), dtype=np.int64)
             self._rows.append(moment.view(np.float64), *self._last.belief, self._last.input)
 
-    def smoothed(self, start: int) -> Beliefs:
+    def smoothed(self, start: int, own: Callable[[Gaussian], Gaussian]) -> Beliefs:
         """Return the beliefs given all readings, at times in seconds from ``start``.
+
+        Parameters
+        ----------
+        start
+            In nanoseconds.
+        own
+            Returns the belief of the states that are asked for, without biases of sensors.
 
         Raises
         ------
@@ -70,12 +77,12 @@ class FinalBeliefs:
         self._keep()
         rows = self._rows.columns()
         moments = rows['moment'].view(np.int64)
-        found = BeliefColumns(len(self._online.belief.mean))
+        found = BeliefColumns(len(own(self._online.belief).mean))
         try:
             for (time, _), belief in zip(
                 moments[::-1], smoothed_back(self._online.filter, _backwards(rows, moments))
             ):
-                found.add(seconds(int(time), start), belief)
+                found.add(seconds(int(time), start), own(belief))
         except np.linalg.LinAlgError as error:
             raise ValueError(f'smooth: a prediction cannot be inverted: {error}') from None
         back = found.result()

@@ -42,6 +42,8 @@ class Signal:
         Whether each message is read as zeros, whatever its fields are.
     still
         The condition on which a message is read at all; None for always.
+    stamp_offset
+        Added to the stamps of the messages, in nanoseconds.
     """
 
     topic: str
@@ -53,6 +55,7 @@ class Signal:
     pose: str = 'absolute'
     zero: bool = False
     still: StandStill | None = None
+    stamp_offset: int = 0
 
 
 #: The input of a model without one.

@@ -128,11 +128,16 @@ class OnlineEstimator:
         records = zip(self._names, self._timeline.head.records)
         return [name for name, record in records if 0 < needed <= record.rejections]
 
-    def predicted(self, time: int) -> Gaussian:
-        """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
+    def predicted(self, time: int, ending: tuple[int, Array] | None = None) -> Gaussian:
+        """Return the belief at a ``time`` not before the newest stamp; nothing is kept.
+
+        With ``ending``, the input ends at that time, and this one is in effect from then on.
+        """
         head = self._timeline.head
-        if head.time is None:
-            return head.belief
+        if ending is not None and head.time is not None and head.u is not None:
+            end = min(max(ending[0], head.time), time)
+            if not self._max_gap or time - head.time <= self._max_gap:
+                head = State(end, self._predict(head, end, self._filter)[0], ending[1], ())
         return self._predict(head, time, self._filter)[0]
 
     def add_input(self, time: int, u: Array, now: int | None = None) -> Outcome:

@@ -42,19 +42,20 @@ class Robot2D(Model):
     def __init__(
         self,
         position_noise: Annotated[
-            Sequence[float], About('spectral densities of noise on x and y', 'm^2/s')
+            Sequence[float], About('spectral densities of noise on x and y', 'm^2/s', minimum=0.0)
         ] = (0.0, 0.0),
         heading_noise: Annotated[
             float, About('spectral density of noise on the heading', 'rad^2/s', minimum=0.0)
         ] = 0.0,
         velocity_noise: Annotated[
-            Sequence[float], About('spectral densities of noise on the velocity', 'm^2/s^3')
+            Sequence[float],
+            About('spectral densities of noise on the velocity', 'm^2/s^3', minimum=0.0),
         ] = (0.0, 0.0),
         turn_noise: Annotated[
             float, About('spectral density of the change of turn rate', 'rad^2/s^3', minimum=0.0)
         ] = 0.02,
         acceleration_noise: Annotated[
-            Sequence[float], About('spectral densities of the jerk', 'm^2/s^5')
+            Sequence[float], About('spectral densities of the jerk', 'm^2/s^5', minimum=0.0)
         ] = (0.05, 0.05),
         command_time: Annotated[
             float,

@@ -34,19 +34,23 @@ class Robot3D(Model):
     def __init__(
         self,
         position_noise: Annotated[
-            Sequence[float], About('spectral densities of noise on the position', 'm^2/s')
+            Sequence[float],
+            About('spectral densities of noise on the position', 'm^2/s', minimum=0.0),
         ] = (0.0, 0.0, 0.0),
         orientation_noise: Annotated[
-            Sequence[float], About('spectral densities about the axes of the world', 'rad^2/s')
+            Sequence[float],
+            About('spectral densities about the axes of the world', 'rad^2/s', minimum=0.0),
         ] = (0.0, 0.0, 0.0),
         velocity_noise: Annotated[
-            Sequence[float], About('spectral densities of noise on the velocity', 'm^2/s^3')
+            Sequence[float],
+            About('spectral densities of noise on the velocity', 'm^2/s^3', minimum=0.0),
         ] = (0.0, 0.0, 0.0),
         turn_noise: Annotated[
-            Sequence[float], About('spectral densities of the change of turn rate', 'rad^2/s^3')
+            Sequence[float],
+            About('spectral densities of the change of turn rate', 'rad^2/s^3', minimum=0.0),
         ] = (0.001, 0.001, 0.01),
         acceleration_noise: Annotated[
-            Sequence[float], About('spectral densities of the jerk', 'm^2/s^5')
+            Sequence[float], About('spectral densities of the jerk', 'm^2/s^5', minimum=0.0)
         ] = (0.05, 0.05, 0.01),
     ) -> None:
         self._noise = np.diag(

@@ -72,7 +72,7 @@ class EstimatorNode(runtime.ScenarioNode):
 
         An earlier belief is useless: the inputs in the meantime are unknown.
         """
-        self._fuser.reset(self.scenario.initial_belief)
+        self._fuser.reset(self.scenario.believed.initial)
         if self.options.lockstep:
             LockstepIntake(self, self._fuser)
         else:
@@ -87,6 +87,7 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def publish(self, time: int, belief: Gaussian) -> None:
         """Publish the belief at ``time``, in nanoseconds."""
+        belief = self.scenario.believed.own(belief)
         self._publish(time, belief)
         if self._transforms is not None:
             self._transforms(time, belief, self._fuser.fused_at)
@@ -103,7 +104,7 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def _on_initial_pose(self, data: bytes) -> None:
         try:
-            belief = self._read_pose(data, self.scenario.initial_belief)
+            belief = self._read_pose(data, self.scenario.believed.initial)
         except ValueError as error:
             self._fuser.warn(f'initialpose: {error}')
             return
@@ -111,7 +112,7 @@ class EstimatorNode(runtime.ScenarioNode):
         self.get_logger().info('reset to initialpose')
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        self._fuser.reset(self.scenario.initial_belief)
+        self._fuser.reset(self.scenario.believed.initial)
         response.success, response.message = True, 'back at the initial belief'
         return response
 

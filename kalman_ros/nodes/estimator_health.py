@@ -48,7 +48,12 @@ class Health:
         values[f'{topic}: used'] = fuser.inputs[Outcome.FUSED]
         values[f'{topic}: received'] = fuser.inputs.total()
         values['estimates published'] = published
-        values.update(fuser.observability.report(online.belief.mean))
+        believed = scenario.believed
+        values.update(fuser.observability.report(believed.own(online.belief).mean))
+        for name, bias in believed.biases(online.belief).items():
+            values[f'{name}: bias'] = ', '.join(
+                f'{mean:.4g} +- {std:.2g}' for mean, std in zip(bias.mean, bias.std)
+            )
         values['restarts'] = online.restarts
         if online.restarts > self._restarts:
             self._warn(f'restarted from the initial belief, {online.restarts} times so far')

@@ -132,7 +132,7 @@ class RealTimeIntake:
         time = max(self._now(), online.time)
         if time != self._last_time:  # simulated time may pause between two ticks of a timer
             self._last_time = time
-            self._node.publish(time, online.predicted(time))
+            self._node.publish(time, self._fuser.predicted(time))
 
     def _on_clock_back(self, jump: Any) -> None:
         """Restart when simulated time goes back, as when a bag is replayed."""

@@ -187,7 +187,9 @@ class PlantNode(runtime.ScenarioNode):
         arrivals = self._links(self._plant.time, time, self._plant.readings())
         for name, taken, y in arrivals:
             write, publisher = self._sensors[name]
-            publisher.publish(write(taken, y, sources[name].sensor.covariance))
+            source = sources[name]
+            stamp = taken - source.signal.stamp_offset
+            publisher.publish(write(stamp, y, source.sensor.covariance))
         if self.options.lockstep:
             topics = tuple(
                 mention(sources[name].signal.topic, taken, time) for name, taken, _ in arrivals

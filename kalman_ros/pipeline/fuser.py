@@ -118,6 +118,10 @@ class Fuser:
                 self._account_for_input(time, sample.values, outcome)
         return found
 
+    def predicted(self, time: int) -> Gaussian:
+        """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
+        return self.online.predicted(time, self.timeout.ending(time))
+
     def _ended_inputs(self, batch: Iterable[Received], now: int | None) -> list[Arrival]:
         """Return the idle inputs in place of those that end before a message of a batch."""
         ended = []

@@ -13,7 +13,7 @@ from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.scenario import Scenario, SensorSource
+from kalman_ros.scenario import Scenario
 
 from .estimator_options import EstimatorOptions
 
@@ -53,9 +53,9 @@ def fusion(scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Va
         from_reading=options.initialize == 'reading',
         rest_until_input=rests,
     )
-    sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-    filter = build_filter(scenario.filter, scenario.plan, extra, options.implementation)
-    return Fusion(filter, sensors, policy)
+    plan = scenario.believed_plan
+    filter = build_filter(scenario.filter, plan, extra, options.implementation)
+    return Fusion(filter, scenario.believed.sensors, policy)
 
 
 def check_start(filter: Filter, scenario: Scenario) -> None:
@@ -63,19 +63,17 @@ def check_start(filter: Filter, scenario: Scenario) -> None:
 
     Its numbers may be finite, but too large to compute with.
     """
-    belief, sources = scenario.initial_belief, scenario.enabled.values()
+    belief, every = scenario.believed.initial, scenario.believed.sensors
+    sensors = [every[name] for name in scenario.enabled]
     zero = np.zeros(scenario.model.input.size)
     with np.errstate(all='ignore'):
-        if sources and not any(_corrects(filter, belief, zero, s, scenario.rate) for s in sources):
+        if sensors and not any(_corrects(filter, belief, zero, s, scenario.rate) for s in sensors):
             std = np.sqrt(belief.covariance.diagonal()).tolist()
             raise ValueError(f'initial_std: no filter can compute with {std}: too large or small')
 
 
-def _corrects(
-    filter: Filter, belief: Gaussian, u: Array, source: SensorSource, rate: float
-) -> bool:
+def _corrects(filter: Filter, belief: Gaussian, u: Array, sensor: Sensor, rate: float) -> bool:
     """Return whether a typical reading gives a finite belief, now and a step later."""
-    sensor = source.sensor
     try:
         for first in (belief, filter.predict(belief, u, 1.0 / rate)):
             posterior = filter.correct(first, sensor.measure(first.mean), sensor).posterior

@@ -31,9 +31,14 @@ class InputTimeout:
             due = time + self._timeout
             self._due = due if self._due is None else max(self._due, due)
 
+    def ending(self, time: int) -> tuple[int, Array] | None:
+        """Return when the last input ended and the idle one, if that was before ``time``."""
+        return None if self._due is None or time <= self._due else (self._due, self._idle)
+
     def ended_by(self, time: int) -> list[Arrival]:
         """Return the idle input if the last one ended before ``time``; nothing otherwise."""
-        if self._due is None or time <= self._due:
+        ending = self.ending(time)
+        if ending is None:
             return []
-        due, self._due = self._due, None
-        return [Arrival(None, due, self._idle)]
+        self._due = None
+        return [Arrival(None, *ending)]

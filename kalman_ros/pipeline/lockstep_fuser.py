@@ -79,7 +79,7 @@ class LockstepFuser:
         unanswered = self._steps.unanswered
         if asked_again and unanswered is not None:
             # the input that responds to it was lost: ask the controller again
-            self._output.publish(unanswered, self._fuser.online.predicted(unanswered))
+            self._output.publish(unanswered, self._fuser.predicted(unanswered))
 
     def _fuse_steps(self) -> None:
         fuser = self._fuser
@@ -93,5 +93,5 @@ class LockstepFuser:
                 time, u = step.input
                 received.append(Received(time, fuser.input, Sample(time, u, None)))
             fused = fuser.fuse(received)
-            self._output.publish(step.time, fuser.online.predicted(step.time))
+            self._output.publish(step.time, fuser.predicted(step.time))
             self._output.publish_innovations(fused)

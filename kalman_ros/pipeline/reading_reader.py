@@ -84,6 +84,10 @@ class ReadingReader:
             self._change, signal = PoseChange(signal), whole_pose(signal)
         self._read = WireReader(codec_of(signal, origin=origin))
         self.message_type = self._read.message_type
+        self._offset = signal.stamp_offset
+        if self._offset and not hasattr(self.message_type, 'header'):
+            why = f'expected messages with a stamp, {signal.type} has none'
+            raise ValueError(f"signal '{signal.topic}': stamp_offset: {why}")
         #: Why the last unreadable message was refused; '' before the first.
         self.trouble = ''
 
@@ -95,6 +99,14 @@ class ReadingReader:
         UndecodableError
             If the bytes are not those of such a message.
         """
+        reading = self._decoded(data, source)
+        # a stamp of zero means that there is no stamp
+        if self._offset and reading.time:
+            return reading._replace(time=reading.time + self._offset)
+        return reading
+
+    def _decoded(self, data: bytes, source: SensorSource) -> Reading:
+        """Return the reading in a message, with the stamp of the message."""
         try:
             time, values, covariance = self._read(data)
         except NoFixError as error:

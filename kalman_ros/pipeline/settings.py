@@ -127,7 +127,7 @@ class Settings:
         found = fusion(self.scenario, self.options, self.extra)
         # this also imports the modules of the first step, which takes longer than a step
         check_start(found.filter, self.scenario)
-        initial = self.scenario.initial_belief
+        initial = self.scenario.believed.initial
         return OnlineEstimator(found.filter, found.sensors, initial, self.idle(), found.policy)
 
 

@@ -34,6 +34,7 @@ from kalman_ros.core.quantity import quantity
 from kalman_ros.core.still import stand_still
 from kalman_ros.estimators import FILTERS
 
+from .bias_states import bias
 from .body_roles import body_of
 from .declarations import model_of, options, sensor_names
 from .lever_arm import LeverArm
@@ -163,9 +164,10 @@ def _source(
     arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
     frame, pose, from_tf = given.pop('frame'), given.pop('pose'), given.pop('mount.tf')
-    zero = given.pop('zero')
+    zero, std, density = given.pop('zero'), given.pop('bias_std'), given.pop('bias_noise')
     small, watched = given.pop('still.below'), given.pop('still.fields')
     duration = given.pop('still.duration')
+    offset = round(given.pop('stamp_offset') * 1e9)
     try:
         if policy not in POLICIES:
             raise ValueError(f"covariance_from: expected {', '.join(POLICIES)}, got '{policy}'")
@@ -182,13 +184,17 @@ def _source(
             body = body_of(model.state, state)
             sensor = LeverArm(sensor, body, wire['fields'], arm, gravity)
         sensor.name, sensor.state = name, model.state
+        unknown = bias(sensor.output.size, std, density)
         ratio(own['rate'], loop_rate)
         timed = TimedSensor(sensor, own['rate'], own['enabled'])
     except ValueError as error:
         raise ValueError(f'{name}.{error}') from None
     signal = _signal(name, wire, sensor.output.size)
-    signal = replace(signal, datum=origin, mounting=mount, pose=pose, zero=zero, still=still)
-    return SensorSource(timed, signal, policy, reliable, gate)
+    signal = replace(
+        signal, datum=origin, mounting=mount, pose=pose, zero=zero, still=still,
+        stamp_offset=offset,
+    )  # fmt: skip
+    return SensorSource(timed, signal, policy, reliable, gate, unknown)
 
 
 def _check_units(sensor: Sensor, fields: Iterable[str], pose: str) -> None:

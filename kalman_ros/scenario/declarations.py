@@ -44,6 +44,8 @@ def _shared(
 _FARTHEST = 1e4
 #: The feature of turned and displaced sensors, and of the frames of messages.
 _FRAMES = 'frames'
+#: That of sensors that read too much or too little, by an amount that is not known.
+_BIASES = 'biases'
 #: That of readings of zero, and of those at rest.
 _STILL = 'stand-still'
 
@@ -108,6 +110,26 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         'frame': (
             '',
             About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),
+        ),
+        'stamp_offset': (
+            0.0,
+            About('added to the stamps: below 0 for stamps that are late', 's', -10.0, 10.0),
+        ),
+        'bias_std': (
+            [0.0],
+            About(
+                'standard deviations of an unknown bias, estimated as a state; one for all',
+                minimum=0.0,
+                feature=_BIASES,
+            ),
+        ),
+        'bias_noise': (
+            [0.0],
+            About(
+                'spectral densities, in squared units by s, of its change; one for all',
+                minimum=0.0,
+                feature=_BIASES,
+            ),
         ),
         'zero': (
             False,

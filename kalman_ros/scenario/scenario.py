@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor, Signal, TimedSensor, Value
 from kalman_ros.core.geodesy import Place
 from kalman_ros.estimators.filter import Plan
+
+from .bias_states import Believed, Bias, believed
 
 
 @dataclass(frozen=True)
@@ -22,6 +25,8 @@ class SensorSource:
     covariance_from: str
     reliable: bool
     gate: float
+    #: What an estimator believes of its bias; None for no bias.
+    bias: Bias | None = None
 
     @property
     def sensor(self) -> Sensor:
@@ -69,6 +74,23 @@ class Scenario:
         """The input for building a filter: the model and the enabled sensors."""
         timed = {name: source.timed for name, source in self.enabled.items()}
         return Plan(self.model, timed, self.rate)
+
+    @cached_property
+    def believed(self) -> Believed:
+        """What an estimator computes with, which has the biases of sensors as states, too."""
+        sensors = {name: source.sensor for name, source in self.sensors.items()}
+        biases = {n: source.bias for n, source in self.sensors.items() if source.bias is not None}
+        return believed(self.model, sensors, self.initial_belief, biases)
+
+    @property
+    def believed_plan(self) -> Plan:
+        """The input for building an estimator's filter: the `plan` with the biases."""
+        sensors = self.believed.sensors
+        timed = {
+            name: replace(source.timed, sensor=sensors[name])
+            for name, source in self.enabled.items()
+        }
+        return Plan(self.believed.model, timed, self.rate)
 
     @property
     def timed(self) -> dict[str, TimedSensor]:

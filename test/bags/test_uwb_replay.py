@@ -26,15 +26,15 @@ ROBOT = """\
     initial_std: [0.02, 0.02, 0.1, 0.3, 0.5]
     sensors: [odometry%s]
 """
-#: Ranges of radio are too long, since it takes detours.
+#: Ranges of radio are too long, since it takes detours: by an unknown amount for each anchor.
 ANCHOR = """\
     anchor_%s:
       kind: landmarks
       measures: [x, 'y']
       reads: [range]
       positions: [%g, %g]
-      range_offset: 0.118
       noise: [0.11]
+      bias_std: [0.15]
       topic: range_%s
       type: sensor_msgs/Range
       fields: [range]
@@ -51,30 +51,42 @@ def parameters(file, anchors):
 
 @pytest.fixture(scope='module')
 def found(tmp_path_factory):
-    """Return the errors (N, 2) and covariances by the wheels alone, and with the ranges."""
+    """Return errors (N, 2), covariances and biases by the wheels alone, and with the ranges."""
     robot, folder = Uwb(), tmp_path_factory.mktemp('uwb')
     bag, results = robot.bag(folder / 'bag'), []
     for name, anchors in (('wheels', ()), ('all', ANCHORS)):
-        beliefs = replay(bag, parameters(folder / f'{name}.yaml', anchors)).beliefs
+        replayed = replay(bag, parameters(folder / f'{name}.yaml', anchors))
+        beliefs = replayed.beliefs
         # the recording begins with the first message
         time = beliefs.time + robot.times[0]
         truth = [np.interp(time, robot.times, robot.truth[:, axis]) for axis in range(2)]
         error = beliefs.mean[:, :2] - np.transpose(truth)
-        results.append((error, beliefs.covariance[:, :2, :2]))
+        results.append((error, beliefs.covariance[:, :2, :2], replayed.biases))
     return results
 
 
 @pytest.mark.slow
 def test_ranges_halve_the_error_of_the_wheels(found):
-    (wheels, _), (both, _) = found
+    (wheels, _, _), (both, _, _) = found
     alone, together = (np.linalg.norm(each[-1]) for each in (wheels, both))
     assert 0.3 < alone < 1.0
     assert together < 0.5 * alone
 
 
 def test_the_covariance_covers_the_error(found):
-    _, (error, P) = found
+    _, (error, P, _) = found
     nees = np.einsum('ni,nij,nj->n', error, np.linalg.inv(P), error) / 2.0
     # one run of half a minute
     assert 0.3 < nees.mean() < 2.0
     assert (nees < 6.9).mean() > 0.99  # 99.9 % of two coordinates, over two
+
+
+def test_the_biases_of_the_ranges_are_found(found):
+    """The mean of all ranges less the true distances is 0.118 m."""
+    (_, _, none), (_, _, biases) = found
+    assert not none
+    mean = np.mean([bias.mean[0] for bias in biases.values()])
+    std = np.mean([bias.std[0] for bias in biases.values()])
+    assert len(biases) == 4
+    assert mean == pytest.approx(0.118, abs=2.0 * std)
+    assert std < 0.05

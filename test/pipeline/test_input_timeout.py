@@ -2,8 +2,15 @@
 """An input that is not renewed ends at its due time, once."""
 
 import numpy as np
+import pytest
 
+pytest.importorskip('rclpy')
+
+from kalman_ros.codecs.layout import Sample
+from kalman_ros.pipeline.fuser import Fuser, Received
 from kalman_ros.pipeline.input_timeout import InputTimeout
+from kalman_ros.pipeline.reading_reader import InputReader, Reading, SensorReader
+from kalman_ros.pipeline.settings import settings
 
 SECOND = 1_000_000_000
 IDLE = np.array([0.0, 1.0])
@@ -34,3 +41,30 @@ def test_without_a_timeout_no_input_ends():
     timeout = InputTimeout(0.0, IDLE)
     timeout.on_input(SECOND)
     assert timeout.ended_by(10**18) == []
+
+
+def test_what_is_published_between_readings_stops_with_the_input():
+    """A body of one state that is driven by its input: x' = u; without a command it stops."""
+    level = {'model': 'linear', 'model_parameters.states': ['x'], 'model_parameters.A': [0.0],
+             'model_parameters.B': [1.0], 'model_parameters.noise_density': [0.0],
+             'sensors': ['place'], 'place.noise': [0.1], 'place.fields': ['data[0]'],
+             'place.measures': ['x'], 'place.type': 'std_msgs/Float64MultiArray',
+             'initial_std': [1e-6], 'input_timeout': 0.5}  # fmt: skip
+    built = settings(level)
+    online = built.estimator()
+    scenario = built.scenario
+    reader = SensorReader('place', scenario.sensors['place'])
+    input = InputReader(scenario.input)
+    fuser = Fuser(scenario, online, {'place': reader}, input, str, built.input_timeout())
+    reading = Received(10 * SECOND, reader, Reading(10 * SECOND, np.zeros(1), None))
+    command = Received(10 * SECOND, input, Sample(10 * SECOND, np.ones(1), None))
+    fuser.fuse([reading, command])
+    for seconds, place in ((0.3, 0.3), (0.5, 0.5), (0.8, 0.5), (30.0, 0.5)):
+        found = fuser.predicted(10 * SECOND + round(seconds * SECOND)).mean[0]
+        assert found == pytest.approx(place, abs=1e-4), seconds
+    # nothing is kept: a renewed command counts
+    again = 10 * SECOND + SECOND // 4
+    fuser.fuse([Received(again, input, Sample(again, np.ones(1), None))])
+    assert fuser.predicted(11 * SECOND).mean[0] == pytest.approx(0.75, abs=1e-4)
+    # and a belief that has expired has expired
+    assert fuser.predicted(10 * SECOND + 100 * SECOND) is scenario.initial_belief

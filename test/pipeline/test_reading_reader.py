@@ -48,3 +48,24 @@ def test_a_covariance_of_zeros_is_unknown():
         data = WireWriter(SignalCodec(source.signal))(1, np.zeros(2), carried)
         found = ReadingReader(source.signal)(data, source).covariance
         np.testing.assert_allclose(found, used)
+
+
+def stamped(stamp, offset, values=(0.0, 0.0)):
+    """Return what is read from a position whose message has this stamp."""
+    source = scenario.build({'position.stamp_offset': offset}).sensors['position']
+    data = WireWriter(SignalCodec(source.signal))(stamp, np.array(values), 0.01 * np.eye(2))
+    return ReadingReader(source.signal)(data, source)
+
+
+def test_an_offset_is_added_to_stamps():
+    assert stamped(5_000_000_000, -0.1).time == 4_900_000_000
+    assert stamped(5_000_000_000, 0.25).time == 5_250_000_000
+    assert stamped(0, -0.1).time == 0  # no stamp
+
+
+def test_an_offset_takes_messages_with_stamps():
+    array = {'position.type': 'std_msgs/Float64MultiArray'}
+    fields = {'position.fields': ['data[0]', 'data[1]']}
+    built = scenario.build({**array, **fields, 'position.stamp_offset': 0.1})
+    with pytest.raises(ValueError, match='stamp_offset: expected messages with a stamp'):
+        ReadingReader(built.sensors['position'].signal)

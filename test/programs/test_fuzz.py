@@ -29,3 +29,8 @@ def test_an_estimator_that_does_not_look_is_found_out(monkeypatch):
 def test_every_filter_is_tried():
     assert set(_SHARES) == set(FILTERS)
     assert sum(_SHARES.values()) == pytest.approx(1.0)
+
+
+def test_robots_with_rotations_are_tried():
+    tried = {Episode(seed).model for seed in range(100_000, 100_040)}
+    assert tried == {'Robot3D', 'Inertial', '_Swing', 'LinearSystem'}

@@ -13,6 +13,7 @@ from simulated_recordings import readings, square_wave
 
 from kalman_ros.analysis.tuning import ascent
 from kalman_ros.analysis.tuning.likelihood import Likelihood
+from kalman_ros.analysis.tuning.named_parameters import NamedParameters
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import full_type
 from kalman_ros.codecs.signal_codec import SignalCodec
@@ -168,3 +169,11 @@ def test_a_fit_that_does_not_converge_keeps_what_it_reached(
     assert 'Not converged, 1 steps are not enough: these values are what was reached' in out
     assert out.endswith('not converged, 1 steps are not enough')
     assert 'model_parameters.mass' in (tmp_path / 'fitted.yaml').read_text()
+
+
+def test_a_fitted_delay_becomes_an_offset_of_the_stamps():
+    """Beside the offset that the file has already; a parameter of the file it is not."""
+    named = NamedParameters({'model': 'constant_velocity', 'lidar.stamp_offset': -0.02})
+    named.choose(['lidar.delay'])
+    assert named.changes({'lidar.delay': 0.05}) == {'lidar.stamp_offset': pytest.approx(-0.07)}
+    assert not [name for name in named.names if 'stamp_offset' in name]

@@ -12,6 +12,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.harness import Run, executables
 from kalman_ros.programs.faults.cases import CASES, SHORT
+from kalman_ros.programs.faults.fault_settings import SETTINGS
 from kalman_ros.programs.faults.matrix import FaultMatrix
 
 FILTERS = ('kf', 'ekf', 'ukf')
@@ -64,6 +65,19 @@ def test_the_filters_agree_as_they_must_on_a_linear_system():
         for name, finding in kf.items():
             assert other[name].counts == finding.counts, name
             np.testing.assert_allclose(other[name].max_error, finding.max_error, rtol=1e-6)
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize('setting', SETTINGS[1:], ids=lambda each: each.scenario)
+def test_a_robot_in_space_keeps_the_promises_too(setting):
+    run = FaultMatrix('ekf', SHORT, 1, setting).findings(setting.cases, lambda: None)
+    found = {finding.fault.partition(': ')[2]: finding for finding in run}
+    assert {name: finding.broken for name, finding in found.items() if finding.broken} == {}
+    sound = found['none'].counts
+    assert (sound.rejected, sound.dropped) == (0, 0)
+    assert found['loss of everything'].counts.came < 0.7 * sound.came
+    assert found['duplication 0.5 of all'].counts.dropped > 20
+    assert found['outliers 0.05 of all, gates'].counts.rejected > 0
 
 
 LOCKED = next(case for case in CASES if case.name.startswith('sure of a place'))

@@ -51,6 +51,31 @@ def test_another_seed_gives_other_bytes(default_run):
     assert record(seed=4)[0] != default_run[0]
 
 
+def test_stamps_that_are_late_by_a_known_offset_change_nothing(default_run):
+    # the plant stamps so, too
+    late = {'position.stamp_offset': -0.15, 'velocity.stamp_offset': 0.05}
+    assert record(overrides=late, seed=3)[0] == default_run[0]
+
+
+def test_an_estimator_with_a_bias_state_follows_a_sensor_that_is_off(default_run):
+    off = {'position.bias': [0.5, 0.5]}
+    believed = {'position.bias_std': [1.0]}
+    errors, said = [], []
+    for overrides in (off, {**off, **believed}):
+        with Run(overrides=overrides, seed=3) as run:
+            run.advance(SECONDS)
+            found = run.trajectory()
+            errors.append(np.abs(found.truth - found.estimate)[-1, [0, 2]].max())
+            said.append(run.reported('estimator', 'position: bias'))
+    assert errors[0] > 0.3
+    assert errors[1] < 0.1
+    assert said[0] == ''
+    for part in said[1].split(', '):
+        mean, std = map(float, part.split(' +- '))
+        assert std < 0.3
+        assert abs(mean - 0.5) < 3.0 * std
+
+
 def test_separation_over_topics(default_run):
     _, one, _ = default_run
     _, two, _ = record(overrides={'input_cost': [0.05, 0.05]}, seed=3)

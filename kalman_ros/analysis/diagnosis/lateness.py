@@ -70,6 +70,7 @@ def hidden(case: Examination) -> list[Finding]:
             tau = float(fit.size[0])
             if fit.gain < CHANCE or not 0.002 < abs(tau) < 1.0:
                 continue
+            option = f'{name}.stamp_offset'
             rate = slope(record.received, latency(record))
             if abs(rate) > 1e-3:
                 continue
@@ -80,8 +81,9 @@ def hidden(case: Examination) -> list[Finding]:
                     f'readings of {name} fit the state {abs(tau):.3g} +- {fit.std[0]:.1g} s '
                     f'{"before" if tau < 0.0 else "after"} their stamps: they are stamped '
                     f'{"on receipt, not when they are taken" if tau < 0 else "too early"}. Stamp '
-                    'them when they are taken.',
+                    'them when they are taken, or set the offset.',
                     fit.gain**0.5,
+                    {option: round(float(case.evidence.parameters.get(option, 0.0)) + tau, 4)},
                     gain=fit.gain,
                     figure=picture(name, record, 'latency'),
                     mended=partial(_restamped, case.evidence, name, tau),

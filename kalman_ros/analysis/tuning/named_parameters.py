@@ -24,7 +24,10 @@ from .free_parameter import FreeParameter
 #: The longest delay of a sensor that is looked for, in seconds.
 LONGEST_DELAY = 1.0
 #: Options that are numbers and no parameter of the estimate.
-_NOT = ('rate', 'gate', 'datum', 'initial_state', 'enabled', 'still.below', 'still.duration')
+_NOT = (
+    'rate', 'gate', 'datum', 'initial_state', 'enabled', 'still.below', 'still.duration',
+    'stamp_offset',  # fitted as a delay
+)  # fmt: skip
 #: What other filters are fitted as: the likelihood needs their own covariance.
 _FITTED_AS = {'steady_state': 'kf', 'luenberger': 'kf', 'gaussian_sum': 'ekf'}
 
@@ -129,15 +132,19 @@ class NamedParameters:
         return ends
 
     def changes(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Return the parameters of the file at these values, biases and delays left out.
+        """Return the parameters of the file at these values, biases left out.
 
-        Where the noise of a sensor is fitted, it replaces that of its messages.
+        Where the noise of a sensor is fitted, it replaces that of its messages; a delay becomes an
+        offset of its stamps.
         """
         changed: dict[str, Any] = {}
         for place in self._chosen:
             value = values[place.free.name]
             sensor, _, last = place.option.rpartition('.')
             if last in ('bias', 'delay') and sensor in self.scenario.sensors:
+                if last == 'delay':
+                    offset = f'{sensor}.stamp_offset'
+                    changed[offset] = float(self._current[offset]) - value
                 continue
             if place.element is None:
                 changed[place.option] = value
@@ -263,6 +270,6 @@ def candidate_of(
     """Return the candidate of a scenario."""
     kind = _FITTED_AS.get(built.filter, built.filter)
     chosen = filter_options if kind == built.filter else {}
-    filter = build_filter(kind, built.plan, chosen)
-    sensors = {name: source.sensor for name, source in built.enabled.items()}
-    return Candidate(filter, built.model, sensors, built.initial_belief, biases, delays)
+    filter, believed = build_filter(kind, built.believed_plan, chosen), built.believed
+    sensors = {name: believed.sensors[name] for name in built.enabled}
+    return Candidate(filter, believed.model, sensors, believed.initial, biases, delays)

@@ -28,6 +28,7 @@ GROUPS = {
     'filters': 'filters',
     'monte_carlo': 'ensembles',
     'estimator': 'relay',
+    'real_time': 'real_time',
     'lockstep': 'lockstep',
     'replay': 'replays',
     'record': 'recording_cost',

@@ -1,21 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The fault matrix: faults, and the promises that hold nevertheless.
 
-All cases use the scenario ``mass_spring_damper_2d``, with positions at 20 Hz and a standard
+All cases here use the scenario ``mass_spring_damper_2d``, with positions at 20 Hz and a standard
 deviation of 0.05 m, and velocities at 100 Hz and 0.5 m/s.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
 from kalman_ros.core import Value
 
 SCENARIO = 'mass_spring_damper_2d'
-#: The positions in the state, by which errors are measured.
-POSITIONS = [0, 2]
 
 
 class Promise(Enum):
@@ -66,10 +64,10 @@ class Case:
     bound: float = 0.5
     pose: tuple[float, float] | None = None
 
-    def windows(self, schedule: Schedule) -> dict[str, Value]:
-        """Return the parameters that limit the faults to their time."""
+    def windows(self, schedule: Schedule, sensors: Iterable[str]) -> dict[str, Value]:
+        """Return the parameters that limit the faults of plant and sensors to their time."""
         window = [schedule.start, schedule.end]
-        names = ('fault_window', 'position.fault_window', 'velocity.fault_window')
+        names = ('fault_window', *(f'{sensor}.fault_window' for sensor in sensors))
         return {name: list(window) for name in names}
 
     @property

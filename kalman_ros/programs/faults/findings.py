@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.core import Array, Space
 from kalman_ros.estimators.consistency import chi_square_gate, nees
 from kalman_ros.simulation.trajectory import Trajectory
 
-from .cases import POSITIONS, Case, Promise, Schedule
+from .cases import Case, Promise, Schedule
+from .fault_settings import Setting
 
 #: A consistent filter's normalised error is below the quantile of this probability.
 QUANTILE = 0.99
@@ -61,7 +63,8 @@ class Finding:
     warned
         Whether the estimator gave a warning on ``/diagnostics`` at the end.
     farthest, last
-        The largest distance from the origin, and the largest in the last tenth, in m.
+        The largest distance from the origin, and the largest in the last tenth, in m; both 0
+        where no controller brings the positions back.
     finite
         Whether all values from estimator and controller are finite.
     """
@@ -104,11 +107,10 @@ class Finding:
         return {**asdict(self), 'promise': self.promise.name.lower(), 'broken': self.broken}
 
 
-def recovery(run: Trajectory, end: float) -> float | None:
+def recovery(run: Trajectory, error: Array, end: float) -> float | None:
     """Return the seconds after ``end`` until errors stay within 3 deviations, or None."""
-    error = np.abs(run.estimate - run.truth)
     std = np.sqrt(np.diagonal(run.covariance, axis1=1, axis2=2))
-    outside = np.flatnonzero((error > 3.0 * std).any(axis=1))
+    outside = np.flatnonzero((np.abs(error) > 3.0 * std).any(axis=1))
     after = outside[run.time[outside] >= end]
     if not after.size:
         return 0.0
@@ -118,8 +120,10 @@ def recovery(run: Trajectory, end: float) -> float | None:
 
 def finding(
     case: Case,
+    setting: Setting,
     filter: str,
     schedule: Schedule,
+    space: Space,
     run: Trajectory,
     counts: Counts,
     *,
@@ -130,19 +134,20 @@ def finding(
     begins = 0.0 if case.lasts or case.pose else schedule.start
     ends = 0.0 if case.pose else schedule.end
     since = run.time >= begins
-    error = run.estimate[since] - run.truth[since]
+    whole = space.subtract(run.estimate, run.truth)
+    error, positions = whole[since], list(setting.positions)
     n = error.shape[1]
     below = nees(error, run.covariance[since]) <= chi_square_gate(QUANTILE, n)
-    distance = np.abs(run.truth[:, POSITIONS]).max(axis=1)
+    distance = np.abs(run.truth[:, positions]).max(axis=1) * setting.returns
     return Finding(
         fault=case.name,
         filter=filter,
         promise=case.promise,
-        max_error=float(np.abs(error[:, POSITIONS]).max()),
+        max_error=float(np.abs(error[:, positions]).max()),
         bound=case.bound,
         coverage=float(below.mean()),
         counts=counts,
-        recovery=None if case.lasts else recovery(run, ends),
+        recovery=None if case.lasts else recovery(run, whole, ends),
         warned=warned,
         farthest=float(distance.max()),
         last=float(distance[run.time >= 0.9 * schedule.stop].max()),

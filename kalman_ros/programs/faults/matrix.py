@@ -20,8 +20,8 @@ from kalman_ros.nodes.plant_options import PlantOptions
 from kalman_ros.simulation.faults import options_of_sensors
 from kalman_ros.simulation.trajectory import Trajectory
 
-from . import cases as fault_cases
 from .cases import Case, Schedule
+from .fault_settings import SETTINGS, Setting
 from .findings import Counts, Finding, finding
 
 _NODES = ('estimator', 'controller', 'plant')
@@ -51,17 +51,26 @@ class FaultMatrix:
         Of every case.
     seed
         Of all noise.
+    setting
+        The scenario.
     """
 
-    def __init__(self, filter: str, schedule: Schedule, seed: int) -> None:
-        self.filter, self.schedule = filter, schedule
-        self._run = Run(fault_cases.SCENARIO, {'filter': filter}, seed=seed, nodes=_NODES)
+    def __init__(
+        self, filter: str, schedule: Schedule, seed: int, setting: Setting = SETTINGS[0]
+    ) -> None:
+        self.filter, self.schedule, self.setting = filter, schedule, setting
+        driven = bool(scenario.build({'model': setting.scenario}).input.fields)
+        nodes = _NODES if driven else tuple(node for node in _NODES if node != 'controller')
+        self._run = Run(setting.scenario, {'filter': filter}, seed=seed, nodes=nodes)
         sensors = self._run.scenario.sensors
         self._decoded: dict[str, Any] = {}
         # parameters changed so far, by node, with their defaults
         self._restored: dict[str, dict[str, Value]] = {'plant': {}, 'estimator': {}}
         self._topics = {name: source.signal.topic for name, source in sensors.items()}
-        known = [*scenario.options({}).values(), *options_of(PlantOptions)]
+        known = [
+            *scenario.options({'model': setting.scenario}).values(),
+            *options_of(PlantOptions),
+        ]
         known += options_of_sensors(sensors)
         self._usual = {o.name: o.default for o in (*known, *options_of(EstimatorOptions))}
 
@@ -77,12 +86,14 @@ class FaultMatrix:
                 accounts.append(self._account())
                 warnings.append(run.diagnostics['estimator'].level != DiagnosticStatus.OK)
                 done()
-            whole = run.trajectory()
+            whole, space = run.trajectory(), run.scenario.model.state
         return [
             finding(
                 case,
+                self.setting,
                 self.filter,
                 self.schedule,
+                space,
                 _stretch(whole, start, self.schedule.stop),
                 self._counts(before, after),
                 warned=warned,
@@ -96,7 +107,7 @@ class FaultMatrix:
     def _go_through(self, case: Case) -> None:
         """Replace the faults of the last case by those of a case, and run it."""
         run = self._run
-        plant = {**case.plant, **case.windows(self.schedule)}
+        plant = {**case.plant, **case.windows(self.schedule, self._topics)}
         for node, values in {'plant': plant, 'estimator': case.estimator}.items():
             change = {**self._restored[node], **values}
             if change:
@@ -144,7 +155,9 @@ class FaultMatrix:
         """Return whether ``readings`` readings, and the answers to every step, are received."""
         raw, scenario = self._run.recorder.raw, self._run.scenario
         state = scenario.state.topic
-        answers = (state, f'{state}/covariance', scenario.input.topic)
+        answers = [state, f'{state}/covariance']
+        if scenario.input.fields:
+            answers.append(scenario.input.topic)
         steps = len(raw['ground_truth'])
         return sum(len(raw[topic]) for topic in self._topics.values()) >= readings and all(
             len(raw[topic]) >= steps for topic in answers

@@ -22,7 +22,8 @@ from kalman_ros.harness import NodeError
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
-from .cases import CASES, SCENARIO, SHORT, Schedule
+from .cases import SHORT, Schedule
+from .fault_settings import SETTINGS
 from .findings import Finding
 from .matrix import FaultMatrix
 
@@ -47,19 +48,26 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 def faults(options: argparse.Namespace, schedule: Schedule, console: Console) -> list[Finding]:
     """Return the finding of every fault and filter, fault by fault."""
     refuse_unknown(options.filters, FILTERS, 'filter')
-    cases = [case for case in CASES if options.only in case.name]
-    if not cases:
+    chosen = [
+        (setting, filter, [case for case in setting.cases if options.only in case.name])
+        for setting in SETTINGS
+        for filter in options.filters
+        if not setting.filters or filter in setting.filters
+    ]
+    if not any(cases for _, _, cases in chosen):
         raise ValueError(f"only: no fault has '{options.only}' in its name")
     ready(options.out)
     columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn())
-    found: dict[str, list[Finding]] = {case.name: [] for case in cases}
+    found: dict[str, list[Finding]] = {}
     with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
-        task = bar.add_task('', total=len(options.filters) * len(cases))
-        for filter in options.filters:
-            bar.update(task, description=filter)
-            matrix = FaultMatrix(filter, schedule, options.seed)
+        task = bar.add_task('', total=sum(len(cases) for _, _, cases in chosen))
+        for setting, filter, cases in chosen:
+            if not cases:
+                continue
+            bar.update(task, description=f'{setting.scenario}, {filter}')
+            matrix = FaultMatrix(filter, schedule, options.seed, setting)
             for finding in matrix.findings(cases, lambda: bar.advance(task)):
-                found[finding.fault].append(finding)
+                found.setdefault(finding.fault, []).append(finding)
     return [finding for findings in found.values() for finding in findings]
 
 
@@ -97,8 +105,9 @@ def _report(
 
     console.print(fault_table(findings))
     machine = f'{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}'
+    scenarios = ', '.join(f'`{each.scenario}`' for each in SETTINGS)
     about = (
-        f'`{SCENARIO}` in lockstep, seed {options.seed}; faults from {schedule.start:g} to '
+        f'{scenarios} in lockstep, seed {options.seed}; faults from {schedule.start:g} to '
         f'{schedule.end:g} s of {schedule.stop:g} s. {len(findings)} runs took {wall:.0f} s.'
     )
     summary = {

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from kalman_ros import scenario
 from kalman_ros.core import (
     Array,
     DesignError,
@@ -28,6 +29,8 @@ from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.sensors.linear import Linear
 
+#: Shipped scenarios with rotations, with all their sensors, and how often they are tried, each.
+_ROBOTS, _SHARE_OF_ROBOTS = ('robot_3d', 'inertial'), 0.1
 #: Items per estimator.
 _ITEMS = 200
 _RATE = 50.0
@@ -78,11 +81,10 @@ class Episode:
     def __init__(self, seed: int) -> None:
         self.seed = seed
         self._rng = rng = np.random.default_rng(seed)
-        model = _Swing(rng) if rng.random() < 0.25 else _linear(rng)
+        model, self._sensors = _system(rng)
+        #: What the model is.
+        self.model = type(model).__name__
         n, m = model.state.size, model.input.size
-        self._sensors = {f's{index}': _sensor(rng, model) for index in range(rng.integers(1, 4))}
-        for name, sensor in self._sensors.items():
-            sensor.name = name
         gates = {name: rng.uniform(1.0, 20.0) for name in self._sensors if rng.random() < 0.5}
         policy = Policy(
             window=float(rng.choice([0.0, 0.1, 1.0])),
@@ -115,12 +117,12 @@ class Episode:
             yield
 
     def _where(self, number: int, what: str) -> str:
-        return f'{what} (seed {self.seed}, item {number}, filter {self.filter})'
+        return f'{what} (seed {self.seed}, item {number}, {self.model}, filter {self.filter})'
 
     def _give(self) -> None:
         rng, estimator = self._rng, self._estimator
         time = self._stamp()
-        if rng.random() < 0.2:
+        if self._m and rng.random() < 0.2:
             estimator.add_input(time, _values(rng, self._m))
             return
         name = str(rng.choice(list(self._sensors)))
@@ -162,6 +164,20 @@ class Episode:
         if any(counted[name] != self._sent[name] for name in counted):
             return f'readings sent {dict(self._sent)}, counted {counted}'
         return ''
+
+
+def _system(rng: np.random.Generator) -> tuple[Model, dict[str, Sensor]]:
+    """Return a model and its sensors."""
+    kind = rng.random()
+    for number, name in enumerate(_ROBOTS, 1):
+        if kind < number * _SHARE_OF_ROBOTS:
+            built = scenario.build({'model': name}, with_law=False)
+            return built.model, {n: source.sensor for n, source in built.enabled.items()}
+    model = _Swing(rng) if rng.random() < 0.25 else _linear(rng)
+    sensors = {f's{index}': _sensor(rng, model) for index in range(rng.integers(1, 4))}
+    for name, sensor in sensors.items():
+        sensor.name = name
+    return model, sensors
 
 
 def _scale(rng: np.random.Generator) -> float:

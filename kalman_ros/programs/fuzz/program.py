@@ -22,6 +22,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = parser.parse_args(argv)
     columns = TextColumn('steps'), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     filters: Counter[str] = Counter()
+    models: Counter[str] = Counter()
     seed = options.seed
     try:
         with Progress(*columns) as progress, np.errstate(all='ignore'):
@@ -30,9 +31,10 @@ def main(argv: Sequence[str] | None = None) -> None:
                 episode = Episode(seed)
                 for _ in episode.run():
                     filters[episode.filter] += 1
+                    models[episode.model] += 1
                 progress.update(task, completed=filters.total())
                 seed += 1
     except BrokenPromiseError as violation:
         sys.exit(f'FAIL after {filters.total()} steps: {violation}')
     total = filters.total()
-    print(f'PASS, {total} of {total} steps: no promise is broken; {dict(filters)}')
+    print(f'PASS, {total} of {total} steps: no promise is broken; {dict(filters)}, {dict(models)}')

@@ -90,7 +90,8 @@ def margins_table(found: Sequence[RobustMargins]) -> Table:
 
 def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
     """Return the parameters to paste, to four digits, without those that stayed as they are."""
-    stayed = {each.name for each in fit.parameters if each.value == each.start}
+    still = (each.name for each in fit.parameters if each.value == each.start)
+    stayed = {name.replace('.delay', '.stamp_offset') for name in still}
     changes = named.changes({each.name: float(f'{each.value:.4g}') for each in fit.parameters})
     pasted = {name: value for name, value in changes.items() if name not in stayed}
     for name in [name for name in pasted if name.endswith('.covariance_from')]:
@@ -102,12 +103,10 @@ def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
 def beside(fit: Fit) -> Iterator[str]:
     """Yield what to do about fitted values for which the estimator has no parameter."""
     for each in fit.parameters:
-        last = each.name.split('.')
-        if not each.determined or not {'bias', 'delay'} & {*last}:
+        if not each.determined or 'bias' not in each.name.split('.'):
             continue
-        what = 'stamps are late' if 'delay' in last else 'readings are too large'
         yield (
-            f'{each.name}: {what} by {each.value:.4g} {each.unit}'.rstrip()
+            f'{each.name}: readings are too large by {each.value:.4g} {each.unit}'.rstrip()
             + '; correct it where it arises, for the estimator has no parameter for it.'
         )
 
