@@ -116,6 +116,7 @@ export function rule(pen, X, w, h, scale, centre = 0) {
   stroke(pen, 'soft', 1);
   for (const x of ticks(centre - w / 2 / scale, centre + w / 2 / scale, 6)) {
     pen.beginPath(); pen.moveTo(X(x), h - 14); pen.lineTo(X(x), h - 20); pen.stroke();
-    pen.fillText(`${short(x)} m`, X(x) - 10, h - 3);
+    const text = `${short(x)} m`, half = pen.measureText(text).width / 2;
+    if (X(x) > half && X(x) < w - half) pen.fillText(text, X(x) - half, h - 3);  // else it would be cut
   }
 }

@@ -151,7 +151,7 @@ def _draw(run: Trajectory, path: Path) -> None:
                 label = f'{name} the loop closes, 3 sigma' if at == 0 else None
                 map_.plot(*ellipse.T, color=colour, lw=1.2, label=label)
         map_.set(title='Robot and landmarks', xlabel='x [m]', ylabel='y [m]', aspect='equal')
-        map_.legend(loc='lower left', bbox_to_anchor=(0.16, 0.3), fontsize=7)
+        map_.legend(loc='upper center', bbox_to_anchor=(0.5, -0.14), ncol=2, fontsize=7)
         sigma.semilogy(run.time, position_std(run.covariance, 0), color=TRUTH, label='robot')
         for k, colour in enumerate(shades(LANDMARKS)):
             sigma.semilogy(run.time, position_std(run.covariance, 4 + 2 * k), color=colour,

@@ -59,7 +59,7 @@ def described(runs: Iterable[Ran]) -> str:
     if not ran:
         return ''
     filters, seeds = {r.filter for r in ran} - {''}, {str(r.seed) for r in ran}
-    shortest, longest = (f'{f(r.seconds for r in ran):.3g}' for f in (min, max))
+    shortest, longest = (f'{f(r.seconds for r in ran):.4g}' for f in (min, max))
     span = longest if shortest == longest else f'{shortest} to {longest}'
     parts = [', '.join(sorted({r.model for r in ran}))]
     if filters:
