@@ -135,7 +135,7 @@ _SPRING = Case(
     'spring',
     {
         'model': 'mass_spring_damper', 'model_parameters.force_noise': 0.003, 'rate': 100.0,
-        'sensors': ['position'], 'position.rate': 25.0, 'position.noise': [0.005],
+        'sensors': ['position'], 'position.rate': 10.0, 'position.noise': [0.005],
         'initial_estimate': [0.0, 0.0], 'initial_std': [0.1, 0.1],
     },
     {
@@ -168,8 +168,9 @@ _ROBOT = Case(
         'model': 'diff_drive', 'model_parameters.acceleration_noise': 0.2,
         'model_parameters.turn_noise': 0.2, 'rate': 100.0,
         'sensors': ['position', 'odometry', 'imu'],
-        'odometry.rate': 25.0, 'imu.rate': 25.0, 'position.kind': 'states',
-        'position.measures': ['x', 'y'], 'position.noise': [0.05, 0.05], 'position.rate': 5.0,
+        'odometry.rate': 25.0, 'odometry.noise': [0.1, 0.1], 'imu.rate': 25.0, 'imu.noise': [0.1],
+        'position.kind': 'states',
+        'position.measures': ['x', 'y'], 'position.noise': [0.05, 0.05], 'position.rate': 2.5,
         'position.type': 'geometry_msgs/PoseWithCovarianceStamped',
         'position.fields': ['pose.pose.position.x', 'pose.pose.position.y'],
         'initial_estimate': [0.0, 0.0, 1.0, 0.0, 0.2],
@@ -177,7 +178,7 @@ _ROBOT = Case(
     },
     {
         'model_parameters.acceleration_noise': 0.4, 'model_parameters.turn_noise': 0.1,
-        'odometry.noise': [0.05, 0.05], 'imu.noise': [0.05], 'position.noise': [0.1, 0.1],
+        'odometry.noise': [0.2, 0.2], 'imu.noise': [0.2], 'position.noise': [0.1, 0.1],
     },
     ['acceleration_noise', 'turn_noise', 'odometry.noise', 'imu.noise', 'position.noise',
      'imu.bias', 'position.delay'],

@@ -35,17 +35,37 @@ def test_the_nile_has_the_noise_of_durbin_and_koopman():
     assert found.converged
 
 
-def test_statsmodels_finds_the_same_level_and_trend():
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('kind', ['llevel', 'lltrend'])
+def test_statsmodels_agrees_on_random_structural_models(kind, seed):
     structural = pytest.importorskip('statsmodels.tsa.statespace.structural')
-    rng = np.random.default_rng(3)
-    y = np.cumsum(rng.normal(0.0, 0.7, 120)) + rng.normal(0.0, 1.3, 120)
-    other = structural.UnobservedComponents(y, 'llevel').fit(disp=False)
-    found = kr.tune(level, np.arange(120), y, initial=([0.0], [[1e6]]), fit={'q': 1.0, 'r': 1.0})
-    assert [found.values['r'], found.values['q']] == pytest.approx(other.params, rel=1e-3)
+    rng, problem = np.random.default_rng(seed), {'llevel': level, 'lltrend': trend}[kind]
+    names = ['r', 'q', 'p'][: 2 if kind == 'llevel' else 3]
+    true, start = (dict(zip(names, np.exp(rng.uniform(-2.0, 2.0, 3)))) for _ in range(2))
+    n = len(names) - 1
+    slope = np.cumsum(rng.normal(0.0, np.sqrt(true.get('p', 0.0)), 150))
+    y = np.cumsum(slope + rng.normal(0.0, np.sqrt(true['q']), 150))
+    y += rng.normal(0.0, np.sqrt(true['r']), 150)
+    other = structural.UnobservedComponents(y, kind)
+    other.loglikelihood_burn = 0
+    other.ssm.initialize_known(np.zeros(n), 100.0 * np.eye(n))
+    highest = other.fit(disp=False)
+    found = kr.tune(
+        problem, np.arange(150), y, initial=(np.zeros(n), 100.0 * np.eye(n)), fit=start
+    )
+    before, after = found.log_likelihood
+    assert before == pytest.approx(other.loglike([start[name] for name in names]), abs=1e-6)
+    assert after == pytest.approx(highest.llf, abs=1e-4)
+    for name, value in zip(names, highest.params):
+        assert name in found.undetermined or found.values[name] == pytest.approx(value, rel=2e-3)
 
 
 def level(q=1.0, r=1.0):
     return kr.discrete_model([[1.0]], Q=[[q]]), ([[1.0]], [[r]])
+
+
+def trend(q=1.0, p=1.0, r=1.0):
+    return kr.discrete_model([[1.0, 1.0], [0.0, 1.0]], Q=np.diag([q, p])), ([[1.0, 0.0]], [[r]])
 
 
 def spring(**changes):
