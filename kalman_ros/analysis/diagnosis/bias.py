@@ -20,8 +20,9 @@ from .responses import Fit, Responses
 _COST = 10.0
 #: The kinds of courses, the simplest first.
 _KINDS = ('constant', 'ramp', 'step', 'walk')
-#: A simpler course is preferred if it explains as much, except for chance and this part.
-_AS_MUCH = 0.005
+#: A simpler course is preferred if it explains as much, except for chance and this part; beside a
+#: walk one is looked at that promises no less than that, since promises are of a linearisation.
+_AS_MUCH, _NEARLY = 0.005, 0.1
 #: Intensities of random walks that are tried, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
 
@@ -42,20 +43,36 @@ class Course:
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the offset of each sensor: a bias, a drift or a random walk of some coordinates."""
+    """Return the offsets of each sensor: a bias, a drift or a random walk of some coordinates."""
     found = []
     limits = edges(case.passage)
     for name in case.evidence.sensors:
         size = case.evidence.scenario.sensors[name].sensor.output.size
         groups = {i: case.responses.columns('offset', name, str(i)) for i in range(size)}
         courses = courses_of(case.responses, groups)
-        if courses:
-            found.append(_finding(case, name, courses, limits))
+        if not courses:
+            continue
+        found.append(_finding(case, name, courses, limits))
+        simpler = courses_of(case.responses, groups, kinds=_KINDS[:-1])
+        nearly = _total(simpler) > (1.0 - _NEARLY) * _total(courses)
+        if nearly and _kind_of(courses) == 'walk':
+            found.append(_finding(case, name, simpler, limits))
     return found
 
 
+def _kind_of(courses: Mapping[int, Course]) -> str:
+    return next(iter(courses.values())).kind
+
+
+def _total(courses: Mapping[int, Course]) -> float:
+    return sum(course.gain for course in courses.values())
+
+
 def courses_of(
-    responses: Responses, groups: Mapping[int, Sequence[int]], cost: float = _COST
+    responses: Responses,
+    groups: Mapping[int, Sequence[int]],
+    cost: float = _COST,
+    kinds: Sequence[str] = _KINDS,
 ) -> dict[int, Course]:
     """Return the courses of several coordinates, by index, of those that explain anything.
 
@@ -65,14 +82,14 @@ def courses_of(
     38(4), 1982); the others are single numbers.
     """
     found = []
-    for kind in _KINDS:
+    for kind in kinds:
         courses = {
             index: _of_kind(responses, columns, kind, cost)
             for index, columns in groups.items()
             if columns
         }
         courses = {i: course for i, course in courses.items() if course.gain > CHANCE}
-        found.append((sum(course.gain for course in courses.values()), courses))
+        found.append((_total(courses), courses))
     most = max(total for total, _ in found)
     least = (1.0 - _AS_MUCH) * most - CHANCE
     return next(courses for total, courses in found if total >= least)
