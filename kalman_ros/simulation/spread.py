@@ -82,7 +82,7 @@ def _by_dask(task: Callable[[T], R], items: Sequence[T], address: str) -> Iterat
         import distributed
     except ModuleNotFoundError:
         raise ValueError('dask: it is not installed: pip install distributed') from None
-    # what it reports below is said in one line instead
+    # errors are raised, in one line; its log would add tracebacks
     logging.getLogger('distributed').setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(address, timeout=_PATIENCE)

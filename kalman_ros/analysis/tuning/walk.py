@@ -132,7 +132,7 @@ class Walk:
         moving = not policy.rest_until_input or not len(self._observations.input_stamp)
         longest = round(policy.max_gap * 1e9) or np.inf
         # a first belief that does not begin with a reading holds from the first stamp on, whatever
-        # the delays: if it moved with them, what it says of them would be lost
+        # the delays: if it moved with them, they would be as uncertain as it is
         now = self._observations.first if events else 0
         if events and policy.from_reading:
             now = events[0].time
