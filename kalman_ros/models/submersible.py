@@ -16,6 +16,7 @@ from kalman_ros.core import (
     coordinates,
     from_coordinates,
 )
+from kalman_ros.linear.views import entries_last
 
 
 class Submersible(Model):
@@ -92,6 +93,25 @@ class Submersible(Model):
         force = u @ self._thrusters.T + from_coordinates(*lift) - from_coordinates(*coriolis)
         force = force - (self._linear + self._quadratic * np.abs(nu)) * nu
         return np.concatenate((from_coordinates(*velocity), force / self._inertia), axis=-1)
+
+    def state_jacobian(self, x: Array, u: Array) -> Array:
+        """Return the derivatives of `derivative`; drag l v + d |v| v has l + 2 d |v|."""
+        sine, cosine = np.sin(x[..., 2]), np.cos(x[..., 2])
+        surge, heave, q = coordinates(x[..., 3:])
+        m_x, m_z, _ = self._inertia
+        A = np.zeros((6, 6, *q.shape))
+        A[0, 2:5] = heave * cosine - surge * sine, cosine, sine
+        A[1, 2:5] = -heave * sine - surge * cosine, -sine, cosine
+        A[2, 5] = 1.0
+        A[3, 2], A[3, 4:] = -self._buoyancy * cosine, (-m_z * q, -m_z * heave)
+        A[4, 2], A[4, 3], A[4, 5] = -self._buoyancy * sine, m_x * q, m_x * surge
+        A[5, 2] = -self._righting * cosine
+        A[5, 3:5] = (m_z - m_x) * heave, (m_z - m_x) * surge
+        drag = self._linear + 2.0 * self._quadratic * np.abs(x[..., 3:])
+        A = entries_last(A)
+        A[..., [3, 4, 5], [3, 4, 5]] -= drag
+        A[..., 3:, :] /= self._inertia[:, np.newaxis]
+        return A
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return the velocity changes by the thrusters."""

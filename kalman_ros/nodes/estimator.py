@@ -87,7 +87,8 @@ class EstimatorNode(runtime.ScenarioNode):
 
     def publish(self, time: int, belief: Gaussian) -> None:
         """Publish the belief at ``time``, in nanoseconds."""
-        belief = self.scenario.believed.own(belief)
+        if self.scenario.believed.places:
+            belief = self.scenario.believed.own(belief)
         self._publish(time, belief)
         if self._transforms is not None:
             self._transforms(time, belief, self._fuser.fused_at)
