@@ -9,7 +9,8 @@ python-control's ``ss``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 from kalman_ros.control import lqr as regulation
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.state_space import state_space
-from kalman_ros.core import ArrayLike, DiscreteModel, Discretization, Model, linearize
+from kalman_ros.core import ArrayLike, DesignError, DiscreteModel, Discretization, Model, linearize
 from kalman_ros.linear import placement
 
 from .accept import Plant, columns, duration, is_system, plant, rows, shifted, square, weight
@@ -50,21 +51,23 @@ def lqr(
     Raises
     ------
     ValueError
-        If a matrix has the wrong size or is not positive (semi-)definite.
+        If a matrix has the wrong size.
     DesignError
-        If no gain stabilises the system with these weights.
+        If no gain stabilises the system with these weights, or one is not positive
+        (semi-)definite, or of an absurd size.
     """
     B, Q, R, N = shifted(A, (B, Q, R, N))
     found = plant(A, B)
     weights = _cost(found, Q, R, N)
-    if found.dt is not None:
-        return _optimal(found, regulation.dlqr(found.A, found.B, weights))
-    if dt is None:
-        return _optimal(found, regulation.lqr(found.A, found.B, weights))
-    dt = duration('dt', dt)
-    step = found.system.sampled(dt)
-    design = regulation.sampled_lqr(found.system, weights, dt)
-    return _optimal(replace(found, A=step.F, B=step.G, dt=dt), design)
+    with _named():
+        if found.dt is not None:
+            return _optimal(found, regulation.dlqr(found.A, found.B, weights))
+        if dt is None:
+            return _optimal(found, regulation.lqr(found.A, found.B, weights))
+        dt = duration('dt', dt)
+        step = found.system.sampled(dt)
+        design = regulation.sampled_lqr(found.system, weights, dt)
+        return _optimal(replace(found, A=step.F, B=step.G, dt=dt), design)
 
 
 def dlqr(
@@ -84,7 +87,18 @@ def dlqr(
     G, Q, R, N = shifted(F, (G, Q, R, N))
     found = plant(F, G)
     found = replace(found, dt=found.dt or duration('dt', dt))
-    return _optimal(found, regulation.dlqr(found.A, found.B, _cost(found, Q, R, N)))
+    with _named():
+        return _optimal(found, regulation.dlqr(found.A, found.B, _cost(found, Q, R, N)))
+
+
+@contextmanager
+def _named() -> Iterator[None]:
+    """Have errors name the weights as these functions do."""
+    try:
+        yield
+    except DesignError as error:
+        text = str(error).replace('input_cost', 'R').replace('state_cost', 'Q')
+        raise DesignError(text) from None
 
 
 def _cost(plant: Plant, Q: Any, R: Any, N: Any) -> regulation.Cost:

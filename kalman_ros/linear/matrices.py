@@ -14,6 +14,8 @@ from typing import Union
 import numpy as np
 import numpy.typing as npt
 
+from .errors import DesignError
+
 Array = npt.NDArray[np.float64]
 ArrayLike = Union[npt.ArrayLike, Sequence[float], Sequence[Sequence[float]]]
 
@@ -120,7 +122,7 @@ def semidefinite(name: str, value: ArrayLike, size: int, *, definite: bool = Fal
     smallest = min(np.linalg.eigvalsh(array).tolist(), default=inf)
     if smallest < -_ROUNDING * largest or (definite and smallest <= 0.0):
         kind = 'definite' if definite else 'semi-definite'
-        raise ValueError(
+        raise DesignError(
             f'{name}: expected a positive {kind} matrix, its smallest eigenvalue is {smallest:.3g}'
         )
     return array

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from kalman_ros.scenario.parameter_files import unambiguous
+from kalman_ros.scenario.parameter_files import bounded_text, unambiguous
 
 from .private_folder import PrivateFolder
 
@@ -25,6 +25,11 @@ def readable(arguments: Sequence[str]) -> Iterator[list[str]]:
     ``ros2 param dump`` writes the string y without quotes, and ROS reads it back as true; an empty
     list has no type, and ROS refuses to declare it. Files are not changed: a corrected copy
     replaces them.
+
+    Raises
+    ------
+    ValueError
+        If a file is larger than any parameter file: parsing it would take minutes.
     """
     found = [_EMPTY.sub(":=['']", argument) for argument in arguments]
     with PrivateFolder() as folder:
@@ -42,9 +47,11 @@ def hint(reason: str) -> str:
 def _copied(path: Path, copy: Path) -> str:
     """Return the path of a file that ROS reads correctly: ``path`` itself, or a copy."""
     try:
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError):
+        text = bounded_text(path)
+    except OSError:
         return str(path)  # ROS reports the error
+    except ValueError as error:
+        raise ValueError(f"params-file '{path.name}': {error}") from None
     put_right = unambiguous(text)
     if put_right == text:
         return str(path)

@@ -30,6 +30,10 @@ class _Bare(str):
 _MOST_BYTES, _MOST_VALUES, _DEEPEST = 1_000_000, 10_000, 20
 
 
+class _ExpensiveError(yaml.composer.ComposerError):  # type: ignore[misc]
+    """The text is larger than any parameter file."""
+
+
 class _Loader(Composer, CParser, SafeConstructor, Resolver):  # type: ignore[misc]
     """PyYAML's safe loader, which marks ambiguous words and refuses expensive files.
 
@@ -46,20 +50,17 @@ class _Loader(Composer, CParser, SafeConstructor, Resolver):  # type: ignore[mis
     def compose_node(self, parent: Any, index: Any) -> Any:
         mark = self.peek_event().start_mark
         if self.check_event(yaml.AliasEvent):
-            raise _refused(f"ROS reads no aliases, '*{self.peek_event().anchor}'", mark)
+            why = f"ROS reads no aliases, '*{self.peek_event().anchor}'"
+            raise yaml.composer.ComposerError(None, None, why, mark)
         self._values += 1
         if self._values > _MOST_VALUES:
-            raise _refused(f'expected at most {_MOST_VALUES} values', mark)
+            raise _ExpensiveError(None, None, f'expected at most {_MOST_VALUES} values', mark)
         self._depth += 1
         if self._depth > _DEEPEST:
-            raise _refused(f'expected at most {_DEEPEST} levels', mark)
+            raise _ExpensiveError(None, None, f'expected at most {_DEEPEST} levels', mark)
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
-
-
-def _refused(why: str, mark: Any) -> yaml.YAMLError:
-    return yaml.composer.ComposerError(None, None, why, mark)
 
 
 def _load(text: str) -> Any:
@@ -95,6 +96,26 @@ def _read(path: Path) -> str:
         return data.decode()
     except UnicodeDecodeError as error:
         raise ValueError(f'not YAML: {error}') from None
+
+
+def bounded_text(path: Path) -> str:
+    """Return the text of a file that others will parse, YAML or not.
+
+    Raises
+    ------
+    ValueError
+        If it is larger than any parameter file, or not text.
+    OSError
+        If it cannot be read.
+    """
+    text = _read(path)
+    try:
+        yaml.load(text, _Loader)
+    except _ExpensiveError as error:
+        raise ValueError(_reason(error)) from None
+    except yaml.YAMLError:
+        pass
+    return text
 
 
 # the YAML of ROS takes 1e3 for a number, that of PyYAML only 1.0e+3

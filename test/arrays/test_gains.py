@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import kalman_ros as kr
+from kalman_ros.core import DesignError
 
 A, B = [[0, 1], [0, 0]], [[0], [1]]
 CHAIN = kr.continuous_model(A, [0, 1], B=B, states=['x [m]', 'v [m/s]'])
@@ -192,3 +193,10 @@ def test_margins_of_several_inputs_say_what_all_tolerate_at_once():
 def test_a_gain_of_several_inputs_prints_what_all_tolerate_at_once():
     gain = kr.lqr([[0, 10], [-10, 0]], np.eye(2), 1, 1)
     assert 'margins at all inputs at once: gain 0 to inf, phase +-90 deg, disk 2' in str(gain)
+
+
+@pytest.mark.parametrize('R', [0.0, -1.0, 1e-300, 1e300])
+@pytest.mark.parametrize('design', [kr.lqr, kr.dlqr])
+def test_a_weight_that_no_design_has_is_named_as_it_was_given(design, R):
+    with pytest.raises(DesignError, match=r'^R: expected a positive definite matrix'):
+        design([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), R)

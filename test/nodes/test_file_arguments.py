@@ -106,3 +106,19 @@ def test_a_word_that_ros_reads_as_true_gets_a_hint(start):
     with pytest.raises(Exception, match="Value type 'bool'") as refused:
         start('plant', '-p', 'position.measures:=[x, y]')
     assert 'write such words in quotes' in hint(str(refused.value))
+
+
+@pytest.mark.parametrize(
+    ('text', 'says'),
+    [
+        ('a: [' + '0, ' * 250_000 + '0]', 'at most 10000 values'),
+        ('a: ' + '[' * 50 + ']' * 50, 'at most 20 levels'),
+        ('#' * 2_000_000, 'at most 1000000 bytes'),
+    ],
+)
+def test_a_file_that_would_take_minutes_is_refused(text, says, tmp_path):
+    file = tmp_path / 'large.yaml'
+    file.write_text(text)
+    arguments = ['node', '--ros-args', '--params-file', str(file)]
+    with pytest.raises(ValueError, match=f"'large.yaml': .*{says}"), readable(arguments):
+        pass
