@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from seeds import first_fast
 
 from kalman_ros.acoustics.array import MicrophoneArray
 from kalman_ros.acoustics.arrival import DirectionFinder
@@ -66,7 +67,7 @@ def least_variance(decibel):
     return 1.0 / np.sum(2.0 * k**2 * 0.5 * RADIUS**2 * s**2 / (1.0 + s))
 
 
-@pytest.mark.parametrize('decibel', [20.0, 10.0, 0.0, -6.0, -9.0])
+@pytest.mark.parametrize('decibel', first_fast([0.0, -9.0, 20.0, 10.0, -6.0], 2))
 def test_bearings_are_as_good_as_they_say(decibel):
     errors, variances, evidence = found(decibel)
     heard = evidence > LEAST_EVIDENCE
@@ -76,7 +77,7 @@ def test_bearings_are_as_good_as_they_say(decibel):
     assert low < nis.mean() < high
 
 
-@pytest.mark.parametrize('decibel', [20.0, 0.0, -6.0])
+@pytest.mark.parametrize('decibel', first_fast([0.0, 20.0, -6.0], 1))
 def test_no_unbiased_bearing_is_much_better(decibel):
     errors, _, _ = found(decibel)
     # a tapered frame has 5 % less to say, and 200 errors know their mean square to 10 %

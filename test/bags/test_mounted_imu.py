@@ -6,6 +6,7 @@ count.
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from seeds import first_fast
 from static_frames import message as transforms
 
 pytest.importorskip('rclpy')
@@ -64,7 +65,9 @@ def straight(tmp_path_factory):
     return replay(recorded(tmp_path_factory.mktemp('bag') / 'straight'), DRIVE)
 
 
-@pytest.mark.parametrize('mount', [(QUARTER, 0.0, 0.0), (0.0, QUARTER, 0.0), (0.4, -1.2, 3.0)])
+@pytest.mark.parametrize(
+    'mount', first_fast([((0.0, QUARTER, 0.0),), ((QUARTER, 0.0, 0.0),), ((0.4, -1.2, 3.0),)], 1)
+)
 def test_an_imu_mounted_at_90_degrees_ends_at_the_same_place(tmp_path, straight, mount):
     found = replay(recorded(tmp_path / 'a', mount), DRIVE, {'imu.mount.rotation': [*mount]})
     assert found.sensors['imu'].fused == straight.sensors['imu'].fused == COUNT
@@ -97,6 +100,7 @@ def test_a_recording_without_static_transforms_is_refused(tmp_path):
         replay(recorded(tmp_path / 'a'), DRIVE, {'imu.mount.tf': True})
 
 
+@pytest.mark.slow
 def test_an_imu_of_another_frame_than_declared_is_counted_and_not_fused(tmp_path, straight):
     bag = recorded(tmp_path / 'a', (0.0, QUARTER, 0.0), frame='camera_imu')
     found = replay(bag, DRIVE, {'imu.frame': 'imu_link'})

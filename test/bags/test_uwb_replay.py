@@ -73,6 +73,7 @@ def test_ranges_halve_the_error_of_the_wheels(found):
     assert together < 0.5 * alone
 
 
+@pytest.mark.slow
 def test_the_covariance_covers_the_error(found):
     _, (error, P, _) = found
     nees = np.einsum('ni,nij,nj->n', error, np.linalg.inv(P), error) / 2.0

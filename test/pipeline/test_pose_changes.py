@@ -97,6 +97,7 @@ def test_after_a_gap_a_velocity_starts_again():
     np.testing.assert_allclose(found(sample(5.3, [10.6, 0.0, 0.0], straight)).values[0], 2.0)
 
 
+@pytest.mark.slow
 def test_an_odometry_that_integrates_has_the_covariance_of_what_it_added():
     """The velocities of 2000 odometries scatter as their covariance says, although poses drift."""
     rng, steps, dt = np.random.default_rng(6), 20, 0.1

@@ -38,6 +38,7 @@ def no_film(monkeypatch):
     monkeypatch.setattr(animation.shutil, 'which', lambda name: None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', NAMES)
 def test_every_scenario_moves(name, tmp_path):
     kind, show = moments(name)

@@ -113,6 +113,7 @@ def test_there_is_no_map_of_a_level(tmp_path):
         route(built, run, tmp_path / 'map.png')
 
 
+@pytest.mark.slow
 def test_a_caption_is_on_every_picture_drawn_meanwhile(tracked, tmp_path):
     built, run = tracked
     with caption('bearing_tracker, seed 0'):

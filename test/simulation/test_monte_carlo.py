@@ -83,6 +83,7 @@ def test_a_plant_other_than_believed():
         assert difference <= 1e-10, field
 
 
+@pytest.mark.slow
 def test_runs_that_diverge_end_like_single_ones():
     _, _, law = loop_of('mass_spring_damper_2d', None, Given(gain=-1e4 * np.ones((2, 4))))
     loop = experiment_of('mass_spring_damper_2d', steps=400).loop
