@@ -59,7 +59,7 @@ class EstimatorOptions:
     publish_rate: Annotated[
         float,
         About(
-            'estimates a second, predicted to the current time; 0 for one per reading',
+            'predicted estimates a second; 0: one per reading',
             'Hz',
             minimum=0.0,
             maximum=1e4,

@@ -44,8 +44,8 @@ def _shared(
 _FARTHEST = 1e4
 #: The feature of turned and displaced sensors, and of the frames of messages.
 _FRAMES = 'frames'
-#: That of sensors that read too much or too little, by an amount that is not known.
-_BIASES = 'biases'
+#: That of sensors that are late, or read too much or too little.
+_CORRECTED = 'corrections'
 #: That of readings of zero, and of those at rest.
 _STILL = 'stand-still'
 
@@ -113,14 +113,20 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         ),
         'stamp_offset': (
             0.0,
-            About('added to the stamps: below 0 for stamps that are late', 's', -10.0, 10.0),
+            About(
+                'added to the stamps: below 0 for stamps that are late',
+                's',
+                -10.0,
+                10.0,
+                feature=_CORRECTED,
+            ),
         ),
         'bias_std': (
             [0.0],
             About(
                 'standard deviations of an unknown bias, estimated as a state; one for all',
                 minimum=0.0,
-                feature=_BIASES,
+                feature=_CORRECTED,
             ),
         ),
         'bias_noise': (
@@ -128,7 +134,7 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
             About(
                 'spectral densities, in squared units by s, of its change; one for all',
                 minimum=0.0,
-                feature=_BIASES,
+                feature=_CORRECTED,
             ),
         ),
         'zero': (
