@@ -127,12 +127,7 @@ class GraphParameters:
 
     def _values(self, names: Mapping[str, list[str]]) -> dict[str, dict[str, Any]]:
         """Return the values of parameters, as messages, by node and name."""
-        known = {*self._nodes()}
-        requests = {
-            node: GetParameters.Request(names=each) for node, each in names.items()
-            if node in known
-        }  # fmt: skip
-        answers = self._ask(GetParameters, '/get_parameters', requests)
+        answers = self._ask_known(GetParameters, '/get_parameters', names)
         return {
             node: dict(zip(names[node], answer.values))
             for node, answer in answers.items()
@@ -143,13 +138,16 @@ class GraphParameters:
         self, names: Mapping[str, list[str]]
     ) -> dict[str, dict[str, ParameterDescriptor]]:
         """Return the descriptions of parameters by node and name, of nodes that answer."""
-        known = {*self._nodes()}
-        requests = {
-            node: DescribeParameters.Request(names=each) for node, each in names.items()
-            if node in known
-        }  # fmt: skip
-        answers = self._ask(DescribeParameters, '/describe_parameters', requests)
+        answers = self._ask_known(DescribeParameters, '/describe_parameters', names)
         return {node: {d.name: d for d in answer.descriptors} for node, answer in answers.items()}
+
+    def _ask_known(
+        self, kind: Any, service: str, names: Mapping[str, list[str]]
+    ) -> dict[str, Any]:
+        """Ask the nodes that exist for parameters by name; return the answers."""
+        known = {*self._nodes()}
+        requests = {n: kind.Request(names=each) for n, each in names.items() if n in known}
+        return self._ask(kind, service, requests)
 
     def _ask(self, kind: Any, service: str, requests: Mapping[str, Any]) -> dict[str, Any]:
         """Call a service of several nodes at once; return the answers received in time."""

@@ -67,11 +67,11 @@ def test_links_and_folders_of_others_stay(temporary):
 @pytest.mark.slow
 def test_the_folder_of_a_killed_process_is_a_leftover(temporary):
     script = (
-        'import sys, time; from kalman_ros.nodes.private_folder import PrivateFolder\n'
-        'print(PrivateFolder().path, flush=True); time.sleep(60)'
+        'import sys; from kalman_ros.nodes.private_folder import PrivateFolder\n'
+        'print(PrivateFolder().path, flush=True); sys.stdin.read()'
     )
     process = subprocess.Popen(
-        [sys.executable, '-c', script], stdout=subprocess.PIPE, text=True,
+        [sys.executable, '-c', script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         env={**os.environ, 'TMPDIR': str(temporary)},
     )  # fmt: skip
     folder = Path(process.stdout.readline().strip())

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -48,34 +48,27 @@ def _gains(case: Examination) -> list[Finding]:
             fit = case.responses.alone(column)
             if fit.gain >= CHANCE and abs(fit.size[0]) >= _RELEVANT:
                 fits['input sign' if fit.size[0] < _REVERSED else 'input gain'][index] = fit
-    found = []
-    for kind, those in fits.items():
-        if not those:
-            continue
-        value, words = evidence.inputs.value.copy(), []
-        for index, fit in those.items():
-            gain = 1.0 + float(fit.size[0])
-            value[:, index] *= gain
-            size = f'at {gain:.3g} +- {fit.std[0]:.1g} of its command'
-            sign = 'with the wrong sign'
-            words.append(f'{names[index]} acts {sign if kind == "input sign" else size}')
-        gain = sum(fit.gain for fit in those.values())
-        mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
-        found.append(
-            Finding(
-                kind,
-                names[min(those)],
-                f'the input {", ".join(words)}.',
-                gain**0.5,
-                gain=gain,
-                mended=partial(_itself, mended),
-            )
-        )
-    return found
+    return [_gain(evidence, kind, those) for kind, those in fits.items() if those]
 
 
-def _itself(evidence: Evidence) -> Evidence:
-    return evidence
+def _gain(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Finding:
+    """Return the finding of the inputs with these fits, by index."""
+    names = evidence.scenario.model.input.names
+    value, words, total = evidence.inputs.value.copy(), [], 0.0
+    for index, fit in fits.items():
+        gain, total = 1.0 + float(fit.size[0]), total + fit.gain
+        value[:, index] *= gain
+        how = f'at {gain:.3g} +- {fit.std[0]:.1g} of its command'
+        words.append(f'{names[index]} {"with the wrong sign" if kind == "input sign" else how}')
+    mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
+    return Finding(
+        kind,
+        names[min(fits)],
+        f'the input acts otherwise than commanded: {", ".join(words)}.',
+        total**0.5,
+        gain=total,
+        mended=lambda: mended,
+    )
 
 
 def _late(case: Examination, name: str, index: int) -> list[Finding]:

@@ -1,16 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bare rclpy node with the topics of the estimator, which answers each velocity with nothing.
+"""A bare rclpy node that answers every message of some topics with an empty estimate.
 
-A separate program, which imports only what such a node needs: the reference of the estimator.
+Its arguments are the type of the estimate, and TOPIC=TYPE of each topic; those after a dash are
+taken in and not answered. A separate program, which imports only what such a node needs.
 """
 
+from __future__ import annotations
+
 import signal
+import sys
+from importlib import import_module
+from typing import Any
 
 import rclpy
-from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped, WrenchStamped
-from nav_msgs.msg import Odometry
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.task import Future
+
+
+def message_type(name: str) -> Any:
+    """Return the class of ``package/Name``."""
+    package, _, kind = name.partition('/')
+    return getattr(import_module(f'{package}.msg'), kind)
 
 
 def main() -> None:
@@ -18,19 +28,25 @@ def main() -> None:
     stop = Future()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set_result(None))
-    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     node = rclpy.create_node('bare')
-    estimate = Odometry()
-    publisher = node.create_publisher(Odometry, 'estimate', 50)
+    answer_type, *topics = sys.argv[1:]
+    estimate = message_type(answer_type)()
+    publisher = node.create_publisher(type(estimate), 'estimate', 50)
 
-    def answer(velocity: TwistWithCovarianceStamped) -> None:
-        estimate.header.stamp = velocity.header.stamp
+    def answer(message: Any) -> None:
+        estimate.header.stamp = message.header.stamp
         publisher.publish(estimate)
 
-    node.create_subscription(TwistWithCovarianceStamped, 'velocity', answer, 50)
-    node.create_subscription(PoseWithCovarianceStamped, 'position', lambda _: None, 50)
-    node.create_subscription(PoseWithCovarianceStamped, 'initialpose', lambda _: None, 50)
-    node.create_subscription(WrenchStamped, 'force', lambda _: None, 50)
+    def take(message: Any) -> None:
+        pass
+
+    answered = topics.index('-') if '-' in topics else len(topics)
+    for place, topic in enumerate(topics):
+        name, _, kind = topic.partition('=')
+        if kind:
+            callback = answer if place < answered else take
+            node.create_subscription(message_type(kind), name, callback, 50)
     executor = EventsExecutor()
     executor.add_node(node)
     while not stop.done():

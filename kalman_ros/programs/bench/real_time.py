@@ -24,11 +24,13 @@ from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.harness.process import NodeProcess
 from kalman_ros.nodes.topics import QUEUE
 
-from . import bare_streams
+from . import bare as bare_node
 from .benchmark import Benchmark
 
 #: Seconds of messages per measurement.
 _SECONDS = 5.0
+#: A process that keeps a core busy, and ends on its own if the bench is killed.
+_BUSY = f'from time import monotonic as t; end = t() + {6.0 * _SECONDS}\nwhile t() < end: pass'
 #: What is asked of ``robot_3d``: the share of a core, and the 99th percentile in seconds.
 _SHARE, _LATE = 0.25, 0.003
 
@@ -132,7 +134,7 @@ class Node:
             topics = [f'{signal.topic}={signal.type}' for signal in signals]
             if '' in load.rates:
                 topics += ['-', f'{built.input.topic}={built.input.type}']
-            return [sys.executable, bare_streams.__file__, built.state.type, *topics]
+            return [sys.executable, bare_node.__file__, built.state.type, *topics]
         given = {'model': load.scenario, **load.parameters}
         pairs = (f'{name}:={_text(value)}' for name, value in given.items())
         arguments = [argument for pair in pairs for argument in ('-p', pair)]
@@ -151,7 +153,7 @@ class Node:
     def late(self) -> float:
         """Return the 99th percentile from a reading to its estimate, in s, on a busy machine."""
         count = max(1, (os.cpu_count() or 2) // 2)
-        busy = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(count)]
+        busy = [subprocess.Popen([sys.executable, '-c', _BUSY]) for _ in range(count)]
         try:
             self._pass(_SECONDS)
         finally:

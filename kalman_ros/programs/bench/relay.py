@@ -29,6 +29,12 @@ from .benchmark import Benchmark
 #: Readings per measurement; and a break between readings as on a robot, in seconds.
 _READINGS, _SPACED = 1000, 300
 _BREAK = 0.002
+#: What a bare node answers with, which topics it answers, and those that it only takes in.
+_TOPICS = (
+    'nav_msgs/Odometry', 'velocity=geometry_msgs/TwistWithCovarianceStamped', '-',
+    'position=geometry_msgs/PoseWithCovarianceStamped',
+    'initialpose=geometry_msgs/PoseWithCovarianceStamped', 'force=geometry_msgs/WrenchStamped',
+)  # fmt: skip
 #: How much later than a bare node the estimator may be ready, in seconds.
 _HEAD_START = 0.4
 
@@ -37,7 +43,7 @@ _HEAD_START = 0.4
 def benchmarks() -> Iterator[list[Benchmark]]:
     """Yield the benchmarks; their processes end afterwards."""
     estimator = [str(executable('estimator'))]
-    relay = [sys.executable, bare.__file__]
+    relay = [sys.executable, bare.__file__, *_TOPICS]
     with Respondent(estimator) as ours, Respondent(relay) as peer:
         yield [
             Benchmark('reading to estimate / bare relay', 1.25, ours.answer, peer.answer),
@@ -66,7 +72,7 @@ class Respondent:
 
     def __enter__(self) -> Respondent:
         self._context = IsolatedContext(f'bench_{id(self)}')
-        self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_contest_')
+        self._folder = tempfile.TemporaryDirectory(prefix='kalman_ros_bench_')
         self._message = TwistWithCovarianceStamped()
         self._message.twist.covariance[:] = np.eye(6).ravel()
         self._publisher = self._context.node.create_publisher(

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The runs of a demo: the nodes are started, advanced, recorded and judged."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, inf
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from kalman_ros.analysis.verdict import Judgement, judge, least_duration
+from kalman_ros.harness import Run
+from kalman_ros.simulation.trajectory import Trajectory
+
+from .results import ready
+from .tunings import Tuning, tunings
+
+#: The default duration in seconds.
+DURATION = 60.0
+
+
+@dataclass(frozen=True)
+class Performed:
+    """A run, its record and its judgement."""
+
+    tuning: Tuning
+    run: Run
+    trajectory: Trajectory
+    wall: float
+    missed: int
+    judgement: Judgement
+
+    @property
+    def failed(self) -> list[str]:
+        """The names of the failed checks."""
+        return [c.name for c in self.judgement.checks if c.counts and not c.passed]
+
+
+def perform(options: argparse.Namespace, console: Console) -> list[Performed]:
+    """Run the nodes, once or for two tunings, and judge the runs."""
+    name = Path(options.scenario).stem
+    asked = tunings(options, options.out or Path('out') / name)
+    runs = [
+        Run(
+            tuning.scenario,
+            tuning.parameters,
+            seed=options.seed,
+            lockstep=not options.realtime,
+            recording=_recording(options, tuning),
+        )
+        for tuning in asked
+    ]
+    _comparable(runs)
+    least = max(least_duration(run.scenario) for run in runs)
+    if options.duration is None:
+        options.duration = max(asked[0].own.duration or DURATION, float(ceil(least)))
+    if not least <= options.duration < inf:
+        unit, given = asked[0].own.time_unit, f'got {options.duration:g}'
+        raise ValueError(f'duration: expected {least:.4g} {unit} or more for a verdict, {given}')
+    for tuning in asked:
+        ready(tuning.folder)
+    return [_performed(tuning, run, options, console) for tuning, run in zip(asked, runs)]
+
+
+def _recording(options: argparse.Namespace, tuning: Tuning) -> Path | str | None:
+    """Return the folder of the recording; of two runs each has its own."""
+    if not options.record:
+        return None if options.record is None else tuning.folder / 'recording'
+    return Path(options.record, 'against') if tuning.folder.name == 'against' else options.record
+
+
+def _comparable(runs: Sequence[Run]) -> None:
+    """Raise ValueError if the states or the inputs of two runs differ."""
+    first, *others = (run.scenario.model for run in runs)
+    for other in others:
+        for what in ('state', 'input'):
+            one, two = getattr(first, what), getattr(other, what)
+            if one.names != two.names:
+                raise ValueError(f'--against: expected the same {what}, ({one}), got ({two})')
+
+
+def _performed(
+    tuning: Tuning, run: Run, options: argparse.Namespace, console: Console
+) -> Performed:
+    bar = Progress(
+        TextColumn('{task.description}'),
+        BarColumn(),
+        TextColumn(f'{{task.completed:.0f}} of {{task.total:.0f}} {unit_of(tuning)}'),
+        TimeRemainingColumn(),
+        console=console,
+    )
+    with bar:
+        task = bar.add_task(f'starting {len(run.names)} nodes', total=options.duration)
+        with run:
+            bar.update(task, description=f'ROS_DOMAIN_ID={run.domain}')
+            start = time.monotonic()
+            run.advance(options.duration, lambda done: bar.update(task, completed=done))
+            wall = time.monotonic() - start
+            run.complete()
+            bar.update(task, completed=options.duration, description='recorded')
+            trajectory = run.trajectory()
+            missed = int(run.reported('plant', 'missed steps'))
+    return Performed(tuning, run, trajectory, wall, missed, judge(run.scenario, trajectory))
+
+
+def unit_of(tuning: Tuning) -> str:
+    """Return the unit of time of a scenario in words."""
+    unit = tuning.own.time_unit
+    return 'simulated seconds' if unit == 's' else unit
