@@ -15,8 +15,7 @@ from rclpy.serialization import serialize_message
 
 from kalman_ros.core import Array
 
-from .covariances import refuse_absent
-from .messages import STAMP, STAMP_START, leading_stamp, split
+from .messages import STAMP, STAMP_START
 from .padding import without_padding
 from .paths import Way
 from .signal_codec import SignalCodec
@@ -24,10 +23,10 @@ from .signal_codec import SignalCodec
 #: Marks are unlikely numbers: these bits, and a counter.
 _FIRST_MARK = 0x7E57C0DE00000000
 #: Plain CDR aligns a float64 to 8 bytes, counted from after the four leading bytes.
-_BASE, _SIZE = 4, 8
+BASE, SIZE = 4, 8
 
-#: Positions of numbers, in steps of 8 bytes from `_BASE`.
-_Places = npt.NDArray[np.intp]
+#: Positions of numbers, in steps of 8 bytes from `BASE`.
+Places = npt.NDArray[np.intp]
 
 
 class Sample(NamedTuple):
@@ -38,8 +37,8 @@ class Sample(NamedTuple):
     covariance: Optional[Array]
 
 
-class Layout:
-    """The positions of a message's numbers, in steps of 8 bytes from the start of its fields.
+class Layout(NamedTuple):
+    """Where a message has its numbers, in steps of 8 bytes from the start of its fields.
 
     Parameters
     ----------
@@ -58,65 +57,13 @@ class Layout:
         element.
     """
 
-    def __init__(
-        self,
-        data: bytes,
-        fixed: list[slice],
-        values: _Places,
-        covariance: tuple[Any, _Places] | None,
-        stamped: bool,
-        declaring: list[Way],
-        declared: _Places,
-    ) -> None:
-        self._stamped = stamped
-        self._length = len(data)
-        self._count = (len(data) - _BASE) // _SIZE
-        self._values, self._covariance = values, covariance
-        self._declaring, self._declared = declaring, declared
-        self._fixed = [(run, data[run]) for run in fixed]
-        self._buffer = bytearray(data)
-        self._numbers = self._numbers_of(self._buffer)
-
-    def _numbers_of(self, data: bytes | bytearray) -> Array:
-        return np.frombuffer(data, '<f8', self._count, _BASE)
-
-    def read(self, data: bytes) -> Sample:
-        """Return the contents of a message that `fits`; AbsentError if it says there are none."""
-        numbers = self._numbers_of(data)
-        if self._declaring:
-            refuse_absent(self._declaring, numbers[self._declared].tolist())
-        time = leading_stamp(data) if self._stamped else None
-        if self._covariance is None:
-            return Sample(time, numbers[self._values], None)
-        own, places = self._covariance
-        n = len(self._values)
-        covariance = np.zeros((n, n))
-        covariance[own] = numbers[places]
-        return Sample(time, numbers[self._values], covariance)
-
-    def write(self, sample: Sample) -> bytes:
-        """Return the learnt message with another stamp and other numbers.
-
-        Without a covariance, that of the last message is kept.
-        """
-        time, values, covariance = sample
-        numbers = self._numbers
-        numbers[self._values] = values
-        if covariance is not None and self._covariance is not None:
-            own, places = self._covariance
-            numbers[places] = covariance[own]
-        if self._stamped and time is not None:
-            STAMP.pack_into(self._buffer, STAMP_START, *split(time))
-        return bytes(self._buffer)
-
-    def fits(self, data: bytes) -> bool:
-        """Return whether another message has its numbers at the same positions."""
-        if len(data) != self._length:
-            return False
-        for run, same in self._fixed:  # noqa: SIM110  a generator takes twice as long
-            if data[run] != same:
-                return False
-        return True
+    data: bytes
+    fixed: list[slice]
+    values: Places
+    covariance: Optional[tuple[Any, Places]]
+    stamped: bool
+    declaring: list[Way]
+    declared: Places
 
 
 def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
@@ -132,7 +79,7 @@ def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
     count = _mark(message, 0)
     # a serialised message may be longer than its wire form, by zeros
     marked = bytes(serialize_message(message))[: len(data)]
-    if len(marked) < len(data) or marked[:_BASE] != data[:_BASE]:  # e.g. another byte order
+    if len(marked) < len(data) or marked[:BASE] != data[:BASE]:  # e.g. another byte order
         return None
     there = _marks_in(marked, count)
     if there is None:
@@ -164,9 +111,9 @@ def _numbers_of(marks: Array) -> npt.NDArray[np.uint64]:
     return np.asarray(bits - np.uint64(_FIRST_MARK))
 
 
-def _marks_in(marked: bytes, count: int) -> _Places | None:
+def _marks_in(marked: bytes, count: int) -> Places | None:
     """Return the position of each of ``count`` marks; None unless each occurs exactly once."""
-    cells = np.frombuffer(marked, '<u8', max(len(marked) - _BASE, 0) // _SIZE, _BASE)
+    cells = np.frombuffer(marked, '<u8', max(len(marked) - BASE, 0) // SIZE, BASE)
     numbers = cells - np.uint64(_FIRST_MARK)
     places = np.flatnonzero(numbers < count)
     there = np.full(count, -1, np.intp)
@@ -175,7 +122,7 @@ def _marks_in(marked: bytes, count: int) -> _Places | None:
 
 
 def _fixed_runs(
-    data: bytes, marked: bytes, used: bytes, there: _Places, stamped: bool
+    data: bytes, marked: bytes, used: bytes, there: Places, stamped: bool
 ) -> list[slice]:
     """Return the positions where bytes must be equal: all but numbers, stamp and padding.
 
@@ -184,8 +131,8 @@ def _fixed_runs(
     """
     fixed = np.frombuffer(data, np.uint8) == np.frombuffer(marked, np.uint8)
     fixed &= np.frombuffer(used, np.uint8) != 0
-    for byte in range(_SIZE):
-        fixed[_BASE + _SIZE * there + byte] = False
+    for byte in range(SIZE):
+        fixed[BASE + SIZE * there + byte] = False
     if stamped:
         fixed[STAMP_START : STAMP_START + STAMP.size] = False
     edges = np.flatnonzero(np.diff(np.concatenate(([False], fixed, [False]))))

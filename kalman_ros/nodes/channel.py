@@ -12,7 +12,7 @@ from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.mounts import Mounts
-from kalman_ros.pipeline.reading_reader import InputReader, Reading, SensorReader
+from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 from kalman_ros.scenario import SensorSource
 
 from .estimate_publisher import InnovationPublisher
@@ -43,7 +43,7 @@ class Subscribed:
 
         Also returns the number of older ones that were dropped.
         """
-        come = first + waiting(self.subscription)
+        come = waiting(self.subscription, first)
         missed = len(come) - _MOST
         return (come[missed:], missed) if missed > 0 else (come, 0)
 
@@ -67,18 +67,12 @@ class SensorChannel(Subscribed, SensorReader):
         own = node.options.frame, node.options.child_frame
         super().__init__(name, source, origin, own, node.get_logger().warning, mounts)
         self._publish = InnovationPublisher(node, state, name, source.sensor.output)
-        self._rate = Rate()
+        self.rate = Rate()
         #: From the stamp of a reading to the publication of its estimate.
         self.age = Latency()
         #: By how many seconds every reading since the last report was ahead of the clock.
         self._lead = inf
         self.ahead = 0.0
-
-    def read(self, data: bytes, source: SensorSource) -> Reading:
-        """Return the reading in a message; UndecodableError if it is not of the type."""
-        reading = super().read(data, source)
-        self._rate.count()
-        return reading
 
     def publish(self, time: int, correction: Correction) -> None:
         """Publish the innovation of the reading taken at ``time``."""
@@ -92,7 +86,7 @@ class SensorChannel(Subscribed, SensorReader):
     def silent(self, source: SensorSource) -> bool:
         """Return whether readings are missing for longer than chance explains."""
         timed = source.timed
-        return timed.enabled and self._rate.silence > max(_SILENCE, _INTERVALS / timed.rate)
+        return timed.enabled and self.rate.silence > max(_SILENCE, _INTERVALS / timed.rate)
 
     def report(self, counts: Mapping[Outcome, int]) -> dict[str, Any]:
         """Return the diagnostics of the sensor, given the outcomes of its readings."""
@@ -104,7 +98,7 @@ class SensorChannel(Subscribed, SensorReader):
         values.update({f'{name}: {outcome.value}': count for outcome, count in counts.items()})
         if self.trouble:
             values[f'{name}: last message that was not used'] = self.trouble
-        values[f'{name}: rate [Hz]'] = self._rate.value
+        values[f'{name}: rate [Hz]'] = self.rate.value
         if str(self.age):
             values[f'{name}: age when published, 50 / 90 / 99 % [ms]'] = str(self.age)
         values[f'{name}: NIS / expected'] = self.nis.mean

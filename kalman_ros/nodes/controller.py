@@ -84,7 +84,7 @@ class ControllerNode(runtime.ScenarioNode):
         #: The estimate to respond to once the nodes are connected.
         self._early = b''
         topic, kind = self.scenario.state.topic, self._feed.message_type
-        listening = self.create_subscription(kind, topic, self._on_estimate, QUEUE, raw=True)
+        listening = self.subscribe_in_batches(kind, topic, self._on_estimate, QUEUE)
         self._feed.subscription = self.diagnostics.connections.expect(listening)
         self._reference.listen()
         if not self.options.lockstep:

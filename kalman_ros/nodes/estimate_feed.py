@@ -56,7 +56,7 @@ class EstimateFeed:
         at
             When it was received, on a steady clock; None if time may go back.
         """
-        messages = [data, *waiting(self.subscription)]
+        messages = waiting(self.subscription, [data])
         topic = self.subscription.topic_name
         for passed, message in zip(range(len(messages) - 1, -1, -1), messages[: -_MOST - 1 : -1]):
             estimate: Sample | None = self._node.intake(topic, self._state_in, message)

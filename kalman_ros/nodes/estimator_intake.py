@@ -52,9 +52,9 @@ class RealTimeIntake:
         self._meeting = Meeting(self._input_connected)
         for channel in fuser.channels.values():
             queue = sensor_queue(reliable=self._scenario.sensors[channel.name].reliable)
-            _listen(node, channel, partial(self._on_message, channel), queue)
+            self._listen(channel, queue)
         if self._scenario.input.fields:
-            _listen(node, fuser.input, partial(self._on_message, fuser.input), QUEUE)
+            self._listen(fuser.input, QUEUE)
         back = JumpThreshold(min_forward=None, min_backward=_BACK, on_clock_change=False)
         watch = node.get_clock().create_jump_callback(back, post_callback=self._on_clock_back)
         node.at_the_end(watch.unregister)
@@ -65,6 +65,10 @@ class RealTimeIntake:
     def _scenario(self) -> Scenario:
         scenario: Scenario = self._node.scenario
         return scenario
+
+    def _listen(self, channel: Any, queue: Any) -> None:
+        take = partial(self._on_message, channel)
+        _connect(self._node, channel, self._node.subscribe_in_batches, take, queue)
 
     def _now(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
@@ -108,6 +112,7 @@ class RealTimeIntake:
                     reading = self._node.intake(channel.topic, read, message)
                     if reading is None:
                         continue
+                    channel.rate.count()
                     time = reading.time or now
                     if now:  # simulated time may not have started
                         channel.measure_lead(time, now)
@@ -155,20 +160,24 @@ class LockstepIntake:
 
     def __init__(self, node: Any, fuser: Fuser) -> None:
         steps = LockstepFuser(fuser, node, node.get_logger().info, node.resolve_topic_name)
+        self._steps = steps
+        subscribe = partial(node.create_subscription, raw=True)
         for channel in fuser.channels.values():
-            _listen(node, channel, partial(steps.on_reading, channel.name), QUEUE)
+            _connect(node, channel, subscribe, partial(self._on_reading, channel), QUEUE)
         if fuser.scenario.input.fields:
-            _listen(node, fuser.input, steps.on_input, QUEUE)
+            _connect(node, fuser.input, subscribe, steps.on_input, QUEUE)
         node.create_subscription(TimeReference, 'tick', steps.on_tick, QUEUE, raw=True)
 
+    def _on_reading(self, channel: Any, data: bytes) -> None:
+        self._steps.on_reading(channel.name, data)
+        channel.rate.count()
 
-def _listen(node: Any, channel: Any, callback: Any, queue: Any) -> None:
+
+def _connect(node: Any, channel: Any, subscribe: Any, callback: Any, queue: Any) -> None:
     """Subscribe to a channel's topic; if it is used, a missing publisher is reported."""
     scenario: Scenario = node.scenario
     source = None if channel.name is None else scenario.sensors[channel.name]
     signal = scenario.input if source is None else source.signal
-    channel.subscription = node.create_subscription(
-        channel.message_type, signal.topic, callback, queue, raw=True
-    )
+    channel.subscription = subscribe(channel.message_type, signal.topic, callback, queue)
     if source is None or source.timed.enabled:
         node.diagnostics.connections.expect(channel.subscription)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -33,9 +33,11 @@ def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
     callback(message)
 
 
-def waiting(subscription: Any) -> list[bytes]:
-    """Return the messages waiting in a subscription."""
-    return [data for data, _ in waiting_with_times(subscription)]
+def waiting(subscription: Any, first: Sequence[bytes] = ()) -> list[bytes]:
+    """Return the messages waiting in a subscription, after the ``first`` ones, handed over."""
+    for _ in first:
+        subscription.losses.unnumbered()
+    return [*first, *(data for data, _ in waiting_with_times(subscription))]
 
 
 def waiting_with_times(subscription: Any) -> list[tuple[bytes, tuple[int, int]]]:
@@ -103,6 +105,17 @@ class WatcherNode(Node):  # type: ignore[misc]
             found.pass_on(data)
 
         found.callback = on_message
+        return found
+
+    def subscribe_in_batches(
+        self, kind: Any, topic: str, callback: Callable[[bytes], None], queue: Any
+    ) -> Any:
+        """Subscribe; the callback gets a message as it came, and others by `waiting`.
+
+        The callback passes them through the intake itself.
+        """
+        found = self.create_subscription(kind, topic, callback, queue, raw=True)
+        found.callback = callback
         return found
 
     def account(self) -> dict[str, Any]:
