@@ -51,7 +51,7 @@ class Space:
     units: tuple[str, ...] = ()
     angles: tuple[str, ...] = ()
     rotations: tuple[tuple[str, ...], ...] = field(repr=False, default=())
-    _wrapped: Array | None = field(init=False, repr=False, compare=False, default=None)
+    _wrapped: list[int] = field(init=False, repr=False, compare=False, default_factory=list)
     _turned: tuple[slice, ...] = field(init=False, repr=False, compare=False, default=())
 
     def __post_init__(self) -> None:
@@ -64,10 +64,7 @@ class Space:
             raise ValueError(f'names: expected unique names, got {self.names}')
         if len(self.units) != len(self.names):
             raise ValueError(f'units: expected {len(self.names)} units, got {self.units}')
-        self.indices(self.angles, 'angles')
-        if self.angles:
-            mask = np.array([name in self.angles for name in self.names])
-            object.__setattr__(self, '_wrapped', mask)
+        object.__setattr__(self, '_wrapped', self.indices(self.angles, 'angles'))
         triples = tuple(tuple(r.split() if isinstance(r, str) else r) for r in self.rotations)
         object.__setattr__(self, 'rotations', triples)
         object.__setattr__(self, '_turned', tuple(map(self._place, triples)))
@@ -150,8 +147,10 @@ class Space:
 
     def wrap(self, x: Array) -> Array:
         """Return ``x`` (..., n) with angles in [-pi, pi), and rotations by at most pi."""
-        if self._wrapped is not None:
-            x = np.where(self._wrapped, (x + np.pi) % (2.0 * np.pi) - np.pi, x)
+        if self._wrapped:
+            x = np.array(x, float)
+            for index in self._wrapped:
+                x[..., index] = (x[..., index] + np.pi) % (2.0 * np.pi) - np.pi
         return self._each(so3.shortest, x) if self._turned else x
 
     def add(self, x: Array, d: Array) -> Array:
@@ -177,7 +176,7 @@ class Space:
             difference = self._each(lambda p, q: so3.compose(p, -q), a, b, base=a - b)
         else:
             difference = a - b
-        return difference if self._wrapped is None else self.wrap(difference)
+        return self.wrap(difference) if self._wrapped else difference
 
     def _each(self, function: Any, *points: Array, base: Array | None = None) -> Array:
         """Return the numbers of ``base``, with those of rotations by a function of ``points``."""
@@ -204,12 +203,13 @@ class Space:
         mean = _weighted(weights, points)
         for place in self._turned:
             mean[..., place] = so3.mean(points[..., place], weights)
-        if self._wrapped is None:
+        if not self._wrapped:
             return mean
         direction = np.arctan2(
             _weighted(weights, np.sin(points)), _weighted(weights, np.cos(points))
         )
-        return np.where(self._wrapped, direction, mean)
+        mean[..., self._wrapped] = direction[..., self._wrapped]
+        return mean
 
     def arrived(self, total: Array, origin: Array, P: Array) -> tuple[Array, Array]:
         """Return mean and covariance of an error that moves its origin to its own mean.
@@ -220,7 +220,7 @@ class Space:
         Kalman filter, arXiv:1711.02508, section 6.3).
         """
         if not self._turned:
-            return total if self._wrapped is None else self.wrap(total), P
+            return self.wrap(total) if self._wrapped else total, P
         mean = self.wrap(self.reached(total, origin))
         return mean, self._congruent(P, total - origin, so3.left_jacobian)
 

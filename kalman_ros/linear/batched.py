@@ -15,16 +15,27 @@ from .matrices import Array
 from .views import coordinates_last, entries_first, entries_last
 
 #: From this size on, in numbers, `einsum` is faster than a call of BLAS for each matrix.
-_MANY = 2000
+MANY = 2000
 
 
 def product(A: Array, B: Array) -> Array:
     """Return A B (..., n, k) for A (..., n, m) and B (..., m, k)."""
     if A.ndim == B.ndim == 2:
         return np.asarray(A.dot(B))
-    if max(A.size, B.size) < _MANY:
+    if max(A.size, B.size) < MANY:
         return np.asarray(A @ B)
+    if A.ndim == 2:
+        return _of_one(A, B)
+    if B.ndim == 2:
+        return np.asarray(_of_one(B.T, A.swapaxes(-1, -2)).swapaxes(-1, -2))
     return np.asarray(np.einsum('...ij,...jk->...ik', A, B))
+
+
+def _of_one(A: Array, B: Array) -> Array:
+    """Return A B (..., n, k) for one A (n, m), as a single product."""
+    entries = entries_first(B)
+    found = A.dot(entries.reshape(len(entries), -1))
+    return entries_last(found.reshape(len(A), *entries.shape[1:]))
 
 
 def product_transposed(A: Array, B: Array) -> Array:
@@ -62,7 +73,7 @@ def symmetric(P: Array) -> Array:
 
 def factor(P: Array) -> Array:
     """Return L (..., n, n), lower triangular, with L L' = P; NaN where P is not definite."""
-    if P.size < _MANY:
+    if P.size < MANY:
         try:
             return np.asarray(np.linalg.cholesky(P))
         except np.linalg.LinAlgError:
@@ -154,7 +165,7 @@ def divided(C: Array, L: Array) -> Array:
     """Return C' S^-1 (..., n, k), the gain from ``C`` (..., k, n) and the `factor` of S."""
     if L.shape[-1] == 1:
         return np.asarray((C / (L * L)).swapaxes(-1, -2))
-    if max(C.size, L.size) < _MANY:
+    if max(C.size, L.size) < MANY:
         inverse = np.linalg.inv(L)
         return np.asarray((inverse @ C).swapaxes(-1, -2) @ inverse)
     return np.asarray(_solved(L, C).swapaxes(-1, -2))
