@@ -426,7 +426,7 @@ def test_learning_takes_time_in_proportion_to_the_length():
         first, again = read(joints(count)), read(joints(count))
         np.testing.assert_array_equal(first.values, [0.5, 0.5])
         np.testing.assert_array_equal(again.values, [0.5, 0.5])
-        assert read._layouts
+        assert read._templates
     assert process_time() - start < 2.0
 
 
