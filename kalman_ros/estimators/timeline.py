@@ -16,6 +16,9 @@ from .correction import Correction
 from .filter import Filter
 from .outcome import Outcome
 
+#: The fewest items that leave a window together.
+_TOGETHER = 17
+
 
 class State(NamedTuple):
     """The belief at a time, the input in effect from then on, and the outcomes by sensor.
@@ -139,12 +142,16 @@ class Timeline:
 
         Returns the items that were dropped.
         """
-        items = self._items
-        oldest = items[-1].key[0] - window if items else 0
-        gone = 0
+        items, fewest = self._items, _TOGETHER if window else 1
+        if len(items) <= fewest:
+            return []
+        oldest = items[-1].key[0] - window
+        if items[fewest - 1].key[0] >= oldest:
+            return []
+        gone = fewest
         while gone < len(items) - 1 and items[gone].key[0] < oldest:
             gone += 1
-        return self._drop(gone) if gone > 16 or (gone and window == 0) else []
+        return self._drop(gone)
 
     def drain(self) -> list[Item]:
         """Drop all items that are processed, as `forget` does."""

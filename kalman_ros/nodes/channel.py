@@ -32,11 +32,8 @@ class Subscribed:
 
     #: While the node is active.
     subscription: Any = None
-
-    @property
-    def topic(self) -> str:
-        """The full name of the topic."""
-        return str(self.subscription.topic_name)
+    #: The full name of the topic.
+    topic = ''
 
     def take(self, first: list[bytes]) -> tuple[list[bytes], int]:
         """Return the newest messages waiting, including the ``first`` ones.

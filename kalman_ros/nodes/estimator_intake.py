@@ -80,13 +80,12 @@ class RealTimeIntake:
         return not resting or subscription is None or subscription.get_publisher_count() > 0
 
     def _on_message(self, first: Channel, data: bytes) -> None:
-        start, fuser = monotonic(), self._fuser
-        received = list(self._waiting_readings(first, data))
+        start, now, fuser = monotonic(), self._now(), self._fuser
+        received = self._waiting_readings(first, data, now)
         # no input waits long behind a single reading
         if first is fuser.input or len(received) > 1:
-            received += self._waiting_inputs(first, data)
-        now, decoded = self._now() or None, monotonic()
-        fused = fuser.fuse(received, now)
+            received += self._waiting_inputs(first, data, now)
+        fused = fuser.fuse(received, now or None)
         corrected = [each for each in fused if each.correction is not None]
         if not corrected or not self._meeting.over:
             return
@@ -96,14 +95,14 @@ class RealTimeIntake:
             done = monotonic()
             self._latency.add(done - start)
             for each in corrected:
-                each.channel.age.add(((now or each.time) - each.time) * 1e-9 + done - decoded)
+                each.channel.age.add(((now or each.time) - each.time) * 1e-9 + done - start)
         self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
 
-    def _waiting_readings(self, first: Channel, data: bytes) -> Iterator[Received]:
-        """Yield the readings that are waiting; ``data``, received on ``first``, may be one."""
-        now = self._now()
+    def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Received]:
+        """Return the readings that are waiting; ``data``, received on ``first``, may be one."""
+        found, sensors = [], self._scenario.sensors
         for name, channel in self._fuser.channels.items():
-            source = self._scenario.sensors[name]
+            source = sensors[name]
             messages, missed = channel.take([data] if channel is first else [])
             if source.timed.enabled:
                 self._fuser.overrun(channel, missed)
@@ -116,9 +115,10 @@ class RealTimeIntake:
                     time = reading.time or now
                     if now:  # simulated time may not have started
                         channel.measure_lead(time, now)
-                    yield Received(time, channel, reading, reading.refused)
+                    found.append(Received(time, channel, reading, reading.refused))
+        return found
 
-    def _waiting_inputs(self, first: Channel, data: bytes) -> Iterator[Received]:
+    def _waiting_inputs(self, first: Channel, data: bytes, now: int) -> Iterator[Received]:
         """Yield the inputs that are waiting; ``data``, received on ``first``, may be one."""
         channel = self._fuser.input
         if channel.subscription is None:
@@ -128,7 +128,7 @@ class RealTimeIntake:
         for message in messages:
             input = self._node.intake(channel.topic, self._fuser.read_input, message)
             if input is not None:
-                yield Received(input.time or self._now(), channel, input)
+                yield Received(input.time or now, channel, input)
 
     def _publish_now(self) -> None:
         online = self._fuser.online
@@ -179,5 +179,6 @@ def _connect(node: Any, channel: Any, subscribe: Any, callback: Any, queue: Any)
     source = None if channel.name is None else scenario.sensors[channel.name]
     signal = scenario.input if source is None else source.signal
     channel.subscription = subscribe(channel.message_type, signal.topic, callback, queue)
+    channel.topic = channel.subscription.topic_name
     if source is None or source.timed.enabled:
         node.diagnostics.connections.expect(channel.subscription)

@@ -131,7 +131,8 @@ def test_without_rosbags_a_line_says_what_to_install(tmp_path, monkeypatch):
     assert len(list(Bag(tmp_path / 'b').messages(['/t']))) == 1
 
 
-def test_a_robot_s_bag_of_ros_1():
+def test_a_robot_s_bag_of_ros_1(monkeypatch):
+    monkeypatch.delitem(sys.modules, 'rosbags.usertypes', raising=False)
     bag = Bag(data('diff_drive_61s.bag'))
     counts = dict.fromkeys(bag.topics, 0)
     times = []
