@@ -31,7 +31,8 @@ def test_products_of_stacks_are_those_of_their_members(members, one):
 
 def test_the_noise_of_a_large_stack_is_as_exact_as_that_of_each_member():
     # oscillators in units that make their norm pessimistic, where the series ends early; the
-    # noise of one is a million times less than that of the others, and one integrates alone, one fills the bound
+    # noise of one is a million times less than that of the others, one integrates alone, and one
+    # fills the bound
     rng = np.random.default_rng(4)
     members = 300
     A, W = np.zeros((2, 4, 4, members))
