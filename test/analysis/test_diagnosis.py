@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kalman_ros.analysis.diagnosis import gross
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.evidence import misfit
+from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.core import rotations
 from kalman_ros.programs.doctor.cases import cases
 from kalman_ros.programs.doctor.recordings import (
     Injection,
@@ -119,3 +122,18 @@ def test_a_sensor_without_readings():
 
     findings = found_in(Injection(edits={'velocity': nothing}), seconds=6.0)
     assert ('no readings', 'velocity') in [(f.kind, f.subject) for f in findings]
+
+
+@pytest.mark.parametrize('degrees', [60.0, 90.0, 180.0])
+def test_a_vector_of_three_axes_that_is_turned_far_is_found_by_what_the_others_predict(degrees):
+    turn = np.radians(degrees) * np.array([0.6, 0.0, 0.8])
+    askew = Injection(edits={'odometry': values_of(lambda y: y @ rotations.exp(turn).T)})
+    found = gross.find(Examination(recorded('robot_3d', askew, 12.0, 1, online=False)))
+    assert (found[0].kind, found[0].subject) == ('rotated', 'odometry')
+    # the readings as they would have been
+    as_meant = recorded('robot_3d', Injection(), 12.0, 1, online=False).sensors['odometry'].value
+    mended = found[0].mended().sensors['odometry'].value
+    assert np.abs(mended - as_meant).max() < 0.1 * np.abs(as_meant).max()
+    words = found[0].sentence.partition('mount.rotation: [')[2].partition(']')[0]
+    mount = np.array([float(each) for each in words.split(', ')])
+    assert rotations.compose(rotations.from_euler(mount), turn) == pytest.approx(0.0, abs=0.1)

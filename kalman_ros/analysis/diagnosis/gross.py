@@ -11,20 +11,23 @@ import numpy as np
 
 from .examination import CHANCE, Examination
 from .finding import Finding
-from .mounting import exchanged
+from .left_out import left_out
+from .mounting import best_rotation, exchanged, is_vector, nearest_rotation, turned
 from .passage import explained, passage
-from .units import conversions, scaled
+from .units import conversions, mixed, scaled
 
 #: A filter is lost if its innovations squared are larger than expected by this factor.
 _LOST = 2.0
 #: Candidates are compared on the first seconds.
 _SECONDS = 8.0
+#: Rotations are found in the first seconds; smaller ones (rad) make no filter lost.
+_TURNED_SECONDS, _TURNED = 20.0, 0.2
 #: Factors that are tried on each coordinate.
 _FACTORS = (-1.0, pi / 180.0, 180.0 / pi, 1.0 / 3.6, 1e-3)
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return units, signs and exchanges of axes that bring a lost filter back, by passes.
+    """Return units, signs, exchanges and turns of axes that bring a lost filter back, by passes.
 
     Each candidate is passed itself, on the first seconds; of a linear system the regressions have
     the same at once.
@@ -64,3 +67,30 @@ def _candidates(case: Examination) -> Iterator[Finding]:
                 yield scaled(case, name, (index,), factor, 0.0, 0.0)
         if size == 2:
             yield exchanged(case, name, (1, 0), 0.0)
+        yield from _turned(case, name)
+
+
+def _turned(case: Examination, name: str) -> Iterator[Finding]:
+    """Yield the rotation of a vector reading by which it fits what the other sensors predict.
+
+    From there the filter is no longer lost, and the regressions hold.
+    """
+    space = case.evidence.scenario.sensors[name].sensor.output
+    if not is_vector(space) or space.angles or space.rotations:
+        return
+    until = case.passage.events[0].time + _TURNED_SECONDS
+    others = left_out(case, name, until)
+    if others is None:
+        return
+    y, expected = others.record.value, others.predicted
+    M = nearest_rotation(expected.T @ y)
+    if np.linalg.norm(M - np.eye(len(M))) < _TURNED:
+        return
+    near = mixed(case.evidence, name, M)
+    first = passage(near, until, strict=False)
+    M = best_rotation(Examination(near, strict=False, known=first), name, len(M)) @ M
+    rms = float(np.sqrt(np.mean(np.sum((y @ M.T - expected) ** 2, axis=1))))
+    unit = space.units[0]
+    yield turned(
+        case, name, M, 0.0, f'Then {rms:.3g} {unit} rms are left to what the others predict.'
+    )

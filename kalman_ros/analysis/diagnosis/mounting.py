@@ -9,7 +9,7 @@ from math import degrees
 import numpy as np
 from scipy.optimize import minimize
 
-from kalman_ros.core import Array, rotations
+from kalman_ros.core import Array, Space, rotations
 
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
@@ -28,9 +28,14 @@ def find(case: Examination) -> list[Finding]:
         if space.size < 2 or not case.responses.columns('mix', name):
             continue
         found += [*_swaps(case, name, space.size)]
-        if len(set(space.units)) == 1 and space.size <= 3:
+        if is_vector(space):
             found += [*_rotations(case, name, space.size)]
     return found
+
+
+def is_vector(space: Space) -> bool:
+    """Return whether readings are a vector in two or three axes, which can be turned."""
+    return len(set(space.units)) == 1 and space.size in (2, 3)
 
 
 def _gain(case: Examination, name: str, M: Array) -> float:
@@ -67,45 +72,52 @@ def exchanged(case: Examination, name: str, order: tuple[int, ...], gain: float)
 
 def _rotations(case: Examination, name: str, size: int) -> list[Finding]:
     """Return the best rotation of the first two axes or, of three, about any axis."""
-    M = _best_rotation(case, name, size)
+    M = best_rotation(case, name, size)
     gain = _gain(case, name, M)
-    angle = float(np.arctan2(M[1, 0], M[0, 0])) if size == 2 else _angle(M)
-    if gain < CHANCE or abs(angle) < _SMALL:
+    if gain < CHANCE or abs(_angle(M)) < _SMALL:
         return []
+    left = case.passage.misfit - gain
+    becomes = f'Misfit {case.passage.misfit:.4g} becomes {left:.4g}.'
+    return [turned(case, name, M, gain, becomes)]
+
+
+def turned(case: Examination, name: str, M: Array, gain: float, residual: str) -> Finding:
+    """Return the finding that the readings y of a sensor are to be turned, to M y.
+
+    ``residual`` is a sentence on what is left then.
+    """
+    angle = _angle(M)
     quarter = abs(abs(angle) - 0.5 * np.pi) < _NEAR
     why = (
         ' A quarter turn is what east-north-up leaves in place of north-east-down.'
         if quarter
         else ''
     )
-    left = case.passage.misfit - gain
-    return [
-        Finding(
-            'rotated',
-            name,
-            f'readings of {name} fit once turned by {degrees(angle):+.3g} deg: it is mounted '
-            f'askew, or its frame is another one.{why} Misfit {case.passage.misfit:.4g} becomes '
-            f'{left:.4g}.',
-            gain**0.5,
-            mixing(case.evidence, name, M),
-            gain=gain,
-            figure=_picture(case, name, M),
-            mended=lambda: mixed(case.evidence, name, M),
-        )
-    ]
+    if len(M) == 3:
+        turn = ', '.join(f'{each:.4g}' for each in rotations.to_euler(rotations.log(M)))
+        why += f' If it is a vector of the body, {name}.mount.rotation: [{turn}] says the same.'
+    return Finding(
+        'rotated',
+        name,
+        f'readings of {name} fit once turned by {degrees(angle):+.3g} deg: it is mounted '
+        f'askew, or its frame is another one.{why} {residual}',
+        gain**0.5,
+        mixing(case.evidence, name, M),
+        gain=gain,
+        figure=_picture(case, name, M),
+        mended=lambda: mixed(case.evidence, name, M),
+    )
 
 
 def _angle(M: Array) -> float:
+    """Return the angle of a rotation, with its sign in the plane."""
+    if len(M) == 2:
+        return float(np.arctan2(M[1, 0], M[0, 0]))
     return float(np.arccos(np.clip(0.5 * (np.trace(M) - 1.0), -1.0, 1.0)))
 
 
-def _best_rotation(case: Examination, name: str, size: int) -> Array:
-    """Return the rotation that gains most: by a grid in the plane, else the nearest to the fit.
-
-    The rotation nearest to a matrix is that of its polar decomposition (P. Schoenemann, A
-    Generalized Solution of the Orthogonal Procrustes Problem, Psychometrika 31(1), 1966); from
-    there the gain is climbed.
-    """
+def best_rotation(case: Examination, name: str, size: int) -> Array:
+    """Return the rotation that gains most: by a grid in the plane, else near that of the fit."""
     if size == 2:
         angles = np.linspace(-np.pi, np.pi, 721)
         turns = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
@@ -114,14 +126,23 @@ def _best_rotation(case: Examination, name: str, size: int) -> Array:
     fit = fitted(
         case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
     )
-    U, _, V = np.linalg.svd(np.eye(size) - fit.size.reshape(size, size))
-    start = U @ np.diag([*np.ones(size - 1), np.linalg.det(U @ V)]) @ V
+    start = nearest_rotation(np.eye(size) - fit.size.reshape(size, size))
 
     def loss(turn: Array) -> float:
         return -_gain(case, name, rotations.exp(turn) @ start)
 
     found = minimize(loss, np.zeros(3), method='BFGS')
     return np.asarray(rotations.exp(found.x) @ start)
+
+
+def nearest_rotation(M: Array) -> Array:
+    """Return the rotation (k, k) nearest to a matrix.
+
+    It is that of its polar decomposition (P. Schoenemann, A Generalized Solution of the Orthogonal
+    Procrustes Problem, Psychometrika 31(1), 1966).
+    """
+    U, _, V = np.linalg.svd(M)
+    return np.asarray(U @ np.diag([*np.ones(len(M) - 1), np.linalg.det(U @ V)]) @ V)
 
 
 def _picture(case: Examination, name: str, M: Array) -> Figure:

@@ -13,12 +13,13 @@ from kalman_ros.core import Array, Space
 
 from .examination import Examination
 from .finding import Curve, Figure, Finding
-from .passage import DROPPED, LOG_2_PI, Passage, explained, passage, usable
+from .left_out import LeftOut, left_out
+from .passage import DROPPED, LOG_2_PI, explained
 
 #: A sensor is suspected if its innovations squared are larger than expected by this factor.
 _SUSPECT = 4.0
-#: The fewest readings that are judged.
-_FEWEST = 50
+#: The events at which the uncertainty of predictions is taken.
+_SOME = 50
 #: Correlations with all states are looked at within this many seconds, and are none below this.
 _LAG, _CORRELATED = 1.0, 0.55
 #: The slopes of readings over predictions and of predictions over readings, between which the true
@@ -65,16 +66,17 @@ def find(case: Examination) -> list[Finding]:
 
 
 def _judged(case: Examination, name: str) -> list[Finding]:
-    record = case.evidence.sensors[name]
-    rest = case.evidence.with_sensor(name, record.select(slice(0)))
-    without = passage(rest, strict=False)
-    compared = _compared(case, name, without)
+    others = left_out(case, name)
+    if others is None:
+        return []
+    record, without = case.evidence.sensors[name], others.without
+    compared = _compared(case, name, others)
     if compared is None or compared.largest > _CORRELATED or compared.z < _FAR:
         return []
     events = [case.passage.events[i] for i in case.passage.of(name)]
     by_itself = _misfit_alone(record.value[[event.index for event in events]])
-    left_out = sum(event.log + event.innovation.size + DROPPED for event in events)
-    dues = by_itself - left_out
+    unread = sum(event.log + event.innovation.size + DROPPED for event in events)
+    dues = by_itself - unread
     label = case.evidence.scenario.sensors[name].sensor.output.names[0]
     time = compared.time - case.evidence.start
     figure = Figure(
@@ -88,7 +90,7 @@ def _judged(case: Examination, name: str) -> list[Finding]:
         f'(at most {compared.largest:.2f} within {_LAG:g} s), though the other sensors predict '
         'what it should read. Is it the right topic, and the right field?',
         compared.z, {f'{name}.enabled': False}, gain=explained(case.passage, without) - dues,
-        figure=figure, dues=dues, mended=lambda: rest,
+        figure=figure, dues=dues, mended=lambda: others.evidence,
     )  # fmt: skip
     return [finding]
 
@@ -107,21 +109,13 @@ def _misfit_alone(values: Array) -> float:
     return total
 
 
-def _compared(case: Examination, name: str, without: Passage) -> _Comparison | None:
+def _compared(case: Examination, name: str, others: LeftOut) -> _Comparison | None:
     """Return readings beside predictions; None if they do not suffice to judge."""
-    record = case.evidence.sensors[name]
-    record = record.select(usable(record))
-    sensor, states = case.evidence.scenario.sensors[name].sensor, without.events
-    if len(record) < _FEWEST or len(states) < _FEWEST:
-        return None
-    order = np.argsort(record.stamp, kind='stable')
-    record = record.select(order)
-    at = np.searchsorted([event.time for event in states], record.stamp, 'right') - 1
-    events = [states[i] for i in np.maximum(at, 0)]
+    _, _, record, predicted, events = others
+    sensor = case.evidence.scenario.sensors[name].sensor
     x = np.array([event.x for event in events])
-    predicted = np.array([sensor.measure(each) for each in x])
-    H = [sensor.jacobian(event.x) for event in events[:: max(1, len(events) // _FEWEST)]]
-    P = [event.P for event in events[:: max(1, len(events) // _FEWEST)]]
+    some = events[:: max(1, len(events) // _SOME)]
+    H, P = [sensor.jacobian(event.x) for event in some], [event.P for event in some]
     unsure = np.median([(h @ p @ h.T).diagonal() for h, p in zip(H, P)], axis=0)
     y, expected = _straight(sensor.output, record.value), _straight(sensor.output, predicted)
     y = np.clip(y, *np.quantile(y, _ORDINARY, axis=0))
