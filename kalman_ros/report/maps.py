@@ -123,7 +123,7 @@ def magnified(axis: Any, truth: Array, mean: Array, covariance: Array, label: st
     if size > _SMALL * float(np.ptp(axis.get_xlim())):
         return
     inset = axis.inset_axes((0.05, 0.76, 0.22, 0.22))
-    inset.fill(*ellipse.T, color=BOUND, alpha=0.35, lw=0)
+    inset.fill(*ellipse.T, color=BOUND, alpha=0.35, lw=1)
     inset.plot(*mean, '+', color=ESTIMATE, ms=7)
     inset.plot(*truth, 'o', color=TRUTH, ms=3)
     reach = 1.2 * max(size, 1e-9)
