@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from math import inf
+from time import monotonic
 
 import numpy as np
 
@@ -20,6 +22,8 @@ from .observability import observability
 _PIECES, _MOST_GROWTH = 20, 1e3
 #: Information below this, relative to that of the initial belief, is rounding.
 _NONE = 1e-6
+#: The seconds after which `ObservabilityMeter.work` ends, once it has done one piece.
+_AT_ONCE = 0.001
 #: The step of numerical derivatives, relative to the initial belief.
 _DIFFERENCE = 1e-5
 
@@ -87,6 +91,10 @@ class ObservabilityMeter:
     Research 29(5), 2010).
 
     The observability of a linear scenario is constant and needs no record.
+
+    Where the state has many numbers, the whole path takes tens of milliseconds, in which a node
+    would answer no reading. A node in real time lets the meter `work` now and then, piece by
+    piece, and `report` has the last path that was completed.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -104,6 +112,9 @@ class ObservabilityMeter:
     def reset(self) -> None:
         """Clear the path."""
         self._pieces.clear()
+        self._walk: Iterator[Array] | None = None
+        self._found: LocalObservability | None = None
+        self._gramian: Array = np.empty(0)
         self._zero: Array = np.zeros(self._scenario.model.input.size)
         self._u: Array = self._zero
 
@@ -136,15 +147,37 @@ class ObservabilityMeter:
         """Return the observability and its standard deviations, as text."""
         if self._linear is not None:
             return {'observability': str(self._linear)}
-        found, space = self(x), self._scenario.model.state
+        found, space = self._found or self(x), self._scenario.model.state
         deviations = zip(space.names, space.units, found.std.tolist())
         listed = ', '.join(f'{name} {std:.3g} {unit}'.rstrip() for name, unit, std in deviations)
         return {'observability': str(found.verdict), 'latest readings alone, 1 sigma': listed}
 
     def __call__(self, x: Array) -> LocalObservability:
         """Return the observability, with ``x`` (n,) the current estimate."""
+        *_, M = self._gramians(x, reversed(self._pieces))
+        return self._judged(M)
+
+    def work(self, estimate: Callable[[], Array], seconds: float = _AT_ONCE) -> None:
+        """Follow the path for some ``seconds``, and begin again from the ``estimate`` at its end.
+
+        At least one piece is done.
+        """
+        if self._linear is not None:
+            return
+        end = monotonic() + seconds
+        if self._walk is None:
+            past = [replace(piece, readings=piece.readings.copy()) for piece in self._pieces]
+            self._walk = self._gramians(estimate(), reversed(past))
+            next(self._walk)
+        for M in self._walk:
+            self._gramian = M
+            if monotonic() >= end:
+                return
+        self._walk, self._found = None, self._judged(self._gramian)
+
+    def _judged(self, M: Array) -> LocalObservability:
         first = self._scenario.initial_belief.std
-        std = readings_alone(self._gramian(x), first)
+        std = readings_alone(M, first)
         return LocalObservability(std, self._verdict(std, first))
 
     def _verdict(self, std: Array, first: Array) -> Observability:
@@ -153,22 +186,25 @@ class ObservabilityMeter:
         unseen = tuple(name for name in names if name not in seen)
         return Observability(seen, unseen, (), not unseen)
 
-    def _gramian(self, x: Array) -> Array:
+    def _gramians(self, x: Array, path: Iterable[_Piece]) -> Iterator[Array]:
+        """Yield the Gramian before the path, which leads back from ``x``, and after each piece."""
         model, sensors = self._scenario.model, self._scenario.sensors
         first = _units(self._scenario.initial_belief.std)
         n, h = x.size, _DIFFERENCE * np.diag(first)  # many points take as long as one
         back, M = np.eye(n), np.zeros((n, n))
-        for piece in reversed(self._pieces):
+        yield M
+        for piece in path:
             for name, count in piece.readings.items():
                 sensor = sensors[name].sensor
                 H = sensor.jacobian(x) @ back
-                M += count * H.T @ solve(sensor.covariance, H)
+                M = M + count * H.T @ solve(sensor.covariance, H)
             if not piece.seconds:
                 break
             u = piece.impulse / piece.seconds
             x, *near = model.step(np.vstack((x, x + h, x - h)), u, -piece.seconds)
             change = model.state.subtract(np.array(near[:n]), np.array(near[n:]))
             back = (change.T / (2.0 * h.diagonal())) @ back
+            yield M
             if not np.abs(back / first[:, None] * first).max() < _MOST_GROWTH:
-                break
-        return M
+                return
+        yield M

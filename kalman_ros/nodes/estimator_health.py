@@ -49,7 +49,7 @@ class Health:
         values[f'{topic}: received'] = fuser.inputs.total()
         values['estimates published'] = published
         believed = scenario.believed
-        values.update(fuser.observability.report(believed.own(online.belief).mean))
+        values.update(fuser.observability.report(fuser.estimate()))
         for name, bias in believed.biases(online.belief).items():
             values[f'{name}: bias'] = ', '.join(
                 f'{mean:.4g} +- {std:.2g}' for mean, std in zip(bias.mean, bias.std)

@@ -25,6 +25,8 @@ from .topics import QUEUE, sensor_queue
 
 #: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
+#: Seconds between two pieces of work that no message waits for.
+_PAUSE = 0.1
 #: The most innovations that are published at once in real time.
 _MOST_INNOVATIONS = 8
 
@@ -49,6 +51,7 @@ class RealTimeIntake:
         self._node: Any = node
         self._fuser, self._latency = fuser, latency
         self._last_time = -1
+        self._worked = monotonic()
         self._meeting = Meeting(self._input_connected)
         for channel in fuser.channels.values():
             queue = sensor_queue(reliable=self._scenario.sensors[channel.name].reliable)
@@ -97,6 +100,9 @@ class RealTimeIntake:
             for each in corrected:
                 each.channel.age.add(((now or each.time) - each.time) * 1e-9 + done - start)
         self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
+        if start - self._worked > _PAUSE:  # now it is longest until the next message
+            self._worked = start
+            fuser.observability.work(fuser.estimate)
 
     def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Received]:
         """Return the readings that are waiting; ``data``, received on ``first``, may be one."""

@@ -176,6 +176,10 @@ class Fuser:
             channel.judge(correction)
         return corrected
 
+    def estimate(self) -> Array:
+        """Return the newest estimate (n,) of the model's own states."""
+        return self.scenario.believed.own(self.online.belief).mean
+
     def reset(self, belief: Gaussian) -> None:
         """Drop all messages and their statistics, and start from a belief; counts are kept."""
         self.online.reset(belief)

@@ -121,3 +121,30 @@ def test_a_linear_scenario_has_its_verdict_at_once():
     meter.input(0, np.zeros(2))
     meter.reading('velocity', 0)
     assert meter.report(np.zeros(4)) == {'observability': str(observability(built))}
+
+
+def test_piece_by_piece_it_comes_to_the_same_and_then_reports_at_once(monkeypatch):
+    built = scenario.build({'model': 'robot_3d', 'sensors': ['odometry', 'imu']})
+    meter, x, steps = ObservabilityMeter(built), built.initial_state, []
+    for step in range(60):
+        meter.reading('imu', step * 10_000_000)
+        if step % 5 == 0:
+            meter.reading('odometry', step * 10_000_000)
+    whole = meter(x)
+    expected = meter.report(x)
+    move = type(built.model).step
+    monkeypatch.setattr(
+        type(built.model), 'step', lambda *arguments: steps.append(1) or move(*arguments)
+    )
+    for call in range(30):  # less than twice the path
+        before = len(steps)
+        meter.work(lambda: x, seconds=0.0)
+        assert len(steps) <= before + 1
+        meter.reading('imu', (60 + call) * 10_000_000)  # what comes meanwhile is for the next
+    assert len(steps) > 20
+    del steps[:]
+    assert meter.report(x) == expected
+    assert not steps
+    assert not np.isnan(whole.std).any()
+    meter.reset()
+    assert meter.report(x) != expected
