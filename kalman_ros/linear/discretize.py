@@ -36,17 +36,17 @@ class Discretization:
         self._norm = 2.0 * float(np.abs(A).sum(axis=0).max(initial=0.0))
         self._powers = np.arange(_TERMS + 1)
         self._shapes = (n, m)
-        F: Array = np.eye(n)
-        G: Array = np.zeros((n, m))
-        Q: Array = np.zeros((n, n))
-        table = [(F, G, Q)]
+        # the terms of F', G' and Q' one below the other, so that one product makes all three
+        terms = np.zeros((_TERMS + 1, 2 * n + m, n))
+        terms[0, :n].flat[:: n + 1] = 1.0
+        At = A.T
         for k in range(1, _TERMS + 1):
-            AQ = A.dot(Q) if k > 1 else 0.5 * W
-            F, G, Q = A.dot(F) / k, (A.dot(G) if k > 1 else B) / k, (AQ + AQ.T) / k
-            table.append((F, G, Q))
-        # column-major, for BLAS
-        columns = [[each.ravel('F') for each in row] for row in table]
-        self._table = np.array([np.concatenate(row) for row in columns])
+            term = np.dot(terms[k - 1], At, out=terms[k])
+            if k == 1:
+                term[n:-n], term[-n:] = B.T, 0.5 * W
+            term[-n:] += term[-n:].T.copy()
+            term /= k
+        self._table = terms.reshape(_TERMS + 1, -1)
 
     def __call__(self, dt: float) -> tuple[Array, Array, Array]:
         """Return F, G and Q of a step of ``dt`` seconds.

@@ -26,7 +26,7 @@ from .topics import QUEUE, sensor_queue
 #: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
 #: Seconds between two pieces of work that no message waits for.
-_PAUSE = 0.1
+_PAUSE = 0.05
 #: The most innovations that are published at once in real time.
 _MOST_INNOVATIONS = 8
 
