@@ -82,7 +82,7 @@ def _rotations(case: Examination, name: str, size: int) -> list[Finding]:
 
 
 def turned(case: Examination, name: str, M: Array, gain: float, residual: str) -> Finding:
-    """Return the finding that the readings y of a sensor are to be turned, to M y.
+    """Return the finding that readings y of a sensor fit once turned, as M y.
 
     ``residual`` is a sentence on what is left then.
     """
