@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -29,10 +28,10 @@ SWEEP = [
 
 
 @contextlib.contextmanager
-def process(module, *arguments, folder=None):
+def process(module, *arguments, folder=None, stderr=subprocess.DEVNULL):
     command = [sys.executable, '-m', f'distributed.cli.{module}', *arguments, '--no-dashboard']
     with subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        command, cwd=folder, stdout=subprocess.DEVNULL, stderr=stderr, text=True
     ) as running:
         try:
             yield running
@@ -45,15 +44,13 @@ def worker(address, folder=None):
 
 
 @pytest.fixture
-def address(tmp_path):
+def address():
     pytest.importorskip('distributed', reason='the extra dask is not installed')
-    file, end = tmp_path / 'scheduler.json', time.monotonic() + PATIENCE
-    options = ('--host', '127.0.0.1', '--port', '0', '--scheduler-file', str(file))
-    with process('dask_scheduler', *options):
-        while not (file.exists() and file.read_text().endswith('}')):
-            assert time.monotonic() < end, 'no scheduler'
-            time.sleep(0.05)
-        yield json.loads(file.read_text())['address']
+    options = ('--host', '127.0.0.1', '--port', '0')
+    with process('dask_scheduler', *options, stderr=subprocess.PIPE) as scheduler:
+        found = next((line for line in scheduler.stderr if 'Scheduler at:' in line), '')
+        assert found, 'no scheduler'
+        yield found.split()[-1]
 
 
 def wait_for_workers(address, count):

@@ -76,7 +76,7 @@ def _turned(case: Examination, name: str) -> Iterator[Finding]:
     From there the filter is no longer lost, and the regressions hold.
     """
     space = case.evidence.scenario.sensors[name].sensor.output
-    if not is_vector(space) or space.angles or space.rotations:
+    if not is_vector(space):
         return
     until = case.passage.events[0].time + _TURNED_SECONDS
     others = left_out(case, name, until)
