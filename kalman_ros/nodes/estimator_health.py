@@ -85,14 +85,16 @@ class Health:
 
     def _unstarted(self) -> str:
         """Return why there is no estimate yet."""
-        channels = self._fuser.channels
-        dropped = [
+        channels, counts = self._fuser.channels, self._fuser.online.counts
+        outcomes = [
             f'{count} of {name} {outcome.value}'
             + (f' ({channels[name].trouble})' if outcome.explained else '')
-            for name, counts in self._fuser.online.counts.items()
-            for outcome, count in counts.items()
+            for name, found in counts.items()
+            for outcome, count in found.items()
             if count
         ]
-        if not dropped:
+        if not outcomes:
             return 'no readings received'
-        return f'no reading could be used: {", ".join(dropped)}'
+        used = any(outcome.accepted for found in counts.values() for outcome in +found)
+        since = ' since the last reset; in total' if used else ''
+        return f'no reading could be used{since}: {", ".join(outcomes)}'

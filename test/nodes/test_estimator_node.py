@@ -5,6 +5,7 @@ import numpy as np
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
+from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import nanoseconds, write_stamp
 from kalman_ros.estimators.outcome import Outcome
@@ -54,6 +55,17 @@ def test_readings_that_waited_in_the_wrong_order_are_each_computed_once(pair, mo
     assert online.time == first + 19 * STEP
     # what wakes the node is the first to be taken, the others may come just after
     assert len(computed) < 3 * 20, len(computed)
+
+
+def test_after_a_reset_the_readings_used_before_are_not_reported_as_unusable(pair):
+    found = pair(EstimatorNode, rest_until_input='false')
+    velocity = found.publisher(TwistWithCovarianceStamped, 'velocity')
+    assert found.node.report()[1] == 'no readings received'
+    send(velocity, [found.node.get_clock().now().nanoseconds])
+    found.until(lambda: found.node._online.time is not None, 'no reading came')
+    found.node._on_reset(None, Trigger.Response())
+    wanted = 'no reading could be used since the last reset; in total: 1 of velocity fused'
+    assert found.node.report()[1] == wanted
 
 
 def test_of_readings_that_are_too_many_the_newest_are_used(pair, monkeypatch):
