@@ -103,7 +103,7 @@ def test_where_the_past_runs_away_it_ends():
     assert not np.isnan(found.std).any()
 
 
-def test_when_the_clock_goes_back_it_begins_anew():
+def test_it_restarts_when_the_clock_goes_back():
     built = replace(moderate(), initial_belief=Gaussian(np.zeros(4), np.diag(PRIOR**2)))
     meter = ObservabilityMeter(built)
     x = moderate().initial_state

@@ -430,7 +430,7 @@ def test_learning_takes_time_in_proportion_to_the_length():
     assert process_time() - start < 2.0
 
 
-def test_a_lack_of_a_name_is_told_in_a_line_however_many_there_are():
+def test_a_missing_name_is_one_line_however_long_the_array():
     data = bytes(serialize_message(JointState(name=['c' * 1000] * 1000, position=[0.0] * 1000)))
     with pytest.raises(LookupError, match="no 'b' among") as raised:
         WireReader(SignalCodec(JOINTS))(data)

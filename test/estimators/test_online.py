@@ -280,7 +280,7 @@ def test_a_filter_that_is_wrong_and_sure_recovers():
     assert abs(online.belief.mean[0]) < 4.0 * online.belief.std[0]
 
 
-def test_a_clock_that_goes_back_starts_anew_but_one_stray_stamp_does_not():
+def test_a_clock_that_goes_back_restarts_the_estimator_but_one_stray_stamp_does_not():
     online = estimator(window=0.5, restart_after=5)
     for k in range(100):
         feed(online, ('position', 100 * SECOND + k * 20_000_000, 0.0))

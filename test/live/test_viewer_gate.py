@@ -179,7 +179,7 @@ def test_garbage_is_dropped_and_the_next_viewer_is_served(gated, raw, status):
     assert gated.status() == 101
 
 
-def test_a_browser_that_opens_the_address_is_told_what_to_do(gated):
+def test_a_browser_that_opens_the_address_gets_instructions(gated):
     connection, head = gated.ask(Upgrade='no')
     with connection:
         assert head.startswith('HTTP/1.1 426 ')

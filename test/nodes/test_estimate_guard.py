@@ -59,7 +59,7 @@ def test_an_older_estimate_is_ignored_as_long_as_newer_ones_come():
         assert watch.reason(estimate(time=10 * SECOND + count), None) == ''
 
 
-def test_a_time_that_began_again_is_told_once_and_soon():
+def test_time_that_starts_again_is_reported_once_and_soon():
     watch = trust()
     assert watch.reason(estimate(), None) == ''
     at = 100.0
@@ -104,7 +104,7 @@ def test_what_is_a_covariance(scale):
         assert not is_covariance(np.array(P) * units), P
 
 
-def test_an_estimator_that_started_anew_is_told_once():
+def test_a_restarted_estimator_is_reported_once():
     watch = trust(most=(np.inf, np.inf))
     sure, unsure = ((1e-3, -1e-3), (-1e-3, 2.0)), ((1.0, 0.0), (0.0, 2.0))
     for P in (unsure, sure, sure):
@@ -113,7 +113,7 @@ def test_an_estimator_that_started_anew_is_told_once():
     assert watch.reason(estimate(P=unsure), None) == ''
 
 
-def test_a_new_start_is_told_by_what_an_estimator_starts_with_too():
+def test_a_restart_is_recognised_by_the_initial_belief_too():
     """An estimator that was certain before the controller subscribed may restart."""
     watch = trust(most=(np.inf, np.inf), prior=(1.0, 2.0))
     assert watch.reason(estimate(P=1e-4 * np.eye(2)), None) == ''

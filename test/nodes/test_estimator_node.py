@@ -81,13 +81,13 @@ def test_of_readings_that_are_too_many_the_newest_are_used(pair, monkeypatch):
     assert estimates == sorted(estimates)
 
 
-def test_a_node_that_is_told_nothing_has_the_section_of_its_own_in_the_default_file(pair):
+def test_a_node_without_parameters_reads_its_section_of_the_default_file(pair):
     node = pair(EstimatorNode).node
     assert node.options.rest_until_input  # as config/mass_spring_damper_2d.yaml has it
     assert not node.options.lockstep
 
 
-def test_a_node_that_is_told_a_model_has_no_section_of_another_file(pair):
+def test_a_node_with_a_model_reads_no_section_of_another_file(pair):
     assert not pair(EstimatorNode, model='mass_spring_damper').node.options.rest_until_input
 
 

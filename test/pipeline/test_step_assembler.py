@@ -86,7 +86,7 @@ def test_topics_that_nobody_listens_to_are_not_waited_for():
     assert len(send(fresh(), 'tick', 1, ['elsewhere'])) == 1
 
 
-def test_time_that_goes_back_starts_anew():
+def test_time_that_goes_back_is_a_reset():
     turns = fresh()
     for message in steps(3):
         send(turns, *message)

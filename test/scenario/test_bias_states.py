@@ -75,7 +75,7 @@ def test_a_linear_model_stays_one():
                                found.model.derivative(x[:2], u))  # fmt: skip
 
 
-def test_without_biases_nothing_is_built_anew():
+def test_without_biases_nothing_is_rebuilt():
     found = scenario.build({})
     assert found.believed.model is found.model
     assert found.believed.initial is found.initial_belief

@@ -39,7 +39,7 @@ def mean_place(loop, seconds=4.0):
 
 
 @pytest.mark.parametrize(('kind', 'topic'), [(Odometry, 'reference'), (PoseStamped, 'goal')])
-def test_it_goes_where_it_is_told(kind, topic):
+def test_it_follows_the_reference(kind, topic):
     with Run() as run:
         run.advance(1.0)
         publish(run, kind, topic, 3.0, -2.0)
@@ -376,7 +376,7 @@ def test_other_limits_do_not_make_it_forget_the_estimator():
         assert feed.answer(1.0, variance=1.0) == 0.0
 
 
-def test_an_estimator_that_started_anew_is_noticed():
+def test_a_restarted_estimator_is_noticed():
     with alone() as run:
         feed = Feed(run)
         feed.answer(1.0, variance=1.0)

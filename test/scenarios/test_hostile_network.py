@@ -147,7 +147,7 @@ def shared():
         yield run
 
 
-def test_a_plant_that_diverges_falls_silent_and_comes_back():
+def test_a_plant_that_diverges_stops_publishing_and_a_reset_restarts_it():
     with Run(overrides={'rest_until_input': False}, lockstep=False, nodes=('plant',)) as run:
         run.set_parameter('run_until', 1e6)
         readings = lambda: run.recorder['position']  # noqa: E731

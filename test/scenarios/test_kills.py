@@ -131,7 +131,7 @@ WITHOUT = {
 
 
 @pytest.mark.timeout(500)
-def test_the_loop_outlives_each_of_its_nodes(capfd):
+def test_the_loop_recovers_from_the_death_of_each_node(capfd):
     random, recovery = np.random.default_rng(7), defaultdict(list)
     with Run(overrides=OVERRIDES, only=ONLY, lockstep=False, seed=3) as run:
         loop = Loop(run)

@@ -136,7 +136,7 @@ def enable(run, on):
 
 
 @pytest.mark.real_time
-def test_zero_is_the_last_word_of_whoever_is_told_to_stop():
+def test_zero_is_the_last_message_of_a_controller_that_stops():
     with alone() as run, busy(), flood(run):
         ear, wrong = Ear(run), {}
 

@@ -198,7 +198,7 @@ def test_nothing_that_came_meanwhile_is_replayed():
 
 @pytest.mark.real_time
 @pytest.mark.parametrize('limit', [np.inf, 20.0])
-def test_the_controller_says_zero_before_it_is_quiet(limit):
+def test_the_controller_commands_zero_before_it_stops_publishing(limit):
     """However it goes: deactivated, shut down or interrupted."""
     with alone('controller', input_rate_limit=[limit], transition_time=0.0) as run:
         forces, times = [], []

@@ -11,7 +11,7 @@ from kalman_ros.harness.executables import executable
 
 @pytest.mark.real_time
 @pytest.mark.timeout(200)
-def test_the_loop_holds_out(tmp_path):
+def test_the_loop_endures(tmp_path):
     command = [str(executable('soak')), '--minutes', '1', '--out', str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=160)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -116,7 +116,7 @@ def test_an_estimator_that_has_the_full_name_of_a_topic_is_in_step():
 
 
 @pytest.mark.real_time
-def test_a_bag_that_is_played_again_starts_the_estimator_anew(loop):
+def test_a_bag_that_is_played_again_restarts_the_estimator(loop):
     run, bag = loop
     for again in range(3):
         bag.now = 100 * SECOND
@@ -228,7 +228,7 @@ def test_estimates_at_a_fixed_rate_rest_with_the_clock_and_go_back_with_it():
 
 
 @pytest.mark.real_time
-def test_a_plant_goes_with_somebody_elses_clock():
+def test_a_plant_follows_an_external_clock():
     """At half the pace, resting, ahead and back: its stamps are the time."""
     with Run(lockstep=False, nodes=('plant',), overrides=SIMULATED) as run:
         run.set_parameter('run_until', 1e6)
