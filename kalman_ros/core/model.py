@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil, inf
 from typing import NamedTuple
@@ -22,8 +21,7 @@ from .space import Space
 MOST_SUBSTEPS = 10_000
 
 
-@dataclass(frozen=True)
-class Transition:
+class Transition(NamedTuple):
     """One step of sampled time, x' = F x + G u + w, w ~ N(0, Q): F (n, n), G (n, m), Q (n, n)."""
 
     F: Array

@@ -34,7 +34,7 @@ class Discretization:
         # the derivatives of Q at 0 are those of exp(A s) W exp(A' s): X -> A X + X A', whose norm
         # is at most twice that of A
         self._norm = 2.0 * float(np.abs(A).sum(axis=0).max(initial=0.0))
-        self._powers = np.arange(_TERMS + 1)
+        self._powers = np.arange(_TERMS + 1.0)
         self._shapes = (n, m)
         # the terms of F', G' and Q' one below the other, so that one product makes all three
         terms = np.zeros((_TERMS + 1, 2 * n + m, n))

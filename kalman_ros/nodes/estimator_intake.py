@@ -51,6 +51,7 @@ class RealTimeIntake:
         self._node: Any = node
         self._fuser, self._latency = fuser, latency
         self._last_time = -1
+        self._clock = node.get_clock().handle
         self._worked = monotonic()
         self._meeting = Meeting(self._input_connected)
         for channel in fuser.channels.values():
@@ -74,7 +75,8 @@ class RealTimeIntake:
         _connect(self._node, channel, self._node.subscribe_in_batches, take, queue)
 
     def _now(self) -> int:
-        return int(self._node.get_clock().now().nanoseconds)
+        with self._clock:
+            return int(self._clock.get_now().nanoseconds)
 
     def _input_connected(self) -> bool:
         """Return whether the input has a publisher, if the state rests until the first input."""
@@ -108,20 +110,20 @@ class RealTimeIntake:
         """Return the readings that are waiting; ``data``, received on ``first``, may be one."""
         found, sensors = [], self._scenario.sensors
         for name, channel in self._fuser.channels.items():
-            source = sensors[name]
             messages, missed = channel.take([data] if channel is first else [])
-            if source.timed.enabled:
-                self._fuser.overrun(channel, missed)
-                read = partial(channel.read, source=source)
-                for message in messages:
-                    reading = self._node.intake(channel.topic, read, message)
-                    if reading is None:
-                        continue
-                    channel.rate.count()
-                    time = reading.time or now
-                    if now:  # simulated time may not have started
-                        channel.measure_lead(time, now)
-                    found.append(Received(time, channel, reading, reading.refused))
+            if not messages or not sensors[name].timed.enabled:
+                continue
+            self._fuser.overrun(channel, missed)
+            read = partial(channel.read, source=sensors[name])
+            for message in messages:
+                reading = self._node.intake(channel.topic, read, message)
+                if reading is None:
+                    continue
+                channel.rate.count()
+                time = reading.time or now
+                if now:  # simulated time may not have started
+                    channel.measure_lead(time, now)
+                found.append(Received(time, channel, reading, reading.refused))
         return found
 
     def _waiting_inputs(self, first: Channel, data: bytes, now: int) -> Iterator[Received]:

@@ -11,8 +11,8 @@ from kalman_ros.core import Signal
 from kalman_ros.core.quantity import ATTITUDE, PLACE, quantity
 
 _HEADER = 'std_msgs/Header'
-#: The length of no frame.
-_NONE_YET = b'\xff\xff\xff\xff'
+#: A message without a frame, and the length of none.
+_EMPTY, _NONE_YET = b'\x01\0\0\0\0', b'\xff\xff\xff\xff'
 _CHILD, _TWIST = 'child_frame_id', 'twist.'
 
 
@@ -45,10 +45,11 @@ class FrameGuard:
     ) -> None:
         fields = message_type.get_fields_and_field_types()
         stamped = next(iter(fields.values()), '') == _HEADER
-        #: A message with these bytes after its stamp is of the right frame.
-        self.accepted = _NONE_YET if stamped else b''
         twist = all(field.startswith(_TWIST) for field in signal.fields)
         self._of_child = twist and _CHILD in fields
+        empty = _NONE_YET if self._of_child else _EMPTY
+        #: A message with these bytes after its stamp is of the right frame.
+        self.accepted = empty if stamped else b''
         kinds = {found.kind for found in map(quantity, signal.fields) if found is not None}
         self._of_world = bool(kinds) and kinds <= {PLACE, ATTITUDE} and len(own) > 0
         self._own, self._warn = own, warn
