@@ -168,9 +168,13 @@ export function drawBode(canvas, loop) {
     }
   }
   pen.textAlign = 'center';
-  for (let k = Math.ceil(low); k <= high; k++) pen.fillText(`${short(10 ** k)}`, X(10 ** k), height - 3);
+  const unit = width - 6 - pen.measureText('rad/s').width;
+  for (let k = Math.ceil(low); k <= high; k++) {
+    const text = short(10 ** k), reach = pen.measureText(text).width / 2 + 4;
+    if (X(10 ** k) + reach < unit) pen.fillText(text, X(10 ** k), height - 3);
+  }
   pen.textAlign = 'left';
-  pen.fillText('rad/s', left + 2, height - 3);
+  pen.fillText('rad/s', unit, height - 3);
   for (const [key, look, dash] of LOOPS) {
     const found = loop[key];
     if (!found) continue;

@@ -61,7 +61,7 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
   const area = prepare(canvas);
   if (!area) return;
   const { pen, width, height } = area;
-  const left = 46, right = width - 6, top = 15, bottom = height - 14;
+  const left = 52, right = width - 6, top = 15, bottom = height - 14;
   const end = data.now, start = Math.max(0, end - share * data.span);
   const scale = log ? (v) => (v > 0 ? Math.log10(v) : NaN) : (v) => v;
   const recent = (rows) => (rows ?? []).filter((row) => row[0] >= start);
