@@ -15,7 +15,7 @@ from rclpy.serialization import serialize_message
 from kalman_ros.core import Array
 
 from .covariances import refuse_absent
-from .layout import BASE, SIZE, Layout, Sample, learn
+from .layout import BASE, SIZE, Layout, Places, Sample, learn
 from .messages import STAMP, STAMP_START, decode, leading_stamp, split, stamp_of
 from .padding import without_padding
 from .signal_codec import SignalCodec
@@ -40,6 +40,34 @@ def learn_layouts(*, on: bool) -> None:
     _learns = on
 
 
+class _Carried:
+    """The covariance in messages of one layout; from message to message it hardly changes.
+
+    Parameters
+    ----------
+    own, places
+        Its elements, and the position of each in a message.
+    n
+        Its rows.
+    """
+
+    def __init__(self, own: Any, places: Places, n: int) -> None:
+        self._own, self._places, self._shape = own, places, (n, n)
+        start, end = (int(places.min()), int(places.max()) + 1) if places.size else (0, 0)
+        self._run = slice(BASE + SIZE * start, BASE + SIZE * end)
+        self._bytes = b''
+        self._last: Array = np.zeros(self._shape)
+
+    def __call__(self, data: bytes, numbers: Array) -> Array:
+        """Return it (n, n), read-only: the array of the message before, if it is the same."""
+        found = data[self._run]
+        if found != self._bytes:
+            self._bytes, self._last = found, np.zeros(self._shape)
+            self._last[self._own] = numbers[self._places]
+            self._last.flags.writeable = False
+        return self._last
+
+
 class _Template:
     """A message of which others differ in the stamp and the numbers only."""
 
@@ -50,6 +78,9 @@ class _Template:
         self._fixed = [(run, layout.data[run]) for run in layout.fixed]
         self._buffer = bytearray(layout.data)
         self._numbers = self._numbers_of(self._buffer)
+        self._carried = (
+            _Carried(*layout.covariance, len(layout.values)) if layout.covariance else None
+        )
 
     def _numbers_of(self, data: bytes | bytearray) -> Array:
         return np.frombuffer(data, '<f8', self._count, BASE)
@@ -65,18 +96,13 @@ class _Template:
 
     def read(self, data: bytes) -> Sample:
         """Return the contents of a message that `fits`; AbsentError if it says there are none."""
-        _, _, values, covariance, stamped, declaring, declared = self._layout
+        _, _, values, _, stamped, declaring, declared = self._layout
         numbers = self._numbers_of(data)
         if declaring:
             refuse_absent(declaring, numbers[declared].tolist())
         time = leading_stamp(data) if stamped else None
-        if covariance is None:
-            return Sample(time, numbers[values], None)
-        own, places = covariance
-        n = len(values)
-        found = np.zeros((n, n))
-        found[own] = numbers[places]
-        return Sample(time, numbers[values], found)
+        carried = self._carried
+        return Sample(time, numbers[values], None if carried is None else carried(data, numbers))
 
     def write(self, sample: Sample) -> bytes:
         """Return the message with another stamp and other numbers.

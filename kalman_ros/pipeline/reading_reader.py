@@ -90,6 +90,8 @@ class ReadingReader:
             raise ValueError(f"signal '{signal.topic}': stamp_offset: {why}")
         #: Why the last unreadable message was refused; '' before the first.
         self.trouble = ''
+        #: The covariance of the last message, its sensor, and what is used in its place.
+        self._used: tuple[Array | None, SensorSource | None, Array | None] = (None, None, None)
 
     def __call__(self, data: bytes, source: SensorSource) -> Reading:
         """Return the reading in a message.
@@ -129,9 +131,17 @@ class ReadingReader:
             return self.refused(time, Outcome.MOVING, moving)
         if self._zero is not None:
             return Reading(time, self._zero, None)
-        used = source.used(covariance)
+        used = self._covariance_used(covariance, source)
         completed = used is not covariance and used is not None
         return Reading(time, values, used, completed=completed)
+
+    def _covariance_used(self, carried: Array | None, source: SensorSource) -> Array | None:
+        """Return the covariance to use in place of that of a message; the last one is cached."""
+        last, of, used = self._used
+        if carried is not last or source is not of:
+            used = source.used(carried)
+            self._used = carried, source, used
+        return used
 
     @property
     def frame(self) -> str:

@@ -173,6 +173,22 @@ def test_covariance_blocks_come_back(name):
         np.testing.assert_array_equal(reader(raw).covariance, found)
 
 
+@pytest.mark.parametrize('name', ['odometry', 'pose'])
+def test_a_covariance_that_stays_is_one_array_that_nobody_can_change(name):
+    codec = SignalCodec(PLAIN[name])
+    reader, n = WireReader(codec), codec.size
+    first, second = np.eye(n), 2.0 * np.eye(n)
+    given = [first, first, first, second, second, first]
+    raw = [over_the_wire(codec, k, np.full(n, float(k)), P) for k, P in enumerate(given)]
+    found = [reader(each) for each in raw]  # the first is decoded, and its layout learnt
+    for k, (sample, P) in enumerate(zip(found, given)):
+        np.testing.assert_array_equal(sample.values, np.full(n, float(k)))
+        np.testing.assert_array_equal(sample.covariance, P)
+    assert found[1].covariance is found[2].covariance
+    assert found[3].covariance is found[4].covariance
+    assert not found[3].covariance.flags.writeable
+
+
 def test_the_covariance_of_odometry_is_where_the_standard_says():
     codec = SignalCodec(STATE)
     P = np.arange(16.0).reshape(4, 4)
