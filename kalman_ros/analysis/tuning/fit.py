@@ -142,8 +142,9 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
         fitted.append(
             Fitted(each.name, each.unit, each.start, each.value(z), low, high, reason)
         )
+    taken = [*(each.taken for each in likelihood.observations.readings.values()), False]
     events = likelihood.observations.events({}, likelihood.until)
-    count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
+    count = sum(taken[event.order] for event in events)
     return Fit(
         tuple(fitted), found.correlation, start, top.data, found.rank, count,
         ascent.steps, ascent.stopped, likelihood is not first, top, found,

@@ -28,11 +28,15 @@ class Readings:
         (N, k); a number that is not finite is missing.
     covariance
         The noise covariance of each (N, k, k); None for that of the sensor.
+    taken
+        Whether a sensor took them. Zeros that are known without one correct the estimate, and
+        have no likelihood: they do not scatter.
     """
 
     stamp: Stamps
     value: Array
     covariance: Array | None = None
+    taken: bool = True
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,9 @@ class Observations:
 
     @property
     def count(self) -> int:
-        """The number of finite numbers read."""
-        return sum(int(np.isfinite(each.value).sum()) for each in self.readings.values())
+        """The number of finite numbers that sensors took."""
+        taken = (each.value for each in self.readings.values() if each.taken)
+        return sum(int(np.isfinite(value).sum()) for value in taken)
 
     @property
     def span(self) -> tuple[int, int]:
