@@ -139,9 +139,7 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
             (each.value(z - reach), each.value(z + reach)) if isfinite(reach) else (nan, nan)
         )
         reason = beyond.get(index, found.reasons[index])
-        fitted.append(
-            Fitted(each.name, each.unit, each.start, each.value(z), low, high, reason)
-        )
+        fitted.append(Fitted(each.name, each.unit, each.start, each.value(z), low, high, reason))
     taken = [*(each.taken for each in likelihood.observations.readings.values()), False]
     events = likelihood.observations.events({}, likelihood.until)
     count = sum(taken[event.order] for event in events)
@@ -151,9 +149,7 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     )  # fmt: skip
 
 
-def _settled(
-    likelihood: Likelihood, top: Expansion, seen: Any
-) -> tuple[Array, dict[int, str]]:
+def _settled(likelihood: Likelihood, top: Expansion, seen: Any) -> tuple[Array, dict[int, str]]:
     """Return the point (p,) of a fit, and why some parameters are beyond what the data show.
 
     One that the data do not depend on is at its start, unless that is less likely: a noise may
