@@ -157,8 +157,9 @@ def _settled(likelihood: Likelihood, top: Expansion, seen: Any) -> tuple[Array, 
     """
     start, unseen = likelihood.start, np.flatnonzero(~seen).tolist()
     points = [np.where(np.arange(len(start)) == index, start, top.z) for index in unseen]
-    values = likelihood.values(points) if points else []
-    point, beyond = top.z.copy(), {}
+    values = likelihood.values(points) if points else np.zeros(0)
+    point = top.z.copy()
+    beyond: dict[int, str] = {}
     for index, value in zip(unseen, values):
         if value > top.value - LITTLE:
             point[index] = start[index]

@@ -76,7 +76,7 @@ class NamedParameters:
 
     @property
     def usual(self) -> list[str]:
-        """Process noise and the noise of what sensors read: what is fitted by default."""
+        """Process noise, and the noise of sensors that read more than zeros: the default."""
         known = {name for name, each in self.scenario.sensors.items() if each.signal.zero}
         return [
             name
