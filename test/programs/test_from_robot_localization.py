@@ -292,8 +292,9 @@ def test_what_is_for_all_nodes_is_for_each_filter(tmp_path):
         f'/a/ekf: {{ros__parameters: {ekf}}}\n/b/ekf: {{ros__parameters: {ekf}}}\n'
         '/**: {ros__parameters: {use_sim_time: true, frequency: 10.0}}\n'
         '/b/**: {ros__parameters: {two_d_mode: true}}\n'
+        'navigator: {ros__parameters: {tree: $(find-pkg-share trees)/go.xml}}\n'
     )
-    space, plane = translated(their_nodes(file))
+    space, plane, _ = translated(their_nodes(file))
     assert space.values['use_sim_time'] and plane.values['use_sim_time']
     assert (space.values['model'], plane.values['model']) == ('robot_3d', 'robot_2d')
     assert space.values['publish_rate'] == 20.0

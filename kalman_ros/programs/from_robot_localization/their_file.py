@@ -104,26 +104,31 @@ def their_nodes(path: Path) -> list[TheirNode]:
     Raises
     ------
     ValueError
-        If no filter of robot_localization is in it.
+        If no filter of robot_localization is in it, or a launch file has yet to complete it.
     """
     whole = with_lines(path)
     found = list(_nodes(whole.value, (), path.stem)) if isinstance(whole.value, Mapping) else []
     # what stands under a wildcard is for all nodes
-    shared = [node for node in found if not (node.name or node.filters)]
-    nodes = [node for node in found if node not in shared]
-    for node in nodes:
-        node.name = node.name or path.stem
-        for each in shared:
-            if node.namespace.startswith(each.namespace):
-                node.values = {**each.values, **node.values}
+    shared = [node for node in found if not node.name and not node.filters]
+    nodes = [node for node in found if node.name or node.filters]
     if not any(node.filters for node in nodes):
         expected = 'expected a node with one of odom0, pose0, twist0, imu0'
         raise ValueError(f'{path.name}: {expected}')
-    for name, (value, line) in (item for node in nodes for item in node.values.items()):
+    for node in nodes:
+        node.name = node.name or path.stem
+        if node.filters or node.navigates:
+            for each in shared:
+                if node.namespace.startswith(each.namespace):
+                    node.values = {**each.values, **node.values}
+            _refuse_substitutions(node)
+    return nodes
+
+
+def _refuse_substitutions(node: TheirNode) -> None:
+    for name, (value, line) in node.values.items():
         if isinstance(value, str) and '$(' in value:
             expected = 'expected a value in place of a launch substitution'
             raise ValueError(f"line {line}: {name}: {expected}, got '{value}'")
-    return nodes
 
 
 def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iterator[TheirNode]:
