@@ -165,7 +165,9 @@ def test_tuned_in_the_plane_the_nis_is_that_of_a_consistent_filter(tmp_path):
     noises = ['turn_noise', 'velocity_noise.0', 'acceleration_noise.0']
     start = {**own_noise(1, 'y'), 'model_parameters.turn_noise': 0.05}
     bag = data('diff_drive_61s.bag')
-    likelihood = load(bag, file, start, noises, {}, {}, 0.0).likelihood
+    loaded = load(bag, file, start, noises, {}, {}, 0.0)
+    assert not any('no_slip' in name for name in loaded.named.usual)
+    likelihood = loaded.likelihood
     found = fit(likelihood)
     assert found.converged
     assert found.values['model_parameters.turn_noise'] == pytest.approx(0.168, rel=0.02)

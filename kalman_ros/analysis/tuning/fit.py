@@ -140,9 +140,8 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
         )
         reason = beyond.get(index, found.reasons[index])
         fitted.append(Fitted(each.name, each.unit, each.start, each.value(z), low, high, reason))
-    taken = [*(each.taken for each in likelihood.observations.readings.values()), False]
     events = likelihood.observations.events({}, likelihood.until)
-    count = sum(taken[event.order] for event in events)
+    count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
     return Fit(
         tuple(fitted), found.correlation, start, top.data, found.rank, count,
         ascent.steps, ascent.stopped, likelihood is not first, top, found,

@@ -29,8 +29,8 @@ class Readings:
     covariance
         The noise covariance of each (N, k, k); None for that of the sensor.
     taken
-        Whether a sensor took them. Zeros that are known without one correct the estimate, and
-        have no likelihood: they do not scatter.
+        Whether a sensor took them. The innovations of zeros that are known without one are not
+        judged, since they do not scatter; their likelihood says whether the model agrees.
     """
 
     stamp: Stamps
@@ -57,9 +57,8 @@ class Observations:
 
     @property
     def count(self) -> int:
-        """The number of finite numbers that sensors took."""
-        taken = (each.value for each in self.readings.values() if each.taken)
-        return sum(int(np.isfinite(value).sum()) for value in taken)
+        """The number of finite numbers read."""
+        return sum(int(np.isfinite(each.value).sum()) for each in self.readings.values())
 
     @property
     def span(self) -> tuple[int, int]:

@@ -119,7 +119,7 @@ class Walk:
     def blocks(
         self, until: int | None = None, progress: Callable[[float], None] | None = None
     ) -> Iterator[Block]:
-        """Yield the innovations of all readings that sensors took up to the stamp ``until``.
+        """Yield the innovations of all readings up to the stamp ``until``.
 
         Raises
         ------
@@ -148,8 +148,7 @@ class Walk:
                 u, moving = self._observations.input[event.row], True
                 continue
             key, row = self._take(event, u)
-            if self._observations.readings[self._names[event.order]].taken:
-                collected.setdefault(key, []).append((event.time, *row))
+            collected.setdefault(key, []).append((event.time, *row))
             taken += 1
             if taken % _BLOCK == 0:
                 if progress is not None:
