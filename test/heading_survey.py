@@ -9,6 +9,7 @@ if the first filter is outside.
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from kalman_ros import sensors
 from kalman_ros.core import Gaussian, TimedSensor
 from kalman_ros.core import rotations as so3
 from kalman_ros.estimators import build_filter
+from kalman_ros.estimators.batch.batch_filters import BATCHED, batched
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.models.inertial import Inertial
@@ -37,43 +39,72 @@ def first_heading():
     return start
 
 
-def drive(seed):
-    """Return the inputs and fixes of a drive, and the state at its end (15,)."""
-    rng = np.random.default_rng(seed)
+@dataclass(frozen=True)
+class Drives:
+    """Inputs (steps, N, 6) and fixes (steps, N, 3) of N drives, and the states at their ends."""
+
+    inputs: np.ndarray
+    fixes: np.ndarray
+    ends: np.ndarray
+
+    def of(self, which):
+        """Return some of the drives, or one."""
+        return Drives(self.inputs[:, which], self.fixes[:, which], self.ends[which])
+
+
+def drives(runs, first=0):
+    """Return drives, each with the noise of a seed of its own."""
     space, gravity = MODEL.state, MODEL.equilibrium.input[3:]
     Q = STEP * MODEL.noise_density(np.zeros(15)).diagonal()
-    first = rng.normal(size=15) * STD
-    first[5] = WRONG
-    x, steps = space.add(first_heading(), first), []
-    for k in range(STEPS):
+    generators = [np.random.default_rng(seed) for seed in range(first, first + runs)]
+    wrong = np.array([rng.normal(size=15) for rng in generators]) * STD
+    wrong[:, 5] = WRONG
+    noise = np.array([rng.normal(size=(STEPS, 18)) for rng in generators]).swapaxes(0, 1)
+    x, inputs, fixes = space.add(first_heading(), wrong), [], []
+    for k, drawn in enumerate(noise):
         t = k * STEP
         pushed = [1.5 * np.cos(0.8 * t), 0.5 * np.sin(0.5 * t), 0.0]
         rate = [0.05 * np.sin(t), 0.05 * np.cos(0.7 * t), 0.4 * np.sin(0.3 * t)]
-        force = pushed + so3.rotate_back(x[3:6], gravity)
-        u = np.hstack((rate + x[9:12], force + x[12:]))
-        x = space.add(MODEL.step(x, u, STEP), rng.normal(size=15) * np.sqrt(Q))
-        steps.append((u, x[:3] + 0.5 * rng.normal(size=3)))
-    return steps, x
+        force = pushed + so3.rotate_back(x[:, 3:6], gravity)
+        u = np.hstack((rate + x[:, 9:12], force + x[:, 12:]))
+        x = space.add(MODEL.step(x, u, STEP), drawn[:, :15] * np.sqrt(Q))
+        inputs.append(u)
+        fixes.append(x[:, :3] + 0.5 * drawn[:, 15:])
+    return Drives(np.array(inputs), np.array(fixes), x)
 
 
-def scores(kind, runs, first=0):
-    """Return the NEES over its dimension, and the error of the heading, of each run (N,)."""
-    space = MODEL.state
+def scores(kind, driven, model=MODEL):
+    """Return the NEES over its dimension, and the error of the heading, of each drive (N,).
+
+    Of a ``model`` whose state is that of `MODEL`, or has roll, pitch and yaw in place of the
+    rotation.
+    """
+    space, truth = model.state, driven.ends
+    if not space.rotations:
+        truth = np.hstack((truth[:, :3], so3.to_euler(truth[:, 3:6]), truth[:, 6:]))
     gnss = sensors.build('states', space, [0.5] * 3, {'measures': ['x', 'y', 'z']})
     gnss.name = 'gnss'
-    filter = build_filter(kind, Plan(MODEL, {'gnss': TimedSensor(gnss, 5.0)}, 1.0 / STEP))
+    filter = build_filter(kind, Plan(model, {'gnss': TimedSensor(gnss, 5.0)}, 1.0 / STEP))
     P = np.diag(np.where(np.arange(15) == 5, WRONG, STD) ** 2)
-    found = []
-    for seed in range(first, first + runs):
-        steps, x = drive(seed)
-        belief = Gaussian(first_heading(), P)
-        for k, (u, fix) in enumerate(steps):
-            belief = filter.predict(belief, u, STEP)
-            if k % 4 == 3:
-                belief = filter.correct(belief, fix, gnss).posterior
-        error = space.subtract(x, belief.mean)
-        found.append((nees(error, belief.covariance) / 15.0, abs(error[5])))
-    return np.array(found).T
+    if kind in BATCHED:
+        count = len(truth)
+        start = Gaussian(np.tile(first_heading(), (count, 1)), np.tile(P, (count, 1, 1)))
+        mean, covariance = _last(batched(filter), start, driven, gnss)
+    else:
+        every = (driven.of(which) for which in range(len(truth)))
+        start = Gaussian(first_heading(), P)
+        mean, covariance = map(np.array, zip(*(_last(filter, start, o, gnss) for o in every)))
+    error = space.subtract(truth, mean)
+    return nees(error, covariance) / 15.0, np.abs(error[:, 5])
+
+
+def _last(filter, belief, driven, gnss):
+    """Return mean and covariance at the end; every fourth step has a fix."""
+    for k, (u, fix) in enumerate(zip(driven.inputs, driven.fixes)):
+        belief = filter.predict(belief, u, STEP)
+        if k % 4 == 3:
+            belief = filter.correct(belief, fix, gnss).posterior
+    return belief.mean, belief.covariance
 
 
 def band(runs):
@@ -89,9 +120,9 @@ def main():
     parser.add_argument('--filters', nargs='+', default=['gaussian_sum', 'ekf'])
     options = parser.parse_args()
     low, high = band(options.runs)
-    outside = []
+    driven, outside = drives(options.runs, options.first), []
     for kind in options.filters:
-        found, headings = scores(kind, options.runs, options.first)
+        found, headings = scores(kind, driven)
         outside.append(not low < found.mean() < high)
         print(
             f'{kind}: ANEES {found.mean():.3f} of {options.runs} runs, '

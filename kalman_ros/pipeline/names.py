@@ -8,7 +8,7 @@ the options.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Collection, Container, Iterable
 
 #: By the node or object that they are options of.
 NAMES = {
@@ -55,6 +55,24 @@ def known(sensors: Iterable[str], *, driven: bool) -> set[str]:
         name for kind, names in NAMES.items() for name in names.split() if driven or kind != 'laws'
     }
     return own | {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
+
+
+def refuse_unlisted(given: Iterable[str], known: Container[str], sensors: Collection[str]) -> None:
+    """Raise ValueError for a section of a sensor that is not among the ``sensors``.
+
+    A single parameter of it is taken for a mistake in writing, which has a nearest one.
+    """
+    seen: set[str] = set()
+    for name in given:
+        sensor, _, own = name.partition('.')
+        alike = any(f'{each}.{own}' in known for each in sensors)
+        if name in known or not alike or sensor in (*sensors, 'state', 'input'):
+            continue
+        if sensor in seen:
+            listed = ', '.join(sensors)
+            expected = f"expected '{sensor}', which has parameters such as {name}, among them"
+            raise ValueError(f'sensors: {expected}, got {listed}')
+        seen.add(sensor)
 
 
 def check_kinds(options: Container[str], sensors: Iterable[str]) -> None:

@@ -36,7 +36,8 @@ def whole_pose(signal: Signal) -> Signal:
         for each in found
     ):
         listed = ', '.join(signal.fields)
-        raise ValueError(f'pose: expected fields of a position or orientation, got {listed}')
+        expected = 'expected fields of a position or orientation'
+        raise ValueError(f"signal '{signal.topic}': pose: {expected}, got {listed}")
     if any(each.kind == PLACE for each in found if each is not None):
         owner = next(each.owner for each in found if each is not None).rpartition('.')[0]
         start = f'{owner}.' if owner else ''

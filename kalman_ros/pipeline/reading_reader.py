@@ -13,7 +13,7 @@ import numpy as np
 from kalman_ros.codecs.covariances import AbsentError
 from kalman_ros.codecs.fixes import NoFixError
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.messages import FRAME_START, leading_stamp, message_type
+from kalman_ros.codecs.messages import FRAME_START, leading_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
@@ -76,14 +76,13 @@ class ReadingReader:
         own: Sequence[str] = (),
         warn: Callable[[str], object] = str,
     ) -> None:
-        self._change = None
         self._zero = np.zeros(len(signal.fields)) if signal.zero else None
         self._still = None if signal.still is None else StillWatch(signal, signal.still)
-        self._guard = FrameGuard(signal, message_type(signal.type), own, warn)
-        if signal.pose != 'absolute':
-            self._change, signal = PoseChange(signal), whole_pose(signal)
-        self._read = WireReader(codec_of(signal, origin=origin))
+        self._change = None if signal.pose == 'absolute' else PoseChange(signal)
+        read = signal if self._change is None else whole_pose(signal)
+        self._read = WireReader(codec_of(read, origin=origin))
         self.message_type = self._read.message_type
+        self._guard = FrameGuard(signal, self.message_type, own, warn)
         self._offset = signal.stamp_offset
         if self._offset and not hasattr(self.message_type, 'header'):
             why = f'expected messages with a stamp, {signal.type} has none'

@@ -72,7 +72,9 @@ def choose(
     sensors = scenario.sensor_names(chosen['sensors'])
     names.check_kinds(shared, sensors)
     driven = 'input.topic' in shared
-    refuse_unknown(given, {*known, *names.known(sensors, driven=driven)}, 'parameter')
+    everything = {*known, *names.known(sensors, driven=driven)}
+    names.refuse_unlisted(given, everything, sensors)
+    refuse_unknown(given, everything, 'parameter')
     values = scenario.complete(given, known)
     return Chosen(values, known, tuple(shared), tuple(own), tuple(more))
 

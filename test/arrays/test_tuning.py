@@ -159,6 +159,16 @@ def test_an_input_that_never_acts_determines_no_gain():
     assert found.values['gain'] == 1.0
 
 
+def test_noise_that_shrinks_until_it_no_longer_shows_does_not_return_to_its_start():
+    """Of a level that is read exactly: any small enough noise is as likely, the start is not."""
+    y = np.cumsum(np.random.default_rng(6).normal(0.0, 1.0, 300))
+    start = {'q': 0.5, 'r': 2.0}
+    found = kr.tune(level, np.arange(300), y, initial=([0.0], [[2.0]]), fit=start)
+    assert found.undetermined == {'r': 'it is too small for these data to show it'}
+    assert found.values['r'] < 0.01
+    assert found.values['q'] == pytest.approx(1.0, rel=0.2)
+
+
 def coverage(runs):
     """Return how often the intervals of a level's noise cover the truth."""
     hits, count = np.zeros(2), np.zeros(2)

@@ -68,7 +68,9 @@ def test_the_rough_torque_does_not_determine_the_friction():
         initial=([0.0, 0.0], 0.01 * np.eye(2)), input_times=time, linear=['offset', 'Fv'],
         fit={**PUBLISHED, 'torque_noise': 0.01, 'noise': 0.01},
     )  # fmt: skip
-    assert found.converged and 'do not depend' in found.undetermined['Fc']
+    # without it the readings are likelier than with the published one, by 7 in log-likelihood
+    assert found.converged and 'too small for these data' in found.undetermined['Fc']
+    assert found.values['Fc'] < 0.001 * PUBLISHED['Fc']
     for name in ('Fv', 'offset'):
         assert found.parameters[name].low < 0.0 < found.parameters[name].high
     assert found.parameters['mc'].high > 1.4 * found.parameters['mc'].low

@@ -11,6 +11,7 @@ pytest.importorskip('rclpy')
 from kalman_ros import scenario
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
+from kalman_ros.core import Signal
 from kalman_ros.pipeline.reading_reader import ReadingReader
 
 CONFIGURED = 0.05**2
@@ -48,6 +49,19 @@ def test_a_covariance_of_zeros_is_unknown():
         data = WireWriter(SignalCodec(source.signal))(1, np.zeros(2), carried)
         found = ReadingReader(source.signal)(data, source).covariance
         np.testing.assert_allclose(found, used)
+
+
+@pytest.mark.parametrize(
+    ('change', 'says'),
+    [
+        ({'type': 'Odometry'}, "type: expected 'package/Name', got 'Odometry'"),
+        ({'pose': 'differential', 'fields': ('twist.twist.linear.x',)}, 'pose: expected fields'),
+    ],
+)
+def test_which_of_several_sensors_is_wrong_is_named(change, says):
+    signal = Signal('wheels', 'nav_msgs/Odometry', ('pose.pose.position.x',))
+    with pytest.raises(ValueError, match=f"^signal 'wheels': {says}"):
+        ReadingReader(replace(signal, **change))
 
 
 def stamped(stamp, offset, values=(0.0, 0.0)):

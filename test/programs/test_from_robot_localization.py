@@ -220,7 +220,15 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
         ('[1, 2]\n', 'expected a node with one of odom0'),
         ('', 'expected a node with one of odom0'),
         ('odom0: odom\n', 'line 1: odom0_config: expected 15 flags, got none'),
-        ('odom0: odom\nodom0_config: [true]\n', 'line 2: odom0_config: expected 15 times true'),
+        (
+            'odom0: odom\nodom0_config: [true, 1]\n',
+            'line 2: odom0_config: expected 15 times true or false, got 1 of 2',
+        ),
+        ('odom0: odom\nodom0_config: true\n', 'expected 15 times true or false, got no list'),
+        (
+            'odom0: odom\nodom0_config: C\nmap_frame: $(var robot)/map\n',
+            "line 3: map_frame: expected a value in place of a launch substitution, got '$(var",
+        ),
         ('odom0: 7\nodom0_config: C\n', 'line 1: odom0: expected a word, got 7'),
         (
             'odom0: odom\nodom0_config: C\nfrequency: fast\n',
@@ -275,6 +283,44 @@ def test_filters_of_one_name_in_two_namespaces_are_two_files(tmp_path, capsys):
         assert (tmp_path / f'ours [b]_{space}_ekf.yaml').is_file()
         options = f'-r __ns:=/{space} -r __node:=ekf --params-file '
         assert f"{options}'{tmp_path}/ours [b]_{space}_ekf.yaml'" in said
+
+
+def test_what_is_for_all_nodes_is_for_each_filter(tmp_path):
+    file = tmp_path / 'theirs.yaml'
+    ekf = f'{{odom0: odom, odom0_config: {config("vx")}, frequency: 20.0}}'
+    file.write_text(
+        f'/a/ekf: {{ros__parameters: {ekf}}}\n/b/ekf: {{ros__parameters: {ekf}}}\n'
+        '/**: {ros__parameters: {use_sim_time: true, frequency: 10.0}}\n'
+        '/b/**: {ros__parameters: {two_d_mode: true}}\n'
+        'navigator: {ros__parameters: {tree: $(find-pkg-share trees)/go.xml}}\n'
+    )
+    space, plane, _ = translated(their_nodes(file))
+    assert space.values['use_sim_time'] and plane.values['use_sim_time']
+    assert (space.values['model'], plane.values['model']) == ('robot_3d', 'robot_2d')
+    assert space.values['publish_rate'] == 20.0
+
+
+def test_nodes_of_ros_1_have_their_navsat_transform(tmp_path):
+    file = tmp_path / 'theirs.yaml'
+    file.write_text(
+        f'ekf:\n  odom0: odometry/gps\n  odom0_config: {config("x", "y")}\n  two_d_mode: true\n'
+        'navsat_transform:\n  yaw_offset: 0.0\n  datum: [49.9, 8.7, 0.0, map, base_link]\n'
+    )
+    found, _ = translated(their_nodes(file))
+    assert found.values['odom0_fix.fields'] == ['east', 'north']
+    assert found.values['datum'] == [49.9, 8.7, 0.0]
+    file.write_text(file.read_text().replace('8.7, 0.0,', ''))
+    with pytest.raises(ValueError, match='line 7: datum: expected 2 or 3 finite numbers'):
+        translated(their_nodes(file))
+
+
+def test_an_unscented_filter_remains_one(tmp_path):
+    values, rows = one(
+        tmp_path, 'odom0: odom', f'odom0_config: {config("vx")}', 'alpha: 0.001', 'kappa: 0',
+    )  # fmt: skip
+    assert values['filter'] == 'ukf' and 'alpha' not in values
+    assert rows['alpha'].carried and rows['kappa'].carried
+    settings(values).estimator()
 
 
 def test_a_wildcard_has_the_name_of_the_file(tmp_path, capsys):

@@ -31,6 +31,8 @@ def test_every_filter_is_tried():
     assert sum(_SHARES.values()) == pytest.approx(1.0)
 
 
-def test_robots_with_rotations_are_tried():
-    tried = {Episode(seed).model for seed in range(100_000, 100_040)}
-    assert tried == {'Robot3D', 'Inertial', '_Swing', 'LinearSystem'}
+def test_robots_with_rotations_are_tried_with_the_filters_that_they_can_have():
+    episodes = [Episode(seed) for seed in range(100_000, 100_040)]
+    assert {each.model for each in episodes} == {'Robot3D', 'Inertial', '_Swing', 'LinearSystem'}
+    tried = {(each.model, each.filter) for each in episodes}
+    assert {(m, f) for m in ('Robot3D', 'Inertial') for f in ('ekf', 'ukf')} <= tried

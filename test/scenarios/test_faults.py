@@ -68,9 +68,11 @@ def test_the_filters_agree_as_they_must_on_a_linear_system():
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.parametrize('filter', ['ekf', 'ukf'])
 @pytest.mark.parametrize('setting', SETTINGS[1:], ids=lambda each: each.scenario)
-def test_a_robot_in_space_keeps_the_promises_too(setting):
-    run = FaultMatrix('ekf', SHORT, 1, setting).findings(setting.cases, lambda: None)
+def test_a_robot_in_space_keeps_the_promises_too(setting, filter):
+    assert filter in setting.filters
+    run = FaultMatrix(filter, SHORT, 1, setting).findings(setting.cases, lambda: None)
     found = {finding.fault.partition(': ')[2]: finding for finding in run}
     assert {name: finding.broken for name, finding in found.items() if finding.broken} == {}
     sound = found['none'].counts

@@ -31,7 +31,7 @@ _LONGEST, _FAR = 2.0, 20.0
 #: Other starts: how many are compared, how many of them are followed, and how far they are.
 _SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
 #: Starts are compared on the first N readings, and followed there until little is left to gain.
-SHORT, _LITTLE = 1000, 0.03
+SHORT, LITTLE = 1000, 0.03
 
 #: Why an ascent stopped that somebody stopped.
 INTERRUPTED = 'interrupted'
@@ -188,7 +188,7 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
         for index in order[:_FOLLOWED].tolist():
             begin = short.expand(points[index]) if np.isfinite(values[index]) else None
             if begin is not None:
-                ends.append(climb(short, begin, report, _LITTLE))
+                ends.append(climb(short, begin, report, LITTLE))
                 if ends[-1].stopped == INTERRUPTED:
                     return _best(ends, before, INTERRUPTED)
         if not ends:

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite, nan
+from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array
 
-from .ascent import INTERRUPTED, Report, _ignore, maximum
+from .ascent import INTERRUPTED, LITTLE, Report, _ignore, maximum
 from .identifiability import Determination, determination
 from .likelihood import Expansion, Likelihood
 
@@ -130,25 +131,41 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     first, likelihood, top = likelihood, ascent.likelihood, ascent.top
     start = ascent.before - likelihood.prior(likelihood.start)[0]
     found = determination(likelihood.parameters, top.information, top.z)
+    point, beyond = _settled(likelihood, top, found.seen)
     fitted = []
     for index, each in enumerate(likelihood.parameters):
-        z, reach = float(top.z[index]), _95 * float(found.std[index])
-        if not found.seen[index]:
-            z = each.scaled(each.start)
+        z, reach = float(point[index]), _95 * float(found.std[index])
         low, high = (
             (each.value(z - reach), each.value(z + reach)) if isfinite(reach) else (nan, nan)
         )
-        fitted.append(
-            Fitted(
-                each.name, each.unit, each.start, each.value(z), low, high, found.reasons[index]
-            )
-        )
+        reason = beyond.get(index, found.reasons[index])
+        fitted.append(Fitted(each.name, each.unit, each.start, each.value(z), low, high, reason))
     events = likelihood.observations.events({}, likelihood.until)
     count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
     return Fit(
         tuple(fitted), found.correlation, start, top.data, found.rank, count,
         ascent.steps, ascent.stopped, likelihood is not first, top, found,
     )  # fmt: skip
+
+
+def _settled(likelihood: Likelihood, top: Expansion, seen: Any) -> tuple[Array, dict[int, str]]:
+    """Return the point (p,) of a fit, and why some parameters are beyond what the data show.
+
+    One that the data do not depend on is at its start, unless that is less likely: a noise may
+    have become so small that all smaller ones are alike.
+    """
+    start, unseen = likelihood.start, np.flatnonzero(~seen).tolist()
+    points = [np.where(np.arange(len(start)) == index, start, top.z) for index in unseen]
+    values = likelihood.values(points) if points else np.zeros(0)
+    point = top.z.copy()
+    beyond: dict[int, str] = {}
+    for index, value in zip(unseen, values):
+        if value > top.value - LITTLE:
+            point[index] = start[index]
+        else:
+            size = 'small' if top.z[index] < start[index] else 'large'
+            beyond[index] = f'it is too {size} for these data to show it'
+    return point, beyond
 
 
 def sampled(

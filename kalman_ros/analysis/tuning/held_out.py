@@ -106,6 +106,8 @@ def _of_blocks(whole: Likelihood, blocks: Sequence[Block], after: int | None) ->
                     continue
                 total += float(whole.terms(block)[use].sum())
                 count += int(use.sum())
+                if not whole.observations.readings[block.sensor].taken:
+                    continue
                 accepted = block.accepted[use, 0]
                 E, S = block.innovation[use][accepted, 0], block.covariance[use][accepted, 0]
                 z = whitened(factor(S), E)

@@ -76,11 +76,14 @@ class NamedParameters:
 
     @property
     def usual(self) -> list[str]:
-        """Process noise and the noise of the sensors: what is fitted by default."""
+        """Process noise, and the noise of sensors that read more than zeros: the default."""
+        known = {name for name, each in self.scenario.sensors.items() if each.signal.zero}
         return [
             name
             for name, place in self._places.items()
-            if 'noise' in place.option.rpartition('.')[2] and place.free.start > 0.0
+            if 'noise' in place.option.rpartition('.')[2]
+            and place.free.start > 0.0
+            and place.option.rpartition('.')[0] not in known
         ]
 
     def choose(

@@ -28,11 +28,15 @@ class Readings:
         (N, k); a number that is not finite is missing.
     covariance
         The noise covariance of each (N, k, k); None for that of the sensor.
+    taken
+        Whether a sensor took them. The innovations of zeros that are known without one are not
+        judged, since they do not scatter; their likelihood says whether the model agrees.
     """
 
     stamp: Stamps
     value: Array
     covariance: Array | None = None
+    taken: bool = True
 
 
 @dataclass(frozen=True)

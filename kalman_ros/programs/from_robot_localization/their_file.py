@@ -65,11 +65,15 @@ class TheirNode:
         except (ValueError, OverflowError) as error:
             raise ValueError(f'line {line}: {error}') from None
 
-    def numbers(self, name: str, sizes: tuple[int, ...]) -> list[float] | None:
-        """Return a list of numbers of one of the sizes; None if it is not given."""
+    def numbers(
+        self, name: str, sizes: tuple[int, ...], *, words: bool = False
+    ) -> list[float] | None:
+        """Return a list of numbers of one of the sizes, without ``words``; None if not given."""
         if name not in self.values:
             return None
         found, line = self.values[name]
+        if words and isinstance(found, list):
+            found = [each for each in found if not isinstance(each, str)]
         if not isinstance(found, list) or len(found) not in sizes or not all(map(_usable, found)):
             wanted = ' or '.join(map(str, sizes))
             raise ValueError(f'line {line}: {name}: expected {wanted} finite numbers')
@@ -100,20 +104,38 @@ def their_nodes(path: Path) -> list[TheirNode]:
     Raises
     ------
     ValueError
-        If no filter of robot_localization is in it.
+        If no filter of robot_localization is in it, or a launch file has yet to complete it.
     """
     whole = with_lines(path)
     found = list(_nodes(whole.value, (), path.stem)) if isinstance(whole.value, Mapping) else []
-    if not any(node.filters for node in found):
+    # what stands under a wildcard is for all nodes
+    shared = [node for node in found if not node.name and not node.filters]
+    nodes = [node for node in found if node.name or node.filters]
+    if not any(node.filters for node in nodes):
         expected = 'expected a node with one of odom0, pose0, twist0, imu0'
         raise ValueError(f'{path.name}: {expected}')
-    return found
+    for node in nodes:
+        node.name = node.name or path.stem
+        if node.filters or node.navigates:
+            for each in shared:
+                if node.namespace.startswith(each.namespace):
+                    node.values = {**each.values, **node.values}
+            _refuse_substitutions(node)
+    return nodes
+
+
+def _refuse_substitutions(node: TheirNode) -> None:
+    for name, (value, line) in node.values.items():
+        if isinstance(value, str) and '$(' in value:
+            expected = 'expected a value in place of a launch substitution'
+            raise ValueError(f"line {line}: {name}: {expected}, got '{value}'")
 
 
 def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iterator[TheirNode]:
-    """Return the nodes below the parts of a name; a wildcard has the name of the file."""
-    *space, name = [part for part in parts if '*' not in part] or [stem]
-    if any(map(SENSOR.fullmatch, values)):
+    """Return the nodes below the parts of a name; a wildcard leaves it empty."""
+    last = parts[-1] if parts else stem
+    name, space = '' if '*' in last else last, [part for part in parts[:-1] if '*' not in part]
+    if any(map(SENSOR.fullmatch, values)) or _NAVSAT.intersection(values):
         yield TheirNode(name, '/'.join(space), _flat(values))
         return
     for key, (value, _) in values.items():

@@ -27,7 +27,8 @@ def receiver(
     node.rows[:] = [row for row in node.rows if row.name != name or 'fixes' in row.what]
     datum = navigation.values.get('datum')
     if datum is not None:
-        numbers = navigation.numbers('datum', (2, 3, 5)) or []
+        # in ROS 1 the names of two frames follow
+        numbers = navigation.numbers('datum', (2, 3), words=True) or []
         found['datum'] = [numbers[0], numbers[1], 0.0]
         navigation.note('datum', "datum, with an altitude of 0; a heading is the state's")
     found['publish_fix'] = navigation.value('publish_filtered_gps', False)

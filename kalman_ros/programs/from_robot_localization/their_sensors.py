@@ -69,9 +69,10 @@ def _flags(node: TheirNode, name: str) -> list[str]:
     if key not in node.values:
         raise ValueError(f'line {node.values[name].line}: {key}: expected 15 flags, got none')
     given, line = node.values[key]
-    listed = isinstance(given, list) and all(isinstance(flag, bool) for flag in given)
-    if not listed or len(given) != len(_FLAGS):
-        raise ValueError(f'line {line}: {key}: expected 15 times true or false')
+    flags = [flag for flag in given if isinstance(flag, bool)] if isinstance(given, list) else []
+    if given != flags or len(flags) != len(_FLAGS):
+        got = f'{len(flags)} of {len(given)}' if isinstance(given, list) else 'no list'
+        raise ValueError(f'line {line}: {key}: expected 15 times true or false, got {got}')
     return [name for name, flag in zip(_FLAGS, given) if flag]
 
 

@@ -52,6 +52,8 @@ _PROCESS: Mapping[bool, Mapping[str, Any]] = {
         'turn_noise': (9, 10, 11), 'acceleration_noise': (12, 13, 14),
     },
 }  # fmt: skip
+#: Parameters of their ukf_node alone.
+_UNSCENTED = {'alpha', 'beta', 'kappa'}
 _PLANAR = [0, 1, 5, 6, 7, 11, 12, 13]
 _STATES = 15
 #: What it takes without the parameter: robot_localization's own file of defaults.
@@ -135,6 +137,10 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
     found['publish_rate'] = node.value('frequency', _FREQUENCY)
     node.note('frequency', 'publish_rate')
     _frames(node, found)
+    if not _UNSCENTED.isdisjoint(node.values):
+        found['filter'] = 'ukf'
+    for name in _UNSCENTED:
+        node.note(name, 'filter: ukf, with sigma points of ours, none of negative weight')
     sensors: Sensors = {}
     for name in sorted(filter(SENSOR.fullmatch, node.values)):
         kind = SENSOR.fullmatch(name)

@@ -86,8 +86,10 @@ def load(
 def _observations(replayed: Replayed, named: NamedParameters) -> Observations:
     own = named.configured_noise()
     readings = {
-        name: _readings(replayed.sensors[name], configured=name in own)
-        for name in named.scenario.enabled
+        name: _readings(
+            replayed.sensors[name], configured=name in own, taken=not source.signal.zero
+        )
+        for name, source in named.scenario.enabled.items()
         if name in replayed.sensors
     }
     inputs = replayed.inputs
@@ -96,7 +98,7 @@ def _observations(replayed: Replayed, named: NamedParameters) -> Observations:
     return Observations(readings, stamps, inputs.value[order])
 
 
-def _readings(sensor: SensorReplay, *, configured: bool) -> Readings:
+def _readings(sensor: SensorReplay, *, configured: bool, taken: bool) -> Readings:
     """Return the readings by stamp, each stamp once, that a filter can take."""
     use: Any = np.isfinite(sensor.stamp) & np.isfinite(sensor.value).all(axis=1)
     if not configured:
@@ -106,7 +108,7 @@ def _readings(sensor: SensorReplay, *, configured: bool) -> Readings:
     stamps, first = np.unique(stamps, return_index=True)
     rows = indices[first]
     covariance = None if configured else sensor.covariance[rows]
-    return Readings(stamps, sensor.value[rows], covariance)
+    return Readings(stamps, sensor.value[rows], covariance, taken)
 
 
 def _definite(covariance: Array) -> Any:
