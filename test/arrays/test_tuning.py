@@ -2,11 +2,13 @@
 """`kr.tune`: published estimates, identified systems, intervals, and what is not determined."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from recorded import data
 from simulated_recordings import readings, square_wave
+from tuned_cases import COVERED, likelihood, recorded
 
 import kalman_ros as kr
 from kalman_ros.analysis.tuning import ascent
@@ -237,6 +239,17 @@ def test_readings_that_no_filter_explains_are_refused():
             lambda a=1.0: (kr.discrete_model([[1e200 * a]], Q=[[1.0]]), ([[1.0]], [[1.0]])),
             np.arange(50), np.ones(50), initial=([1.0], [[1.0]]),
         )  # fmt: skip
+
+
+def test_an_ascent_ends_at_a_known_maximum_once_it_is_near():
+    spring = COVERED[0]
+    surface = likelihood(spring, recorded(spring, 0))
+    start = surface.expand(surface.start)
+    whole = ascent.climb(surface, start)
+    again = ascent.climb(surface, start, tops=[whole.top])
+    assert again.top is whole.top and 0 < again.steps < whole.steps
+    lower = replace(whole.top, value=start.value - 1.0)
+    assert ascent.climb(surface, start, tops=[lower]).top.value > whole.top.value - 1e-3
 
 
 def test_a_fit_to_the_first_readings_is_kept_where_all_have_no_likelihood(monkeypatch):

@@ -31,7 +31,9 @@ _LONGEST, _FAR = 2.0, 20.0
 #: Other starts: how many are compared, how many of them are followed, and how far they are.
 _SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
 #: Starts are compared on the first N readings, and followed there until little is left to gain.
-SHORT, LITTLE = 1000, 0.03
+SHORT, LITTLE = 500, 0.03
+#: An ascent that comes within this distance of a maximum, in standard deviations, leads there.
+_NEAR = 5.0
 
 #: Why an ascent stopped that somebody stopped.
 INTERRUPTED = 'interrupted'
@@ -73,12 +75,19 @@ def climb(
     start: Expansion,
     report: Report = _ignore,
     negligible: float = _NEGLIGIBLE_LONG,
+    tops: Sequence[Expansion] = (),
 ) -> Ascent:
-    """Return where an expansion leads, up to a gain that is ``negligible``."""
+    """Return where an expansion leads, up to a gain that is ``negligible``.
+
+    It ends at one of the maxima ``tops`` as soon as it is near.
+    """
     here, damping, number = start, _DAMPING, 0
     path = [start]
     try:
         for number in range(_MOST_STEPS):
+            reached = next((top for top in tops if _near(here, top)), None)
+            if reached is not None:
+                return Ascent(likelihood, reached, number)
             J = _curvature(path)
             if _step(likelihood, here, J, _LEAST)[1] < negligible:
                 return Ascent(likelihood, here, number)
@@ -104,6 +113,12 @@ def climb(
     except KeyboardInterrupt:
         return Ascent(likelihood, here, number, INTERRUPTED)
     return Ascent(likelihood, here, _MOST_STEPS, f'{_MOST_STEPS} steps are not enough')
+
+
+def _near(here: Expansion, top: Expansion) -> bool:
+    """Return whether a point is on the slope of a maximum, by the maximum's information."""
+    away = here.z - top.z
+    return here.value <= top.value and float(away @ top.information @ away) <= _NEAR**2
 
 
 def _step(
@@ -188,7 +203,8 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
         for index in order[:_FOLLOWED].tolist():
             begin = short.expand(points[index]) if np.isfinite(values[index]) else None
             if begin is not None:
-                ends.append(climb(short, begin, report, LITTLE))
+                known = [each.top for each in ends if not each.stopped]
+                ends.append(climb(short, begin, report, LITTLE, known))
                 if ends[-1].stopped == INTERRUPTED:
                     return _best(ends, before, INTERRUPTED)
         if not ends:
