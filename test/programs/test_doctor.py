@@ -85,6 +85,13 @@ def test_no_bag_is_one_line(tmp_path, capsys):
     assert error.count('\n') == 1
 
 
+def test_a_name_that_a_terminal_would_obey_is_printed_as_text(tmp_path, capsys):
+    assert run(tmp_path / 'a\x1b[31mb', '--out', tmp_path / 'out') == 2
+    error = capsys.readouterr().err
+    assert '\x1b' not in error
+    assert 'a\\x1b[31mb' in error
+
+
 def test_a_table_fits_a_terminal():
     found = diagnose(recorded(SCENARIO, NEGATED, 6.0, 1, online=False))
     console = Console(width=80, record=True, file=open('/dev/null', 'w'))  # noqa: SIM115

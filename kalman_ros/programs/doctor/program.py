@@ -17,6 +17,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
 from kalman_ros.bags.reading import Bag
+from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
 from . import score
@@ -68,8 +69,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             sys.exit(describe_and_propose(options.bag, folder, console))
         evidence = load(options.bag, options.params_file)
     except (ValueError, OSError) as error:
-        print(f'doctor: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('doctor', error)
     columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task('')
