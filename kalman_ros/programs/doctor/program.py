@@ -17,7 +17,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
 from kalman_ros.bags.reading import Bag
-from kalman_ros.programs.refusal import refuse
+from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 
 from . import score
@@ -54,6 +54,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
+@interruptible('doctor')
 def main(argv: Sequence[str] | None = None) -> None:
     """Diagnose a bag; exit 1 if anything was found."""
     given = list(sys.argv[1:] if argv is None else argv)

@@ -20,7 +20,7 @@ from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.bags.replayed import Replayed
 from kalman_ros.harness.interrupts import deferred
 from kalman_ros.programs.common_arguments import add_parameters
-from kalman_ros.programs.refusal import refuse
+from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario.parameter_files import overrides
 
@@ -96,6 +96,7 @@ def replayed_with_progress(
         return found, time.monotonic() - begun
 
 
+@interruptible('replay')
 def main(argv: Sequence[str] | None = None) -> None:
     """Replay a recording; the exit code is 0 if the filter was consistent."""
     options = arguments(argv)
