@@ -93,14 +93,12 @@ def test_a_name_that_a_terminal_would_obey_is_printed_as_text(tmp_path, capsys):
     assert 'a\\x1b[31mb' in error
 
 
-@pytest.mark.parametrize('name', ['doctor', 'replay', 'tune', 'allan'])
+@pytest.mark.parametrize('name', ['doctor', 'replay', 'allan'])
 def test_a_program_that_is_interrupted_says_so_in_a_line(name, tmp_path, monkeypatch, capsys):
     def interrupted(*given, **named):
         raise KeyboardInterrupt
 
-    interrupts = {
-        'doctor': 'load', 'replay': 'replayed_with_progress', 'tune': 'load', 'allan': 'Bag',
-    }  # fmt: skip
+    interrupts = {'doctor': 'load', 'replay': 'replayed_with_progress', 'allan': 'Bag'}
     module = importlib.import_module(f'kalman_ros.programs.{name}.program')
     monkeypatch.setattr(module, interrupts[name], interrupted)
     given = [str(tmp_path / 'bag'), '--out', str(tmp_path / 'out')]

@@ -37,12 +37,13 @@ def find(case: Examination) -> list[Finding]:
         return []
     begin = case.passage.events[0].time
     sooner, compared = (_Span(case, begin + seconds) for seconds in (_SOONER, _SECONDS))
+    part = len(case.passage.events) / len(compared)
     found = []
     for finding in _candidates(case):
         try:
             if sooner.gain(finding) < -CHANCE:
                 continue
-            gain = compared.gain(finding)
+            gain = part * compared.gain(finding) - finding.dues
         except np.linalg.LinAlgError:
             continue
         if gain > CHANCE:
@@ -58,10 +59,12 @@ class _Span:
         whole = case.passage
         events = list(takewhile(lambda event: event.time <= until, whole.events))
         self._before = Passage(events, whole.whitened[: len(events)])
-        self._part = len(whole.events) / len(events)
+
+    def __len__(self) -> int:
+        return len(self._before.events)
 
     def gain(self, finding: Finding) -> float:
-        """Return what a finding explains of the whole, as far as this span shows it.
+        """Return what a finding explains of this span.
 
         Raises
         ------
@@ -69,8 +72,7 @@ class _Span:
             If the filter fails with it.
         """
         assert finding.mended is not None
-        after = passage(finding.mended(), self._until)
-        return explained(self._before, after) * self._part - finding.dues
+        return explained(self._before, passage(finding.mended(), self._until))
 
 
 def lost(case: Examination) -> bool:

@@ -23,7 +23,7 @@ from kalman_ros.analysis.tuning.profiles import Profile, profiles
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_margins
 from kalman_ros.core import DesignError, Model
 from kalman_ros.programs.common_arguments import add_parameters
-from kalman_ros.programs.refusal import interruptible, refuse
+from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario import Scenario, build, shipped
 from kalman_ros.scenario.parameter_files import from_file, overrides
@@ -90,7 +90,6 @@ def pairs(option: str, given: Sequence[str], between: str) -> dict[str, tuple[fl
     return found
 
 
-@interruptible('tune')
 def main(argv: Sequence[str] | None = None) -> None:
     """Fit, print, draw; exit 1 if the fit does not explain what was held out."""
     options, console = arguments(argv), Console(highlight=False)
