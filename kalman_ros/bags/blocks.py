@@ -64,7 +64,10 @@ def in_order(
     wanted = sorted((b for b in blocks if b.start <= end and b.end >= start), key=itemgetter(0))
     pending: list[Message] = []
     for index, block in enumerate(wanted):
-        pending += block.read(topics)
+        found = block.read(topics)
+        if any(not block.start <= message.time <= block.end for message in found):
+            raise ValueError('a message was not received when the part that it is in says')
+        pending += found
         pending.sort(key=itemgetter(0))
         until = wanted[index + 1].start if index + 1 < len(wanted) else inf
         count = bisect_left(pending, until, key=itemgetter(0))

@@ -51,7 +51,8 @@ class Bag:
         for file in self._files():
             self._add(file)
         if not self._blocks:
-            raise ValueError(f"'{self.path}' is an empty recording: it has no messages")
+            why = '; '.join(['it has no messages', *self.damage])
+            raise ValueError(f"'{self.path}' is an empty recording: {why}")
 
     def _files(self) -> list[Path]:
         path = self.path
@@ -70,6 +71,8 @@ class Bag:
         return [path]
 
     def _add(self, file: Path) -> None:
+        if not file.is_file():  # a pipe would be waited for
+            raise ValueError(f"'{file}' is no file")
         try:
             source = _KINDS[file.suffix](file)
         except ValueError as error:
@@ -103,7 +106,7 @@ class Bag:
             names = sorted(self.topics)
             more = f' and {len(names) - _NAMED} more' if len(names) > _NAMED else ''
             there = f'{", ".join(names[:_NAMED])}{more}'
-            hint = ' '.join(filter(None, (alike, f'recorded are {there}')))
+            hint = ' '.join(filter(None, (alike, f'recorded are {there or "none"}')))
             raise ValueError(f'{what}: the recording has no topic {topic}; {hint}')
         found = self.topics[topic]
         if found != {kind}:

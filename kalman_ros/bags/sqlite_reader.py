@@ -12,6 +12,8 @@ from .blocks import MOST_BLOCK, Block, Message
 
 #: Messages of a slice, on average, and the most slices.
 _SLICE, _MOST_SLICES = 2000, 100_000
+#: Any column may have values of any type; a number for its bytes would be taken for their count.
+_OTHER = "typeof(data) != 'blob' OR typeof(timestamp) != 'integer'"
 
 
 class SqliteFile:
@@ -75,7 +77,11 @@ class SqliteFile:
         try:
             with self._open() as file:
                 values = (start, end, *topics)
-                size = file.execute(f'SELECT sum(length(data)) {where}', values).fetchone()[0]
+                size, others = file.execute(
+                    f'SELECT sum(length(data)), sum({_OTHER}) {where}', values
+                ).fetchone()
+                if others:
+                    raise ValueError(f'{others} messages without a time or without bytes')
                 if (size or 0) > MOST_BLOCK:
                     raise ValueError(f'{size} bytes of messages in {(end - start) * 1e-9:g} s')
                 found = file.execute(

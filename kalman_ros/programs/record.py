@@ -16,6 +16,7 @@ from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.bags.replay import estimator_settings
 from kalman_ros.harness.graph_recorder import GraphRecorder
 from kalman_ros.pipeline.estimate_topics import published_signals
+from kalman_ros.programs.refusal import refuse
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -63,8 +64,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         topics = topics_of(options.params_file) if options.params_file else options.topics
         writer = RecordingWriter(options.out)
     except (ValueError, OSError) as error:
-        print(f'record: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('record', error)
     recorder = GraphRecorder(writer, topics)
     print(f'recording into {options.out} until Ctrl-C', flush=True)
     try:

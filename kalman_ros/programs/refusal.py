@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a program ends when it cannot do what was asked."""
+"""How a program ends when it cannot do what was asked, or is not to."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 from kalman_ros.core.one_line import one_line
@@ -13,3 +15,13 @@ def refuse(program: str, error: Exception) -> NoReturn:
     """Print the reason in one line, and exit with code 2."""
     print(one_line(f'{program}: {error}'), file=sys.stderr)
     sys.exit(2)
+
+
+@contextmanager
+def interruptible(program: str) -> Iterator[None]:
+    """Let Ctrl-C end a program with one line and code 130; also for use as a decorator."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f'{program}: interrupted', file=sys.stderr)
+        sys.exit(130)

@@ -124,6 +124,28 @@ def test_a_sensor_without_readings():
     assert ('no readings', 'velocity') in [(f.kind, f.subject) for f in findings]
 
 
+@pytest.mark.parametrize('sensor', ['position', 'velocity'])
+def test_a_sensor_of_which_nothing_is_a_number_comes_first(sensor):
+    """Before what its absence, or another fault, makes of the other one."""
+    other = {'position': 'velocity', 'velocity': 'position'}[sensor]
+    wrong = Injection(
+        {other: {'outliers': 0.05}}, edits={sensor: values_of(lambda y: np.full_like(y, np.nan))}
+    )
+    first, second, *_ = found_in(wrong)
+    assert (first.kind, first.subject) == ('not a number', sensor)
+    assert (second.kind, second.subject) == ('outliers', other)
+
+
+def test_what_explains_next_to_nothing_is_not_proven():
+    both = Injection({'position': {'outliers': 0.05}}, plant={'position.noise': [0.09]})
+    large = Injection(edits={'velocity': values_of(lambda y: 57.0 * y)})
+    findings = diagnose(recorded(SCENARIO, both + large, 12.0, 5)).findings
+    small = [finding for finding in findings if finding.change and finding.share < 0.01]
+    assert small
+    assert not any(np.isfinite(finding.proof) for finding in small)
+    assert np.isfinite(findings[0].proof)
+
+
 @pytest.mark.parametrize('degrees', [60.0, 90.0, 180.0])
 def test_a_vector_of_three_axes_that_is_turned_far_is_found_by_what_the_others_predict(degrees):
     turn = np.radians(degrees) * np.array([0.6, 0.0, 0.8])

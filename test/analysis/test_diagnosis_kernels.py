@@ -16,7 +16,7 @@ from kalman_ros.analysis.diagnosis.refilter import misfits
 from kalman_ros.analysis.diagnosis.responses import Responses, fitted
 from kalman_ros.analysis.diagnosis.stamps import slope
 from kalman_ros.linear.kernels import gain
-from kalman_ros.programs.doctor.recordings import recorded
+from kalman_ros.programs.doctor.recordings import Injection, recorded
 
 SCENARIO = 'mass_spring_damper'
 
@@ -94,6 +94,23 @@ def test_another_noise_has_the_likelihood_of_its_own_pass(case):
     own = passage(case.evidence.adopting({'position.noise': [0.15]}))
     assert found[0] == pytest.approx(case.passage.misfit, rel=1e-9)
     assert found[1] == pytest.approx(own.misfit, rel=1e-6)
+
+
+def test_noise_that_is_taken_away_leaves_the_likelihood_of_a_filter():
+    """Of a chain of integrators: to first order in the step, the rest of Q would be indefinite."""
+    calm = Injection(plant={'model_parameters.acceleration_noise': 0.03})
+    evidence = recorded('gnss_imu', calm, 20.0, 7, online=False)
+    found = Examination(evidence)
+    labels = found.scores.labels
+    logs = [0.0, -2.5, -6.0]
+    candidates = np.zeros((3, len(labels)))
+    candidates[:, labels.index(('acceleration_noise',))] = logs
+    misfit = misfits(found.passage, labels, candidates, found.densities, most=10_000)
+    assert misfit[0] == pytest.approx(found.passage.misfit, abs=1e-3)
+    for log, promised in zip(logs, misfit):
+        noise = 0.5 * np.exp(log)
+        own = passage(evidence.adopting({'model_parameters.acceleration_noise': noise}))
+        assert promised == pytest.approx(own.misfit, abs=0.15 * abs(misfit[1] - misfit[0]))
 
 
 def test_a_gate_lists_what_is_far(case):

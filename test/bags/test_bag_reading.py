@@ -2,6 +2,7 @@
 """Recordings of others are read; what is no recording is refused in one line."""
 
 import bz2
+import os
 import sqlite3
 import struct
 import sys
@@ -205,6 +206,9 @@ def test_what_is_missing_empty_or_something_else(tmp_path):
         assert name in refusal(tmp_path / name)
         (tmp_path / name).write_bytes(b'no recording at all' * 10)
         assert 'expected' in refusal(tmp_path / name)
+    (tmp_path / 'a.mcap').write_bytes(b'\x89MCAP0\r\n' + bytes(20))
+    assert 'no messages; ' in refusal(tmp_path / 'a.mcap')
+    assert 'it was not finished' in refusal(tmp_path / 'a.mcap')
     RecordingWriter(tmp_path / 'empty').close()
     assert 'is an empty recording' in refusal(tmp_path / 'empty')
     (tmp_path / 'z').mkdir()
@@ -223,6 +227,41 @@ def test_a_view_in_the_place_of_the_messages_is_not_asked(tmp_path):
     file.commit()
     file.close()
     assert 'without messages' in refusal(tmp_path / 'a.db3')
+
+
+@pytest.mark.parametrize('data', [None, 2**40, 'text'])
+def test_what_is_no_bytes_is_not_taken_for_a_message(tmp_path, data):
+    """A number would be taken for how many bytes to make."""
+    file = sqlite3.connect(tmp_path / 'a.db3')
+    file.execute('CREATE TABLE topics (id, name, type, serialization_format)')
+    file.execute('CREATE TABLE messages (id, topic_id, timestamp, data)')
+    file.execute("INSERT INTO topics VALUES (1, '/a', 'std_msgs/msg/Float64', 'cdr')")
+    file.execute('INSERT INTO messages VALUES (1, 1, 5, ?)', (data,))
+    file.commit()
+    file.close()
+    with pytest.raises(ValueError, match='1 messages without a time or without bytes'):
+        list(Bag(tmp_path / 'a.db3').messages(['/a']))
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / 'a.mcap')
+    assert 'is no file' in refusal(tmp_path / 'a.mcap')
+    assert 'is no file' in refusal(tmp_path)
+
+
+def test_a_chunk_that_lies_about_its_time_is_damaged(tmp_path):
+    with RecordingWriter(tmp_path / 'bag') as writer:
+        writer.add('/good', NUMBER)
+        writer.write('/good', 1_000, serialised(1.0))
+    [file] = (tmp_path / 'bag').glob('*.mcap')
+    data = bytearray(file.read_bytes())
+    at = 8
+    while data[at] != 6:  # up to the chunk
+        at += 9 + struct.unpack_from('<Q', data, at + 1)[0]
+    struct.pack_into('<QQ', data, at + 9, 2**64 - 1, 2**64 - 1)
+    file.write_bytes(data)
+    with pytest.raises(ValueError, match='not received when'):
+        list(Bag(file).messages(['/good']))
 
 
 @pytest.mark.slow

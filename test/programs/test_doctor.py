@@ -1,5 +1,6 @@
 """The doctor from a bag to its verdict, and the page of its score."""
 
+import importlib
 import json
 import pickle
 
@@ -83,6 +84,29 @@ def test_no_bag_is_one_line(tmp_path, capsys):
     error = capsys.readouterr().err
     assert error.startswith('doctor: ')
     assert error.count('\n') == 1
+
+
+def test_a_name_that_a_terminal_would_obey_is_printed_as_text(tmp_path, capsys):
+    assert run(tmp_path / 'a\x1b[31mb', '--out', tmp_path / 'out') == 2
+    error = capsys.readouterr().err
+    assert '\x1b' not in error
+    assert 'a\\x1b[31mb' in error
+
+
+@pytest.mark.parametrize('name', ['doctor', 'replay', 'allan'])
+def test_a_program_that_is_interrupted_says_so_in_a_line(name, tmp_path, monkeypatch, capsys):
+    def interrupted(*given, **named):
+        raise KeyboardInterrupt
+
+    interrupts = {'doctor': 'load', 'replay': 'replayed_with_progress', 'allan': 'Bag'}
+    module = importlib.import_module(f'kalman_ros.programs.{name}.program')
+    monkeypatch.setattr(module, interrupts[name], interrupted)
+    given = [str(tmp_path / 'bag'), '--out', str(tmp_path / 'out')]
+    given += [] if name == 'allan' else ['--params-file', SCENARIO]
+    with pytest.raises(SystemExit) as ended:
+        module.main(given)
+    assert ended.value.code == 130
+    assert capsys.readouterr().err.strip() == f'{name}: interrupted'
 
 
 def test_a_table_fits_a_terminal():

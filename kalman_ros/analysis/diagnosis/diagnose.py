@@ -67,8 +67,9 @@ _ROUNDS, _TRIED, _ALIKE = 6, 5, 2
 #: Other candidates are tried if they promise this part of the best reduction; the second where
 #: promises hold: of a filter that is not lost, and of reductions that are not chance in part.
 _CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
-#: A change is proven by a replay of the first seconds.
-PROOF = 20.0
+#: A change is proven by a replay of the first seconds, if it explains this part of the misfit:
+#: less does not show beside the faults that are still in.
+PROOF, _PROVEN = 20.0, 0.01
 #: A gain below this part of all numbers read is of no account, whatever its significance.
 _RELEVANT = 0.002
 
@@ -98,7 +99,7 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda what: 
     found, mended = _plain(evidence)
     case = Examination(mended, strict=False)
     if not case.passage.events:
-        return Diagnosis(tuple(found), (), before, before)
+        return Diagnosis(_ranked(found), (), before, before)
     notes = tuple(unobserved_states.find(case))
     found += gates.find(case)
     for number in range(_ROUNDS):
@@ -109,8 +110,8 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda what: 
         finding, case = best
         found.append(finding)
     progress('proofs')
-    proven = [_proven(evidence, finding) for finding in found]
-    return Diagnosis(_ranked(proven), notes, before, case.passage.misfit)
+    proven = tuple(_proven(evidence, finding) for finding in _ranked(found))
+    return Diagnosis(proven, notes, before, case.passage.misfit)
 
 
 def _plain(evidence: Evidence) -> tuple[list[Finding], Evidence]:
@@ -187,7 +188,7 @@ def _promise(finding: Finding) -> float:
 
 def _proven(evidence: Evidence, finding: Finding) -> Finding:
     """Return a finding with what a replay with its change alone gains in the first seconds."""
-    if not finding.change:
+    if not finding.change or 0.0 < finding.share < _PROVEN:
         return finding
     try:
         after = evidence.rerun(finding.change, PROOF)
@@ -197,10 +198,10 @@ def _proven(evidence: Evidence, finding: Finding) -> Finding:
 
 
 def _ranked(found: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return findings with their shares, those that explain most first; then the plain ones."""
+    """Return findings with their shares: silent sensors, what explains most, the plain ones."""
     total = sum(max(0.0, finding.gain) for finding in found)
     shared = [
         replace(finding, share=max(0.0, finding.gain) / total if total > 0.0 else 0.0)
         for finding in found
     ]
-    return tuple(sorted(shared, key=lambda f: -_promise(f)))
+    return tuple(sorted(shared, key=lambda f: (not f.silent, -_promise(f))))

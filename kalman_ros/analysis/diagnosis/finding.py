@@ -62,6 +62,8 @@ class Finding:
         The evidence as a picture.
     same_as
         Other (kind, subject) that explain these data as well, so that the data do not decide.
+    silent
+        Nothing usable comes from a sensor: what it would have explained, no likelihood says.
     dues
         What the correction itself costs in -2 log likelihood, beside the misfit after it.
     mended
@@ -81,6 +83,7 @@ class Finding:
     proof: float = nan
     figure: Figure | None = None
     same_as: tuple[tuple[str, str], ...] = ()
+    silent: bool = False
     dues: float = 0.0
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
     passage: Passage | None = field(default=None, repr=False, compare=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import takewhile
 from math import pi
 
 import numpy as np
@@ -13,13 +14,13 @@ from .examination import CHANCE, Examination
 from .finding import Finding
 from .left_out import left_out
 from .mounting import best_rotation, exchanged, is_vector, nearest_rotation, turned
-from .passage import explained, passage
+from .passage import Passage, explained, passage
 from .units import conversions, mixed, scaled
 
 #: A filter is lost if its innovations squared are larger than expected by this factor.
 _LOST = 2.0
-#: Candidates are compared on the first seconds.
-_SECONDS = 8.0
+#: Candidates are compared on the first seconds; those that make it worse are dropped sooner.
+_SECONDS, _SOONER = 8.0, 2.0
 #: Rotations are found in the first seconds; smaller ones (rad) make no filter lost.
 _TURNED_SECONDS, _TURNED = 20.0, 0.2
 #: Factors that are tried on each coordinate.
@@ -34,20 +35,44 @@ def find(case: Examination) -> list[Finding]:
     """
     if not lost(case):
         return []
-    until = case.passage.events[0].time + _SECONDS
-    before = passage(case.evidence, until, strict=False)
-    part = len(case.passage.events) / len(before.events)
+    begin = case.passage.events[0].time
+    sooner, compared = (_Span(case, begin + seconds) for seconds in (_SOONER, _SECONDS))
+    part = len(case.passage.events) / len(compared)
     found = []
     for finding in _candidates(case):
-        if finding.mended is None:
-            continue
         try:
-            gain = explained(before, passage(finding.mended(), until)) * part - finding.dues
+            if sooner.gain(finding) < -CHANCE:
+                continue
+            gain = part * compared.gain(finding) - finding.dues
         except np.linalg.LinAlgError:
             continue
         if gain > CHANCE:
             found.append(replace(finding, gain=gain, z=gain**0.5))
     return sorted(found, key=lambda finding: -finding.gain)[:2]
+
+
+class _Span:
+    """The first seconds of a recording, up to a stamp, on which candidates are passed."""
+
+    def __init__(self, case: Examination, until: float) -> None:
+        self._until = until
+        whole = case.passage
+        events = list(takewhile(lambda event: event.time <= until, whole.events))
+        self._before = Passage(events, whole.whitened[: len(events)])
+
+    def __len__(self) -> int:
+        return len(self._before.events)
+
+    def gain(self, finding: Finding) -> float:
+        """Return what a finding explains of this span.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the filter fails with it.
+        """
+        assert finding.mended is not None
+        return explained(self._before, passage(finding.mended(), self._until))
 
 
 def lost(case: Examination) -> bool:

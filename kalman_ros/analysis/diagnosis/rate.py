@@ -24,16 +24,15 @@ def find(case: Examination) -> list[Finding]:
         rate = case.evidence.scenario.sensors[name].timed.rate
         if not len(record):
             if name in case.evidence.scenario.enabled:
-                found.append(
-                    Finding('no readings', name, f'no reading of {name} was received.', inf)
-                )
+                sentence = f'no reading of {name} was received.'
+                found.append(Finding('no readings', name, sentence, inf, silent=True))
             continue
         found += [*_numbers(name, record), *_losses(name, record, rate)]
     return found
 
 
 def _numbers(name: str, record: SensorRecord) -> Iterator[Finding]:
-    """Yield readings that are no numbers; every filter leaves them out."""
+    """Yield readings that are no numbers, which every filter leaves out; perhaps all of them."""
     count = int((~np.isfinite(record.value).all(axis=1)).sum())
     if count:
         yield Finding(
@@ -41,7 +40,7 @@ def _numbers(name: str, record: SensorRecord) -> Iterator[Finding]:
             f'{count} of {len(record)} readings of {name} '
             f'({100.0 * count / len(record):.2g} %) are not finite: they are dropped. Its driver '
             'has no value to report, or divides by zero.',
-            inf,
+            inf, silent=count == len(record),
         )  # fmt: skip
 
 

@@ -7,6 +7,10 @@ path, another filter's deviation d from it follows
     d <- F d,  nu' = nu - H d,  d <- d + K' nu' - K nu,
 
 with a separate Riccati recursion for K'. So all candidates share one walk over the events.
+
+A variance of the process changes its share of each step's Q, integrated over the step as Q was.
+What is taken away is at most all of Q: a change to first order in the step alone would leave a Q
+that is indefinite, and a likelihood that no filter has.
 """
 
 from __future__ import annotations
@@ -46,10 +50,41 @@ def misfits(
         Candidates are compared on the last N events.
     """
     events = found.events[-most:]
-    walk = _Walk(events[0].P, labels, candidates, densities)
-    for event in events:
-        walk.take(event)
+    varied = [index for index, label in enumerate(labels) if len(label) == 1]
+    factors = np.exp(candidates[:, varied])
+    more, less = shares(events, np.array([densities[labels[i][0]] for i in varied]))
+    walk = _Walk(events[0].P, labels, candidates)
+    for event, added, removed in zip(events, more, less):
+        Q = event.Q + np.tensordot(np.maximum(factors - 1.0, 0.0), added, axes=1)
+        walk.take(event, Q - np.tensordot(np.maximum(1.0 - factors, 0.0), removed, axes=1))
     return walk.misfit * (len(found.events) / len(events))
+
+
+def shares(events: Sequence[Event], densities: Array) -> tuple[Array, Array]:
+    """Return what each spectral density adds to the Q of each step, and what is left without.
+
+    Parameters
+    ----------
+    events
+        The steps that led to them.
+    densities
+        Of the noise that may change (q, n, n).
+
+    Returns
+    -------
+    more, less
+        (E, q, n, n): the integral of exp(A s) W exp(A s)' over the step by Simpson's rule, and
+        the part of Q that goes with it, Q - less being semidefinite.
+    """
+    F, Q = (np.array([getattr(event, name) for event in events])[:, None] for name in 'FQ')
+    dt = np.array([event.dt for event in events])[:, None, None, None]
+    W = densities.reshape(1, -1, *Q.shape[2:])
+    middle = 0.5 * (F + np.eye(F.shape[-1]))
+    begin_and_end = W + F @ W @ F.swapaxes(-1, -2)
+    more = dt / 6.0 * (begin_and_end + 4.0 * middle @ W @ middle.swapaxes(-1, -2))
+    values, vectors = np.linalg.eigh(Q - more)
+    rest = (vectors * np.maximum(values, 0.0)[..., None, :]) @ vectors.swapaxes(-1, -2)
+    return more, Q - rest
 
 
 class _Walk:
@@ -60,25 +95,19 @@ class _Walk:
         P: Array,
         labels: Sequence[tuple[str, ...]],
         candidates: Array,
-        densities: Mapping[str, Array],
     ) -> None:
         C, n = len(candidates), len(P)
         self.misfit = np.zeros(C)
         self._P, self._d = np.broadcast_to(P, (C, n, n)).copy(), np.zeros((C, n))
         self._labels, self._candidates = labels, candidates
-        self._extra = np.zeros((C, n, n))
-        for index, label in enumerate(labels):
-            if len(label) == 1:
-                factor = np.exp(candidates[:, index]) - 1.0
-                self._extra += factor[:, None, None] * densities[label[0]]
         self._scales: dict[str, Array] = {}
         self._begun = False
 
-    def take(self, event: Event) -> None:
-        """Go on to an event."""
+    def take(self, event: Event, Q: Array) -> None:
+        """Go on to an event with the process noise of each candidate (C, n, n)."""
         F, H = event.F, event.H
         if self._begun:
-            self._P = F @ self._P @ F.T + (event.Q + event.dt * self._extra)
+            self._P = F @ self._P @ F.T + Q
             self._d = self._d @ F.T
         self._begun = True
         scale = self._scale(event)

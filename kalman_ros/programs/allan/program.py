@@ -14,7 +14,7 @@ from rich.console import Console
 
 from kalman_ros.analysis.allan import Allan, Parameter, allan
 from kalman_ros.bags.reading import Bag
-from kalman_ros.programs.refusal import refuse
+from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.report.sheet import Sheet, show
 
@@ -43,6 +43,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
+@interruptible('allan')
 def main(argv: Sequence[str] | None = None) -> None:
     """Print the noise parameters of each sensor, with intervals, and draw the deviations."""
     options, console = arguments(argv), Console(highlight=False)

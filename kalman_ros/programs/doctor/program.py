@@ -17,6 +17,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from kalman_ros.analysis.diagnosis.diagnose import PROOF, Diagnosis, diagnose
 from kalman_ros.bags.reading import Bag
+from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 
 from . import score
@@ -53,6 +54,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
+@interruptible('doctor')
 def main(argv: Sequence[str] | None = None) -> None:
     """Diagnose a bag; exit 1 if anything was found."""
     given = list(sys.argv[1:] if argv is None else argv)
@@ -68,8 +70,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             sys.exit(describe_and_propose(options.bag, folder, console))
         evidence = load(options.bag, options.params_file)
     except (ValueError, OSError) as error:
-        print(f'doctor: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('doctor', error)
     columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task('')

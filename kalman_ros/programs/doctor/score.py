@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -17,6 +16,7 @@ from rich.progress import track
 
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.finding import Finding
+from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
 
 from .cases import SCENARIOS, Case, cases, pairs
@@ -171,8 +171,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         target = options.page or folder / 'doctor.md'
         target.write_text(page(rows, options.seconds, options.seed))
     except (ValueError, OSError) as error:
-        print(f'doctor: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('doctor', error)
     single = [each for each in rows if len(each.ranks) == 1]
     first = sum(each.ranks == [1] for each in single)
     alarms = sum(bool(each.found) for each in rows if not each.ranks)

@@ -20,6 +20,7 @@ from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.bags.replayed import Replayed
 from kalman_ros.harness.interrupts import deferred
 from kalman_ros.programs.common_arguments import add_parameters
+from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario.parameter_files import overrides
 
@@ -95,6 +96,7 @@ def replayed_with_progress(
         return found, time.monotonic() - begun
 
 
+@interruptible('replay')
 def main(argv: Sequence[str] | None = None) -> None:
     """Replay a recording; the exit code is 0 if the filter was consistent."""
     options = arguments(argv)
@@ -103,8 +105,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     try:
         found, wall = replayed_with_progress(options, folder, console)
     except (ValueError, OSError, ArithmeticError) as error:
-        print(f'replay: {error}', file=sys.stderr)
-        sys.exit(2)
+        refuse('replay', error)
     errors = statistics.errors(found)
     checks = statistics.checks(found, errors)
     passed = bool(checks) and all(check.passed for check in checks)
