@@ -172,6 +172,8 @@ class Model(ABC):
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return B = d derivative / d u (n, m) at x (n,) and u (m,); numerical by default."""
+        if not len(u):
+            return np.zeros((self.state.size, 0))
         return numerical_jacobian(lambda points: self.derivative(like(x, points), points), u)
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
