@@ -215,7 +215,7 @@ class Model(ABC):
         """
         if self.analytic:
             A, B = self.state_jacobian(x, u), self.input_jacobian(x, u)
-            return Transition(*Discretization(A, B, self.noise_density(x))(dt))
+            return Transition(*Discretization(A, B, self.noise_density(x), longest=dt)(dt))
         moved = self.linearized_step(x, u, dt)
         G = numerical_jacobian(
             lambda points: self.step(like(x, points), points, dt), u, self.state.subtract

@@ -13,7 +13,7 @@ doubled again by F <- F F, G <- G + F G, Q <- Q + F Q F', in which no large term
 
 from __future__ import annotations
 
-from math import ceil, inf, log2
+from math import ceil, factorial, inf, log2
 
 import numpy as np
 
@@ -24,29 +24,40 @@ from .matrices import Array, symmetric
 #: truncation error is below 1 / 19!, less than double precision.
 _LONGEST = 1.0
 _TERMS = 18
+#: The least reach of a series: shorter steps have no fewer terms.
+_SHORTEST = 1e-3
 
 
 class Discretization:
-    """F (n, n), G (n, m) and Q (n, n) as functions of dt, for A (n, n), B (n, m) and W (n, n)."""
+    """F (n, n), G (n, m) and Q (n, n) as functions of dt, for A (n, n), B (n, m) and W (n, n).
 
-    def __init__(self, A: Array, B: Array, W: Array) -> None:
+    With the ``longest`` dt, in seconds, the series has no more terms than that needs; a longer
+    step is halved.
+    """
+
+    def __init__(self, A: Array, B: Array, W: Array, longest: float = inf) -> None:
         n, m = B.shape
         # the derivatives of Q at 0 are those of exp(A s) W exp(A' s): X -> A X + X A', whose norm
         # is at most twice that of A
         self._norm = 2.0 * float(np.abs(A).sum(axis=0).max(initial=0.0))
-        self._powers = np.arange(_TERMS + 1.0)
+        #: The longest step relative to 1 / ||L||.
+        self._reach = _LONGEST
+        if longest < inf:
+            self._reach = min(_LONGEST, max(self._norm * abs(longest), _SHORTEST))
+        count = _terms(self._reach)
+        self._powers = np.arange(count + 1.0)
         self._shapes = (n, m)
         # the terms of F', G' and Q' one below the other, so that one product makes all three
-        terms = np.zeros((_TERMS + 1, 2 * n + m, n))
+        terms = np.zeros((count + 1, 2 * n + m, n))
         terms[0, :n].flat[:: n + 1] = 1.0
         At = A.T
-        for k in range(1, _TERMS + 1):
+        for k in range(1, count + 1):
             term = np.dot(terms[k - 1], At, out=terms[k])
             if k == 1:
                 term[n:-n], term[-n:] = B.T, 0.5 * W
             term[-n:] += term[-n:].T.copy()
             term /= k
-        self._table = terms.reshape(_TERMS + 1, -1)
+        self._table = terms.reshape(count + 1, -1)
 
     def __call__(self, dt: float) -> tuple[Array, Array, Array]:
         """Return F, G and Q of a step of ``dt`` seconds.
@@ -57,7 +68,7 @@ class Discretization:
             If A is so large that no halving makes the step short enough, or a growing mode
             overflows within the step.
         """
-        reach = self._norm * abs(dt) / _LONGEST
+        reach = self._norm * abs(dt) / self._reach
         if reach == inf:
             raise np.linalg.LinAlgError('the Jacobian of the model is infinite')
         halvings = ceil(log2(reach)) if reach > 1.0 else 0
@@ -73,6 +84,17 @@ class Discretization:
                     f'the model grows beyond all numbers within a step of {dt:g} s'
                 )
         return F, G, symmetric(Q).T
+
+
+def _terms(reach: float) -> int:
+    """Return the number of terms with a truncation error as small as that of `_TERMS`.
+
+    With the constant one they are a multiple of four: BLAS adds rows in fours, so the sum rounds
+    as that of all terms.
+    """
+    negligible = _LONGEST ** (_TERMS + 1) / factorial(_TERMS + 1)
+    enough = (k for k in range(3, _TERMS, 4) if reach ** (k + 1) / factorial(k + 1) <= negligible)
+    return next(enough, _TERMS)
 
 
 @np.errstate(over='ignore', invalid='ignore')

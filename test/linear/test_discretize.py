@@ -4,6 +4,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from kalman_ros.core import LinearSystem, Space, van_loan, zero_order_hold
+from kalman_ros.linear.discretize import Discretization
 
 
 @pytest.mark.parametrize('scale', [1e-6, 0.1, 1.0, 30.0])
@@ -81,6 +82,22 @@ def test_a_model_that_changes_infinitely_fast_has_no_step():
 
 
 @pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('longest', [0.0, 1e-6, 0.003, 0.03, 0.1, 1.0])
+@pytest.mark.parametrize('dt', [1e-6, 0.003, 0.03, 0.1, 1.0])
+def test_the_terms_that_a_longest_step_needs_are_enough_for_every_step(longest, dt):
+    rng = np.random.default_rng(0)
+    A, B, root = rng.normal(size=(4, 4)), rng.normal(size=(4, 2)), rng.normal(size=(4, 4))
+    W = root @ root.T
+    short, whole = Discretization(A, B, W, longest), Discretization(A, B, W)
+    assert short._table.shape[0] <= whole._table.shape[0]
+    for found, expected in zip(short(dt), whole(dt)):
+        # each halving doubles what rounding leaves
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+        if dt <= longest:
+            tight = 1e-15 * np.abs(expected).max()
+            np.testing.assert_allclose(found, expected, rtol=0.0, atol=tight)
+
+
 def test_what_grows_beyond_all_numbers_within_a_step_is_an_error_and_no_matrix_of_nan():
     A = np.array([[800.0, 1.0], [0.0, 700.0]])
     for makes in (lambda: zero_order_hold(A, np.eye(2), 2.0), lambda: van_loan(A, np.eye(2), 2.0)):
