@@ -113,6 +113,7 @@ class LaunchedNodes:
         if not process.wait(10.0):
             raise NodeError(f'the {name} did not end within 10 s of signal {number}')
         del self.processes[name]
+        self.diagnostics.pop(name, None)
 
     def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
         """Process messages for ``seconds``, and check that every node is still running.
@@ -153,16 +154,10 @@ class LaunchedNodes:
             self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
         self.wait(client.service_is_ready, 20.0, lambda: f'there is no service {service}')
-        answer = Future()
-
-        def on_answer(future: Future) -> None:
-            if not answer.done():
-                answer.set_result(future.result())
-
         for seconds in _REPEATS:
-            # a node that was killed and restarted may not be discovered yet, and a slow one may
-            # still answer the first request
-            client.call_async(request).add_done_callback(on_answer)
+            # a node that was killed and restarted may not be discovered yet; a slow one answers
+            # all requests in order, and until the last no request is still to be done
+            answer = client.call_async(request)
             self.spin(seconds, until=answer)
             if answer.done():
                 return answer.result()

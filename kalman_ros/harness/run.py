@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.core import Signal
+from kalman_ros.nodes.diagnostics import NUMBER
 from kalman_ros.nodes.published import SERVICE
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -238,9 +239,12 @@ class Run(LaunchedNodes):
         """Return the number of messages that all nodes have published, by full topic name."""
         found: Counter[str] = Counter()
         for name in self.processes:
-            answer = self.call(Trigger, f'{name}/{SERVICE}', Trigger.Request())
-            found.update(json.loads(answer.message))
+            found.update(self._published_by(name))
         return found
+
+    def _published_by(self, name: str) -> dict[str, int]:
+        answer = self.call(Trigger, f'{name}/{SERVICE}', Trigger.Request())
+        return dict(json.loads(answer.message))
 
     def _behind(self) -> bool:
         """Return whether the last answer, or the estimate after it, is still missing."""
@@ -252,16 +256,17 @@ class Run(LaunchedNodes):
         """Request up-to-date `diagnostics` from nodes.
 
         They publish when one of their topics has a new subscriber: for the plant the truth,
-        for estimator and controller the estimate.
+        for estimator and controller the estimate. Reports from before, which a busy machine may
+        deliver late, do not count.
         """
         state = self.scenario.state
         kind = message_type(state.type)
-        before = {node: self.diagnostics.get(node) for node in nodes}
+        earlier = {node: self._published_by(node)['/diagnostics'] for node in nodes}
         topics = {'ground_truth' if node == 'plant' else state.topic for node in nodes}
         listeners = [self.node.create_subscription(kind, t, lambda _: None, 1) for t in topics]
 
         def silent() -> list[str]:
-            return [node for node in nodes if self.diagnostics.get(node) is before[node]]
+            return [node for node in nodes if self._report_number(node) < earlier[node]]
 
         try:
             self.wait(
@@ -270,6 +275,9 @@ class Run(LaunchedNodes):
         finally:
             for listener in listeners:
                 self.node.destroy_subscription(listener)
+
+    def _report_number(self, node: str) -> int:
+        return int(self.reported(node, NUMBER) or -1)
 
     def trajectory(self) -> Trajectory:
         """Return the run so far as arrays, step by step."""

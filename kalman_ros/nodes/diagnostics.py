@@ -23,6 +23,8 @@ class Level(Enum):
 
 SUBSCRIBERS = 'subscribers: '
 PUBLISHERS = 'publishers: '
+#: The number of earlier reports, which tells an old report from a new one.
+NUMBER = 'reports'
 
 #: A level, a sentence, and the values behind it.
 Report = tuple[Level, str, Mapping[str, Any]]
@@ -37,10 +39,10 @@ _EXCLUDED = ('/rosout', '/parameter_events', '/diagnostics')
 class Diagnostics:
     """Publishes the result of ``report`` every second, on request, and on new connections.
 
-    It adds the number of subscribers of each of the node's topics, ``subscribers: TOPIC``, of
-    publishers of each topic that it subscribes to, ``publishers: TOPIC``, and of messages that
-    did not reach the node, ``undecodable: TOPIC``, ``too long: TOPIC`` and ``lost by the
-    middleware: TOPIC``. A topic without publishers, or with another type or quality of service,
+    It adds the number of earlier reports, ``reports``, of subscribers of each of the node's
+    topics, ``subscribers: TOPIC``, of publishers of each topic that it subscribes to,
+    ``publishers: TOPIC``, and of messages that did not reach the node, ``undecodable: TOPIC``,
+    ``too long: TOPIC`` and ``lost by the middleware: TOPIC``. A topic without publishers, or with another type or quality of service,
     is a warning.
     """
 
@@ -82,7 +84,8 @@ class Diagnostics:
         if problems:
             level = Level.WARN if level is Level.OK else level
             message = '; '.join((message, *problems))
-        values = {**values, **self._node.account(), **self._connections}
+        number = {NUMBER: self._publisher.published}
+        values = {**values, **self._node.account(), **self._connections, **number}
         status = DiagnosticStatus(
             level=level.value,
             name=self._node.get_fully_qualified_name().lstrip('/'),

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real nodes as processes, over real topics."""
 
+import time
+
 import numpy as np
 import pytest
 
 pytest.importorskip('rclpy')
 
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 
 from kalman_ros.analysis import checks as verdicts
@@ -139,6 +142,20 @@ def test_a_run_goes_on_where_it_paused():
             run.advance(SECONDS / 4)
         pieces = b''.join(run.recorder.raw['estimate'])
     assert pieces == record(seed=3)[0]
+
+
+def test_a_report_that_arrives_late_is_not_taken_for_a_new_one():
+    with Run(nodes=('plant', 'estimator', 'controller')) as run:
+        run.advance(1.0)
+        run.refresh('plant')
+        old = run.diagnostics['plant']
+        run.advance(1.0)
+        again = run.node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        run.wait(lambda: again.get_subscription_count() > 0, 10.0, lambda: 'not connected')
+        again.publish(DiagnosticArray(status=[old]))
+        time.sleep(0.2)
+        run.refresh('plant')
+        assert run.reported('plant', 'steps') == '201'
 
 
 def test_a_dead_node_is_named():
