@@ -42,8 +42,8 @@ class Diagnostics:
     It adds the number of earlier reports, ``reports``, of subscribers of each of the node's
     topics, ``subscribers: TOPIC``, of publishers of each topic that it subscribes to,
     ``publishers: TOPIC``, and of messages that did not reach the node, ``undecodable: TOPIC``,
-    ``too long: TOPIC`` and ``lost by the middleware: TOPIC``. A topic without publishers, or with another type or quality of service,
-    is a warning.
+    ``too long: TOPIC`` and ``lost by the middleware: TOPIC``. A topic without publishers, or with
+    another type or quality of service, is a warning.
     """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
