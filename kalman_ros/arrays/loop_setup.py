@@ -14,6 +14,8 @@ from kalman_ros.control.feedback import Feedback
 from kalman_ros.core import ArrayLike, DiscreteModel, matrix
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
+from kalman_ros.simulation.batch_loop import Loop
+from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.loop_law import Law, Reference
 
 from .accept import numbers
@@ -31,10 +33,18 @@ class Given(NamedTuple):
 
 
 def loop_of(
-    scenario: Any, overrides: Mapping[str, Any] | None, given: Given
-) -> tuple[Scenario, Scenario, Law | None]:
-    """Return the plant's scenario, the estimator's and the law; None without an input."""
-    real, believed, values = _scenarios(scenario, overrides)
+    scenario: Any, overrides: Mapping[str, Any] | None, given: Given, seconds: float
+) -> tuple[Loop, Law | None]:
+    """Return the loop of a scenario and its law; it is open without an input."""
+    real, believed, values, faults = _parts(scenario, overrides)
+    law = _law(real, believed, values, given)
+    return Loop(real, believed, seconds, law, faults=faults), law
+
+
+def _law(
+    real: Scenario, believed: Scenario, values: Mapping[str, Any], given: Given
+) -> Law | None:
+    """Return the law of a loop; None without an input."""
     limits = regulators.limits(
         believed,
         *(
@@ -49,20 +59,24 @@ def loop_of(
         for name, value in {'reference': given.reference, 'gain': given.gain}.items():
             if value is not None:
                 raise ValueError(f'{name}: expected none, for the model has no input')
-        return real, believed, None
+        return None
     law = Law(believed, _feedback(believed, given.gain), limits, given.reference)
     law()  # a reference that no input holds is refused
-    return real, believed, law
+    return law
 
 
-def _scenarios(
+def _parts(
     given: Any, overrides: Mapping[str, Any] | None
-) -> tuple[Scenario, Scenario, Mapping[str, Any]]:
-    """Return the plant's scenario, the estimator's, and the values of the controller."""
+) -> tuple[Scenario, Scenario, Mapping[str, Any], PlantFaults | None]:
+    """Return the scenarios of plant and estimator, the controller's values, and the faults."""
     if isinstance(given, Scenario):
-        return load(given, overrides), given, {}
-    values = values_of(given, {} if overrides is None else overrides, *BELIEVED)
-    return load(given, overrides), scenarios.build(values), values
+        return load(given, overrides), given, {}, None
+    typed = {} if overrides is None else overrides
+    believed = values_of(given, typed, *BELIEVED, faults=True)
+    values = values_of(given, typed, 'plant', faults=True)
+    real = scenarios.build(values)
+    faults = PlantFaults.from_values(real.timed, real.model.input.size, values)
+    return real, scenarios.build(believed), believed, faults if faults.any else None
 
 
 def _feedback(scenario: Scenario, gain: Any) -> Feedback:

@@ -45,6 +45,8 @@ class ManyRuns(KnownNames, Ensemble):
             f'{scenario.rate:g} Hz, filter {scenario.filter}{law}; averages from '
             f'{self.after:g} s on'
         )
+        if self._loop.faults is not None:
+            lines += text.sentence(f'faults: {self._loop.faults}')
         cells = (
             [state.label(name), *map(text.number, pair)]
             for name, pair in zip(state.names, zip(self.rms.tolist(), self.std.tolist()))
@@ -114,7 +116,8 @@ def monte_carlo(
     Parameters
     ----------
     scenario, overrides, reference, gain, input_limit, input_rate_limit
-        As for `simulate`; the same for all runs.
+        As for `simulate`, faults included; the same for all runs. Runs whose readings may be
+        late are computed one after the other.
     runs
         How many.
     seconds
@@ -145,8 +148,7 @@ def monte_carlo(
         If the law has no solution.
     """
     given = Given(reference, gain, input_limit, input_rate_limit)
-    real, believed, law = loop_of(scenario, overrides, given)
-    loop = Loop(real, believed, duration('seconds', seconds), law)
+    loop, law = loop_of(scenario, overrides, given, duration('seconds', seconds))
     found = ensemble(
         loop,
         law,

@@ -26,6 +26,7 @@ from kalman_ros.estimators.filter import Plan
 from kalman_ros.scenario import Scenario, SensorSource, shipped
 from kalman_ros.scenario.model_checks import check_model
 from kalman_ros.scenario.parameter_files import from_file
+from kalman_ros.simulation.faults.plant_faults import fault_options
 
 from .accept import belief_of, got, number, weight
 from .rows import sensors_of
@@ -63,9 +64,14 @@ def load(
 
 
 def values_of(
-    given: str | Path | Mapping[str, Any], overrides: Mapping[str, Any], *nodes: str
+    given: str | Path | Mapping[str, Any],
+    overrides: Mapping[str, Any],
+    *nodes: str,
+    faults: bool = False,
 ) -> dict[str, Any]:
     """Return the parameters from a name, a file or a mapping, with ``overrides``.
+
+    Those of the plant's ``faults`` are only known where they have a meaning.
 
     Raises
     ------
@@ -87,7 +93,12 @@ def values_of(
         )
     values = {**filed, **typed}
     if typed:
-        refuse_unknown(typed, {*scenario.options(values), *LIMITS}, 'parameter')
+        options = scenario.options(values)
+        known = {*options, *LIMITS}
+        if faults:
+            sensors = scenario.sensor_names(values.get('sensors', options['sensors'].default))
+            known |= {option.name for option in fault_options(sensors)}
+        refuse_unknown(typed, known, 'parameter')
     return values
 
 

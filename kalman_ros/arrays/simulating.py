@@ -14,6 +14,7 @@ from kalman_ros.core import ArrayLike, refuse_unknown
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.batch_loop import Loop
+from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.loop_law import Reference
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -41,6 +42,7 @@ class SimulatedRun(KnownNames, Trajectory):
 
     scenario: Scenario
     limited: int
+    _faults: PlantFaults | None = None
 
     def __repr__(self) -> str:
         scenario, steps = self.scenario, len(self.time)
@@ -53,6 +55,8 @@ class SimulatedRun(KnownNames, Trajectory):
             f'{type(scenario.model).__name__} for {self.time[-1]:g} s at {scenario.rate:g} Hz, '
             f'filter {scenario.filter}{law}'
         ]
+        if self._faults is not None:
+            lines += text.sentence(f'faults: {self._faults}')
         cells = (
             [state.label(name), *map(text.number, (self.truth[-1, i].item(), rms[i], claimed[i]))]
             for i, name in enumerate(state.names)
@@ -107,7 +111,8 @@ def simulate(
     ----------
     scenario, overrides
         As for `load`; plant, estimator and controller each use their section of a file, so the
-        plant may differ from their model.
+        plant may differ from their model. The plant's faults may be among them, such as
+        ``{'position.dropout': 0.3}``.
     seconds
         How long.
     seed
@@ -128,16 +133,17 @@ def simulate(
         If the law has no solution.
     """
     given = Given(reference, gain, input_limit, input_rate_limit)
-    real, believed, law = loop_of(scenario, overrides, given)
-    seconds, seed = duration('seconds', seconds), whole('seed', seed)
-    return run_of(Loop(real, believed, seconds, law), seed)
+    loop, _ = loop_of(scenario, overrides, given, duration('seconds', seconds))
+    return run_of(loop, whole('seed', seed))
 
 
 def run_of(loop: Loop, seed: int) -> SimulatedRun:
     """Return the run of a loop with a seed."""
     answer = loop.answer and loop.answer()
     found = closed_loop.run(
-        loop.scenario, None, loop.seconds, seed, believed=loop.believed, answer=answer
-    )
+        loop.scenario, None, loop.seconds, seed, believed=loop.believed, answer=answer,
+        faults=loop.faults,
+    )  # fmt: skip
     values = {field.name: getattr(found, field.name) for field in fields(Trajectory)}
-    return SimulatedRun(**values, scenario=loop.believed, limited=answer.limited if answer else 0)
+    limited = answer.limited if answer else 0
+    return SimulatedRun(**values, scenario=loop.believed, limited=limited, _faults=loop.faults)

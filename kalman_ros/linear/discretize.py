@@ -145,9 +145,10 @@ def _flow(A: Array, W: Array, dt: float, *, with_F: bool) -> tuple[Array | None,
     F: Array | None = np.eye(A.shape[-1]) + A_h if with_F or halvings else None
     bound = reach
     for k in range(2, _TERMS + 1):
-        if bound < _NEGLIGIBLE or (
-            F is None and bound < _WORTH_MEASURING and A.size >= MANY and _vanishes(term, Q)
-        ):
+        if bound < _NEGLIGIBLE:
+            break
+        measured = A.size >= MANY and bound < _WORTH_MEASURING
+        if measured and _vanishes(term, Q) and (F is None or _vanishes(F_term, F)):
             break
         half = product(A_h, term)
         half *= 1.0 / k
@@ -170,10 +171,10 @@ def _flow(A: Array, W: Array, dt: float, *, with_F: bool) -> tuple[Array | None,
     return F, symmetric(Q) if halvings else Q
 
 
-def _vanishes(term: Array, Q: Array) -> bool:
-    """Return whether the terms after ``term``, which are less, are negligible in every ``Q``."""
+def _vanishes(term: Array, total: Array) -> bool:
+    """Return whether the terms after ``term``, which are less, are negligible in every sum."""
     largest = np.abs(term).max(axis=(-2, -1))
-    return bool((largest <= _NEGLIGIBLE * np.einsum('...ii->...', Q)).all())
+    return bool((largest <= _NEGLIGIBLE * np.einsum('...ii->...', total)).all())
 
 
 def zero_order_hold(A: Array, B: Array, dt: float) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from kalman_ros.core import About, Array, Model, Space, from_coordinates
-from kalman_ros.linear.views import entries_last
+from kalman_ros.linear.views import coordinates, entries_last
 
 
 class CartPole(Model):
@@ -48,7 +48,7 @@ class CartPole(Model):
         self._mass = cart_mass + pole_mass
         self._moment = pole_mass * length
         self._inertia = inertia + pole_mass * length**2
-        self._weight = self._moment * gravity
+        self._gravity = gravity
         self._noise = force_noise, torque_noise
 
     def _compliance(self, theta: Array) -> tuple[Array, Array, Array]:
@@ -62,15 +62,32 @@ class CartPole(Model):
         v, theta, omega = x[..., 1], x[..., 2], x[..., 3]
         sine = np.sin(theta)
         force = u[..., 0] - self._friction * v - self._moment * (omega * omega) * sine
-        torque = self._weight * sine
+        torque = self._gravity * self._moment * sine
         J, c, M = self._compliance(theta)
         return from_coordinates(v, J * force + c * torque, omega, c * force + M * torque)
 
+    def state_jacobian(self, x: Array, u: Array) -> Array:
+        """Return the derivatives of the class's two equations, solved for the accelerations."""
+        theta, omega = x[..., 2], x[..., 3]
+        sine, cosine = self._moment * np.sin(theta), self._moment * np.cos(theta)
+        _, a, _, alpha = coordinates(self.derivative(x, u))
+        J, c, M = self._compliance(theta)
+        force = -(omega * omega) * cosine - alpha * sine
+        torque = self._gravity * cosine - a * sine
+        by_speed = -2.0 * omega * sine
+        A = np.zeros((4, 4, *np.shape(force)))
+        A[0, 1] = A[2, 3] = 1.0
+        A[1, 1], A[3, 1] = -self._friction * J, -self._friction * c
+        A[1, 2], A[3, 2] = J * force + c * torque, c * force + M * torque
+        A[1, 3], A[3, 3] = J * by_speed, c * by_speed
+        return entries_last(A)
+
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return the accelerations of cart and pole by the force."""
-        B = np.zeros((4, 1))
-        B[1::2, 0] = self._compliance(x[2])[:2]
-        return B
+        J, c, _ = self._compliance(x[..., 2])
+        B = np.zeros((4, 1, *np.shape(J)))
+        B[1, 0], B[3, 0] = J, c
+        return entries_last(B)
 
     def noise_density(self, x: Array) -> Array:
         """Return the velocity changes by the random force and torque."""

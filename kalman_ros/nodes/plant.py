@@ -14,12 +14,12 @@ from kalman_ros.codecs.messages import leading_stamp, message_type, write_stamp
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.tick import mention, write_tick
 from kalman_ros.codecs.wire import WireWriter
-from kalman_ros.core import Option, Signal, Value, one_each
+from kalman_ros.core import Option, Signal, Value
 from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario, sensor_names
-from kalman_ros.simulation.faults import options_of_sensors, settings_of_sensors
-from kalman_ros.simulation.faults.body import BodyFaults
+from kalman_ros.simulation.faults import options_of_sensors
 from kalman_ros.simulation.faults.links import Links
+from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 from . import runtime
@@ -134,17 +134,14 @@ class PlantNode(runtime.ScenarioNode):
     ) -> Callable[[], None]:
         """Return a function that adapts the plant to a scenario; ValueError if impossible."""
         timed, model = scenario.timed, scenario.model
-        wrong = settings_of_sensors(timed, faulty)
-        gain = one_each('actuator_gain', options.actuator_gain, model.input.size)
-        faults = BodyFaults(options, model.input.size)
+        faults = PlantFaults(timed, model.input.size, options, faulty)
         idle = idle_input(model, options.idle_input)
 
         def adapt() -> None:
             self._input.idle = idle
             self._plant.configure(model, timed)
-            self._plant.actuator.adopt(gain, options.actuator_delay)
-            self._plant.faults = faults
-            self._links.configure(timed, wrong)
+            self._plant.adopt(faults)
+            self._links.configure(timed, faults.sensors)
 
         return adapt
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -55,10 +54,5 @@ class PlantOptions(BodyOptions):
     run_until: Annotated[
         float, About('seconds of simulated time after which to pause', 's', live=True)
     ] = 1e9
-    actuator_gain: Annotated[
-        Sequence[float],
-        About('factor of each input before it acts; one for all', live=True),
-    ] = (1.0,)
-    actuator_delay: Annotated[float, About('delay of the input', 's', 0.0, 10.0, live=True)] = 0.0
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'

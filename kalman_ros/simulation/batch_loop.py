@@ -18,6 +18,7 @@ from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
 
 from .batch_plant import BatchPlant
+from .faults.plant_faults import PlantFaults
 
 
 class Controller(Protocol):
@@ -51,6 +52,8 @@ class Loop:
         In an open loop, the input (m,) at a time in seconds.
     arrives
         Whether readings taken at a time in seconds reach the estimator.
+    faults
+        Of the plant.
     """
 
     scenario: Scenario
@@ -60,11 +63,17 @@ class Loop:
     filter: str = ''
     command: Callable[[float], Array] | None = None
     arrives: Callable[[float], bool] | None = None
+    faults: PlantFaults | None = None
 
     @property
     def steps(self) -> int:
         """The number of steps, the first and the last included."""
         return round(self.seconds * self.scenario.rate) + 1
+
+    @property
+    def in_order(self) -> bool:
+        """Whether readings reach the estimator at the step at which they are taken, or never."""
+        return self.faults is None or not self.faults.late
 
 
 @dataclass(frozen=True)
@@ -113,11 +122,15 @@ def run_batch(
     Raises
     ------
     ValueError
-        If the filter does not support the model, or has no batched form.
+        If the filter does not support the model, or has no batched form, or readings are late.
     """
+    if not loop.in_order:
+        raise ValueError('readings that are late have no batched form')
     scenario, believed = loop.scenario, loop.believed
     x = scenario.initial_state if starts is None else starts.state
-    plant = BatchPlant(scenario.model, scenario.timed, scenario.rate, x, seeds, loop.steps)
+    plant = BatchPlant(
+        scenario.model, scenario.timed, scenario.rate, x, seeds, loop.steps, loop.faults
+    )
     u0 = believed.model.equilibrium.input
     estimator = _estimator(loop, len(seeds), starts, schedule)
     answer = loop.answer and loop.answer()

@@ -12,6 +12,8 @@ from kalman_ros.core import Array, Model, TimedSensor, is_due, ratio
 from kalman_ros.estimators.batch.dynamics import Dynamics
 from kalman_ros.linear.batched import semidefinite_factor, times
 
+from .batch_faults import BatchInput, BatchLink
+from .faults.plant_faults import PlantFaults
 from .noise import root, stream
 
 #: The most normal numbers that wait to be used, and the most steps for which they are drawn.
@@ -80,6 +82,8 @@ class BatchPlant:
         Of all noise of each run.
     steps
         Steps that are needed in all.
+    faults
+        Of each; none may make a reading late.
     """
 
     def __init__(
@@ -90,6 +94,7 @@ class BatchPlant:
         initial_state: Array,
         seeds: Sequence[int],
         steps: int,
+        faults: PlantFaults | None = None,
     ) -> None:
         self.dt, self.steps, self.model = 1.0 / rate, 0, model
         self.sensors = {name: timed for name, timed in sensors.items() if timed.enabled}
@@ -112,6 +117,12 @@ class BatchPlant:
             )
             for name, each in self.sensors.items()
         }
+        self._input = None if faults is None else BatchInput(faults, seeds)
+        self._links = {
+            name: BatchLink(name, seeds, each, faults.sensors[name])
+            for name, each in self.sensors.items()
+            if faults is not None and faults.disturbs(name)
+        }
 
     @property
     def time(self) -> int:
@@ -119,13 +130,17 @@ class BatchPlant:
         return round(self.steps * self.dt * 1e9)
 
     def readings(self) -> dict[str, Array]:
-        """Return the noisy readings (runs, k) due at this step; call it once a step."""
+        """Return the noisy readings (runs, k) due at this step; call it once a step.
+
+        One that is lost is NaN.
+        """
         found = {}
         for name, timed in self.sensors.items():
             if is_due(self.steps, self._shares[name]):
                 sensor = timed.sensor
                 noise = self._sensor_noise[name].draw()
-                found[name] = sensor.output.add(sensor.measure(self.state), noise)
+                y = sensor.output.add(sensor.measure(self.state), noise)
+                found[name] = self._links[name](self.time, y) if name in self._links else y
         return found
 
     def step(self, u: Array) -> None:
@@ -138,7 +153,7 @@ class BatchPlant:
         if not dynamics.linear:
             Q = dynamics.step_noise(x, u, self.dt)
             noise = times(semidefinite_factor(Q), noise)
-        moved = self.model.state.add(dynamics.step(x, u, self.dt), noise)
+        moved = self.model.state.add(self._moved(x, u), noise)
         flat = moved.ravel('K')
         if not np.isfinite(flat.dot(flat)):
             # as that of one run, a state whose square is not finite stays where it is
@@ -146,3 +161,11 @@ class BatchPlant:
             moved = np.where(moving[:, np.newaxis], moved, x)
         self.state = moved
         self.steps += 1
+
+    def _moved(self, x: Array, u: Array) -> Array:
+        """Return the states after a step, without noise."""
+        if self._input is None:
+            return self._dynamics.step(x, u, self.dt)
+        for duration, acting in self._input(self.steps, u, self.dt):
+            x = self._dynamics.step(x, acting, duration)
+        return x

@@ -15,16 +15,19 @@ from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
 
+from .faults.links import Links
+from .faults.plant_faults import PlantFaults
 from .simulated_plant import SimulatedPlant
 from .trajectory import Innovations, Series, Trajectory
 
 
 @dataclass
 class _Log:
-    """Of one sensor: rows of (time, reading, innovation, deviation, nis)."""
+    """Of one sensor: rows of (time, reading), and of (fused, innovation, deviation, nis)."""
 
     time: list[float] = field(default_factory=list)
     readings: list[Array] = field(default_factory=list)
+    fused: list[float] = field(default_factory=list)
     innovations: list[Array] = field(default_factory=list)
     std: list[Array] = field(default_factory=list)
     nis: list[float] = field(default_factory=list)
@@ -41,6 +44,7 @@ def run(
     command: Callable[[float], Array] | None = None,
     arrives: Callable[[str, float], bool] = lambda name, time: True,
     answer: Callable[[int, Array], Array] | None = None,
+    faults: PlantFaults | None = None,
 ) -> Trajectory:
     """Return the run of a scenario's plant under u = u_0 - K (x_hat - x_0).
 
@@ -64,10 +68,16 @@ def run(
         Whether a reading taken at a time reaches the estimator.
     answer
         Instead of u_0 and K: the input (m,) for a time in nanoseconds and a state (n,).
+    faults
+        Of the plant.
     """
     believed = believed or scenario
     timed = {name: source.timed for name, source in scenario.sensors.items()}
     plant = SimulatedPlant(scenario.model, timed, scenario.rate, scenario.initial_state, seed)
+    links = Links(seed)
+    links.configure(timed, {} if faults is None else faults.sensors)
+    if faults is not None:
+        plant.adopt(faults)
     sensors = {name: source.sensor for name, source in believed.sensors.items()}
     space, (x0, u0) = believed.model.state, believed.model.equilibrium
     K = np.zeros((u0.size, x0.size)) if gain is None else gain
@@ -87,14 +97,15 @@ def run(
     rows = []
     for step in range(round(seconds * scenario.rate) + 1):
         time = round(step * plant.dt * 1e9)
-        for name, y in plant.readings().items():
-            if not arrives(name, time * 1e-9):
+        for name, stamp, y in links(time, time, plant.readings()):
+            if not arrives(name, stamp * 1e-9):
                 continue
-            _, correction = estimator.add_reading(name, time, y)
+            _, correction = estimator.add_reading(name, stamp, y)
             log = logs[name]
-            log.time.append(time * 1e-9)
+            log.time.append(stamp * 1e-9)
             log.readings.append(y)
             if correction is not None:
+                log.fused.append(stamp * 1e-9)
                 log.innovations.append(correction.innovation)
                 log.std.append(np.sqrt(correction.innovation_covariance.diagonal()))
                 log.nis.append(correction.nis)
@@ -119,7 +130,7 @@ def run(
         },
         innovations={
             name: Innovations(
-                np.array(log.time),
+                np.array(log.fused),
                 np.array(log.innovations),
                 np.array(log.std),
                 np.array(log.nis),

@@ -42,6 +42,7 @@ def is_linear(loop: Loop) -> bool:
         and (law is None or (isinstance(law, Law) and law.proportional))
         and loop.command is None
         and loop.arrives is None
+        and loop.faults is None
     )
 
 

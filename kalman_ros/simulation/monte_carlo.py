@@ -60,9 +60,10 @@ class Experiment:
     def outcomes(self, seeds: Sequence[int]) -> Outcomes:
         """Return the outcomes of the runs with these seeds.
 
-        A filter without a batched form runs one loop after the other.
+        A filter without a batched form, and readings that are late, run one loop after the other.
         """
-        if (self.loop.filter or self.loop.believed.filter) not in BATCHED:
+        batched = (self.loop.filter or self.loop.believed.filter) in BATCHED
+        if not (batched and self.loop.in_order):
             return Outcomes.joined([self.outcome(seed) for seed in seeds])
         if self._linear is not None:
             with np.errstate(all='ignore'):
@@ -82,7 +83,7 @@ class Experiment:
             run = closed_loop.run(
                 loop.scenario, None, loop.seconds, seed, believed=loop.believed,
                 filter=loop.filter, command=command, answer=answer,
-                arrives=lambda _, time: arrives is None or arrives(time),
+                arrives=lambda _, time: arrives is None or arrives(time), faults=loop.faults,
             )  # fmt: skip
         limited = int(answer.limited) if answer else 0
         return outcomes_of(loop, run, self.weight, self.first, limited)

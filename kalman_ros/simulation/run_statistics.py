@@ -209,9 +209,7 @@ def outcomes_of(
     nis = {}
     for name, source in loop.believed.sensors.items():
         found = run.innovations[name]
-        # readings that are not finite, all at the end, have a time and no innovation
-        time = found.time[: len(found.nis)]
-        values = found.nis[time * loop.scenario.rate > first - 0.5]
+        values = found.nis[found.time * loop.scenario.rate > first - 0.5]
         mean = values.mean() if len(values) else np.nan
         nis[name] = np.array([mean / source.sensor.output.size])
     return Outcomes(

@@ -20,6 +20,7 @@ from kalman_ros.core import (
 
 from .actuator import Actuator
 from .faults.body import BodyFaults, BodyOptions
+from .faults.plant_faults import PlantFaults
 from .noise import NoiseSource, stream
 
 
@@ -79,6 +80,11 @@ class SimulatedPlant:
     def time(self) -> int:
         """The time of this step, in nanoseconds since step 0."""
         return round(self.steps * self.dt * 1e9)
+
+    def adopt(self, faults: PlantFaults) -> None:
+        """Replace the faults of actuator and body from now on."""
+        self.actuator.adopt(faults.gain, faults.delay)
+        self.faults = faults.body
 
     def step(self, u: Array, disturbance: Array | None = None) -> None:
         """Advance by one step and draw its process noise.

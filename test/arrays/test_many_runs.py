@@ -90,3 +90,30 @@ def test_what_is_refused(options, says):
     with pytest.raises(ValueError) as refused:
         kr.monte_carlo(**options)
     assert str(refused.value).startswith(says)
+
+
+def test_the_faults_of_a_file_are_those_of_its_plant(tmp_path):
+    path = tmp_path / 'faulty.yaml'
+    path.write_text(
+        '/**:\n  ros__parameters:\n    model: mass_spring_damper_2d\n'
+        '/**/plant:\n  ros__parameters:\n    position.dropout: 1.0\n'
+    )
+    many = kr.monte_carlo(path, runs=3, seconds=3)
+    assert 'position' not in many.nis and np.isfinite(many.nis['velocity'])
+    assert 'faults: position.dropout: 1.0' in repr(many)
+    assert 'faults' not in repr(kr.monte_carlo(runs=3, seconds=3))
+    one = kr.simulate(path, seconds=3, seed=many.seeds[1])
+    assert not len(one.readings['position'].time)
+    assert 'faults: position.dropout: 1.0' in repr(one)
+
+
+def test_bad_faults_are_refused_by_name():
+    with pytest.raises(ValueError, match="'position.dropuot'; did you mean 'position.dropout'"):
+        kr.monte_carlo('mass_spring_damper_2d', {'position.dropuot': 0.5})
+    with pytest.raises(ValueError, match=r'position\.dropout'):
+        kr.simulate('mass_spring_damper_2d', {'position.dropout': 1.5})
+    with pytest.raises(ValueError, match=r'position\.bias: expected 1 or 2 numbers, got 3'):
+        kr.simulate('mass_spring_damper_2d', {'position.bias': [1.0, 1.0, 1.0]})
+    # a fault of the plant means nothing to a filter or a design
+    with pytest.raises(ValueError, match='position.dropout'):
+        kr.load('mass_spring_damper_2d', {'position.dropout': 0.5})

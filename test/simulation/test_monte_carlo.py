@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many runs together are the runs one by one, however they are divided."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -21,9 +21,9 @@ STEPS = 40
 
 
 def experiment_of(name, overrides=None, steps=STEPS, first=5, **given):
-    real, believed, law = loop_of(name, overrides, Given(**given))
-    weight = price(believed).weight if law else None
-    return Experiment(Loop(real, believed, steps / real.rate, law), weight, first)
+    loop, law = loop_of(name, overrides, Given(**given), 0.0)
+    weight = price(loop.believed).weight if law else None
+    return Experiment(replace(loop, seconds=steps / loop.scenario.rate), weight, first)
 
 
 def one_by_one(experiment, seeds):
@@ -70,12 +70,61 @@ def test_gates_laws_limits_and_references_too(overrides, given):
         assert difference <= 1e-10, field
 
 
+def both(**settings):
+    return {f'{name}.{key}': v for name in ('position', 'velocity') for key, v in settings.items()}
+
+
+FAULTS = {
+    'dropout': both(dropout=0.4),
+    'bursts': both(burst_loss=0.2, burst_length=4.0),
+    'nan': {'position.nan': 0.5},
+    'outliers, gates': both(outliers=0.3, gate=0.99),
+    'values': both(bias=[0.2], drift=[0.1], random_walk=[0.3]),
+    'freeze, window': {'position.freeze': True, 'position.fault_window': [0.1, 0.3]},
+    'duplication': both(duplication=0.5),
+    'all at once': both(dropout=0.2, nan=0.1, outliers=0.1, bias=[0.1], duplication=0.3),
+    'actuator': {'actuator_gain': [0.5, 2.0], 'actuator_loss': 0.4, 'actuator_dead_zone': [0.1]},
+    'actuator delay': {'actuator_delay': 0.025},
+    'pushes': {
+        'disturbance_constant': [1.0], 'disturbance_amplitude': [0.0, 2.0],
+        'disturbance_noise': [0.5], 'fault_window': [0.05, 0.35],
+    },
+    'late': both(delay=0.03, jitter=0.05, reordering=0.3),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('fault', FAULTS)
+def test_faults_too(fault):
+    experiment, seeds = experiment_of('mass_spring_damper_2d', FAULTS[fault]), spawned(3, 3)
+    together = monte_carlo(experiment, seeds)
+    for field, difference in differences(together, one_by_one(experiment, seeds)):
+        assert difference <= 1e-10, field
+    sound = monte_carlo(experiment_of('mass_spring_damper_2d'), seeds)
+    if fault != 'duplication':
+        assert (together.final_error != sound.final_error).any(axis=1).all()
+    else:
+        assert np.allclose(together.final_error, sound.final_error, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize('name', ['cart_pole', 'diff_drive', 'gnss_imu'])
+def test_faults_of_models_with_angles_and_other_steps(name):
+    sensors = kr.load(name).sensors
+    faults = {
+        f'{each}.{key}': v for each in sensors for key, v in (('dropout', 0.3), ('nan', 0.1))
+    }
+    experiment = experiment_of(name, {**faults, 'disturbance_noise': [0.1]})
+    seeds = spawned(3, 3)
+    together = monte_carlo(experiment, seeds)
+    for field, difference in differences(together, one_by_one(experiment, seeds)):
+        assert difference <= 1e-10, field
+
+
 def test_a_plant_other_than_believed():
     real, believed = (
         kr.load('mass_spring_damper', {'model_parameters.mass': 3.0}),
         kr.load('mass_spring_damper'),
     )
-    _, _, law = loop_of(believed, None, Given())
+    _, law = loop_of(believed, None, Given(), 0.0)
     experiment = Experiment(Loop(real, believed, 2.0, law), price(believed).weight, 0)
     seeds = spawned(0, 2)
     together = monte_carlo(experiment, seeds)
@@ -85,7 +134,7 @@ def test_a_plant_other_than_believed():
 
 @pytest.mark.slow
 def test_runs_that_diverge_end_like_single_ones():
-    _, _, law = loop_of('mass_spring_damper_2d', None, Given(gain=-1e4 * np.ones((2, 4))))
+    _, law = loop_of('mass_spring_damper_2d', None, Given(gain=-1e4 * np.ones((2, 4))), 0.0)
     loop = experiment_of('mass_spring_damper_2d', steps=400).loop
     runaway = Experiment(Loop(loop.scenario, loop.believed, 20.0, law), None, 0)
     seeds = spawned(0, 2)

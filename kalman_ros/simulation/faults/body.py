@@ -19,6 +19,11 @@ from .fault import window
 class BodyOptions:
     """The options of faults at the input; all are off by default."""
 
+    actuator_gain: Annotated[
+        Sequence[float],
+        About('factor of each input before it acts; one for all', live=True),
+    ] = (1.0,)
+    actuator_delay: Annotated[float, About('delay of the input', 's', 0.0, 10.0, live=True)] = 0.0
     actuator_loss: Annotated[
         float,
         About(

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All faults of a plant: those of its sensors, its actuator and its body."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from kalman_ros.core import Option, TimedSensor, Value, build_with, one_each, options_of
+
+from . import FAULTS, options_of_sensors, settings_of, settings_of_sensors
+from .body import BodyFaults, BodyOptions
+from .links import Links
+from .transit import Delay, Jitter, Reordering
+
+#: Those after which a reading may arrive at a later step.
+_LATE = (Delay, Jitter, Reordering)
+
+
+class PlantFaults:
+    """The faults of a plant; all are off by default.
+
+    Parameters
+    ----------
+    sensors
+        Its sensors, by name.
+    size
+        The number of its inputs, m.
+    body
+        The options of body and actuator.
+    settings
+        The options of the sensors' faults, as ``SENSOR.option``; all of them.
+
+    Raises
+    ------
+    ValueError
+        If they do not match these sensors or inputs; the message names the option.
+    """
+
+    def __init__(
+        self,
+        sensors: Mapping[str, TimedSensor],
+        size: int,
+        body: BodyOptions,
+        settings: Mapping[str, Value],
+    ) -> None:
+        self._timed = dict(sensors)
+        #: The options of the faults of each sensor, by its name.
+        self.sensors = settings_of_sensors(sensors, settings)
+        #: The faults at the input.
+        self.body = BodyFaults(body, size)
+        #: The factor of each input (m,) before it acts, and its delay in seconds.
+        self.gain = one_each('actuator_gain', body.actuator_gain, size)
+        self.delay = body.actuator_delay
+
+    @staticmethod
+    def from_values(
+        sensors: Mapping[str, TimedSensor], size: int, values: Mapping[str, Value]
+    ) -> PlantFaults:
+        """Return the faults set by parameters, among which others may be."""
+        known = {option.name: option for option in fault_options(sensors)}
+        found = {
+            name: option.check(values.get(name, option.default)) for name, option in known.items()
+        }
+        body = {option.name: found.pop(option.name) for option in options_of(BodyOptions)}
+        return PlantFaults(sensors, size, build_with(BodyOptions, body), found)
+
+    def __str__(self) -> str:
+        links = Links(0)
+        links.configure(self._timed, self.sensors)
+        actuator = {}
+        if np.any(self.gain != 1.0):
+            actuator['actuator_gain'] = self.gain.tolist()
+        if self.delay:
+            actuator['actuator_delay'] = self.delay
+        on = [f'{name}: {value}' for name, value in actuator.items()]
+        return ', '.join((*links.faults, *on, *self.body.on))
+
+    @property
+    def any(self) -> bool:
+        """Whether any fault is on."""
+        return bool(str(self))
+
+    @property
+    def late(self) -> bool:
+        """Whether readings may arrive at a later step than that at which they are taken."""
+        return any(kind in _LATE for name in self.sensors for kind in self._on(name))
+
+    def disturbs(self, sensor: str) -> bool:
+        """Whether a sensor has faults."""
+        return next(self._on(sensor), None) is not None
+
+    def _on(self, sensor: str) -> Iterator[type]:
+        values = self.sensors.get(sensor, {})
+        return (kind for kind in FAULTS if settings_of(kind, values) is not None)
+
+
+def fault_options(sensors: Iterable[str]) -> Iterator[Option]:
+    """Yield the options of all faults of a plant with sensors of these names."""
+    yield from options_of(BodyOptions)
+    yield from options_of_sensors(sensors)
