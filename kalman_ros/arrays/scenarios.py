@@ -26,7 +26,7 @@ from kalman_ros.estimators.filter import Plan
 from kalman_ros.scenario import Scenario, SensorSource, shipped
 from kalman_ros.scenario.model_checks import check_model
 from kalman_ros.scenario.parameter_files import from_file
-from kalman_ros.simulation.faults.plant_faults import fault_options
+from kalman_ros.simulation.faults.plant_faults import plant_options
 
 from .accept import belief_of, got, number, weight
 from .rows import sensors_of
@@ -93,12 +93,8 @@ def values_of(
         )
     values = {**filed, **typed}
     if typed:
-        options = scenario.options(values)
-        known = {*options, *LIMITS}
-        if faults:
-            sensors = scenario.sensor_names(values.get('sensors', options['sensors'].default))
-            known |= {option.name for option in fault_options(sensors)}
-        refuse_unknown(typed, known, 'parameter')
+        known = plant_options(values) if faults else scenario.options(values)
+        refuse_unknown(typed, {*known, *LIMITS}, 'parameter')
     return values
 
 

@@ -51,47 +51,49 @@ class CartPole(Model):
         self._gravity = gravity
         self._noise = force_noise, torque_noise
 
-    def _compliance(self, theta: Array) -> tuple[Array, Array, Array]:
+    def _compliance(self, cosine: Array) -> tuple[Array, Array, Array]:
         """Return the inverse of the mass matrix, [[J, c], [c, M]] / determinant: J, c and M."""
-        c = self._moment * np.cos(theta)
+        c = self._moment * cosine
         scale = 1.0 / (self._mass * self._inertia - c * c)
         return self._inertia * scale, c * scale, self._mass * scale
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return the velocities, and the accelerations of the class's two equations."""
-        v, theta, omega = x[..., 1], x[..., 2], x[..., 3]
-        sine = np.sin(theta)
-        force = u[..., 0] - self._friction * v - self._moment * (omega * omega) * sine
-        torque = self._gravity * self._moment * sine
-        J, c, M = self._compliance(theta)
+        _, v, theta, omega = coordinates(x)
+        sine = self._moment * np.sin(theta)
+        force = u[..., 0] - self._friction * v - omega * omega * sine
+        torque = self._gravity * sine
+        J, c, M = self._compliance(np.cos(theta))
         return from_coordinates(v, J * force + c * torque, omega, c * force + M * torque)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of the class's two equations, solved for the accelerations."""
-        theta, omega = x[..., 2], x[..., 3]
-        sine, cosine = self._moment * np.sin(theta), self._moment * np.cos(theta)
-        _, a, _, alpha = coordinates(self.derivative(x, u))
-        J, c, M = self._compliance(theta)
-        force = -(omega * omega) * cosine - alpha * sine
-        torque = self._gravity * cosine - a * sine
-        by_speed = -2.0 * omega * sine
+        _, v, theta, omega = coordinates(x)
+        cosine, sine = np.cos(theta), self._moment * np.sin(theta)
+        J, c, M = self._compliance(cosine)
+        cosine = self._moment * cosine
+        force = u[..., 0] - self._friction * v - omega * omega * sine
+        torque = self._gravity * sine
+        a, alpha = J * force + c * torque, c * force + M * torque
+        force, torque = -omega * omega * cosine - alpha * sine, self._gravity * cosine - a * sine
         A = np.zeros((4, 4, *np.shape(force)))
         A[0, 1] = A[2, 3] = 1.0
         A[1, 1], A[3, 1] = -self._friction * J, -self._friction * c
         A[1, 2], A[3, 2] = J * force + c * torque, c * force + M * torque
+        by_speed = -2.0 * omega * sine
         A[1, 3], A[3, 3] = J * by_speed, c * by_speed
         return entries_last(A)
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return the accelerations of cart and pole by the force."""
-        J, c, _ = self._compliance(x[..., 2])
+        J, c, _ = self._compliance(np.cos(x[..., 2]))
         B = np.zeros((4, 1, *np.shape(J)))
         B[1, 0], B[3, 0] = J, c
         return entries_last(B)
 
     def noise_density(self, x: Array) -> Array:
         """Return the velocity changes by the random force and torque."""
-        J, c, M = self._compliance(x[..., 2])
+        J, c, M = self._compliance(np.cos(x[..., 2]))
         force, torque = self._noise
         W = np.zeros((4, 4, *x.shape[:-1]))
         W[1, 1] = J * J * force + c * c * torque

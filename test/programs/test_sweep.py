@@ -92,6 +92,18 @@ def test_a_belief_that_is_wrong_is_seen(tmp_path, capsys):
 
 
 @pytest.mark.slow
+def test_faults_of_the_plant_are_swept(tmp_path):
+    sound, blind = swept(
+        tmp_path, '--over', 'position.dropout=0..1:lin:2', '--runs', '20', '--seconds', '4'
+    )
+    assert sound['theory_cost'] is not None and blind['theory_cost'] is None
+    # without positions the distance drifts by the noise of the velocities
+    assert blind['rms']['x'] > 2.0 * sound['rms']['x']
+    low, high = blind['anees_bounds']
+    assert low < blind['anees'] < high
+
+
+@pytest.mark.slow
 def test_two_parameters_make_a_map(tmp_path):
     points = swept(
         tmp_path, '--over', 'plant.model_parameters.mass=0.5..2:log:2',

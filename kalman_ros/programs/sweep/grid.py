@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import inf, nan
 from typing import Any
@@ -19,6 +19,7 @@ from kalman_ros.report.run_tables import plain
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
 from kalman_ros.simulation.batch_loop import Loop
+from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.loop_law import Law
 
 from .ranges import LIMITS, Range
@@ -117,8 +118,8 @@ class Grid:
         """The values at each point; the last range varies fastest."""
         return list(product(*(each.values for each in self.ranges)))
 
-    def scenarios(self, values: tuple[float, ...]) -> tuple[Scenario, Scenario, dict[str, Any]]:
-        """Return the systems of plant and estimator at a point, and what is believed.
+    def loop(self, values: tuple[float, ...]) -> tuple[Loop, dict[str, Any]]:
+        """Return the loop at a point, without its law, and the controller's parameters.
 
         Raises
         ------
@@ -131,18 +132,22 @@ class Grid:
                 plant = each.set_in(plant, value)
             if each.believed or each.name in LIMITS:
                 believed = each.set_in(believed, value)
-        return scenario.build(plant), scenario.build(believed), believed
+        real = scenario.build(plant)
+        faults = PlantFaults.from_values(real.timed, real.model.input.size, plant)
+        return Loop(
+            real, scenario.build(believed), self.seconds, faults=faults if faults.any else None
+        ), believed
 
     def __call__(self, values: tuple[float, ...]) -> Point:
         """Return the outcome at a point."""
-        real, believed, own = self.scenarios(values)
+        loop, own = self.loop(values)
+        believed = loop.believed
         try:
             law = _law(believed, own) if believed.model.input.size else None
         except DesignError as error:
             return Point(values, str(error))
-        loop = Loop(real, believed, self.seconds, law)
-        found = ensemble(loop, law, self.seeds, after=self.after)
-        theory = self._theory(believed)
+        found = ensemble(replace(loop, answer=law), law, self.seeds, after=self.after)
+        theory = (None, None) if loop.faults else self._theory(believed)
         return Point(
             values,
             '',

@@ -98,7 +98,7 @@ def grid_of(options: argparse.Namespace, path: Path) -> Grid:
     seeds = spawned(options.seed, options.runs)
     grid = Grid(plant, believed, ranges, seeds, options.seconds, options.after)
     for values in grid.points:
-        grid.scenarios(values)
+        grid.loop(values)
     return grid
 
 

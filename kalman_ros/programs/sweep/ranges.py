@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros import scenario
 from kalman_ros.core import refuse_unknown
+from kalman_ros.simulation.faults.plant_faults import plant_options
 
 #: Whose parameter it is: the plant's, the believed one of estimator and controller, or both.
 PLANT, ESTIMATOR = 'plant.', 'estimator.'
@@ -62,7 +62,7 @@ class Range:
         ValueError
             If there is no such parameter, or it is no number.
         """
-        known = scenario.options(values)
+        known = plant_options(values)
         refuse_unknown([self.name], {*known, *LIMITS}, 'parameter')
         default = known[self.name].default if self.name in known else [0.0]
         present = values.get(self.name, default)

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Option, TimedSensor, Value, build_with, one_each, options_of
+from kalman_ros.scenario import options, sensor_names
 
 from . import FAULTS, options_of_sensors, settings_of, settings_of_sensors
 from .body import BodyFaults, BodyOptions
@@ -94,6 +96,19 @@ class PlantFaults:
     def _on(self, sensor: str) -> Iterator[type]:
         values = self.sensors.get(sensor, {})
         return (kind for kind in FAULTS if settings_of(kind, values) is not None)
+
+
+def plant_options(values: Mapping[str, Any]) -> dict[str, Option]:
+    """Return the options of the scenario that ``values`` describe, and of its faults, by name.
+
+    Raises
+    ------
+    ValueError
+        If the model, a sensor or a kind is unknown.
+    """
+    found = options(values)
+    sensors = sensor_names(values.get('sensors', found['sensors'].default))
+    return {**found, **{option.name: option for option in fault_options(sensors)}}
 
 
 def fault_options(sensors: Iterable[str]) -> Iterator[Option]:
