@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 from math import inf
 from reprlib import Repr
-from typing import Any, Union, get_args
+from typing import Any, Union, get_args, get_type_hints
 
 import numpy as np
 
@@ -121,7 +121,17 @@ def signature(function: Callable[..., Any]) -> inspect.Signature:
 
 @lru_cache(maxsize=256)
 def _evaluated(function: Callable[..., Any]) -> inspect.Signature:
-    return inspect.signature(function, eval_str=True)
+    parts = vars(function).get('__dataclass_params__') if is_dataclass(function) else None
+    if parts is None or not parts.init:
+        return inspect.signature(function, eval_str=True)
+    # inherited fields are annotated with names of the module of their class
+    found, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
+    return found.replace(
+        parameters=[
+            each.replace(annotation=hints.get(each.name, each.annotation))
+            for each in found.parameters.values()
+        ]
+    )
 
 
 def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...]:

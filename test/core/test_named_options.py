@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import dataclass
 from typing import Annotated
 
 import pytest
 
 from kalman_ros.core import About, build_with, options_of, refuse_unknown
+from kalman_ros.simulation.faults.body import BodyOptions
 
 
 def thing(
@@ -72,3 +74,13 @@ def test_a_name_of_which_only_parts_are_known():
     known = ['imu.dropout', 'imu.mount.translation', 'imu.mount.rotation']
     with pytest.raises(ValueError, match=r"'imu.mount'; its parts are imu.mount.translation, imu"):
         refuse_unknown(['imu.mount'], known, 'parameter')
+
+
+def test_fields_inherited_from_another_module_keep_their_descriptions():
+    @dataclass(frozen=True)
+    class Mine(BodyOptions):
+        extra: Annotated[float, About('one more', 'm')] = 1.0
+
+    found = {option.name: option for option in options_of(Mine)}
+    assert found['actuator_gain'].description.startswith('factor of each input')
+    assert found['extra'].description == 'one more [m]'
