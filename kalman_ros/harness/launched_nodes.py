@@ -154,11 +154,15 @@ class LaunchedNodes:
             self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
         self.wait(client.service_is_ready, 20.0, lambda: f'there is no service {service}')
+        answers: list[Future] = []
         for seconds in _REPEATS:
             # a node that was killed and restarted may not be discovered yet; a slow one answers
             # all requests in order, and until the last no request is still to be done
-            answer = client.call_async(request)
-            self.spin(seconds, until=answer)
+            answers.append(client.call_async(request))
+            self.spin(seconds, until=answers[-1])
+            if answers[-1].done():
+                return answers[-1].result()
+        for answer in answers:
             if answer.done():
                 return answer.result()
         raise NodeError(f'no answer from {service} within {sum(_REPEATS):g} s')
