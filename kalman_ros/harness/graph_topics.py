@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -12,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from kalman_ros.codecs.messages import message_type
+from kalman_ros.nodes.reception import ReceptionTimes
 
 #: Messages of a topic that are kept between two reads.
 _DEPTH = 5000
@@ -88,6 +90,7 @@ class GraphTopics:
         self._wanted = {self.node.resolve_topic_name(topic) for topic in topics}
         self._hidden = () if every else _OF_NODES
         self._subscriptions: dict[str, Any] = {}
+        self._received = defaultdict[str, ReceptionTimes](ReceptionTimes)
         self._known: set[str] = set()
         #: Why topics cannot be subscribed to, by name.
         self.refused: dict[str, str] = {}
@@ -148,7 +151,8 @@ class GraphTopics:
                 if found is None:
                     break
                 data, info = found
-                yield Received(topic, data, info['received_timestamp'], info['source_timestamp'])
+                received = self._received[topic](info['received_timestamp'])
+                yield Received(topic, data, received, info['source_timestamp'])
 
     def close(self) -> None:
         """Leave the graph."""

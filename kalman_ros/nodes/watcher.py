@@ -17,6 +17,7 @@ from kalman_ros.codecs.messages import UndecodableError, decode
 from kalman_ros.pipeline.intake import Intake
 
 from .losses import Losses
+from .reception import ReceptionTimes
 
 #: At most this many bytes are read at once, plus the message that exceeds them.
 _MOST_BYTES = 16_000_000
@@ -52,7 +53,8 @@ def waiting_with_times(subscription: Any) -> list[tuple[bytes, tuple[int, int]]]
             break
         data, info = found
         subscription.losses.numbered(info['publication_sequence_number'])
-        come.append((data, (info['received_timestamp'], info['source_timestamp'])))
+        received = subscription.received(info['received_timestamp'])
+        come.append((data, (received, info['source_timestamp'])))
         size += len(data)
         if size > _MOST_BYTES:
             break
@@ -97,7 +99,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         take = callback if raw else partial(_decoded, callback, kind)
         # rclpy itself would decode where its exceptions cannot be caught
         found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
-        found.losses = Losses(found)
+        found.losses, found.received = Losses(found), ReceptionTimes()
         found.pass_on = partial(self.intake, found.topic_name, take)
 
         def on_message(data: bytes) -> None:
