@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from kalman_ros.codecs.messages import leading_stamp, message_type
 from kalman_ros.core import Array
 from kalman_ros.harness import Run
-from kalman_ros.nodes.diagnostics import PUBLISHERS
+from kalman_ros.nodes.diagnostics import NUMBER, PUBLISHERS
 from kalman_ros.nodes.topics import HISTORY
 
 from .findings import Delivery, Soak
@@ -119,12 +119,15 @@ class Endurance:
             run.spin(_PAUSE)
 
     def _counts(self) -> dict[tuple[str, str], int]:
-        """Return all whole numbers in the diagnostics of the nodes, by node and name."""
+        """Return all whole numbers in the diagnostics of the nodes, by node and name.
+
+        Without that of the reports, which never ends.
+        """
         return {
             (node, value.key): int(value.value)
             for node in self._run.processes
             for value in self._status(node).values
-            if value.value.isdigit()
+            if value.value.isdigit() and value.key != NUMBER
         }
 
     def _status(self, node: str) -> DiagnosticStatus:
