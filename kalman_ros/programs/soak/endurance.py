@@ -121,7 +121,7 @@ class Endurance:
     def _counts(self) -> dict[tuple[str, str], int]:
         """Return all whole numbers in the diagnostics of the nodes, by node and name.
 
-        Without that of the reports, which never ends.
+        The number of reports is left out: it never stands still.
         """
         return {
             (node, value.key): int(value.value)
