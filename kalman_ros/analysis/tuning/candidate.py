@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor
-from kalman_ros.estimators.batch import candidate_sensor
-from kalman_ros.estimators.batch.candidates import candidate_dynamics
 from kalman_ros.estimators.filter import Filter
 
 
@@ -44,31 +42,6 @@ class Candidate:
 Build = Callable[[Mapping[str, float]], Candidate]
 
 
-class Earlier(Sensor):
-    """A candidate sensor whose readings are of states that are a little earlier, x - d dx/dt.
-
-    Parameters
-    ----------
-    sensor
-        For states (..., p, n).
-    models
-        Of the p candidates.
-    earlier
-        By how many seconds, for each candidate (p,); short against what the model does.
-    """
-
-    def __init__(self, sensor: Sensor, models: Sequence[Model], earlier: Array) -> None:
-        self.output, self.covariance, self.name = sensor.output, sensor.covariance, sensor.name
-        self._sensor, self._dynamics = sensor, candidate_dynamics(models)
-        self._earlier = earlier[:, np.newaxis]
-        #: The input (m,) in effect, of copies of this sensor too.
-        self.input: Array = np.zeros(models[0].input.size)
-
-    def measure(self, x: Array) -> Array:
-        """Return the readings (..., p, k)."""
-        return self._sensor.measure(x - self._earlier * self._dynamics.derivative(x, self.input))
-
-
 class Part(Sensor):
     """Some coordinates of a candidate sensor, for a reading with missing values."""
 
@@ -82,11 +55,3 @@ class Part(Sensor):
     def measure(self, x: Array) -> Array:
         """Return these coordinates (..., k)."""
         return self._sensor.measure(x)[..., self._use]
-
-
-def joined_sensor(name: str, candidates: Sequence[Candidate], earlier: Array) -> Sensor:
-    """Return the sensor ``name`` of p candidates, of states ``earlier`` (p,) in seconds."""
-    sensor = candidate_sensor([each.sensors[name] for each in candidates])
-    if not earlier.any():
-        return sensor
-    return Earlier(sensor, [each.model for each in candidates], earlier)

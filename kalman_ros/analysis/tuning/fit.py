@@ -8,15 +8,17 @@ from math import isfinite, nan
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from kalman_ros.core import Array
 
-from .ascent import INTERRUPTED, LITTLE, Report, _ignore, maximum
+from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, maximum
 from .identifiability import Determination, determination
 from .likelihood import Expansion, Likelihood
+from .restricted import Restricted, restricted
 
-#: Of the normal distribution, both sides of 95 %.
-_95 = 1.959964
+#: The probability below the upper end of a 95 % interval, and that end of the normal distribution.
+_SHARE, _95 = 0.975, 1.959964
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Fit:
     correlation
         Between their errors (p, p); NaN where one is not determined.
     before, after
-        The log-likelihood at the start (-inf if there is none) and of the fit, without priors.
+        The log-likelihood at the start (-inf if there is none) and its maximum, without priors.
     rank
         The number of combinations of parameters that the data determine.
     count
@@ -72,7 +74,9 @@ class Fit:
     partial
         Whether only the first readings were fitted to, because of that.
     top
-        The best expansion.
+        The expansion at the fit.
+    determination
+        What it determines.
     """
 
     parameters: tuple[Fitted, ...]
@@ -116,7 +120,8 @@ class Fit:
 def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     """Return the maximum likelihood fit, or with priors the likeliest values after the data.
 
-    A fit that is interrupted returns what it has reached.
+    Noise is fitted by the restricted likelihood if other parameters are fitted, too. A fit that
+    is interrupted returns what it has reached.
 
     Raises
     ------
@@ -128,13 +133,15 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     if not likelihood.parameters:
         raise ValueError('fit: expected at least one parameter, got none')
     ascent = maximum(likelihood, report)
-    first, likelihood, top = likelihood, ascent.likelihood, ascent.top
+    first, likelihood = likelihood, ascent.likelihood
     start = ascent.before - likelihood.prior(likelihood.start)[0]
-    found = determination(likelihood.parameters, top.information, top.z)
+    end, stopped = _end(ascent, report)
+    top, found = end.top, end.found
     point, beyond = _settled(likelihood, top, found.seen)
+    quantiles = _quantiles(end.freedom)
     fitted = []
     for index, each in enumerate(likelihood.parameters):
-        z, reach = float(point[index]), _95 * float(found.std[index])
+        z, reach = float(point[index]), float(quantiles[index] * found.std[index])
         low, high = (
             (each.value(z - reach), each.value(z + reach)) if isfinite(reach) else (nan, nan)
         )
@@ -143,9 +150,26 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     events = likelihood.observations.events({}, likelihood.until)
     count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
     return Fit(
-        tuple(fitted), found.correlation, start, top.data, found.rank, count,
-        ascent.steps, ascent.stopped, likelihood is not first, top, found,
+        tuple(fitted), found.correlation, start, ascent.top.data, found.rank, count,
+        ascent.steps, stopped, likelihood is not first, top, found,
     )  # fmt: skip
+
+
+def _end(ascent: Ascent, report: Report) -> tuple[Restricted, str]:
+    """Return where a fit ends after an ascent, and why that is not the maximum; '' if it is."""
+    stopped = ascent.stopped
+    if not stopped:
+        try:
+            return restricted(ascent.likelihood, ascent.top, report), ''
+        except KeyboardInterrupt:
+            stopped = INTERRUPTED
+    found = determination(ascent.likelihood.parameters, ascent.top.information, ascent.top.z)
+    return Restricted(ascent.top, found, np.full(len(ascent.top.z), np.inf)), stopped
+
+
+def _quantiles(freedom: Array) -> Array:
+    """Return those of Student's t distribution, both sides of 95 %."""
+    return np.where(np.isfinite(freedom), stdtrit(np.minimum(freedom, 1e9), _SHARE), _95)
 
 
 def _settled(likelihood: Likelihood, top: Expansion, seen: Any) -> tuple[Array, dict[int, str]]:
@@ -182,8 +206,7 @@ def sampled(
     r = int(known.sum())
     if not r:
         return []
-    std = found.determination.std[known]
-    P = found.correlation[np.ix_(known, known)] * np.outer(std, std)
+    P = found.determination.covariance[np.ix_(known, known)]
     values, vectors = np.linalg.eigh(P)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     directions = np.random.default_rng(seed).standard_normal((count, r))

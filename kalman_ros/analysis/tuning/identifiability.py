@@ -50,6 +50,14 @@ class Determination:
     rank: int
     seen: Any
 
+    @property
+    def covariance(self) -> Array:
+        """Of the errors (p, p); 0 for those that are not determined."""
+        known = np.isfinite(self.std)
+        std = np.where(known, self.std, 0.0)
+        correlation = np.where(np.outer(known, known), self.correlation, 0.0)
+        return np.asarray(correlation * np.outer(std, std))
+
 
 def determination(
     parameters: Sequence[FreeParameter], information: Array, z: Array

@@ -18,7 +18,7 @@ _REACH = (0.75, 1.5, 2.25, 3.0)
 
 @dataclass(frozen=True)
 class Profile:
-    """The log-likelihood along one parameter, minus its maximum.
+    """The log-likelihood along one parameter, minus that of the fit.
 
     Parameters
     ----------

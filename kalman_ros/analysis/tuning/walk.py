@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, Space, unchecked
-from kalman_ros.estimators.batch import batched_candidates
+from kalman_ros.estimators.batch import batched_candidates, candidate_sensor
+from kalman_ros.estimators.batch.candidates import candidate_dynamics
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.start import match_reading
 
-from .candidate import Candidate, Earlier, Part, joined_sensor
+from .candidate import Candidate, Part
+from .earlier import SAFE, Earlier, corrected
 from .observations import Event, Observations, Stamps
 
 #: Innovations are handed over in blocks of N readings.
@@ -98,18 +100,23 @@ class Walk:
                       for c in candidates])
             for name in self._names
         ]  # fmt: skip
-        self._sensors = [self._joined(name) for name in self._names]
-        self._with: dict[tuple[int, bytes, bytes], Sensor] = {}
+        self._sensors = [candidate_sensor([c.sensors[name] for c in candidates])
+                         for name in self._names]  # fmt: skip
+        delays = [np.array([c.delays.get(name, 0.0) for c in candidates]) for name in self._names]
+        self._delayed = [each - each[0] for each in delays]
+        moving = candidate_dynamics([c.model for c in candidates]) if np.any(delays) else None
+        self._earlier = [
+            Earlier(sensor, moving) if moving is not None and each.any() else None
+            for sensor, each in zip(self._sensors, delays)
+        ]
+        self._with: dict[tuple[int, bool, bytes, bytes], Sensor] = {}
         self._rejections = [0] * len(self._names)
         self._belief = self._first()
         self._fresh = True
+        self._corrected = 0
 
     def _width(self, name: str) -> int:
         return int(self._observations.readings[name].value.shape[1])
-
-    def _joined(self, name: str) -> Sensor:
-        delays = np.array([each.delays.get(name, 0.0) for each in self._candidates])
-        return joined_sensor(name, self._candidates, delays - delays[0])
 
     def _first(self) -> Gaussian:
         x = np.stack([each.initial.mean for each in self._candidates])
@@ -136,7 +143,7 @@ class Walk:
         now = self._observations.first if events else 0
         if events and policy.from_reading:
             now = events[0].time
-        taken = 0
+        self._corrected, taken = now, 0
         for event in events:
             if event.time > now:
                 if event.time - now > longest:
@@ -147,7 +154,8 @@ class Walk:
             if event.order == len(self._names):
                 u, moving = self._observations.input[event.row], True
                 continue
-            key, row = self._take(event, u)
+            # the first belief is corrected by readings from before it, too
+            key, row = self._take(event, u, (now - event.time) * 1e-9)
             collected.setdefault(key, []).append((event.time, *row))
             taken += 1
             if taken % _BLOCK == 0:
@@ -157,23 +165,35 @@ class Walk:
                 collected = {}
         yield from self._handed(collected)
 
-    def _take(self, event: Event, u: Array) -> tuple[tuple[int, bytes], tuple[Any, ...]]:
-        """Correct the beliefs by a reading, and return its key and its results."""
+    def _take(
+        self, event: Event, u: Array, late: float
+    ) -> tuple[tuple[int, bytes], tuple[Any, ...]]:
+        """Correct the beliefs by a reading that is ``late`` seconds earlier than they are.
+
+        Return its key and its results.
+        """
         order, index = event.order, event.row
         readings = self._observations.readings[self._names[order]]
         present = np.isfinite(readings.value[index])
-        sensor = self._sensor(order, present, None if readings.covariance is None
-                              else readings.covariance[index])  # fmt: skip
+        covariance = None if readings.covariance is None else readings.covariance[index]
+        earlier = self._earlier[order]
+        if not late and not self._delayed[order].any():
+            earlier = None
+        sensor = self._sensor(order, earlier, present, covariance)
         y = (readings.value[index] - self._bias[order])[:, present]
         if self._fresh:
             self._fresh = False
             if self._conditions.policy.from_reading:
                 self._start(order, present, y)
-        base = self._sensors[order]
-        if isinstance(base, Earlier):
-            base.input[:] = u
         prior = self._belief
-        found = self._filter.correct(prior, y, sensor)
+        if earlier is None:
+            found = self._filter.correct(prior, y, sensor)
+        else:
+            earlier.set(self._delayed[order] + late, u)
+            since = max((event.time - self._corrected) * 1e-9, SAFE)
+            noise = earlier.noise_between(prior.mean, since)
+            found = corrected(self._filter, prior, y, sensor, noise)
+        self._corrected = event.time
         accepted: Any = True
         gate = self._gates[order]
         if gate is not None:
@@ -191,14 +211,18 @@ class Walk:
             found.innovation, found.innovation_covariance, accepted,
         )  # fmt: skip
 
-    def _sensor(self, order: int, present: Array, covariance: Array | None) -> Sensor:
+    def _sensor(
+        self, order: int, earlier: Earlier | None, present: Array, covariance: Array | None
+    ) -> Sensor:
         """Return a sensor with the coordinates that are ``present`` and the noise of a message."""
+        base = earlier or self._sensors[order]
         if covariance is None and present.all():
-            return self._sensors[order]
-        key = order, present.tobytes(), b'' if covariance is None else covariance.tobytes()
+            return base
+        noise = b'' if covariance is None else covariance.tobytes()
+        key = order, earlier is not None, present.tobytes(), noise
         found = self._with.get(key)
         if found is None:
-            found = self._sensors[order]
+            found = base
             if covariance is not None:
                 found = found.with_covariance(covariance)
             if not present.all():

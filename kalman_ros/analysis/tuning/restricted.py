@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise by restricted maximum likelihood, and the degrees of freedom of intervals.
+
+Maximum likelihood takes noise too small, since the other parameters are fitted to a part of it.
+The likelihood that is restricted to what they leave has one more term, with the information I_bb
+of these parameters b at the noise s,
+
+    log L(s) - 1/2 log |I_bb(s)|
+
+(H. Patterson and R. Thompson, Biometrika 58(3), 1971; D. Cox and N. Reid, Parameter Orthogonality
+and Approximate Conditional Inference, J. Royal Statistical Society B 49(1), 1987). One step of
+scoring leads from the maximum of L to that of the sum. A variance V that depends on fitted noise
+has 2 V^2 / var(V) degrees of freedom (F. Satterthwaite, Biometrics Bulletin 2(6), 1946).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.core import Array, DiscreteModel
+
+from .ascent import Report
+from .candidate import Candidate
+from .identifiability import Determination, determination
+from .likelihood import Expansion, Likelihood
+
+#: The step of differences of the information, on a logarithmic scale.
+_STEP = 0.05
+#: The longest step, a factor of 2.7, and the number of times it is halved until it leads up.
+_LONGEST, _HALVED = 1.0, 4
+#: Noise that would move by a smaller part of its standard deviation stays where it is.
+_LITTLE = 0.1
+#: States and inputs at which two models are compared.
+_COMPARED = 3
+
+
+@dataclass(frozen=True)
+class Restricted:
+    """The maximum of the restricted likelihood.
+
+    Parameters
+    ----------
+    top
+        The expansion there.
+    found
+        What it determines.
+    freedom
+        The degrees of freedom of the interval of each parameter (p,).
+    """
+
+    top: Expansion
+    found: Determination
+    freedom: Array
+
+
+def restricted(likelihood: Likelihood, top: Expansion, report: Report) -> Restricted:
+    """Return the maximum of the restricted likelihood next to that of the likelihood.
+
+    It is the same where no noise is fitted, nothing else is, or the noise is known so well that
+    the difference is negligible.
+    """
+    p = len(top.z)
+    found = determination(likelihood.parameters, top.information, top.z)
+    unchanged = Restricted(top, found, np.full(p, np.inf))
+    known = np.isfinite(found.std)
+    noise = np.array([each and changes_noise_alone(likelihood, top.z, i)
+                      for i, each in enumerate(known)])  # fmt: skip
+    others = known & ~noise
+    # all noise twice as large leaves a quarter of the information on each other parameter, so a
+    # noise moves by at most their number times its variance
+    uncertain = noise & (np.where(noise, found.std, 0.0) * others.sum() > _LITTLE)
+    if not uncertain.any():
+        return unchanged
+    slopes = _slopes(likelihood, top, np.flatnonzero(uncertain).tolist(), report)
+    if slopes is None:
+        return unchanged
+    C = found.covariance
+    b = np.ix_(others, others)
+    inverse = np.linalg.inv(top.information[b])
+    step = C @ [-0.5 * np.trace(inverse @ slope[b]) for slope in slopes]
+    moved = _moved(likelihood, top, step, others) or top
+    at_it = determination(likelihood.parameters, moved.information, moved.z)
+    return Restricted(moved, at_it, np.where(noise, np.inf, _freedom(C, slopes)))
+
+
+def _slopes(
+    likelihood: Likelihood, top: Expansion, uncertain: list[int], report: Report
+) -> Array | None:
+    """Return the derivatives of the information (p, p, p); zero for all noise but ``uncertain``.
+
+    None if they cannot be computed.
+    """
+    p = len(top.z)
+    slopes = np.zeros((p, p, p))
+    for number, index in enumerate(uncertain):
+        report('restricting the likelihood', number / len(uncertain))
+        away = _STEP * np.eye(p)[index]
+        above, below = likelihood.expand(top.z + away), likelihood.expand(top.z - away)
+        if above is None or below is None:
+            return None
+        slopes[index] = (above.information - below.information) / (2.0 * _STEP)
+    return slopes
+
+
+def _moved(likelihood: Likelihood, top: Expansion, step: Array, others: Array) -> Expansion | None:
+    """Return the end of a step, shortened until the restricted likelihood is higher there."""
+
+    def value(at: Expansion) -> float:
+        sign, size = np.linalg.slogdet(at.information[np.ix_(others, others)])
+        return at.value - 0.5 * float(size) if sign > 0.0 else -np.inf
+
+    limits = np.array([each.limits for each in likelihood.parameters])
+    step = step * min(1.0, _LONGEST / max(float(np.abs(step).max()), 1e-300))
+    for _ in range(_HALVED):
+        there = likelihood.expand(np.clip(top.z + step, limits[:, 0], limits[:, 1]))
+        if there is not None and value(there) > value(top):
+            return there
+        step = 0.5 * step
+    return None
+
+
+def _freedom(C: Array, slopes: Array) -> Array:
+    """Return the degrees of freedom of variances (p,), of the covariance C (p, p) of the fit."""
+    V = C.diagonal()
+    change = np.array([-(C @ slope @ C).diagonal() for slope in slopes])  # dV/ds
+    variance = np.einsum('ik,ij,jk->k', change, C, change)
+    unknown = np.full(len(V), np.inf)
+    return np.asarray(np.divide(2.0 * V**2, variance, where=variance > 0.0, out=unknown))
+
+
+def changes_noise_alone(likelihood: Likelihood, z: Array, index: int) -> bool:
+    """Return whether a parameter changes only covariances, no motion, reading or first mean."""
+    try:
+        here = likelihood.candidate(z)
+        there = likelihood.candidate(z + 0.1 * np.eye(len(z))[index])
+        return _same_means(here, there, likelihood.conditions.input)
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return False
+
+
+def _same_means(a: Candidate, b: Candidate, input: Array) -> bool:
+    """Return whether two candidates predict the same of any state, as far as some show."""
+    rng, space = np.random.default_rng(0), a.model.state
+    dt = a.model.period if isinstance(a.model, DiscreteModel) else 0.01
+    pairs = [(a.initial.mean, b.initial.mean), *((a.biases[s], b.biases[s]) for s in a.biases)]
+    for _ in range(_COMPARED):
+        x = space.add(a.initial.mean, rng.standard_normal(space.size))
+        u = input + rng.standard_normal(len(input))
+        pairs.append((a.model.step(x, u, dt), b.model.step(x, u, dt)))
+        pairs += [(a.sensors[s].measure(x), b.sensors[s].measure(x)) for s in a.sensors]
+    return a.delays == b.delays and all(np.array_equal(*pair) for pair in pairs)

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise and intervals of fits to few readings, where textbooks know the exact answer."""
+
+import numpy as np
+import pytest
+from scipy.stats import t
+
+import kalman_ros as kr
+
+
+def line(level=1.0, slope=0.5, r=1.0):
+    """A straight line through readings, whose start and slope are parameters."""
+    model = kr.discrete_model([[1.0, 1.0], [0.0, 1.0]], Q=np.zeros((2, 2)))
+    return model, ([[1.0, 0.0]], [[r * r]]), ([level, slope], np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize('count', [8, 12, 40])
+def test_a_line_through_few_readings_has_the_intervals_of_linear_regression(count):
+    rng = np.random.default_rng(count)
+    k = np.arange(count)
+    y = 3.0 - 0.4 * k + rng.normal(0.0, 2.0, count)
+    found = kr.tune(line, readings=y, linear=['level', 'slope'])
+    X = np.column_stack((np.ones(count), k))
+    beta, (rss,), _, _ = np.linalg.lstsq(X, y, rcond=None)
+    s = np.sqrt(rss / (count - 2))  # unbiased; maximum likelihood divides by the count
+    fitted = found.parameters
+    # one step of scoring is exact up to the square of what it corrects
+    few = count**-2.0
+    assert fitted['r'].value == pytest.approx(s, rel=3.0 * few)
+    half = t.ppf(0.975, count - 2) * s * np.sqrt(np.linalg.inv(X.T @ X).diagonal())
+    for name, b, h in zip(('level', 'slope'), beta, half):
+        assert fitted[name].value == pytest.approx(b, abs=0.01 * h)
+        assert (fitted[name].high - fitted[name].low) / 2.0 == pytest.approx(h, rel=8.0 * few)
+
+
+def test_noise_alone_is_that_of_maximum_likelihood():
+    y = np.random.default_rng(1).normal(0.0, 2.0, 12)
+    found = kr.tune(lambda r=1.0: line(0.0, 0.0, r), readings=y)
+    assert found.parameters['r'].value == pytest.approx(np.sqrt(np.mean(y**2)), rel=1e-5)
