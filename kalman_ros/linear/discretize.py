@@ -13,6 +13,7 @@ doubled again by F <- F F, G <- G + F G, Q <- Q + F Q F', in which no large term
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import ceil, factorial, inf, log2
 
 import numpy as np
@@ -140,14 +141,35 @@ def _flow(A: Array, W: Array, dt: float, *, with_F: bool) -> tuple[Array | None,
         raise np.linalg.LinAlgError('the Jacobian of the model is not finite')
     halvings = ceil(log2(reach / _LONGEST)) if reach > _LONGEST else 0
     reach, h = reach / 2.0**halvings, dt / 2.0**halvings
-    A_h = F_term = A * h
-    term = Q = W * h
-    F: Array | None = np.eye(A.shape[-1]) + A_h if with_F or halvings else None
+    F: Array | None
+    if A.ndim > 2 and A.size < MANY:
+        F, Q = _short_flow(A * h, W * h, 0.5 * reach)
+    else:
+        F, Q = _summed_flow(A * h, W * h, reach, with_F=with_F or bool(halvings))
+    for _ in range(halvings):
+        assert F is not None
+        with np.errstate(over='ignore', invalid='ignore'):
+            Q = Q + product(product(F, Q), F.swapaxes(-1, -2))
+            F = product(F, F)
+    if not np.isfinite(Q).all() or not (F is None or np.isfinite(F).all()):
+        raise np.linalg.LinAlgError(
+            f'the model grows beyond all numbers within a step of {dt:g} s'
+        )
+    return F, symmetric(Q) if halvings else Q
+
+
+def _summed_flow(
+    A_h: Array, W_h: Array, reach: float, *, with_F: bool
+) -> tuple[Array | None, Array]:
+    """Return F and Q of a short step, with sums that end where the rest is negligible."""
+    F_term, term = A_h, W_h
+    Q = term
+    F: Array | None = np.eye(A_h.shape[-1]) + A_h if with_F else None
     bound = reach
     for k in range(2, _TERMS + 1):
         if bound < _NEGLIGIBLE:
             break
-        measured = A.size >= MANY and bound < _WORTH_MEASURING
+        measured = A_h.size >= MANY and bound < _WORTH_MEASURING
         if measured and _vanishes(term, Q) and (F is None or _vanishes(F_term, F)):
             break
         half = product(A_h, term)
@@ -159,16 +181,36 @@ def _flow(A: Array, W: Array, dt: float, *, with_F: bool) -> tuple[Array | None,
             F_term = product(A_h, F_term)
             F_term *= 1.0 / k
             F = F + F_term
-    for _ in range(halvings):
-        assert F is not None
-        with np.errstate(over='ignore', invalid='ignore'):
-            Q = Q + product(product(F, Q), F.swapaxes(-1, -2))
-            F = product(F, F)
-    if not np.isfinite(Q).all() or not (F is None or np.isfinite(F).all()):
-        raise np.linalg.LinAlgError(
-            f'the model grows beyond all numbers within a step of {dt:g} s'
-        )
-    return F, symmetric(Q) if halvings else Q
+    return F, Q
+
+
+def _short_flow(A_h: Array, W_h: Array, reach: float) -> tuple[Array, Array]:
+    """Return F and Q of a short step for few matrices, in as few calls as possible.
+
+    With A^i / i! for i < N in one array, F is their sum, and Q is the sum over all i and j of
+    A^i W A'^j / (i! j! (i + j + 1)).
+    """
+    count = next(N for N in range(4, _TERMS, 2) if reach**N / factorial(N) < _NEGLIGIBLE)
+    ones, pairs = _weights(count)
+    powers = np.empty((count, *A_h.shape))
+    powers[0], powers[1] = np.eye(A_h.shape[-1]), A_h
+    known = 1
+    while known < count - 1:
+        more = min(known, count - 1 - known)
+        np.matmul(powers[1 : more + 1], powers[known], out=powers[known + 1 : known + more + 1])
+        known += more
+    flat = powers.reshape(count, -1)
+    weighted = pairs.dot(flat).reshape(powers.shape)
+    Q = (powers @ W_h @ weighted.swapaxes(-1, -2)).sum(axis=0)
+    return ones.dot(flat).reshape(A_h.shape), symmetric(Q)
+
+
+@lru_cache
+def _weights(count: int) -> tuple[Array, Array]:
+    """Return 1 / i! (N,) and 1 / (i! j! (i + j + 1)) (N, N)."""
+    i = np.arange(count)
+    ones = 1.0 / np.array([float(factorial(k)) for k in range(count)])
+    return ones, np.outer(ones, ones) / (i[:, np.newaxis] + i + 1)
 
 
 def _vanishes(term: Array, total: Array) -> bool:

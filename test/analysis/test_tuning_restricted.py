@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise and intervals of fits to few readings, where textbooks know the exact answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import t
+from tuned_cases import COVERED, likelihood, recorded
 
 import kalman_ros as kr
 
@@ -37,3 +40,14 @@ def test_noise_alone_is_that_of_maximum_likelihood():
     y = np.random.default_rng(1).normal(0.0, 2.0, 12)
     found = kr.tune(lambda r=1.0: line(0.0, 0.0, r), readings=y)
     assert found.parameters['r'].value == pytest.approx(np.sqrt(np.mean(y**2)), rel=1e-5)
+
+
+def test_points_expanded_in_one_pass_are_as_each_alone():
+    case = replace(COVERED[1], seconds=2.0)
+    found = likelihood(case, recorded(case, 4))
+    points = [found.start, found.start + 0.05]
+    for alone, other in zip(map(found.expand, points), found.expand_all(points)):
+        assert other.value == pytest.approx(alone.value, rel=1e-12)
+        # differences divide the rounding of the sum by their step
+        assert other.gradient == pytest.approx(alone.gradient, rel=1e-6, abs=1e-4)
+        assert other.information == pytest.approx(alone.information, rel=1e-6, abs=1e-4)

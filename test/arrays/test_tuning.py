@@ -257,10 +257,12 @@ def test_a_fit_to_the_first_readings_is_kept_where_all_have_no_likelihood(monkey
     y = np.cumsum(rng.normal(0.0, 0.7, 150)) + rng.normal(0.0, 1.3, 150)
     given = {'initial': ([0.0], [[1.0]]), 'fit': {'q': 1.0, 'r': 1.0}}
     expected = kr.tune(level, np.arange(51), y[:51], **given)
-    expand = Likelihood.expand
-    monkeypatch.setattr(
-        Likelihood, 'expand', lambda self, *rest: self.until and expand(self, *rest)
-    )
+    expand_all = Likelihood.expand_all
+
+    def of_the_first(self, points, *rest):
+        return expand_all(self, points, *rest) if self.until else [None] * len(points)
+
+    monkeypatch.setattr(Likelihood, 'expand_all', of_the_first)
     monkeypatch.setattr(ascent, 'SHORT', 50)
     found = kr.tune(level, np.arange(150), y, **given)
     assert not found.converged and found.stopped == 'all readings together have no likelihood'

@@ -19,8 +19,8 @@ from kalman_ros.core import Array
 from .likelihood import Expansion, Likelihood
 
 #: The fit ends if a step promises to raise the log-likelihood by less; of a long recording, whose
-#: passes take longer, by a hundredth of a standard deviation.
-_NEGLIGIBLE, _NEGLIGIBLE_LONG = 1e-9, 1e-4
+#: passes take longer, by a twentieth of a standard deviation.
+_NEGLIGIBLE, _NEGLIGIBLE_LONG = 1e-9, 1e-3
 _MOST_STEPS = 40
 #: The first damping, by how much it changes, the least and the largest.
 _DAMPING, _FACTOR, _LEAST, _LARGEST = 1e-3, 10.0, 1e-6, 1e7
@@ -213,17 +213,18 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
             highest = _best(ends, before)
             polished = climb(likelihood, highest.top, report, _NEGLIGIBLE)
             return replace(polished, before=before, steps=highest.steps + polished.steps)
-        tops = [points[0], *(each.top.z for each in ends)]
-        values = likelihood.values(tops)
-        best = tops[int(np.argmax(values))]
-        begin = likelihood.expand(best, partial(report, 'all readings'))
+        tops = {id(each.top): each.top.z for each in ends}.values()
+        found = likelihood.expand_all([points[0], *tops], partial(report, 'all readings'))
     except KeyboardInterrupt:
         if not ends:
             raise
         return _best(ends, before, INTERRUPTED)
-    if begin is None:
+    begins = [each for each in found if each is not None]
+    if not begins:
         return _best(ends, before, 'all readings together have no likelihood')
-    return replace(climb(likelihood, begin, report), before=float(values[0]))
+    before = -np.inf if found[0] is None else found[0].value
+    begin = max(begins, key=lambda each: each.value)
+    return replace(climb(likelihood, begin, report), before=before)
 
 
 def _best(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent:

@@ -133,18 +133,48 @@ class Likelihood:
 
     def expand(self, z: Array, progress: Progress | None = None) -> Expansion | None:
         """Return value, gradient and information at z (p,); None if there is no likelihood."""
-        p = len(z)
-        points = [z, *(z + s * STEP * e for e in np.eye(p) for s in (1.0, -1.0))]
+        return self.expand_all([z], progress)[0]
+
+    def expand_all(
+        self, points: Sequence[Array], progress: Progress | None = None
+    ) -> list[Expansion | None]:
+        """Return the expansion at each point z (p,); None where there is no likelihood.
+
+        Points with the same delays take one pass together, which costs little more than one of
+        them; but with gates each takes its own, as it decides what is rejected.
+        """
+        stencils = []
         try:
-            candidates = [self.candidate(each) for each in points]
-            total, information = np.zeros(2 * p + 1), np.zeros((p, p))
-            with np.errstate(all='ignore'):
-                walk = self.walk(candidates, together=True)
-                for block in walk.blocks(self.until, progress):
-                    total += self.terms(block).sum(axis=0)
-                    information += _information(block)
+            for z in points:
+                about = [z, *(z + s * STEP * e for e in np.eye(len(z)) for s in (1.0, -1.0))]
+                stencils.append([self.candidate(each) for each in about])
+            delays = [stencil[0].delays for stencil in stencils]
+            gated = any((self.conditions.policy.gates or {}).values())
+            if len(points) == 1 or (not gated and all(each == delays[0] for each in delays)):
+                return self._expanded(points, stencils, progress)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-            return None
+            if len(points) == 1:
+                return [None]
+        return [self.expand(z, progress) for z in points]
+
+    def _expanded(
+        self,
+        points: Sequence[Array],
+        stencils: Sequence[Sequence[Candidate]],
+        progress: Progress | None,
+    ) -> list[Expansion | None]:
+        """Return the expansions at q points, with the candidates at each and about it."""
+        q, p = len(points), len(points[0])
+        total, information = np.zeros((q, 2 * p + 1)), np.zeros((q, p, p))
+        with np.errstate(all='ignore'):
+            walk = self.walk([each for stencil in stencils for each in stencil], together=True)
+            for block in walk.blocks(self.until, progress):
+                total += self.terms(block).sum(axis=0).reshape(total.shape)
+                for index, part in enumerate(block.split(q)):
+                    information[index] += _information(part)
+        return [self._expansion(*each) for each in zip(points, total, information)]
+
+    def _expansion(self, z: Array, total: Array, information: Array) -> Expansion | None:
         if not np.isfinite(total).all() or not np.isfinite(information).all():
             return None
         gradient = (total[1::2] - total[2::2]) / (2.0 * STEP)

@@ -16,6 +16,7 @@ has 2 V^2 / var(V) degrees of freedom (F. Satterthwaite, Biometrics Bulletin 2(6
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -79,7 +80,8 @@ def restricted(likelihood: Likelihood, top: Expansion, report: Report) -> Restri
     C = found.covariance
     b = np.ix_(others, others)
     inverse = np.linalg.inv(top.information[b])
-    step = C @ [-0.5 * np.trace(inverse @ slope[b]) for slope in slopes]
+    term = np.array([-0.5 * np.trace(inverse @ slope[b]) for slope in slopes])
+    step = C @ (top.gradient + term)
     moved = _moved(likelihood, top, step, others) or top
     at_it = determination(likelihood.parameters, moved.information, moved.z)
     return Restricted(moved, at_it, np.where(noise, np.inf, _freedom(C, slopes)))
@@ -93,11 +95,12 @@ def _slopes(
     None if they cannot be computed.
     """
     p = len(top.z)
+    away = _STEP * np.eye(p)[uncertain]
+    both = likelihood.expand_all(
+        [*(top.z + away), *(top.z - away)], partial(report, 'restricting the likelihood')
+    )
     slopes = np.zeros((p, p, p))
-    for number, index in enumerate(uncertain):
-        report('restricting the likelihood', number / len(uncertain))
-        away = _STEP * np.eye(p)[index]
-        above, below = likelihood.expand(top.z + away), likelihood.expand(top.z - away)
+    for index, above, below in zip(uncertain, both, both[len(away) :]):
         if above is None or below is None:
             return None
         slopes[index] = (above.information - below.information) / (2.0 * _STEP)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,12 @@ class Block:
     innovation: Array
     covariance: Array
     accepted: Any
+
+    def split(self, q: int) -> Iterator[Block]:
+        """Yield the parts of q sets of as many candidates."""
+        sizes = (np.split(a, q, axis=1) for a in (self.innovation, self.covariance, self.accepted))
+        for innovation, covariance, accepted in zip(*sizes):
+            yield replace(self, innovation=innovation, covariance=covariance, accepted=accepted)
 
 
 @dataclass(frozen=True)
