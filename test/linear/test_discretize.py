@@ -4,7 +4,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from kalman_ros.core import LinearSystem, Space, van_loan, zero_order_hold
-from kalman_ros.linear.discretize import Discretization
+from kalman_ros.linear.discretize import Discretization, flow
 
 
 @pytest.mark.parametrize('scale', [1e-6, 0.1, 1.0, 30.0])
@@ -104,3 +104,18 @@ def test_what_grows_beyond_all_numbers_within_a_step_is_an_error_and_no_matrix_o
         with pytest.raises(np.linalg.LinAlgError, match='grows beyond .* within a step of 2 s'):
             makes()
     assert zero_order_hold(-A, np.eye(2), 2.0)[0].max() == 0.0
+
+
+@pytest.mark.parametrize('count', [1, 3, 200])
+@pytest.mark.parametrize('dt', [0.0, 1e-3, 0.1, 5.0])
+def test_steps_of_few_and_of_many_matrices_are_those_of_each(count, dt):
+    rng = np.random.default_rng(count)
+    A = rng.normal(size=(count, 4, 4))
+    half = rng.normal(size=(count, 4, 4))
+    W = half @ half.swapaxes(-1, -2)
+    F, Q = flow(A, W, dt)
+    for one, noise, f, q in zip(A, W, F, Q):
+        assert f == pytest.approx(expm(one * dt), rel=1e-11, abs=1e-13)
+        expected = van_loan(one, noise, dt)
+        assert q == pytest.approx(expected, rel=1e-11, abs=1e-13 * np.abs(expected).max())
+    assert (Q == Q.swapaxes(-1, -2)).all()
