@@ -16,7 +16,7 @@ pytest.importorskip('rclpy')
 
 HERE = Path(__file__).parent
 ENVIRONMENT = Path(sys.prefix)
-TESTS = ('test_transforms_node.py', 'test_mounts_node.py')
+TESTS = ('test_transforms_node.py', 'test_mounts_node.py', '../scenarios/test_two_estimators.py')
 FILES = {
     'msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n',
     'CMakeLists.txt': """\

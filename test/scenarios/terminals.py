@@ -38,9 +38,9 @@ class Terminals:
         self._context.close()
         self._folder.cleanup()
 
-    def start(self, name, *arguments):
-        """Start a node with further arguments."""
-        command = [str(executables.executable(name)), *self.arguments, *arguments]
+    def start(self, name, *arguments, program=None):
+        """Start a node with further arguments; of the program of the same name by default."""
+        command = [str(executables.executable(program or name)), *self.arguments, *arguments]
         log = Path(self._folder.name) / f'{name}.log'
         self.processes[name] = NodeProcess(name, command, self.environment, log)
 
