@@ -150,9 +150,14 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         self._close(FINALIZED)
 
     def destroy_node(self) -> None:
-        """Deactivate, clean up and destroy the node."""
+        """Deactivate, clean up and destroy the node.
+
+        The state machine holds the node of rcl, and with it the middleware's threads. rclpy keeps
+        it until the process exits, where they would use what the process has destroyed by then.
+        """
         self.rest()
         super().destroy_node()
+        self._state_machine = None
 
     def _on_change_state(self, answer: Callable[..., Any], request: Any, response: Any) -> Any:
         """Refuse a transition that does not exist in this state; in rclpy that ends the node."""

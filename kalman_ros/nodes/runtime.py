@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import inspect
 import sys
@@ -190,6 +191,7 @@ def main(build: Callable[[], ScenarioNode]) -> None:
     With ``--help`` among its arguments it prints its purpose and parameters.
     """
     interruption = Interruption()
+    faulthandler.enable()  # a library that crashes shows where, also before the executor's own
     try:
         # rcl's log of an unreadable parameter file is replaced by one line below
         set_logger_level('rcl', LoggingSeverity.FATAL)

@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -119,6 +120,37 @@ def test_a_signal_ends_a_node_cleanly_also_twice(environment, node, number):
     code, output = finish(process)
     assert code == 0, output
     assert 'Traceback' not in output
+
+
+ENDED = """
+import sys
+from importlib import import_module
+from pathlib import Path
+
+sys.argv = sys.argv[1:]
+import_module(f'kalman_ros.nodes.{sys.argv[0]}').main()
+print([path.read_text().strip() for path in Path('/proc/self/task').glob('*/comm')])
+"""
+
+
+@pytest.mark.parametrize('node', NODES)
+def test_a_node_that_ended_leaves_no_thread_of_the_middleware(environment, node):
+    # such a thread uses what the exit of the process destroys: a crash, once in some thousand
+    process = subprocess.Popen(
+        [sys.executable, '-c', ENDED, node],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    _wait_for_node(environment, process, node)
+    assert any(name.startswith('dds.') for name in _threads(process))
+    os.killpg(process.pid, signal.SIGTERM)
+    code, output = finish(process)
+    assert code == 0, output
+    assert WATCHER in output
+    assert 'dds.' not in output
 
 
 def _wait_for_node(environment, process, name):
