@@ -20,8 +20,8 @@ class Losses:
     """Counts the losses of one subscription in two ways, neither of which is complete.
 
     The middleware counts gaps in the messages that arrive, but not those that its full queue then
-    drops; writers number their messages, so where they are read with their numbers, gaps show
-    those. Both are lower bounds, so the larger one counts.
+    drops; writers number their messages, and gaps show those, too, except before the first message
+    and after the last. Both are lower bounds, so the larger one counts.
 
     Parameters
     ----------
@@ -36,11 +36,7 @@ class Losses:
             self._event = _rclpy.EventHandle(subscription.handle, kind)
         #: The last number of each writer; the writer of a message is unknown, only its number.
         self._last: list[int] = []
-        self._missing = self._unnumbered = self._count = 0
-
-    def unnumbered(self) -> None:
-        """Record a message without a number."""
-        self._unnumbered += 1
+        self._missing = self._count = 0
 
     def numbered(self, number: int | None) -> None:
         """Record a message with the ``number`` that its writer gave it.
@@ -52,8 +48,6 @@ class Losses:
             return
         before = [last for last in self._last if last < number]
         if not before:
-            if not self._last:
-                self._unnumbered = 0
             self._last = [*self._last[1 - _MOST :], number]
             return
         last = max(before)
@@ -69,7 +63,7 @@ class Losses:
                 status = self._event.take_event()
             if status is not None and 0 <= status.total_count < _OVERFLOW:
                 by_middleware = status.total_count
-        self._count = max(self._count, by_middleware, self._missing - self._unnumbered)
+        self._count = max(self._count, by_middleware, self._missing)
         return self._count
 
     def close(self) -> None:

@@ -34,10 +34,23 @@ def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
     callback(message)
 
 
+def _call_back(subscription: Any, callback: Callable[[bytes], object]) -> None:
+    """Call back with each message that an executor takes, and record the number of all."""
+    numbered = subscription.losses.numbered
+
+    def on_message(*given: Any) -> None:
+        # an executor passes two arguments, except that EventsExecutor passes a pair in Jazzy
+        data, info = given if len(given) == 2 else given[0]
+        numbered(info['publication_sequence_number'])
+        callback(data)
+
+    subscription.callback = on_message
+    # rclpy sees that one argument is enough, and would not pass the information
+    subscription._callback_type = subscription.CallbackType.WithMessageInfo
+
+
 def waiting(subscription: Any, first: Sequence[bytes] = ()) -> list[bytes]:
     """Return the messages waiting in a subscription, after the ``first`` ones, handed over."""
-    for _ in first:
-        subscription.losses.unnumbered()
     return [*first, *(data for data, _ in waiting_with_times(subscription))]
 
 
@@ -101,12 +114,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
         found.losses, found.received = Losses(found), ReceptionTimes()
         found.pass_on = partial(self.intake, found.topic_name, take)
-
-        def on_message(data: bytes) -> None:
-            found.losses.unnumbered()
-            found.pass_on(data)
-
-        found.callback = on_message
+        _call_back(found, found.pass_on)
         return found
 
     def subscribe_in_batches(
@@ -117,7 +125,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         The callback passes them through the intake itself.
         """
         found = self.create_subscription(kind, topic, callback, queue, raw=True)
-        found.callback = callback
+        _call_back(found, callback)
         return found
 
     def account(self) -> dict[str, Any]:

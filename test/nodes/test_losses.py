@@ -7,8 +7,11 @@ from contextlib import nullcontext
 from types import SimpleNamespace
 
 import pytest
+from rclpy.qos import QoSProfile
+from std_msgs.msg import String
 
 from kalman_ros.nodes import losses
+from kalman_ros.nodes.watcher import WatcherNode
 
 
 class Event(nullcontext):
@@ -50,3 +53,24 @@ def test_gaps_in_the_numbers_count_although_the_total_overflowed(event):
     for number in (1, 2, 7):
         losses.numbered(number)
     assert losses.count == 4
+
+
+def test_a_loss_shows_with_the_next_message_also_if_it_comes_alone(pair):
+    started = pair(lambda: WatcherNode('reader'))
+    came = []
+    # a queue of one message drops what it had, which the middleware does not count
+    subscription = started.node.create_subscription(
+        String, 'words', lambda message: came.append(message.data), QoSProfile(depth=1)
+    )
+    words = started.publisher(String, 'words')
+
+    def publish(*texts):
+        for text in texts:
+            words.publish(String(data=text))
+        started.until(lambda: came[-1:] == [texts[-1]], f'only {came}')
+
+    publish('one')
+    publish('two', 'three', 'four')
+    publish('five')
+    assert len(came) < 5
+    assert len(came) + subscription.losses.count == 5
