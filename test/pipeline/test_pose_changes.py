@@ -118,6 +118,7 @@ def test_an_odometry_that_integrates_has_the_covariance_of_what_it_added():
     assert np.mean(squares) == pytest.approx(1.0, abs=0.07)  # 5 sigma of 3800 readings
 
 
+@pytest.mark.slow
 def test_independent_poses_have_the_sum_of_their_covariances():
     """Of which the heading at a lever arm is a part."""
     rng = np.random.default_rng(7)
