@@ -11,12 +11,14 @@ from rclpy.clock import Clock as RosClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from kalman_ros.codecs.messages import UndecodableError, decode
 from kalman_ros.pipeline.intake import Intake
 
 from .losses import Losses
+from .one_line_logger import OneLineLogger
 from .reception import ReceptionTimes
 
 #: At most this many bytes are read at once, plus the message that exceeds them.
@@ -36,8 +38,6 @@ def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
 
 def waiting(subscription: Any, first: Sequence[bytes] = ()) -> list[bytes]:
     """Return the messages waiting in a subscription, after the ``first`` ones, handed over."""
-    for _ in first:
-        subscription.losses.unnumbered()
     return [*first, *(data for data, _ in waiting_with_times(subscription))]
 
 
@@ -76,6 +76,14 @@ class WatcherNode(Node):  # type: ignore[misc]
     #: The subscriptions for which the executor does not wake.
     watched: tuple[Any, ...] = ()
 
+    def get_logger(self) -> OneLineLogger:
+        """Return the log of the node; what messages contain cannot control a terminal."""
+        return self._one_line_logger
+
+    @cached_property
+    def _one_line_logger(self) -> OneLineLogger:
+        return OneLineLogger(super().get_logger().name)
+
     @cached_property
     def intake(self) -> Intake:
         """Drops unreadable messages of every subscription."""
@@ -102,11 +110,14 @@ class WatcherNode(Node):  # type: ignore[misc]
         found.losses, found.received = Losses(found), ReceptionTimes()
         found.pass_on = partial(self.intake, found.topic_name, take)
 
-        def on_message(data: bytes) -> None:
-            found.losses.unnumbered()
+        def on_message(*message: Any) -> None:
+            # the executor of events passes a pair where the others pass two arguments
+            data, info = message[0] if len(message) == 1 else message
+            found.losses.numbered(info['publication_sequence_number'])
             found.pass_on(data)
 
         found.callback = on_message
+        found._callback_type = Subscription.CallbackType.WithMessageInfo
         return found
 
     def subscribe_in_batches(
@@ -117,7 +128,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         The callback passes them through the intake itself.
         """
         found = self.create_subscription(kind, topic, callback, queue, raw=True)
-        found.callback = callback
+        found.pass_on = callback
         return found
 
     def account(self) -> dict[str, Any]:
