@@ -7,13 +7,16 @@ from __future__ import annotations
 _LONGEST = 500
 
 
-def one_line(text: str) -> str:
+def one_line(text: str, longest: int = _LONGEST) -> str:
     """Return a text without line breaks and control characters.
 
     Long ones, for example with a quoted value, are shortened in the middle.
     """
-    found = ''.join(map(_printable, text))
-    return found if len(found) <= _LONGEST else f'{found[: _LONGEST - 100]} ... {found[-90:]}'
+    # of a very long text, only the two ends are shown
+    if len(text) > 2 * longest:
+        text = text[:longest] + text[-longest:]
+    found = text if text.isprintable() else ''.join(map(_printable, text))
+    return found if len(found) <= longest else f'{found[: longest - 100]} ... {found[-90:]}'
 
 
 def _printable(character: str) -> str:

@@ -9,7 +9,10 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from kalman_ros.core.one_line import one_line
+
 from .connections import Connections
+from .one_line_logger import LONGEST
 from .watcher import WatcherNode
 
 
@@ -90,7 +93,7 @@ class Diagnostics:
             level=level.value,
             name=self._node.get_fully_qualified_name().lstrip('/'),
             hardware_id='kalman_ros',
-            message=message,
+            message=one_line(message, LONGEST),
             values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
         )
         array = DiagnosticArray(status=[status])
@@ -99,4 +102,4 @@ class Diagnostics:
 
 
 def _text(value: Any) -> str:
-    return f'{value:.6g}' if isinstance(value, float) else str(value)
+    return f'{value:.6g}' if isinstance(value, float) else one_line(str(value), LONGEST)

@@ -53,7 +53,8 @@ def _copied(path: Path, copy: Path) -> str:
     except ValueError as error:
         raise ValueError(f"params-file '{path.name}': {error}") from None
     put_right = unambiguous(text)
-    if put_right == text:
+    if put_right == text and path.is_file():
         return str(path)
+    # what was read from a pipe is gone from it
     copy.write_text(put_right)
     return str(copy)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import signal
 import socket
+import sys
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
@@ -37,13 +38,28 @@ class Interruption:
 
     def __init__(self) -> None:
         self.asked = Future()
+        self._deferred = False
         self._wait, self._wake = socket.socketpair()
         self._wake.setblocking(False)
         signal.set_wakeup_fd(self._wake.fileno(), warn_on_full_buffer=False)
         self._numbers = [number for number in ENDING if not _is_ignored(number)]
         for number in self._numbers:
-            signal.signal(number, lambda *_: None)
+            signal.signal(number, self._on_signal)
         Thread(target=self._watch, name=WATCHER, daemon=True).start()
+
+    def defer(self) -> None:
+        """Leave it to the caller to end the process from now on, when the future is done.
+
+        Until then, a signal ends it at once: it may be waiting for a parameter file.
+        """
+        self._deferred = True
+        if self.asked.done():
+            sys.exit()
+
+    def _on_signal(self, *_: object) -> None:
+        if not self._deferred:
+            self.ignore()
+            sys.exit()
 
     def ignore(self) -> None:
         """Ignore further signals: the process is ending."""

@@ -20,8 +20,8 @@ class Losses:
     """Counts the losses of one subscription in two ways, neither of which is complete.
 
     The middleware counts gaps in the messages that arrive, but not those that its full queue then
-    drops; writers number their messages, and gaps show those, too, except before the first message
-    and after the last. Both are lower bounds, so the larger one counts.
+    drops; writers number their messages, so gaps in the numbers show those. Both are lower bounds,
+    so the larger one counts.
 
     Parameters
     ----------
@@ -36,35 +36,48 @@ class Losses:
             self._event = _rclpy.EventHandle(subscription.handle, kind)
         #: The last number of each writer; the writer of a message is unknown, only its number.
         self._last: list[int] = []
-        self._missing = self._count = 0
+        #: The numbers before and after each gap.
+        self._gaps: list[tuple[int, int]] = []
+        self._missing = self._by_middleware = 0
 
     def numbered(self, number: int | None) -> None:
         """Record a message with the ``number`` that its writer gave it.
 
-        It is assigned to the writer with the closest earlier number. If it is another's, the sum
-        of the gaps is still right, since the other's next message is then assigned to this one.
+        It follows the closest earlier number, which is the last of a writer, or the one before a
+        gap: then what is after that gap belongs to another writer, and was its first message here.
         """
         if not number:  # not every middleware has it
             return
-        before = [last for last in self._last if last < number]
-        if not before:
-            self._last = [*self._last[1 - _MOST :], number]
-            return
-        last = max(before)
-        self._last[self._last.index(last)] = number
-        self._missing += number - last - 1
+        last = max((each for each in self._last if each < number), default=0)
+        gap = max((each for each in self._gaps if each[0] < number < each[1]), default=(0, 0))
+        if gap[0] > last:
+            self._close(gap)
+            self._follow(gap[0], number)
+        elif last:
+            self._last.remove(last)
+            self._follow(last, number)
+        self._last = [*self._last[1 - _MOST :], number]
+
+    def _follow(self, last: int, number: int) -> None:
+        """Count what is missing between two messages of a writer."""
+        if number - last > 1:
+            self._missing += number - last - 1
+            self._gaps = [*self._gaps[1 - _MOST :], (last, number)]
+
+    def _close(self, gap: tuple[int, int]) -> None:
+        """Count the messages in a gap as none of its writer's."""
+        self._gaps.remove(gap)
+        self._missing -= gap[1] - gap[0] - 1
 
     @property
     def count(self) -> int:
         """The number of lost messages so far, at least."""
-        by_middleware = 0
         if self._event is not None:
             with self._event:
                 status = self._event.take_event()
             if status is not None and 0 <= status.total_count < _OVERFLOW:
-                by_middleware = status.total_count
-        self._count = max(self._count, by_middleware, self._missing)
-        return self._count
+                self._by_middleware = max(self._by_middleware, status.total_count)
+        return max(self._by_middleware, self._missing)
 
     def close(self) -> None:
         """Release the event."""

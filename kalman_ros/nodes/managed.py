@@ -177,7 +177,9 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
             self._error, self.refusal = error, reason(error)
             if not self._starting:
                 # users of the command line read the last line, users of services the log
-                self.get_logger().error(self.refusal or ''.join(format_exception(error)))
+                words = self.refusal or ''.join(format_exception(error))
+                for line in words.splitlines():
+                    self.get_logger().error(line)
             kind = TransitionCallbackReturn
             return kind.FAILURE if self.refusal else kind.ERROR
         return TransitionCallbackReturn.SUCCESS

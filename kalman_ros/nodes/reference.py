@@ -12,6 +12,7 @@ from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import tracking
 
@@ -46,6 +47,7 @@ class ReferenceReader:
         frame: Callable[[], str],
     ) -> None:
         self._frame = frame
+        self._warn = Throttle(node.get_logger().warning)
         self._node, self._scenario, self._take = node, scenario, take
         self._rest = scenario.model.equilibrium
         #: Of references, linearised about the equilibrium of the model.
@@ -71,7 +73,7 @@ class ReferenceReader:
                 self._check_frame(leading_frame(data))
                 self._on_values(values, given)
             except (LookupError, ValueError) as error:
-                self._node.get_logger().warning(f'{signal.topic}: {error}; the old one stays')
+                self._warn(f'{signal.topic}: {error}; the old one stays')
 
         self._node.create_subscription(
             read.message_type, signal.topic, on_message, QUEUE, raw=True

@@ -197,6 +197,7 @@ def main(build: Callable[[], ScenarioNode]) -> None:
         set_logger_level('rcl', LoggingSeverity.FATAL)
         prefer_sockets()
         with readable(sys.argv) as arguments:
+            interruption.defer()
             rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         set_logger_level('rcl', LoggingSeverity.INFO)
         if wants_help(sys.argv[1:]):

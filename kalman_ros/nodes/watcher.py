@@ -11,12 +11,14 @@ from rclpy.clock import Clock as RosClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from kalman_ros.codecs.messages import UndecodableError, decode
 from kalman_ros.pipeline.intake import Intake
 
 from .losses import Losses
+from .one_line_logger import OneLineLogger
 from .reception import ReceptionTimes
 
 #: At most this many bytes are read at once, plus the message that exceeds them.
@@ -32,21 +34,6 @@ def _decoded(callback: Callable[[Any], None], kind: Any, data: bytes) -> None:
     if kind is Clock and message.clock.sec < 0:
         raise UndecodableError(f'{message.clock.sec} s is no time')
     callback(message)
-
-
-def _call_back(subscription: Any, callback: Callable[[bytes], object]) -> None:
-    """Call back with each message that an executor takes, and record the number of all."""
-    numbered = subscription.losses.numbered
-
-    def on_message(*given: Any) -> None:
-        # an executor passes two arguments, except that EventsExecutor passes a pair in Jazzy
-        data, info = given if len(given) == 2 else given[0]
-        numbered(info['publication_sequence_number'])
-        callback(data)
-
-    subscription.callback = on_message
-    # rclpy sees that one argument is enough, and would not pass the information
-    subscription._callback_type = subscription.CallbackType.WithMessageInfo
 
 
 def waiting(subscription: Any, first: Sequence[bytes] = ()) -> list[bytes]:
@@ -89,6 +76,14 @@ class WatcherNode(Node):  # type: ignore[misc]
     #: The subscriptions for which the executor does not wake.
     watched: tuple[Any, ...] = ()
 
+    def get_logger(self) -> OneLineLogger:
+        """Return the log of the node; what messages contain cannot control a terminal."""
+        return self._one_line_logger
+
+    @cached_property
+    def _one_line_logger(self) -> OneLineLogger:
+        return OneLineLogger(super().get_logger().name)
+
     @cached_property
     def intake(self) -> Intake:
         """Drops unreadable messages of every subscription."""
@@ -114,7 +109,15 @@ class WatcherNode(Node):  # type: ignore[misc]
         found = super().create_subscription(kind, topic, take, queue, raw=True, **options)
         found.losses, found.received = Losses(found), ReceptionTimes()
         found.pass_on = partial(self.intake, found.topic_name, take)
-        _call_back(found, found.pass_on)
+
+        def on_message(*message: Any) -> None:
+            # the executor of events passes a pair where the others pass two arguments
+            data, info = message[0] if len(message) == 1 else message
+            found.losses.numbered(info['publication_sequence_number'])
+            found.pass_on(data)
+
+        found.callback = on_message
+        found._callback_type = Subscription.CallbackType.WithMessageInfo
         return found
 
     def subscribe_in_batches(
@@ -125,7 +128,7 @@ class WatcherNode(Node):  # type: ignore[misc]
         The callback passes them through the intake itself.
         """
         found = self.create_subscription(kind, topic, callback, queue, raw=True)
-        _call_back(found, callback)
+        found.pass_on = callback
         return found
 
     def account(self) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ``ros2 param dump`` writes of a node, that node reads back, by either way there is."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,13 @@ def test_a_file_that_would_take_minutes_is_refused(text, says, tmp_path):
     arguments = ['node', '--ros-args', '--params-file', str(file)]
     with pytest.raises(ValueError, match=f"'large.yaml': .*{says}"), readable(arguments):
         pass
+
+
+def test_a_pipe_is_read_once():
+    text = '/**:\n  ros__parameters: {model: cart_pole}\n'
+    reading, writing = os.pipe()
+    with os.fdopen(writing, 'w') as file:
+        file.write(text)
+    with readable(['node', '--ros-args', '--params-file', f'/dev/fd/{reading}']) as found:
+        assert Path(found[-1]).read_text() == text
+    os.close(reading)

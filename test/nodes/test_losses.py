@@ -6,6 +6,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
@@ -53,6 +54,46 @@ def test_gaps_in_the_numbers_count_although_the_total_overflowed(event):
     for number in (1, 2, 7):
         losses.numbered(number)
     assert losses.count == 4
+
+
+def received(*numbers):
+    """Return how many messages are counted as lost among these, in the order of reception."""
+    losses = counter()
+    for number in numbers:
+        losses.numbered(number)
+    return losses.count
+
+
+def test_a_second_writer_is_no_loss(event):
+    assert received(5000, 20000, 5001, 20001, 5002) == 0
+    assert received(1, 2, 853, 3, 854) == 0
+    assert received(100, 50, 5000, 101, 51, 5001, 102, 52) == 0
+
+
+def test_a_restarted_writer_is_no_loss(event):
+    assert received(700, 701, 1, 2, 3) == 0
+
+
+def test_losses_of_two_writers_add_up(event):
+    assert received(5000, 20000, 5001, 20004, 5003, 20005) == 4
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_the_losses_of_interleaved_writers_are_no_more_than_were_lost(event, seed):
+    rng = np.random.default_rng(seed)
+    writers = [list(range(first, first + 200)) for first in rng.integers(1, 3000, 3)]
+    kept = [[number for number in writer if rng.random() > 0.1] for writer in writers]
+    lost = sum(200 - len(numbers) for numbers in kept)
+    order = [numbers.pop(0) for numbers in _interleaved(rng, kept)]
+    # messages lost before the first of a writer, and after its last, leave no gap
+    assert 0.5 * lost < received(*order) <= lost
+
+
+def _interleaved(rng, queues):
+    """Yield the queues, each as often as it is long, in random order."""
+    places = rng.permutation([i for i, queue in enumerate(queues) for _ in queue])
+    for i in places:
+        yield queues[i]
 
 
 def test_a_loss_shows_with_the_next_message_also_if_it_comes_alone(pair):

@@ -70,6 +70,24 @@ def test_a_signal_at_any_moment_of_the_start(number, twice):
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_a_node_waits_for_its_parameter_file(number, tmp_path):
+    pipe = tmp_path / 'nobody_writes.yaml'
+    os.mkfifo(pipe)
+    process = subprocess.Popen(
+        [str(executables.executable('controller')), '--ros-args', '--params-file', str(pipe)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(4.0)
+    for _ in range(2):
+        os.killpg(process.pid, number)
+    assert not ends(process, number)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('lockstep', [True, False])
 def test_a_signal_during_a_step(lockstep, number):
     for node in NODES:

@@ -111,6 +111,7 @@ class Ring:
 def _run(number: int) -> None:
     """Run a relay until a signal asks for the end."""
     interruption = Interruption()
+    interruption.defer()
     prefer_sockets()
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     executor = EventsExecutor()
