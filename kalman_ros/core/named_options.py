@@ -169,8 +169,13 @@ def refuse_unknown(given: Iterable[str], known: Iterable[str], kind: str) -> Non
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return "did you mean" with the nearest of the ``known`` names; '' if none is close."""
-    near = get_close_matches(name, list(known), n=1)
+    """Return "did you mean" with the nearest of the ``known`` names; '' if none is close.
+
+    One that ends with the name, after a dot, is nearest.
+    """
+    known = list(known)
+    whole = [each for each in known if each.endswith(f'.{name}')]
+    near = whole or get_close_matches(name, known, n=1)
     return f"did you mean '{near[0]}'?" if near else ''
 
 

@@ -29,7 +29,7 @@ def chi_square_bounds(mean: float, variance: float, miss: float) -> tuple[float,
     return float(low * mean / shape), float(high * mean / shape)
 
 
-def chi_square_gate(probability: float, degrees: int) -> float:
+def chi_square_gate(probability: float, degrees: float) -> float:
     """Return the quantile of chi-square with ``degrees`` at ``probability``."""
     from scipy.special import gammaincinv
 

@@ -14,7 +14,7 @@ doubled again by F <- F F, G <- G + F G, Q <- Q + F Q F', in which no large term
 from __future__ import annotations
 
 from functools import lru_cache
-from math import ceil, factorial, inf, log2
+from math import ceil, factorial, inf, log2, sqrt
 
 import numpy as np
 
@@ -151,7 +151,8 @@ def _flow(A: Array, W: Array, dt: float, *, with_F: bool) -> tuple[Array | None,
         with np.errstate(over='ignore', invalid='ignore'):
             Q = Q + product(product(F, Q), F.swapaxes(-1, -2))
             F = product(F, F)
-    if not np.isfinite(Q).all() or not (F is None or np.isfinite(F).all()):
+    # a sum is finite as its matrices are; doubled, it may overflow
+    if not np.isfinite(Q).all() or (halvings and F is not None and not np.isfinite(F).all()):
         raise np.linalg.LinAlgError(
             f'the model grows beyond all numbers within a step of {dt:g} s'
         )
@@ -184,33 +185,38 @@ def _summed_flow(
     return F, Q
 
 
-def _short_flow(A_h: Array, W_h: Array, reach: float) -> tuple[Array, Array]:
+def _short_flow(A_h: Array, W_h: Array, norm: float) -> tuple[Array, Array]:
     """Return F and Q of a short step for few matrices, in as few calls as possible.
 
-    With A^i / i! for i < N in one array, F is their sum, and Q is the sum over all i and j of
-    A^i W A'^j / (i! j! (i + j + 1)).
+    F is the sum of A^k / k!, and Q the integral of exp(A s) W exp(A' s) by Gauss's quadrature,
+    exact up to the order of the last term of F.
     """
-    count = next(N for N in range(4, _TERMS, 2) if reach**N / factorial(N) < _NEGLIGIBLE)
-    ones, pairs = _weights(count)
+    square = A_h @ A_h
+    # for even N, ||A^N|| is at most ||A^2||^(N / 2), which is often much less than ||A||^N
+    norm = min(norm, sqrt(float(np.abs(square).sum(axis=-2).max(initial=0.0))))
+    count = next(N for N in range(4, _TERMS, 2) if norm**N / factorial(N) < _NEGLIGIBLE)
     powers = np.empty((count, *A_h.shape))
-    powers[0], powers[1] = np.eye(A_h.shape[-1]), A_h
-    known = 1
+    powers[0], powers[1], powers[2] = np.eye(A_h.shape[-1]), A_h, square
+    known = 2
     while known < count - 1:
         more = min(known, count - 1 - known)
         np.matmul(powers[1 : more + 1], powers[known], out=powers[known + 1 : known + more + 1])
         known += more
-    flat = powers.reshape(count, -1)
-    weighted = pairs.dot(flat).reshape(powers.shape)
-    Q = (powers @ W_h @ weighted.swapaxes(-1, -2)).sum(axis=0)
-    return ones.dot(flat).reshape(A_h.shape), symmetric(Q)
+    sums = _weights(count).dot(powers.reshape(count, -1)).reshape(-1, *A_h.shape)
+    F, nodes = sums[0], sums[1:]
+    return F, symmetric((nodes @ W_h @ nodes.swapaxes(-1, -2)).sum(axis=0))
 
 
 @lru_cache
-def _weights(count: int) -> tuple[Array, Array]:
-    """Return 1 / i! (N,) and 1 / (i! j! (i + j + 1)) (N, N)."""
-    i = np.arange(count)
-    ones = 1.0 / np.array([float(factorial(k)) for k in range(count)])
-    return ones, np.outer(ones, ones) / (i[:, np.newaxis] + i + 1)
+def _weights(count: int) -> Array:
+    """Return the coefficients of A^k (1 + N / 2, N) in exp(A), and in sqrt(w) exp(A s).
+
+    The nodes s and the weights w are those of Gauss and Legendre on [0, 1].
+    """
+    s, w = np.polynomial.legendre.leggauss(count // 2)
+    s, w = np.append(1.0, 0.5 * (s + 1.0)), np.append(1.0, 0.5 * w)
+    terms = np.vander(s, count, increasing=True) / [float(factorial(k)) for k in range(count)]
+    return np.asarray(np.sqrt(w)[:, np.newaxis] * terms)
 
 
 def _vanishes(term: Array, total: Array) -> bool:

@@ -17,7 +17,9 @@ from .faults.plant_faults import PlantFaults
 from .noise import root, stream
 
 #: The most normal numbers that wait to be used, and the most steps for which they are drawn.
-_WAITING, _STEPS = 2_000_000, 128
+_WAITING, _STEPS = 2_000_000, 512
+#: Runs whose numbers are drawn, then sorted by steps: they fit a cache.
+_TOGETHER = 32
 
 
 class BatchNoise:
@@ -50,23 +52,30 @@ class BatchNoise:
         self._streams = [stream(seed, name) for seed in seeds]
         most = max(1, min(_STEPS, _WAITING // (len(seeds) * max(1, size))))
         steps = -(-steps // -(-steps // most))  # blocks of one length
-        self._drawn = np.empty((len(seeds), steps, size))
+        self._drawn = np.empty((min(_TOGETHER, len(seeds)), steps, size))
+        self._block = np.empty((steps, size, len(seeds)))
         self._factor = factor
         self._next = steps
-        self._block: Array
 
     def draw(self) -> Array:
         """Return the next vectors (runs, k), with coordinates first in memory."""
-        if self._next == self._drawn.shape[1]:
-            for each, values in zip(self._streams, self._drawn):
-                each.standard_normal(out=values)
-            drawn, factor = self._drawn, self._factor
-            if factor is not None:
-                drawn = (drawn.reshape(-1, drawn.shape[-1]) @ factor.T).reshape(drawn.shape)
-            self._block = drawn.transpose(1, 2, 0).copy()
+        if self._next == len(self._block):
+            for first in range(0, len(self._streams), _TOGETHER):
+                some = self._block[:, :, first : first + _TOGETHER]
+                some[:] = self._of_runs(first).transpose(1, 2, 0)
             self._next = 0
         self._next += 1
         return np.asarray(self._block[self._next - 1].T)
+
+    def _of_runs(self, first: int) -> Array:
+        """Return the next numbers (runs, steps, k) of some runs."""
+        streams = self._streams[first : first + _TOGETHER]
+        drawn = self._drawn[: len(streams)]
+        for each, values in zip(streams, drawn):
+            each.standard_normal(out=values)
+        if self._factor is not None:
+            drawn = (drawn.reshape(-1, self.size) @ self._factor.T).reshape(drawn.shape)
+        return drawn
 
 
 class BatchPlant:

@@ -104,22 +104,19 @@ class LinearRuns:
         for name, each in real.enabled.items():
             k, draws = each.sensor.output.size, ceil(steps * shares[name]) + 1
             noise[name] = BatchNoise(seeds, f'sensor {name}', k, draws)
-        rows = self._rows([2 * n, *(each.size for each in noise.values())])
-        before = np.zeros((rows[-1].stop, len(seeds)))
-        before[rows[0]] = np.concatenate((x, x_hat))[:, np.newaxis]
-        sums = _Sums(self, len(seeds))
-        truth: Array = before[:n]
+        places = self._rows([each.size for each in noise.values()])
+        sums = _Sums(self, len(seeds), places[-1].stop)
+        sums.start(np.concatenate((x, x_hat)))
         for k in range(steps):
             due = tuple(name for name in shares if is_due(k, shares[name]))
-            for (name, source), place in zip(noise.items(), rows[1:]):
+            step = self._step(P, due, self._time(k + 1) - self._time(k))
+            before, after = sums.room(k, due, step)
+            for (name, source), place in zip(noise.items(), places):
                 if not name or name in due:
                     before[place] = source.draw().T
-            step = self._step(P, due, self._time(k + 1) - self._time(k))
-            if k == steps - 1:
-                truth = before[:n].T.copy()
-            after = sums.room(k, due, step)
             np.dot(step.matrix, before, out=after)
-            before[rows[0]], P = after[: 2 * n], step.predicted
+            P = step.predicted
+        truth = before[places[-1].stop :][:n].T.copy()
         return sums.outcomes(truth, step.covariance)
 
     @property
@@ -149,8 +146,8 @@ class LinearRuns:
         """Return a step: every vector below is a matrix, which maps what was before to it."""
         real, believed = self.loop.scenario, self.loop.believed
         n, sensors = real.model.state.size, [each.sensor for each in real.enabled.values()]
-        places = self._rows([n, n, n, *(sensor.output.size for sensor in sensors)])
-        x, x_hat, w, *v = (np.eye(places[-1].stop)[place] for place in places)
+        places = self._rows([n, *(sensor.output.size for sensor in sensors), n, n])
+        w, *v, x, x_hat = (np.eye(places[-1].stop)[place] for place in places)
         innovations = []
         for name, sensor, noise in zip(real.enabled, sensors, v):
             innovation = np.zeros_like(noise)
@@ -178,9 +175,13 @@ class LinearRuns:
 
 
 class _Sums:
-    """Sums of squares of the results of steps, over steps and over runs."""
+    """The results of steps, and sums of their squares, over steps and over runs.
 
-    def __init__(self, loops: LinearRuns, runs: int) -> None:
+    Behind the noise of a step come the results of the step before, which begin with its states:
+    a step multiplies what is one array.
+    """
+
+    def __init__(self, loops: LinearRuns, runs: int, noise: int) -> None:
         loop = loops.loop
         n, steps = loop.scenario.model.state.size, loop.steps
         sensors = {name: each.sensor for name, each in loop.scenario.enabled.items()}
@@ -188,7 +189,8 @@ class _Sums:
         price = 0 if loops.weight is None else len(loops.weight)
         self._rows = loops._rows([2 * n, n, n, *self._degrees.values(), price])
         self._names, self._first, self._runs = list(loop.believed.sensors), loops.first, runs
-        self._results = np.empty((_BLOCK, self._rows[-1].stop, runs))
+        self._steps = np.zeros((_BLOCK + 1, noise + self._rows[-1].stop, runs))
+        self._results, self._before = self._steps[:, noise:], self._steps[:, : noise + 2 * n]
         self._k, self._waiting = 0, 0
         self._squares, self._nees = np.zeros((n, runs)), np.zeros(runs)
         self._nis = {name: np.zeros(runs) for name in sensors}
@@ -197,20 +199,24 @@ class _Sums:
         self._step_squares, self._step_variance = np.zeros((steps, n)), np.zeros((steps, n))
         self._step_nees = np.zeros(steps)
 
-    def room(self, k: int, due: Sequence[str], step: LinearStep) -> Array:
-        """Return where the results (rows, runs) of step k go."""
+    def start(self, state: Array) -> None:
+        """Begin with a state (2n,) of truth and estimate in all runs."""
+        self._results[0, self._rows[0]] = state[:, np.newaxis]
+
+    def room(self, k: int, due: Sequence[str], step: LinearStep) -> tuple[Array, Array]:
+        """Return noise and states before step k, and where its results (rows, runs) go."""
         if self._waiting == _BLOCK or k == self._first:
             self._add()
         for name in due if k >= self._first else ():
             self._read[name] += 1
         self._step_variance[k] = step.covariance.diagonal() * self._runs
         self._waiting += 1
-        return np.asarray(self._results[self._waiting - 1])
+        return self._before[self._waiting - 1], self._results[self._waiting]
 
     def _add(self) -> None:
         """Add the results that wait."""
         first, last = self._k, self._k + self._waiting
-        found = self._results[: self._waiting]
+        found = self._results[1 : self._waiting + 1]
         _, error, white, *others = (found[:, place] for place in self._rows)
         self._step_squares[first:last] = np.einsum('kir,kir->ki', error, error)
         self._step_nees[first:last] = np.einsum('kir,kir->k', white, white)
@@ -220,11 +226,12 @@ class _Sums:
             for total, each in zip((*self._nis.values(), self._cost), others):
                 if total.size:
                     total += np.einsum('kir,kir->r', each, each)
+        self._results[0, self._rows[0]] = self._results[self._waiting, self._rows[0]]
         self._k, self._waiting = last, 0
 
     def outcomes(self, truth: Array, covariance: Array) -> Outcomes | None:
         """Return the outcomes; None if a number is not finite."""
-        error = self._results[self._waiting - 1, self._rows[1]].T.copy()
+        error = self._results[self._waiting, self._rows[1]].T.copy()
         self._add()
         steps, counted = self._k, self._k - self._first
         if not (np.isfinite(self._step_nees).all() and np.isfinite(self._cost).all()):

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import t
+from scipy.stats import chi2, t
 from tuned_cases import COVERED, likelihood, recorded
 
 import kalman_ros as kr
+from kalman_ros.analysis.tuning.intervals import reach
+from kalman_ros.analysis.tuning.restricted import noise_power
 
 
 def line(level=1.0, slope=0.5, r=1.0):
@@ -40,6 +42,36 @@ def test_noise_alone_is_that_of_maximum_likelihood():
     y = np.random.default_rng(1).normal(0.0, 2.0, 12)
     found = kr.tune(lambda r=1.0: line(0.0, 0.0, r), readings=y)
     assert found.parameters['r'].value == pytest.approx(np.sqrt(np.mean(y**2)), rel=1e-5)
+
+
+@pytest.mark.parametrize('count', [4, 12, 100])
+@pytest.mark.parametrize('power', [1.0, 2.0, -1.0])
+def test_noise_alone_has_the_interval_of_a_variance(count, power):
+    rng = np.random.default_rng(2)
+    y = rng.normal(0.0, 2.0, count)
+    found = kr.tune(lambda s=1.0: line(0.0, 0.0, s ** (power / 2.0)), readings=y).parameters['s']
+    sums = np.sum(y**2) / chi2.ppf([0.975, 0.025], count)
+    assert sorted((found.low, found.high)) == pytest.approx(
+        sorted(sums ** (1.0 / power)), rel=1e-3
+    )
+
+
+def test_noise_from_less_than_two_readings_is_not_determined():
+    found = kr.tune(lambda r=1.0: line(0.0, 0.0, r), readings=[0.3])
+    assert found.undetermined == {'r': 'these data hardly depend on it'}
+
+
+def test_intervals_of_noise_that_is_known_well_are_normal():
+    for power in (1.0, 2.0):
+        assert reach(1e-4, power) == pytest.approx(reach(1e-4), rel=1e-3)
+
+
+def test_the_power_of_noise_is_that_of_its_variance():
+    spring = likelihood(COVERED[0], recorded(replace(COVERED[0], seconds=1.0), 1))
+    names = [each.name.rpartition('parameters.')[2] for each in spring.parameters]
+    found = {name: noise_power(spring, spring.start, i) for i, name in enumerate(names)}
+    expected = dict.fromkeys(names, 0.0) | {'force_noise': 1.0, 'position.noise': 2.0}
+    assert found == pytest.approx(expected, abs=1e-6)
 
 
 def test_points_expanded_in_one_pass_are_as_each_alone():

@@ -246,11 +246,39 @@ def test_an_ascent_ends_at_a_known_maximum_once_it_is_near():
     spring = COVERED[0]
     surface = likelihood(spring, recorded(spring, 0))
     start = surface.expand(surface.start)
-    whole = ascent.climb(surface, start)
-    again = ascent.climb(surface, start, tops=[whole.top])
+    (whole,) = ascent.climb(surface, [start])
+    _, again = ascent.climb(surface, [whole.top, start])
     assert again.top is whole.top and 0 < again.steps < whole.steps
     lower = replace(whole.top, value=start.value - 1.0)
-    assert ascent.climb(surface, start, tops=[lower]).top.value > whole.top.value - 1e-3
+    _, past = ascent.climb(surface, [lower, start])
+    assert past.top.value > whole.top.value - 1e-3
+
+
+def test_ascents_in_step_lead_where_each_leads_alone():
+    spring = replace(COVERED[0], fitted=['mass', 'damping', 'stiffness'], seconds=4.0)
+    surface = likelihood(spring, recorded(spring, 0))
+    starts = [surface.expand(surface.start + away) for away in (0.0, 1.0)]
+    together = ascent.climb(surface, starts)
+    alone = [ascent.climb(surface, [each])[0] for each in starts]
+    assert sorted(each.steps for each in together) <= sorted(each.steps for each in alone)
+    for end in together:
+        assert end.top.z == pytest.approx(alone[0].top.z, abs=1e-3)
+
+
+def test_all_ascents_end_where_one_is_interrupted(monkeypatch):
+    spring = replace(COVERED[0], fitted=['mass', 'damping', 'stiffness'], seconds=4.0)
+    surface = likelihood(spring, recorded(spring, 0))
+    starts = [surface.expand(surface.start + away) for away in (0.0, 1.0)]
+    expand_all, left = Likelihood.expand_all, iter(range(3))
+
+    def interrupted(*arguments):
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+        return expand_all(*arguments)
+
+    monkeypatch.setattr(Likelihood, 'expand_all', interrupted)
+    for end, start in zip(ascent.climb(surface, starts), starts):
+        assert end.stopped == ascent.INTERRUPTED and end.top.value > start.value
 
 
 def test_a_fit_to_the_first_readings_is_kept_where_all_have_no_likelihood(monkeypatch):

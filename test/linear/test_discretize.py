@@ -118,3 +118,13 @@ def test_steps_of_few_and_of_many_matrices_are_those_of_each(count, dt):
         for found, expected in ((f, expm(one * dt)), (q, van_loan(one, noise, dt))):
             assert found == pytest.approx(expected, abs=1e-11 * np.abs(expected).max())
     np.testing.assert_array_equal(Q, Q.swapaxes(-1, -2))
+
+
+def test_few_matrices_with_a_small_square_need_few_terms():
+    A = np.array([[[0.0, 30.0], [0.01, 0.0]], [[0.0, 1.0], [36.0, -0.1]]])
+    W = np.array([[[0.0, 0.0], [0.0, 0.3]], [[0.2, 0.1], [0.1, 0.4]]])
+    F, Q = flow(A, W, 0.01)
+    for one, noise, f, q in zip(A, W, F, Q):
+        expected = van_loan(one, noise, 0.01)
+        np.testing.assert_allclose(f, expm(one * 0.01), rtol=0.0, atol=1e-15)
+        np.testing.assert_allclose(q, expected, rtol=0.0, atol=1e-15 * expected.max())

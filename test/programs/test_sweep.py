@@ -43,6 +43,7 @@ def test_ranges(typed, name, plant, believed, values):
         ('rate=0..1:log:3', 'a log range begins above 0'),
         ('rate=1..2:lin:1', 'expected 2 to 1000 values, got 1'),
         ('input_csot=1..2:lin:2', "did you mean 'input_cost'?"),
+        ('plant.mass=1..2:lin:2', "did you mean 'model_parameters.mass'?"),
         ('model=1..2:lin:2', 'expected a parameter with numbers, got model'),
         ('position.noise[7]=1..2:lin:2', 'position.noise has 2 numbers'),
         ('rate[1]=100..200:lin:2', 'rate is one number'),
@@ -55,6 +56,14 @@ def test_what_is_refused(typed, says, tmp_path, capsys):
     printed = capsys.readouterr().err
     assert exit.value.code == 2 and printed.startswith('sweep: ') and printed.count('\n') == 1
     assert says in printed
+
+
+def test_a_point_without_any_run_left_has_no_anees(tmp_path, capsys):
+    typed = 'plant.model_parameters.stiffness=-100..-90:lin:2'
+    points = swept(tmp_path, 'mass_spring_damper', '--over', typed, '--runs', '3')
+    assert [point['lost'] for point in points] == [1.0, 1.0]
+    printed = capsys.readouterr().out
+    assert 'nan' not in printed and '*' not in printed
 
 
 def test_one_parameter_twice_is_refused(tmp_path, capsys):

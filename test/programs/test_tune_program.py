@@ -103,22 +103,32 @@ def test_a_wrong_argument_is_refused_in_one_line(arguments, words, recording, tm
     assert words in error and error.count('\n') == 1 and error.startswith('tune: ')
 
 
+def test_what_is_not_determined_is_marked_in_the_lines_to_paste(recording, tmp_path, capsys):
+    bag, file = recording
+    fit = '--fit', 'mass', 'position.noise', 'initial_std.x'
+    assert run(bag, '--params-file', file, *fit, '--out', tmp_path) == 0
+    assert 'initial_std.x: these data hardly depend on it.' in capsys.readouterr().out
+    lines = (tmp_path / 'fitted.yaml').read_text().splitlines()
+    mass, std = (next(line for line in lines if name in line) for name in ('mass', 'initial_std'))
+    assert std.endswith('# not determined: one choice of many') and '#' not in mass
+
+
 def test_a_bag_that_is_missing_is_refused(tmp_path, capsys):
     assert run(tmp_path / 'none', '--params-file', 'mass_spring_damper', '--out', tmp_path) == 2
     assert capsys.readouterr().err.startswith('tune: ')
 
 
 def interrupted_at(monkeypatch, count):
-    """Interrupt the fit at an expansion of the likelihood."""
-    expand, calls = Likelihood.expand, []
+    """Interrupt the fit at one of its expansions of the likelihood."""
+    expand_all, calls = Likelihood.expand_all, []
 
-    def interrupted(self, z, progress=None):
-        calls.append(z)
+    def interrupted(self, points, progress=None):
+        calls.append(points)
         if len(calls) == count:
             raise KeyboardInterrupt
-        return expand(self, z, progress)
+        return expand_all(self, points, progress)
 
-    monkeypatch.setattr(Likelihood, 'expand', interrupted)
+    monkeypatch.setattr(Likelihood, 'expand_all', interrupted)
 
 
 def test_an_interrupted_fit_keeps_what_it_reached(recording, tmp_path, capsys, monkeypatch):
@@ -177,3 +187,4 @@ def test_a_fitted_delay_becomes_an_offset_of_the_stamps():
     named.choose(['lidar.delay'])
     assert named.changes({'lidar.delay': 0.05}) == {'lidar.stamp_offset': pytest.approx(-0.07)}
     assert not [name for name in named.names if 'stamp_offset' in name]
+    assert named.parameter('lidar.delay') == 'lidar.stamp_offset'

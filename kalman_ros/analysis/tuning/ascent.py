@@ -7,7 +7,7 @@ Levenberg and Marquardt, I + d diag(I): K. Lange, Optimization (2013), sections 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -70,21 +70,22 @@ class Ascent:
     before: float = -np.inf
 
 
-def climb(
-    likelihood: Likelihood,
-    start: Expansion,
-    report: Report = _ignore,
-    negligible: float = _NEGLIGIBLE_LONG,
-    tops: Sequence[Expansion] = (),
-) -> Ascent:
-    """Return where an expansion leads, up to a gain that is ``negligible``.
+#: An ascent under way: it asks for the expansion at a point, with a line for the report.
+Climb = Generator[tuple[Array, str], Expansion | None, Ascent]
 
-    It ends at one of the maxima ``tops`` as soon as it is near.
+
+def _climb(
+    likelihood: Likelihood, start: Expansion, negligible: float, ends: Sequence[Ascent]
+) -> Climb:
+    """Follow an expansion to where it leads, up to a gain that is ``negligible``.
+
+    It ends at one of the maxima where other ascents have ended, as soon as it is near.
     """
     here, damping, number = start, _DAMPING, 0
     path = [start]
     try:
         for number in range(_MOST_STEPS):
+            tops = (each.top for each in ends if not each.stopped)
             reached = next((top for top in tops if _near(here, top)), None)
             if reached is not None:
                 return Ascent(likelihood, reached, number)
@@ -93,7 +94,7 @@ def climb(
                 return Ascent(likelihood, here, number)
             step, gain = _step(likelihood, here, J, damping)
             what = f'step {number + 1}, log-likelihood {here.value:.6g}'
-            there = likelihood.expand(here.z + step, partial(report, what))
+            there = yield here.z + step, what
             if there is not None and there.value > here.value:
                 damping = max(damping / _FACTOR, _LEAST)
                 here = there
@@ -104,7 +105,7 @@ def climb(
                 # no step raises a value that rounding hides
                 return Ascent(likelihood, here, number, '' if gain < 1e-3 else 'no step is better')
             z, damping = found
-            there = likelihood.expand(z)
+            there = yield z, what
             if there is None:
                 return Ascent(likelihood, here, number, 'the best step has no derivatives')
             if there.value > here.value:  # longer changes of delays are compared approximately
@@ -113,6 +114,39 @@ def climb(
     except KeyboardInterrupt:
         return Ascent(likelihood, here, number, INTERRUPTED)
     return Ascent(likelihood, here, _MOST_STEPS, f'{_MOST_STEPS} steps are not enough')
+
+
+def climb(
+    likelihood: Likelihood,
+    starts: Sequence[Expansion],
+    report: Report = _ignore,
+    negligible: float = _NEGLIGIBLE_LONG,
+) -> list[Ascent]:
+    """Return where several expansions lead, in the order in which they get there.
+
+    They climb in step, so that one pass through the recording serves them all.
+    """
+    ends: list[Ascent] = []
+    climbs = [_climb(likelihood, start, negligible, ends) for start in starts]
+    found: Sequence[Expansion | None] = [None] * len(climbs)
+    interrupted = False
+    while climbs:
+        under_way, wishes = [], []
+        for each, there in zip(climbs, found):
+            try:
+                wishes.append(each.throw(KeyboardInterrupt) if interrupted else each.send(there))
+                under_way.append(each)
+            except StopIteration as end:
+                ends.append(end.value)
+                interrupted |= ends[-1].stopped == INTERRUPTED
+        climbs = under_way
+        if climbs and not interrupted:
+            points, lines = zip(*wishes)
+            try:
+                found = likelihood.expand_all(points, partial(report, lines[0]))
+            except KeyboardInterrupt:
+                interrupted = True
+    return ends
 
 
 def _near(here: Expansion, top: Expansion) -> bool:
@@ -197,34 +231,29 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
             'reading can be explained; check the parameters with ./dev doctor'
         )
     order = np.argsort(-values, kind='stable')
-    ends: list[Ascent] = []
+    followed = [points[i] for i in order[:_FOLLOWED].tolist() if np.isfinite(values[i])]
+    begins = [each for each in short.expand_all(followed) if each is not None]
     before = float(values[0])
+    ends = climb(short, begins, report, LITTLE)
+    if any(each.stopped == INTERRUPTED for each in ends):
+        return _best(ends, before, INTERRUPTED)
     try:
-        for index in order[:_FOLLOWED].tolist():
-            begin = short.expand(points[index]) if np.isfinite(values[index]) else None
-            if begin is not None:
-                known = [each.top for each in ends if not each.stopped]
-                ends.append(climb(short, begin, report, LITTLE, known))
-                if ends[-1].stopped == INTERRUPTED:
-                    return _best(ends, before, INTERRUPTED)
         if not ends:
             raise ValueError('no likelihood near any start: it cannot be differentiated')
         if whole:
             highest = _best(ends, before)
-            polished = climb(likelihood, highest.top, report, _NEGLIGIBLE)
+            polished = climb(likelihood, [highest.top], report, _NEGLIGIBLE)[0]
             return replace(polished, before=before, steps=highest.steps + polished.steps)
         tops = {id(each.top): each.top.z for each in ends}.values()
         found = likelihood.expand_all([points[0], *tops], partial(report, 'all readings'))
     except KeyboardInterrupt:
-        if not ends:
-            raise
         return _best(ends, before, INTERRUPTED)
     begins = [each for each in found if each is not None]
     if not begins:
         return _best(ends, before, 'all readings together have no likelihood')
     before = -np.inf if found[0] is None else found[0].value
     begin = max(begins, key=lambda each: each.value)
-    return replace(climb(likelihood, begin, report), before=before)
+    return replace(climb(likelihood, [begin], report)[0], before=before)
 
 
 def _best(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent:

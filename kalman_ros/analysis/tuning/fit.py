@@ -8,17 +8,15 @@ from math import isfinite, nan
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from kalman_ros.core import Array
+from kalman_ros.estimators.consistency import chi_square_gate
 
 from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, maximum
 from .identifiability import Determination, determination
+from .intervals import reach
 from .likelihood import Expansion, Likelihood
 from .restricted import Restricted, restricted
-
-#: The probability below the upper end of a 95 % interval, and that end of the normal distribution.
-_SHARE, _95 = 0.975, 1.959964
 
 
 @dataclass(frozen=True)
@@ -138,13 +136,12 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     end, stopped = _end(ascent, report)
     top, found = end.top, end.found
     point, beyond = _settled(likelihood, top, found.seen)
-    quantiles = _quantiles(end.freedom)
     fitted = []
     for index, each in enumerate(likelihood.parameters):
-        z, reach = float(point[index]), float(quantiles[index] * found.std[index])
-        low, high = (
-            (each.value(z - reach), each.value(z + reach)) if isfinite(reach) else (nan, nan)
-        )
+        z, std, low, high = float(point[index]), float(found.std[index]), nan, nan
+        if isfinite(std):
+            below, above = reach(std, float(end.power[index]), float(end.freedom[index]))
+            low, high = each.value(z - below), each.value(z + above)
         reason = beyond.get(index, found.reasons[index])
         fitted.append(Fitted(each.name, each.unit, each.start, each.value(z), low, high, reason))
     events = likelihood.observations.events({}, likelihood.until)
@@ -164,12 +161,8 @@ def _end(ascent: Ascent, report: Report) -> tuple[Restricted, str]:
         except KeyboardInterrupt:
             stopped = INTERRUPTED
     found = determination(ascent.likelihood.parameters, ascent.top.information, ascent.top.z)
-    return Restricted(ascent.top, found, np.full(len(ascent.top.z), np.inf)), stopped
-
-
-def _quantiles(freedom: Array) -> Array:
-    """Return those of Student's t distribution, both sides of 95 %."""
-    return np.where(np.isfinite(freedom), stdtrit(np.minimum(freedom, 1e9), _SHARE), _95)
+    p = len(ascent.top.z)
+    return Restricted(ascent.top, found, np.zeros(p), np.full(p, np.inf)), stopped
 
 
 def _settled(likelihood: Likelihood, top: Expansion, seen: Any) -> tuple[Array, dict[int, str]]:
@@ -200,8 +193,6 @@ def sampled(
     The region of r determined parameters is where (z - z0)' I (z - z0) is below the quantile of
     chi-square with r degrees of freedom; the others stay where they are.
     """
-    from kalman_ros.estimators.consistency import chi_square_gate
-
     known = np.array([each.determined for each in found.parameters])
     r = int(known.sum())
     if not r:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import log
 from typing import Any
 
 import numpy as np
@@ -12,16 +13,17 @@ import numpy as np
 from kalman_ros.core import Array
 
 from .free_parameter import FreeParameter
+from .intervals import reach
 
 #: Directions with less than this part of the information of their parameters are not seen.
 _NULL = 1e-6
 #: A parameter with a larger share in these directions is not determined.
 _LOADING = 1e-4
-#: The largest standard deviation of a logarithm that says anything: 95 % within a factor of 10;
-#: and of another number, in units of its scale.
-WIDEST, WIDEST_SCALED = 1.17, 3.0
-#: Parameters whose deviation is this many times wider are as good as absent from the data.
-_ABSENT = 100.0
+#: The longest interval that says anything: 95 % within a factor of 10; and of a number that is not
+#: fitted on a logarithmic scale, in units of its scale.
+_WIDEST, _WIDEST_SCALED = log(10.0), 6.0
+#: Parameters whose deviation is this many times such an interval are as good as absent.
+_ABSENT = 50.0
 #: A deviation this many times the one with the others known is due to them.
 _TIED = 3.0
 
@@ -60,9 +62,14 @@ class Determination:
 
 
 def determination(
-    parameters: Sequence[FreeParameter], information: Array, z: Array
+    parameters: Sequence[FreeParameter],
+    information: Array,
+    z: Array,
+    power: Array | None = None,
 ) -> Determination:
     """Return what an information (p, p) at z (p,) determines.
+
+    Noise has variances proportional to exp(power z), with a power (p,) of 0 for other parameters.
 
     The information in units of each parameter's own is split into its eigenvectors: those with
     nearly no information are combinations that these data do not show (T. Rothenberg,
@@ -70,7 +77,8 @@ def determination(
     """
     p = len(parameters)
     alone = np.sqrt(np.maximum(information.diagonal(), 0.0))
-    widest = np.array([WIDEST if each.positive else WIDEST_SCALED for each in parameters])
+    power = np.zeros(p) if power is None else power
+    widest = np.array([_WIDEST if each.positive else _WIDEST_SCALED for each in parameters])
     seen = alone * widest * _ABSENT > 1.0
     reasons = ['' if each else 'these data do not depend on it' for each in seen]
     d = np.where(seen, alone, 1.0)
@@ -85,7 +93,7 @@ def determination(
         if loading[index] > _LOADING:
             others = _partners(parameters, vectors[:, null], index)
             reasons[index] = f'only a combination with {others} shows'
-        elif std[index] > widest[index]:
+        elif max(reach(float(std[index]), float(power[index]))) > widest[index]:
             reasons[index] = _wide(parameters, covariance, alone, index)
     _at_bounds(parameters, z, reasons)
     known = np.array([not reason for reason in reasons])

@@ -134,6 +134,13 @@ class NamedParameters:
             refuse_unknown([name], [*self._places, *sorted(last)], 'parameter to fit')
         return ends
 
+    def parameter(self, name: str) -> str:
+        """Return the parameter of the file in which a fitted one is written."""
+        option = self._places[name].option
+        sensor, _, last = option.rpartition('.')
+        delay = last == 'delay' and sensor in self.scenario.sensors
+        return f'{sensor}.stamp_offset' if delay else option
+
     def changes(self, values: Mapping[str, float]) -> dict[str, Any]:
         """Return the parameters of the file at these values, biases left out.
 
@@ -144,15 +151,15 @@ class NamedParameters:
         for place in self._chosen:
             value = values[place.free.name]
             sensor, _, last = place.option.rpartition('.')
-            if last in ('bias', 'delay') and sensor in self.scenario.sensors:
-                if last == 'delay':
-                    offset = f'{sensor}.stamp_offset'
-                    changed[offset] = float(self._current[offset]) - value
+            name = self.parameter(place.free.name)
+            if last == 'delay' and name != place.option:
+                changed[name] = float(self._current[name]) - value
+            elif last == 'bias' and sensor in self.scenario.sensors:
                 continue
-            if place.element is None:
-                changed[place.option] = value
+            elif place.element is None:
+                changed[name] = value
             else:
-                items = changed.setdefault(place.option, list(self._list(place.option)))
+                items = changed.setdefault(name, list(self._list(name)))
                 items[place.element] = value
             if last == 'noise' and sensor in self.scenario.sensors:
                 changed[f'{sensor}.covariance_from'] = 'configuration'

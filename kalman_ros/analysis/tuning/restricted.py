@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise by restricted maximum likelihood, and the degrees of freedom of intervals.
+"""Noise by restricted maximum likelihood, and the degrees of freedom of fits.
 
 Maximum likelihood takes noise too small, since the other parameters are fitted to a part of it.
 The likelihood that is restricted to what they leave has one more term, with the information I_bb
@@ -33,8 +33,10 @@ _STEP = 0.05
 _LONGEST, _HALVED = 1.0, 4
 #: Noise that would move by a smaller part of its standard deviation stays where it is.
 _LITTLE = 0.1
-#: States and inputs at which two models are compared.
+#: States and inputs at which models are compared.
 _COMPARED = 3
+#: The least variance that a change is compared with.
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -47,12 +49,15 @@ class Restricted:
         The expansion there.
     found
         What it determines.
+    power
+        Noise has covariances proportional to exp(power z) (p,); 0 for other parameters.
     freedom
-        The degrees of freedom of the interval of each parameter (p,).
+        The degrees of freedom of the variance of the error of each other parameter (p,).
     """
 
     top: Expansion
     found: Determination
+    power: Array
     freedom: Array
 
 
@@ -63,11 +68,11 @@ def restricted(likelihood: Likelihood, top: Expansion, report: Report) -> Restri
     the difference is negligible.
     """
     p = len(top.z)
-    found = determination(likelihood.parameters, top.information, top.z)
-    unchanged = Restricted(top, found, np.full(p, np.inf))
+    power = np.array([noise_power(likelihood, top.z, index) for index in range(p)])
+    found = determination(likelihood.parameters, top.information, top.z, power)
     known = np.isfinite(found.std)
-    noise = np.array([each and changes_noise_alone(likelihood, top.z, i)
-                      for i, each in enumerate(known)])  # fmt: skip
+    unchanged = Restricted(top, found, power, np.full(p, np.inf))
+    noise = known & (power != 0.0)
     others = known & ~noise
     # all noise twice as large leaves a quarter of the information on each other parameter, so a
     # noise moves by at most their number times its variance
@@ -83,8 +88,8 @@ def restricted(likelihood: Likelihood, top: Expansion, report: Report) -> Restri
     term = np.array([-0.5 * np.trace(inverse @ slope[b]) for slope in slopes])
     step = C @ (top.gradient + term)
     moved = _moved(likelihood, top, step, others) or top
-    at_it = determination(likelihood.parameters, moved.information, moved.z)
-    return Restricted(moved, at_it, np.where(noise, np.inf, _freedom(C, slopes)))
+    at_it = determination(likelihood.parameters, moved.information, moved.z, power)
+    return Restricted(moved, at_it, power, _freedom(C, slopes))
 
 
 def _slopes(
@@ -133,24 +138,39 @@ def _freedom(C: Array, slopes: Array) -> Array:
     return np.asarray(np.divide(2.0 * V**2, variance, where=variance > 0.0, out=unknown))
 
 
-def changes_noise_alone(likelihood: Likelihood, z: Array, index: int) -> bool:
-    """Return whether a parameter changes only covariances, no motion, reading or first mean."""
+def noise_power(likelihood: Likelihood, z: Array, index: int) -> float:
+    """Return k of a parameter that changes covariances alone, as exp(k z); 0 for any other.
+
+    That is 2 for a standard deviation, and 1 for a variance. A variance a exp(k z) + b shows it in
+    the differences on both sides of z, whose ratio is exp(k step).
+    """
+    if not likelihood.parameters[index].positive:
+        return 0.0
+    away = _STEP * np.eye(len(z))[index]
     try:
-        here = likelihood.candidate(z)
-        there = likelihood.candidate(z + 0.1 * np.eye(len(z))[index])
-        return _same_means(here, there, likelihood.conditions.input)
+        three = [likelihood.candidate(each) for each in (z - away, z, z + away)]
+        means, variances = zip(*(_moments(each, likelihood.conditions.input) for each in three))
     except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-        return False
+        return 0.0
+    for candidate, mean in zip(three, means):
+        if candidate.delays != three[0].delays or not np.array_equal(mean, means[0]):
+            return 0.0
+    below, above = np.diff(variances, axis=0)
+    clearest = int(np.argmax(np.abs(below) / np.maximum(variances[1], _TINY)))
+    ratio = above[clearest] / below[clearest] if below[clearest] else 1.0
+    return float(np.log(ratio) / _STEP) if ratio > 0.0 else 0.0
 
 
-def _same_means(a: Candidate, b: Candidate, input: Array) -> bool:
-    """Return whether two candidates predict the same of any state, as far as some show."""
-    rng, space = np.random.default_rng(0), a.model.state
-    dt = a.model.period if isinstance(a.model, DiscreteModel) else 0.01
-    pairs = [(a.initial.mean, b.initial.mean), *((a.biases[s], b.biases[s]) for s in a.biases)]
+def _moments(of: Candidate, input: Array) -> tuple[Array, Array]:
+    """Return all means that a candidate predicts at some states, and all variances."""
+    rng, model, space = np.random.default_rng(0), of.model, of.model.state
+    dt = model.period if isinstance(model, DiscreteModel) else 0.01
+    means = [of.initial.mean, *of.biases.values()]
+    variances = [of.initial.covariance, *(each.covariance for each in of.sensors.values())]
     for _ in range(_COMPARED):
-        x = space.add(a.initial.mean, rng.standard_normal(space.size))
+        x = space.add(of.initial.mean, rng.standard_normal(space.size))
         u = input + rng.standard_normal(len(input))
-        pairs.append((a.model.step(x, u, dt), b.model.step(x, u, dt)))
-        pairs += [(a.sensors[s].measure(x), b.sensors[s].measure(x)) for s in a.sensors]
-    return a.delays == b.delays and all(np.array_equal(*pair) for pair in pairs)
+        means += [model.step(x, u, dt), *(each.measure(x) for each in of.sensors.values())]
+        variances.append(model.noise_covariance(x, u, dt))
+    every = np.concatenate([each.diagonal() for each in variances])
+    return np.concatenate([np.ravel(each) for each in means]), every

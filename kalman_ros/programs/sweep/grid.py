@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from math import inf, nan
+from math import inf, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -67,8 +67,8 @@ class Point:
 
     @property
     def consistent(self) -> bool:
-        """Whether the ANEES is within its bounds."""
-        return self.anees_bounds[0] <= self.anees <= self.anees_bounds[1]
+        """Whether the ANEES, if there is one, is within its bounds."""
+        return isnan(self.anees) or self.anees_bounds[0] <= self.anees <= self.anees_bounds[1]
 
     def json(self, ranges: Sequence[Range], states: Sequence[str]) -> dict[str, Any]:
         """Return the point for ``summary.json``."""

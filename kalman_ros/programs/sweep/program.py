@@ -173,6 +173,8 @@ def _explain(console: Console, points: Sequence[Point], grid: Grid) -> None:
         'all. The last columns are RMS errors of the estimate; lost runs are not in the averages.'
     )
     if any(not (point.refused or point.consistent) for point in points):
-        console.print('* not what a consistent filter has: its covariance is wrong there.')
+        console.print(
+            '* outside the range of 95 % of consistent filters: the covariance is probably wrong.'
+        )
     for reason in dict.fromkeys(point.refused for point in points if point.refused):
         console.print(f'no design: {reason}', markup=False)

@@ -37,8 +37,8 @@ def sweep_table(ranges: Sequence[Range], states: Sequence[str], points: Sequence
             cells.append(_number(point.cost))
         if with_theory:
             cells.append('' if point.theory_cost is None else f'{point.theory_cost:.4g}')
-        anees = f'{point.anees:.3g}'
-        cells.append(anees if point.consistent or isnan(point.anees) else f'[yellow]{anees}*[/]')
+        anees = _number(point.anees)
+        cells.append(anees if point.consistent else f'[yellow]{anees}*[/]')
         cells.append(f'[bold red]{100.0 * point.lost:.3g} %[/]' if point.lost else '0')
         cells += [_number(value) for value in point.rms[: len(shown)]]
         table.add_row(*cells)

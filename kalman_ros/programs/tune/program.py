@@ -127,7 +127,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     _show(console, recorded, found, results)
     pasted = tables.pasted(found, recorded.named)
-    lines = tables.yaml_lines(pasted, found)
+    lines = tables.yaml_lines(pasted, found, recorded.named)
     if lines:
         console.print('\n[bold]For the parameter file[/]')
         console.print('\n'.join(lines), markup=False, soft_wrap=True)

@@ -90,8 +90,8 @@ def margins_table(found: Sequence[RobustMargins]) -> Table:
 
 def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
     """Return the parameters to paste, to four digits, without those that stayed as they are."""
-    still = (each.name for each in fit.parameters if each.value == each.start)
-    stayed = {name.replace('.delay', '.stamp_offset') for name in still}
+    stayed = {named.parameter(each.name) for each in fit.parameters if each.value == each.start}
+    stayed -= {named.parameter(each.name) for each in fit.parameters if each.value != each.start}
     changes = named.changes({each.name: float(f'{each.value:.4g}') for each in fit.parameters})
     pasted = {name: value for name, value in changes.items() if name not in stayed}
     for name in [name for name in pasted if name.endswith('.covariance_from')]:
@@ -111,9 +111,9 @@ def beside(fit: Fit) -> Iterator[str]:
         )
 
 
-def yaml_lines(changes: Mapping[str, Any], fit: Fit) -> list[str]:
+def yaml_lines(changes: Mapping[str, Any], fit: Fit, named: NamedParameters) -> list[str]:
     """Return the lines of a parameter file with these parameters."""
-    open_ones = {each.name for each in fit.parameters if not each.determined}
+    open_ones = {named.parameter(each.name) for each in fit.parameters if not each.determined}
     return [
         f'{name}: {yaml_value(value)}'
         + ('   # not determined: one choice of many' if name in open_ones else '')

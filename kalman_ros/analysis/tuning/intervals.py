@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far 95 % intervals reach, on the scale of the fit."""
+
+from __future__ import annotations
+
+from math import inf, log
+
+from scipy.special import stdtrit
+
+from kalman_ros.estimators.consistency import chi_square_gate
+
+#: The probabilities below the ends of a 95 % interval.
+_LOW, _HIGH = 0.025, 0.975
+#: With this number of degrees of freedom, Student's distribution is the normal one.
+_MANY = 1e9
+
+
+def reach(std: float, power: float = 0.0, freedom: float = inf) -> tuple[float, float]:
+    """Return how far the interval of a parameter reaches below and above its value z.
+
+    Noise with variances proportional to exp(power z) has the interval of a variance: an estimate
+    with f degrees of freedom is distributed as chi-square by f, and has the information f / 2 on
+    its logarithm (G. Casella and R. Berger, Statistical Inference, 2002, section 9.2). Any other
+    parameter has Student's distribution with ``freedom``.
+    """
+    if not power:
+        same = float(stdtrit(min(freedom, _MANY), _HIGH)) * std
+        return same, same
+    f = 2.0 / (power * std) ** 2
+    low, high = (chi_square_gate(share, f) / f for share in (_LOW, _HIGH))
+    below, above = log(high) / abs(power), -log(low) / abs(power) if low else inf
+    return (below, above) if power > 0.0 else (above, below)
