@@ -7,6 +7,7 @@ Without a parameter file: describe the recording, and propose one.
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -70,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         folder = ready(options.out or Path('out') / options.bag.stem / 'doctor')
         if options.params_file is None:
             sys.exit(describe_and_propose(options.bag, folder, console))
-        with _doing(console) as progress:
+        with _without_collector(), _doing(console) as progress:
             progress('replaying the recording')
             evidence = load(options.bag, options.params_file)
             found = diagnose(evidence, progress)
@@ -103,6 +104,16 @@ def describe_and_propose(path: Path, folder: Path, console: Console) -> int:
     console.print('Check its model_parameters, then:', markup=False)
     console.print(f'    ./dev doctor {path} --params-file {file}', markup=False, soft_wrap=True)
     return 0
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Look for no cycles meanwhile: passes make many objects and no cycles."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 @contextmanager
