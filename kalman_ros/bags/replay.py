@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from math import inf, isfinite
 from pathlib import Path
@@ -20,14 +20,15 @@ from kalman_ros.pipeline.settings import Settings, settings
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file, own_section
 
-from .blocks import as_published
+from .blocks import Message
 from .collecting import EstimateRecording, seconds
 from .columns import Rows
-from .feed import Feed, resolver
+from .feed import TICK, Feed, resolver
 from .reading import Bag
 from .recording_writer import RecordingWriter
 from .replayed import Replayed, Truth
 from .smoothing import FinalBeliefs
+from .steps import Steps
 
 #: The progress is reported after each N messages.
 _REPORT = 500
@@ -89,7 +90,7 @@ def replay(
     overrides
         Parameters over those of the scenario: ``{'imu.topic': '/imu/data'}``.
     start, end
-        Which part of the recording, in seconds from its start.
+        Which part of the recording, in seconds from its start; in lockstep, in simulated seconds.
     smooth
         Whether to compute the states given all readings, later ones too.
     truth
@@ -142,17 +143,21 @@ def replay_bag(
     )
     known = _TruthReader(feed.settings, bag, resolve(truth)) if truth else None
     topics = [*feed.topics, *([resolve(truth)] if known else [])]
-    first, last = _limits(bag, start, end)
     count, received = 0, 0
     with ExitStack() as stack:
         if out is not None:
             writer = stack.enter_context(RecordingWriter(out, replace=True))
             feed.recording = EstimateRecording(writer, feed.settings, resolve, feed.origin)
-        messages = bag.messages(topics, first, last)
-        # in real time the order of reception counts, in lockstep that of cause and effect
-        for message in as_published(messages) if feed.lockstep else messages:
+        messages: Iterable[Message]
+        if feed.lockstep:
+            messages = steps = Steps(bag.messages(topics), resolve(TICK), start, end)
+        else:
+            messages = bag.messages(topics, *_limits(bag, start, end))
+        for message in messages:
             count += 1
             received = message.time
+            if feed.start is None:
+                feed.start = steps.origin
             if known is not None and message.topic == known.topic:
                 known(message.data)
                 if message.topic not in feed.topics:
@@ -160,20 +165,21 @@ def replay_bag(
             feed(message)
             if progress is not None and count % _REPORT == 0:
                 progress(seconds(received, bag.start) - start)
-    if feed.start is None or not count:
+    beliefs = feed.beliefs.result()
+    if feed.start is None or not count or (feed.lockstep and not len(beliefs.time)):
         names = ', '.join(feed.topics)
         raise ValueError(f'nothing could be replayed from {bag.path}: {count} messages on {names}')
     believed = feed.settings.scenario.believed
     return Replayed(
         scenario=feed.settings.scenario,
         start=feed.start,
-        duration=seconds(received, bag.start) - start,
+        duration=(beliefs.time[-1] if feed.lockstep else seconds(received, feed.start)) - start,
         lockstep=feed.lockstep,
         sensors={
             name: columns.result(dict(feed.online.counts[name]), feed.undecodable(name))
             for name, columns in feed.sensors.items()
         },
-        beliefs=feed.beliefs.result(),
+        beliefs=beliefs,
         inputs=feed.inputs.result(),
         restarts=feed.online.restarts,
         repairs=feed.online.repairs,

@@ -76,7 +76,7 @@ class Replayed:
         The time in nanoseconds that all others are counted from: when the first message of the
         recording was received, or in lockstep the stamp of the first step.
     duration
-        Seconds from the first to the last message that was used.
+        Seconds from the first to the last message that was used; in lockstep, simulated seconds.
     lockstep
         Whether the recording is of a run in lockstep.
     sensors

@@ -83,6 +83,19 @@ def test_two_faults_are_both_found():
     assert {'outliers', 'clock offset'} <= set(kinds[:4])
 
 
+def test_a_delay_beside_outliers_is_no_offset_of_a_clock():
+    late = Injection({'imu': {'outliers': 0.03, 'delay': 0.05}})
+    found = found_in(late, 20.0, scenario='gnss_imu')
+    assert [(each.kind, each.subject) for each in found] == [('outliers', 'imu'), ('delay', 'imu')]
+
+
+@pytest.mark.parametrize('fault', ['duplication', 'reordering'])
+def test_stamps_that_are_put_right_by_the_estimator_explain_nothing(fault):
+    (found,) = found_in(Injection({'position': {fault: 0.05}}))
+    assert found.kind.startswith('stamps')
+    assert found.gain == 0.0
+
+
 def test_the_proof_is_a_replay_with_the_change():
     evidence = recorded(SCENARIO, FAULTS['noise too small'], 12.0, 5)
     first = diagnose(evidence).findings[0]

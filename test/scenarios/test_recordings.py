@@ -16,12 +16,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64, String
 
+from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import replay
 from kalman_ros.codecs.messages import leading_stamp
 from kalman_ros.harness import Run, executables
 from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.programs import demo
+from kalman_ros.programs.doctor.loading import load
 from kalman_ros.programs.replay import program
 
 CONFIGS = sorted(path.stem for path in (Path(__file__).parents[2] / 'config').glob('*.yaml'))
@@ -66,6 +68,20 @@ def test_a_replay_of_lockstep_has_the_bytes_of_the_run(tmp_path, name):
     with Run(name, recording=tmp_path / 'live') as run:
         run.advance(2.0)
     assert_the_same(tmp_path, run, name)
+
+
+def test_the_time_of_a_recording_of_lockstep_is_simulated(tmp_path):
+    late = {'plant': {'imu.delay': 0.1}}
+    with Run('diff_drive', only=late, recording=tmp_path / 'live') as run:
+        run.advance(4.0)
+    assert replay(tmp_path / 'live', 'diff_drive').duration == pytest.approx(4.0)
+    part = replay(tmp_path / 'live', 'diff_drive', start=1.0, end=3.0)
+    assert part.duration == pytest.approx(2.0)
+    assert part.beliefs.time[[0, -1]] == pytest.approx([1.0, 3.0])
+    evidence = load(tmp_path / 'live', 'diff_drive')
+    assert evidence.duration == pytest.approx(4.0)
+    (found,) = diagnose(evidence).findings
+    assert (found.kind, found.subject) == ('delay', 'imu')
 
 
 @pytest.mark.parametrize('filter', FILTERS)

@@ -10,7 +10,7 @@ would hide it, and what only follows from a fault is gone once the fault is corr
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,7 +40,7 @@ from .examination import CHANCE, Examination
 from .finding import Finding
 from .passage import explained
 
-Detector = Callable[[Examination], list[Finding]]
+Detector = Callable[[Examination], Iterable[Finding]]
 
 #: What shows without a filter.
 PLAIN: Sequence[Detector] = (
@@ -96,8 +96,7 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda what: 
     """
     before = misfit(evidence)
     progress('stamps, rates and values')
-    found, mended = _plain(evidence)
-    case = Examination(mended, strict=False)
+    found, case = _plain(evidence)
     if not case.passage.events:
         return Diagnosis(_ranked(found), (), before, before)
     notes = tuple(unobserved_states.find(case))
@@ -114,19 +113,24 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda what: 
     return Diagnosis(proven, notes, before, case.passage.misfit)
 
 
-def _plain(evidence: Evidence) -> tuple[list[Finding], Evidence]:
+def _plain(evidence: Evidence) -> tuple[list[Finding], Examination]:
     """Return what shows without a filter, with what its correction gains, and all corrected."""
     found: list[Finding] = []
     case = Examination(evidence, strict=False)
     for detector in PLAIN:
-        while new := [f for f in detector(case) if not any(same(f, old) for old in found)]:
-            finding = new[0]
+        while finding := next((f for f in detector(case) if _is_new(f, found)), None):
             if finding.mended is not None:
-                after = Examination(finding.mended(), strict=False)
-                gain = max(0.0, explained(case.passage, after.passage))
-                finding, case = replace(finding, gain=gain), after
+                after = Examination(finding.mended(), strict=False, known=finding.passage)
+                if finding.passage is None:  # else it is the same pass
+                    gain = max(0.0, explained(case.passage, after.passage))
+                    finding = replace(finding, gain=gain)
+                case = after
             found.append(finding)
-    return found, case.evidence
+    return found, case
+
+
+def _is_new(finding: Finding, known: Sequence[Finding]) -> bool:
+    return not any(same(finding, other) for other in known)
 
 
 def same(one: Finding, other: Finding) -> bool:
@@ -145,9 +149,9 @@ def _best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examina
     close = _CLOSER if sure else _CLOSE
     # what passes have shown first: where a filter is lost, regressions promise anything
     shown = gross.find(case)
-    others = [f for f in promised if not any(same(f, other) for other in (*known, *shown))]
+    others = [f for f in promised if _is_new(f, (*known, *shown))]
     for finding in [*shown, *_few_of_a_kind(others)][:_TRIED]:
-        if finding.gain <= least or any(same(finding, other) for other in known):
+        if finding.gain <= least or not _is_new(finding, known):
             continue
         best = max((_promise(other) for other, _ in tried), default=0.0)
         if finding not in shown and _promise(finding) < close * best:

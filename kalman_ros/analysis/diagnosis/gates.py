@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import binom
+from scipy.special import bdtrc
 
 from kalman_ros.estimators.outcome import Outcome
 
@@ -25,7 +25,7 @@ def find(case: Examination) -> list[Finding]:
         rejected = np.isin(record.outcome, _REJECTED)
         count = int(rejected.sum())
         expected = (1.0 - gate) * len(record)
-        if count <= 3.0 * expected + 3.0 or binom.sf(count, len(record), 1.0 - gate) > 1e-7:
+        if count <= 3.0 * expected + 3.0 or bdtrc(count, len(record), 1.0 - gate) > 1e-7:
             continue
         squares = {
             case.passage.events[i].index: float(

@@ -7,7 +7,6 @@ from itertools import permutations
 from math import degrees
 
 import numpy as np
-from scipy.optimize import minimize
 
 from kalman_ros.core import Array, Space, rotations
 
@@ -128,6 +127,8 @@ def best_rotation(case: Examination, name: str, size: int) -> Array:
         case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
     )
     start = nearest_rotation(np.eye(size) - fit.size.reshape(size, size))
+
+    from scipy.optimize import minimize  # slow import
 
     def loss(turn: Array) -> float:
         return -_gain(case, name, rotations.exp(turn) @ start)

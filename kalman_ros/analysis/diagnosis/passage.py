@@ -9,7 +9,7 @@ computed from (`responses`).
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite, log, pi
 from typing import Any
@@ -91,6 +91,18 @@ class Passage:
             found[event.sensor].append(index)
         return found
 
+    def selected(self, sensor: str, rows: Any) -> Passage:
+        """Return the same pass over a record of which only these ``rows`` are left, in this order.
+
+        They have to contain all events of the sensor.
+        """
+        index = {row: i for i, row in enumerate(rows.tolist())}
+        events = [
+            replace(event, index=index[event.index]) if event.sensor == sensor else event
+            for event in self.events
+        ]
+        return Passage(events, self.whitened)
+
     def of(self, sensor: str) -> Array:
         """Return the indices of a sensor's events."""
         return np.array(self._indices.get(sensor, []), dtype=int)
@@ -141,7 +153,7 @@ def passage(
         events.append(
             Event(name, index, time, F, Q, dt, x, P, walk.u, H, K, S, innovation, white, size)
         )
-        whitened.append(np.clip(white.dot(innovation), -_FAR, _FAR))
+        whitened.append(np.minimum(np.maximum(white.dot(innovation), -_FAR), _FAR))
     return Passage(events, whitened)
 
 
@@ -268,14 +280,15 @@ def transition(model: Model, x: Array, u: Array, dt: float) -> tuple[Array, Arra
     if is_linear(model):
         step = model.transition(x, u, dt)
         return step.F, step.Q
-    A, W = model.state_jacobian(x, u), model.noise_density(x)
-    A = dt * A
-    F = scaled(A, 0.5 * A) + A
+    A, W = dt * model.state_jacobian(x, u), dt * model.noise_density(x)
+    F = 0.5 * A.dot(A)
+    F += A
     F += identity(len(A))
-    second = scaled(A, (0.5 * dt) * W)
-    second = second + second.T
-    third = scaled(A, second / 3.0)
-    return F, dt * W + second + third + third.T
+    half = 0.5 * A.dot(W)
+    half += A.dot((half + half.T) / 3.0)
+    W += half
+    W += half.T
+    return F, W
 
 
 def explained(before: Passage, after: Passage) -> float:

@@ -109,17 +109,17 @@ def responses(found: Passage, columns: Columns) -> Responses:
     own = p - columns.state.shape[2]
     error = np.zeros((n, p))
     seen = dict.fromkeys(columns.readings, 0)
-    rows = []
-    for index, event in enumerate(found.events):
-        error = event.F @ error
-        error[:, own:] += columns.state[index]
-        response = event.H @ error
+    e = np.concatenate([np.zeros(0), *found.whitened])
+    Z, row = np.zeros((len(e), p)), 0
+    for event, pushed in zip(found.events, columns.state):
+        error = event.F.dot(error)
+        error[:, own:] += pushed
+        response = event.H.dot(error)
         first, readings = columns.readings[event.sensor]
         at = seen[event.sensor]
         seen[event.sensor] = at + 1
         response[:, first : first + readings.shape[2]] += readings[at]
-        error -= event.K @ response
-        rows.append(event.white @ response)
-    Z = np.concatenate(rows) if rows else np.zeros((0, p))
-    e = np.concatenate(found.whitened) if rows else np.zeros(0)
+        error -= event.K.dot(response)
+        event.white.dot(response, out=Z[row : row + len(response)])
+        row += len(response)
     return Responses(columns.labels, Z.T @ e, Z.T @ Z)

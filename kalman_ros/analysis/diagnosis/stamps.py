@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from kalman_ros.core import Array
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
-from .passage import explained, passage
+from .passage import explained, passage, usable
 
 #: A stamp may be ahead of the recorder by this (s), and behind by that, before its clock is
 #: suspected.
@@ -24,14 +25,14 @@ _AHEAD, _BEHIND = 0.005, 0.02
 _DRIFTED = 0.005
 
 
-def find(case: Examination) -> list[Finding]:
-    """Return what is wrong with the stamps of each sensor."""
-    found = []
+def find(case: Examination) -> Iterator[Finding]:
+    """Yield what is wrong with the stamps of each sensor."""
     for name, record in case.evidence.sensors.items():
         if len(record) > 2:
-            found += [*_zero(case.evidence, name, record), *_repeated(case.evidence, name, record)]
-            found += [*_backward(case.evidence, name, record), *_clock(case, name, record)]
-    return found
+            yield from _zero(case.evidence, name, record)
+            yield from _repeated(case, name, record)
+            yield from _backward(case, name, record)
+            yield from _clock(case, name, record)
 
 
 def latency(record: SensorRecord) -> Array:
@@ -76,9 +77,9 @@ def _zero(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Findi
         )  # fmt: skip
 
 
-def _repeated(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
-    real = record.stamped
-    _, first = np.unique(record.stamp[real], return_index=True)
+def _repeated(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
+    real: Any = record.stamped & usable(record)
+    _, first = np.unique(np.round(record.stamp[real], 9), return_index=True)
     count = int(real.sum()) - len(first)
     if count:
         kept = np.sort(np.concatenate((np.flatnonzero(real)[first], np.flatnonzero(~real))))
@@ -87,12 +88,11 @@ def _repeated(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[F
             f'{count} of {len(record)} readings of {name} have the stamp of another one '
             f'({100.0 * count / len(record):.2g} %): they are dropped as duplicates. Look for two '
             'publishers of this topic, or a relay that repeats.',
-            inf, figure=picture(name, record, 'latency'),
-            mended=lambda: evidence.with_sensor(name, record.select(kept)),
+            inf, figure=picture(name, record, 'latency'), **_selected(case, name, record, kept)
         )  # fmt: skip
 
 
-def _backward(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+def _backward(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
     real = record.stamp[record.stamped]
     back = np.diff(real)
     count, usual = int((back < 0.0).sum()), np.median(np.abs(back)) if len(back) else 0.0
@@ -104,9 +104,16 @@ def _backward(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[F
             f'{count} of {len(record)} readings of {name} are stamped before the one received '
             f'before them, by up to {-back.min():.3g} s: they are out of order. The estimator '
             'takes them in their place while they are within its window.',
-            inf, figure=picture(name, record, 'latency'),
-            mended=lambda: evidence.with_sensor(name, record.select(order)),
+            inf, figure=picture(name, record, 'latency'), **_selected(case, name, record, order)
         )  # fmt: skip
+
+
+def _selected(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:
+    """Return how a record is mended by rows of its own, which change nothing for a filter."""
+    return {
+        'mended': lambda: case.evidence.with_sensor(name, record.select(rows)),
+        'passage': case.passage.selected(name, rows),
+    }
 
 
 def _clock(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
@@ -142,8 +149,13 @@ def _clock(case: Examination, name: str, record: SensorRecord) -> Iterator[Findi
 
 
 def _suits(case: Examination, mended: Evidence) -> bool:
-    """Return whether the readings fit the others better with these stamps."""
-    return explained(case.passage, passage(mended)) > CHANCE
+    """Return whether the readings fit the others better with these stamps.
+
+    Where innovations are larger than expected, for whatever cause, chance is larger as much.
+    """
+    squares = sum(float(e.dot(e)) for e in case.passage.whitened)
+    dispersion = squares / sum(len(e) for e in case.passage.whitened)
+    return explained(case.passage, passage(mended)) > CHANCE * max(1.0, dispersion)
 
 
 def _others(evidence: Evidence, name: str) -> str:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -41,8 +40,6 @@ def replayed(bag: Bag, parameters: Mapping[str, Any], seconds: float = inf) -> E
     """Return the evidence of a bag, or of its first seconds, with the estimator's parameters."""
     found = replay_bag(bag, estimator_settings(parameters), end=seconds)
     sensors: dict[str, SensorRecord] = dict(found.sensors)
-    if found.lockstep:  # nothing takes time
-        sensors = {name: replace(each, received=each.stamp) for name, each in sensors.items()}
     return Evidence(
         parameters, found.scenario, sensors, found.inputs, found.beliefs,
         lambda changes, seconds=inf: replayed(bag, changed(parameters, changes), seconds),

@@ -7,9 +7,11 @@ Without a parameter file: describe the recording, and propose one.
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
@@ -20,7 +22,6 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 
-from . import score
 from .loading import load
 from .proposal import describe, propose
 from .proposal_tables import matches_table, topics_table
@@ -59,6 +60,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Diagnose a bag; exit 1 if anything was found."""
     given = list(sys.argv[1:] if argv is None else argv)
     if '--score' in given:
+        from . import score  # what simulates recordings is slow to import
+
         given.remove('--score')
         score.main(given)
         return
@@ -68,13 +71,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         folder = ready(options.out or Path('out') / options.bag.stem / 'doctor')
         if options.params_file is None:
             sys.exit(describe_and_propose(options.bag, folder, console))
-        evidence = load(options.bag, options.params_file)
+        with _without_collector(), _doing(console) as progress:
+            progress('replaying the recording')
+            evidence = load(options.bag, options.params_file)
+            found = diagnose(evidence, progress)
     except (ValueError, OSError) as error:
         refuse('doctor', error)
-    columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task('')
-        found = diagnose(evidence, lambda what: bar.update(task, description=what))
     show(found, folder, console)
     sys.exit(1 if found.findings else 0)
 
@@ -82,11 +84,10 @@ def main(argv: Sequence[str] | None = None) -> None:
 def describe_and_propose(path: Path, folder: Path, console: Console) -> int:
     """Print what a recording has, write a parameter file for it, and return the exit code."""
     bag = Bag(path)
-    columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task('reading the recording')
+    with _doing(console) as progress:
+        progress('reading the recording')
         topics = describe(bag)
-        bar.update(task, description='comparing it with the shipped scenarios')
+        progress('comparing it with the shipped scenarios')
         proposals = propose(bag)
     console.print('What it has:', style='bold')
     console.print(topics_table(topics))
@@ -103,6 +104,25 @@ def describe_and_propose(path: Path, folder: Path, console: Console) -> int:
     console.print('Check its model_parameters, then:', markup=False)
     console.print(f'    ./dev doctor {path} --params-file {file}', markup=False, soft_wrap=True)
     return 0
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Look for no cycles meanwhile: passes make many objects and no cycles."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+@contextmanager
+def _doing(console: Console) -> Iterator[Callable[[str], None]]:
+    """Show what is being done, and for how long."""
+    columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task('')
+        yield lambda what: bar.update(task, description=what)
 
 
 def show(found: Diagnosis, folder: Path, console: Console) -> None:

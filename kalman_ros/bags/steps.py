@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The messages of a recording of lockstep, whose time is that of its ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from math import inf
+
+from kalman_ros.codecs.messages import UndecodableError, leading_stamp
+
+from .blocks import Message, as_published
+
+
+class Steps:
+    """The messages of the steps between two times, in the order of cause and effect.
+
+    Those of a step are all from the tick before it to its own. A run takes another time than it
+    simulates, so the clock of the recorder says nothing about steps.
+
+    Parameters
+    ----------
+    messages
+        In the order in which they were received.
+    tick
+        The topic of the ticks.
+    start, end
+        In simulated seconds from the first tick.
+    """
+
+    def __init__(
+        self, messages: Iterable[Message], tick: str, start: float = 0.0, end: float = inf
+    ) -> None:
+        self._messages, self._tick, self._limits = messages, tick, (start * 1e9, end * 1e9)
+        #: The stamp of the first tick, in nanoseconds; None before it.
+        self.origin: int | None = None
+
+    def __iter__(self) -> Iterator[Message]:
+        """Yield the messages."""
+        start, end = self._limits
+        waiting: list[Message] = []
+        for message in as_published(self._messages):
+            waiting.append(message)
+            elapsed = self._elapsed(message)
+            if elapsed is None:
+                continue
+            if elapsed > end:
+                return
+            if elapsed >= start:
+                yield from waiting
+            waiting.clear()
+        yield from waiting
+
+    def _elapsed(self, message: Message) -> int | None:
+        """Return the simulated time of a tick in nanoseconds; None of another message."""
+        if message.topic != self._tick:
+            return None
+        try:
+            time = leading_stamp(message.data)
+        except UndecodableError:
+            return None
+        if self.origin is None:
+            self.origin = time
+        return time - self.origin
