@@ -75,7 +75,7 @@ class Feed:
             name: SensorReader(name, each, self.origin, own, note, mounts)
             for name, each in scenario.sensors.items()
         }
-        input = InputReader(scenario.input)
+        input = InputReader(scenario.input, own, note)
         timeout = settings.input_timeout()
         self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None, timeout)
         self._intake = Intake(lambda _: None)

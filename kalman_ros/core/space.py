@@ -103,6 +103,11 @@ class Space:
             found.append(self.names.index(name))
         return found
 
+    @property
+    def turns(self) -> tuple[slice, ...]:
+        """The positions of its angles, one coordinate each, and of its rotations, three each."""
+        return (*(slice(index, index + 1) for index in self._wrapped), *self._turned)
+
     def rotation(self, names: Iterable[str], argument: str = 'measures') -> slice:
         """Return the position of the rotation with these names.
 

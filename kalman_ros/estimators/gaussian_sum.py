@@ -31,8 +31,9 @@ _MOST = 3
 class GaussianSumFilter:
     """Extended Kalman filters in parallel, weighted by the likelihood of the readings.
 
-    It is one of them until a sensor finds it too wide for its reading, and divides it, or a
-    rotation is too uncertain for one; each part is divided again where it has become too wide.
+    It is one of them until a sensor finds it too wide for its reading, and divides it, or an angle
+    or a rotation is too uncertain for one; each part is divided again where it has become too
+    wide.
 
     Parameters
     ----------
@@ -89,8 +90,8 @@ class GaussianSumFilter:
     def _within_reach(
         self, parts: Sequence[Gaussian], weights: Array
     ) -> tuple[Sequence[Gaussian], Array]:
-        """Return the parts, with those divided of which a rotation is too wide for one."""
-        if not self._space.rotations:
+        """Return the parts, with those divided of which a turn is too wide for one."""
+        if not self._space.turns:
             return parts, weights
         shares = [turned_parts(part, self._space, self.hypotheses) for part in parts]
         if all(len(own) == 1 for own, _ in shares):

@@ -12,8 +12,8 @@ from kalman_ros.core import Array, Gaussian, Space, symmetric
 
 #: Two parts that tell the mixture from one Gaussian by less than this, in nats, are merged.
 _ALIKE = 1e-3
-#: A rotation is divided if its standard deviation is larger, in rad, out to N of them; the parts
-#: have this share of their distance as theirs.
+#: An angle or a rotation is divided if its standard deviation is larger, in rad, out to N of them;
+#: the parts have this share of their distance as theirs.
 _WIDEST, _REACH, _OVERLAP = 0.6, 3.0, 0.6
 
 
@@ -94,15 +94,15 @@ def reduced(weights: Array, parts: Sequence[Gaussian], space: Space, most: int) 
 
 
 def turned_parts(belief: Gaussian, space: Space, count: int) -> tuple[Array, list[Gaussian]]:
-    """Return weights (k,) and parts of a belief, ``count`` if a rotation is too wide for one.
+    """Return weights (k,) and parts of a belief, ``count`` if a turn is too wide for one.
 
-    The belief is divided along the axis of the widest rotation, at even angles, into Gaussians
-    narrow enough that a turn within them is linear; all else follows by regression.
+    The belief is divided along the widest angle, or the axis of the widest rotation, at even
+    angles, into Gaussians narrow enough that a turn within them is linear; all else follows by
+    regression.
     """
     x, P = belief
     widest, axis = 0.0, np.zeros(len(x))
-    for names in space.rotations:
-        place = space.rotation(names)
+    for place in space.turns:
         values, vectors = np.linalg.eigh(P[place, place])
         if values[-1] > widest:
             widest, axis = float(values[-1]), np.zeros(len(x))

@@ -18,6 +18,8 @@ def coordinates(x: Array) -> Array:
 
 def coordinates_last(x: Array) -> Array:
     """Return the vectors (..., n) with coordinates (n, ...)."""
+    if x.ndim == 1:
+        return x
     return np.asarray(x.transpose(*range(1, x.ndim), 0))
 
 

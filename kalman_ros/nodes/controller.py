@@ -14,7 +14,7 @@ from rclpy.duration import Duration
 from std_srvs.srv import SetBool
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
@@ -63,7 +63,7 @@ class ControllerNode(runtime.ScenarioNode):
         self._refused = 0
         self._rate, self._latency, self._age = Rate(), Latency(), Latency()
         self._feed = EstimateFeed(self, scenario, self._guard)
-        write = WireWriter(SignalCodec(scenario.input, options.frame))
+        write = WireWriter(codec_of(scenario.input, options.frame))
         publisher = self.create_publisher(write.message_type, scenario.input.topic, HISTORY)
         self._output = OutputStage(
             publisher, write, limiter, self._period, simulated=options.lockstep

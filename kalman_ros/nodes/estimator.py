@@ -59,7 +59,8 @@ class EstimatorNode(runtime.ScenarioNode):
             name: SensorChannel(self, name, source, scenario.state, origin, mounts)
             for name, source in scenario.sensors.items()
         }
-        input, warn = InputChannel(scenario.input), self.get_logger().warning
+        own, warn = (options.frame, options.child_frame), self.get_logger().warning
+        input = InputChannel(scenario.input, own, warn)
         self._fuser = Fuser(
             scenario, self._online, channels, input, warn, settings.input_timeout()
         )

@@ -47,6 +47,9 @@ class Health:
         topic = scenario.input.topic
         values[f'{topic}: used'] = fuser.inputs[Outcome.FUSED]
         values[f'{topic}: received'] = fuser.inputs.total()
+        other = Outcome.OTHER_FRAME
+        if fuser.inputs[other]:
+            values[f'{topic}: {other.value}'] = fuser.inputs[other]
         values['estimates published'] = published
         believed = scenario.believed
         values.update(fuser.observability.report(fuser.estimate()))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.codecs.signal_codec import SignalCodec
+from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
 
@@ -27,7 +27,7 @@ class PlantInput:
     """
 
     def __init__(self, signal: Signal, idle: Array, now: Callable[[], int]) -> None:
-        self._read = WireReader(SignalCodec(signal))
+        self._read = WireReader(codec_of(signal))
         self.message_type = self._read.message_type
         self._now = now
         self.idle = idle

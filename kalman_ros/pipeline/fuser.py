@@ -20,7 +20,7 @@ from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario import Scenario
 
 from .input_timeout import InputTimeout
-from .reading_reader import InputReader, Reading, SensorReader
+from .reading_reader import InputReader, OtherFrameError, Reading, SensorReader
 from .throttle import Throttle
 
 #: What a message is received on.
@@ -164,6 +164,10 @@ class Fuser:
         """Return the input in a message; None, with a warning, if there is none in it."""
         try:
             sample: Sample = self.input.read(data)
+        except OtherFrameError as error:
+            self.inputs[Outcome.OTHER_FRAME] += 1
+            self.warn(f'{self.scenario.input.topic} {Outcome.OTHER_FRAME.value}: {error}')
+            return None
         except (LookupError, ValueError) as error:
             self.warn(f'{self.scenario.input.topic}: {error}')
             return None

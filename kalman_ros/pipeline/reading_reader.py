@@ -14,7 +14,6 @@ from kalman_ros.codecs.covariances import AbsentError
 from kalman_ros.codecs.fixes import NoFixError
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import FRAME_START, leading_stamp
-from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
@@ -153,15 +152,49 @@ class ReadingReader:
         return Reading(time, np.empty(0), None, outcome)
 
 
+class OtherFrameError(ValueError):
+    """An input is in another frame than declared."""
+
+
 class InputReader:
-    """Reads the known input."""
+    """Reads the known input.
+
+    Parameters
+    ----------
+    signal
+        Of the input.
+    own, warn
+        As of a `ReadingReader`. Without a declared frame any is used, as each controller may
+        name its own.
+    """
 
     #: No sensor's.
     name: None = None
 
-    def __init__(self, signal: Signal) -> None:
-        self.read = WireReader(SignalCodec(signal))
-        self.message_type: Any = self.read.message_type
+    def __init__(
+        self, signal: Signal, own: Sequence[str] = (), warn: Callable[[str], object] = str
+    ) -> None:
+        self._read = WireReader(codec_of(signal))
+        self.message_type: Any = self._read.message_type
+        self._guard = FrameGuard(signal, self.message_type, own, lambda why: warn(f'input: {why}'))
+        self._declared = bool(signal.mounting.frame)
+
+    def read(self, data: bytes) -> Sample:
+        """Return the input in a message.
+
+        Raises
+        ------
+        OtherFrameError
+            If it is in another frame than declared.
+        UndecodableError, LookupError, ValueError
+            If the bytes are not those of such a message, or the input is not in it.
+        """
+        sample = self._read(data)
+        if not data.startswith(self._guard.accepted, FRAME_START):
+            other = self._guard(data)
+            if other and self._declared:
+                raise OtherFrameError(other)
+        return sample
 
 
 class SensorReader:

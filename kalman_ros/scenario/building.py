@@ -92,7 +92,7 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
         model=model,
         sensors=sources,
         state=state,
-        input=_signal('input', section(full, 'input'), m) if m else system.input,
+        input=_input(section(full, 'input'), m) if m else system.input,
         rate=rate,
         initial_state=vector('initial_state', full['initial_state'], n),
         initial_belief=Gaussian(
@@ -250,6 +250,16 @@ def placed(
             sensor.name, sensor.state = name, source.sensor.state
     signal = replace(signal, mounting=mount)
     return replace(source, timed=replace(source.timed, sensor=sensor), signal=signal)
+
+
+def _input(given: dict[str, Any], size: int) -> Signal:
+    """Return the signal of the input, whose axes may be turned against the body's."""
+    rotation, convention = given.pop('mount.rotation'), given.pop('convention')
+    try:
+        mount = mounting(rotation, convention, given.pop('frame'), (0.0, 0.0, 0.0))
+    except ValueError as error:
+        raise ValueError(f'input.{error}') from None
+    return replace(_signal('input', given, size), mounting=mount)
 
 
 def _signal(name: str, given: Mapping[str, Any], size: int) -> Signal:

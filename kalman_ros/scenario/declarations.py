@@ -50,6 +50,23 @@ _CORRECTED = 'corrections'
 _STILL = 'stand-still'
 
 
+#: The options of axes and frames, of a sensor or of the input.
+_AXES: Mapping[str, tuple[Value, About]] = {
+    'mount.rotation': (
+        [0.0, 0.0, 0.0],
+        About('roll, pitch, yaw on the body', 'rad', -2.0 * pi, 2.0 * pi, feature=_FRAMES),
+    ),
+    'convention': (
+        'enu',
+        About("axes of the messages: 'enu', or 'ned' and forward, right, down", feature=_FRAMES),
+    ),
+    'frame': (
+        '',
+        About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),
+    ),
+}
+
+
 def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
     signal = setup.signal
     own: dict[str, tuple[Value, About]] = {
@@ -79,10 +96,7 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
             [0.0, 0.0, 0.0],
             About('forward, left, up of the body', 'm', -_FARTHEST, _FARTHEST, feature=_FRAMES),
         ),
-        'mount.rotation': (
-            [0.0, 0.0, 0.0],
-            About('roll, pitch, yaw on the body', 'rad', -2.0 * pi, 2.0 * pi, feature=_FRAMES),
-        ),
+        'mount.rotation': _AXES['mount.rotation'],
         'mount.gravity': (
             0.0,
             About(
@@ -97,20 +111,12 @@ def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
             False,
             About('both by the transform of frame on /tf_static', feature=_FRAMES),
         ),
-        'convention': (
-            'enu',
-            About(
-                "axes of the messages: 'enu', or 'ned' and forward, right, down", feature=_FRAMES
-            ),
-        ),
+        'convention': _AXES['convention'],
         'pose': (
             'absolute',
             About("'relative' to its first, or 'differential': a velocity", feature=_FRAMES),
         ),
-        'frame': (
-            '',
-            About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),
-        ),
+        'frame': _AXES['frame'],
         'stamp_offset': (
             0.0,
             About(
@@ -214,6 +220,8 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
     found.update(_signal_options('state', system.state, 'the estimate, truth and reference'))
     if built.input.size:
         found.update(_signal_options('input', system.input, 'the input'))
+        for key, (value, about) in _AXES.items():
+            found[f'input.{key}'] = Option(f'input.{key}', value, about)
         if with_law:
             from . import law
 

@@ -48,13 +48,12 @@ def is_linear(loop: Loop) -> bool:
 
 def _is_linear(scenario: Scenario) -> bool:
     model = scenario.model
-    curved = model.state.angles or model.state.rotations or np.concatenate(model.equilibrium).any()
+    curved = model.state.turns or np.concatenate(model.equilibrium).any()
     return isinstance(model, (LinearSystem, DiscreteLinearSystem)) and not curved
 
 
 def _is_proportional(sensor: Sensor, n: int) -> bool:
-    curved = sensor.output.angles or sensor.output.rotations
-    return sensor.linear and not curved and not sensor.measure(np.zeros(n)).any()
+    return sensor.linear and not sensor.output.turns and not sensor.measure(np.zeros(n)).any()
 
 
 class LinearStep(NamedTuple):

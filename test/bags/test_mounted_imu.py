@@ -11,6 +11,7 @@ from static_frames import message as transforms
 
 pytest.importorskip('rclpy')
 
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu
@@ -120,4 +121,66 @@ def test_an_undeclared_frame_is_taken_for_that_of_the_body_with_a_warning(tmp_pa
     )
     assert (
         replay(bag, DRIVE, {'child_frame': 'base_footprint', 'imu.frame': 'imu_link'}).notes == ()
+    )
+
+
+#: The axes of the body, forward, left, up, in those of NED: forward, right, down.
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def inputs(folder, turn, frame='base_link'):
+    """Write 5 s on a circle: positions, and the readings of an IMU that is turned."""
+    rng = np.random.default_rng(5)
+    with RecordingWriter(folder) as writer:
+        writer.add('/imu', 'sensor_msgs/msg/Imu')
+        writer.add('/position', 'geometry_msgs/msg/PoseWithCovarianceStamped')
+        for k in range(COUNT // 2):
+            time, imu = START + k * STEP, Imu()
+            imu.header.frame_id = frame
+            w, f = imu.angular_velocity, imu.linear_acceleration
+            noise = 0.01 * rng.normal(size=(2, 3))
+            w.x, w.y, w.z = (turn.T @ (np.array([0.0, 0.0, 0.4]) + noise[0])).tolist()
+            f.x, f.y, f.z = (turn.T @ (np.array([0.0, 0.8, 9.80665]) + noise[1])).tolist()
+            messages = [('/imu', imu)]
+            if k % 10 == 0:
+                place = PoseWithCovarianceStamped()
+                place.header.frame_id, angle = 'map', 0.008 * k
+                p = place.pose.pose.position
+                p.x, p.y = 5.0 * float(np.sin(angle)), 5.0 * float(1.0 - np.cos(angle))
+                messages.append(('/position', place))
+            for topic, message in messages:
+                write_stamp(message.header.stamp, time)
+                writer.write(topic, time, bytes(serialize_message(message)))
+    return folder
+
+
+INERTIAL = {
+    'model': 'inertial',
+    'sensors': ['position'],
+    'idle_input': 'equilibrium',
+    'initial_estimate': [*[0.0] * 6, 2.0, *[0.0] * 8],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('turn', 'values'),
+    [
+        (Rotation.from_euler('x', QUARTER).as_matrix(), {'mount.rotation': [QUARTER, 0.0, 0.0]}),
+        (DOWN, {'convention': 'ned'}),
+    ],
+    ids=['on its side', 'down'],
+)
+def test_an_imu_that_is_the_input_is_turned_too(tmp_path, turn, values):
+    straight = replay(inputs(tmp_path / 'a', np.eye(3)), INERTIAL)
+    assert np.abs(straight.beliefs.mean[-1, 3:5]).max() < 0.1
+    bag = inputs(tmp_path / 'b', turn, frame='imu_link')
+    given = {f'input.{name}': value for name, value in values.items()}
+    found = replay(bag, INERTIAL, {**given, 'input.frame': 'imu_link'})
+    np.testing.assert_allclose(found.beliefs.mean, straight.beliefs.mean, atol=1e-9)
+    assert found.notes == straight.notes == ()
+    other = replay(bag, INERTIAL, {**given, 'input.frame': 'base_imu'})
+    assert len(other.inputs.stamp) == 0
+    assert replay(bag, INERTIAL).notes == (
+        "input: frame 'imu_link' is taken for base_link; declare frame and mount to be sure",
     )

@@ -242,6 +242,23 @@ def test_a_rotation_that_is_too_wide_is_divided_into_the_same_belief():
     assert weights @ crossed == pytest.approx(P[2, 5], rel=0.03)
 
 
+def test_an_angle_that_is_too_wide_is_divided_like_a_rotation():
+    """A heading in the plane is the turn about one axis."""
+    space = Space('x yaw wz', angles=('yaw',))
+    P = np.diag([0.01, 0.9, 0.1]) ** 2
+    P[1, 2] = P[2, 1] = 0.05
+    turn = np.zeros((6, 6))
+    turn[np.ix_([0, 2, 5], [0, 2, 5])] = P
+    weights, parts = turned_parts(Gaussian(np.array([0.0, 3.0, 0.0]), P), space, 8)
+    expected, turned = turned_parts(Gaussian(np.zeros(6), turn), TURN, 8)
+    np.testing.assert_allclose(weights, expected)
+    for part, other in zip(parts, turned):
+        moved = space.subtract(part.mean, np.array([0.0, 3.0, 0.0]))
+        np.testing.assert_allclose(moved, other.mean[[0, 2, 5]], atol=1e-12)
+        assert abs(part.mean[1]) <= np.pi
+        assert part.covariance[1, 1] == pytest.approx(other.covariance[2, 2])
+
+
 def test_a_rotation_that_is_known_is_not_divided():
     belief = Gaussian(START, 0.25 * np.eye(6))
     weights, parts = turned_parts(belief, TURN, 8)

@@ -12,16 +12,17 @@ from kalman_ros.simulation import closed_loop
 RUNS = 6
 
 
-def runs(name, seconds, **options):
+def runs(name, seconds, given=None, **options):
     """Return the scenario, and the errors and covariances (RUNS, N, ...) of several runs."""
-    built = scenario.build({'model': name})
+    given = {'model': name, **(given or {})}
+    built = scenario.build(given)
     errors, covariances = [], []
     for seed in range(RUNS):
         # the truth starts where the first belief says that it may
         rng = np.random.default_rng(1000 + seed)
         mean, P = built.initial_belief.mean, built.initial_belief.covariance
         start = rng.multivariate_normal(mean, P).tolist()
-        real = scenario.build({'model': name, 'initial_state': start})
+        real = scenario.build({**given, 'initial_state': start})
         run = closed_loop.run(real, None, seconds, seed, believed=built, **options)
         errors.append(built.model.state.subtract(run.truth, run.estimate))
         covariances.append(run.covariance)
@@ -45,6 +46,25 @@ def test_dead_reckoning_knows_how_far_it_may_be_off():
     low, high = chi_square_bounds(1.0, 2.0 / (n * RUNS), 1e-3)
     assert low < found < high
     assert np.all(spread(covariances)[:, -1] > 1.1 * spread(covariances)[:, 100])
+
+
+@pytest.mark.slow
+def test_hypotheses_find_any_heading_in_the_plane():
+    """One Gaussian is about a heading that it cannot be linear in."""
+    std = [10.0, 10.0, 3.0, 0.1, 0.1, 0.5, 1.0, 1.0]
+    given = {
+        'rate': 20.0, 'imu.rate': 20.0, 'odometry.rate': 20.0, 'initial_std': std,
+        'initial_estimate': [0.0, 0.0, 0.3, 2.0, 0.0, 0.0, 0.0, 0.0],
+    }  # fmt: skip
+    found = {}
+    for kind in ('gaussian_sum', 'ekf'):
+        built, errors, covariances = runs('robot_2d', 8.0, {'filter': kind, **given})
+        n = built.model.state.size
+        found[kind] = nees(errors[:, 79::20], covariances[:, 79::20]).mean() / n
+    # successive errors are alike: the band is of that many runs
+    low, high = chi_square_bounds(1.0, 2.0 / (n * RUNS), 1e-3)
+    assert low < found['gaussian_sum'] < high
+    assert found['ekf'] > 5.0
 
 
 @pytest.mark.slow

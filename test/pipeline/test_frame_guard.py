@@ -10,9 +10,13 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64MultiArray
 
+from kalman_ros.bags.replay import estimator_settings
 from kalman_ros.core import Signal
 from kalman_ros.core.mount import Mounting, mounting
+from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.frame_guard import FrameGuard
+from kalman_ros.pipeline.fuser import Fuser
+from kalman_ros.pipeline.reading_reader import InputReader
 
 RATE, PLACE, TWIST = 'angular_velocity.z', 'pose.pose.position.x', 'twist.twist.linear.x'
 OWN = ('map', 'base_link')
@@ -93,3 +97,28 @@ def test_a_message_without_a_header_has_no_frame():
     check, said = guard(Float64MultiArray, 'data[0]', frame='imu_link')
     assert not check(bytes(serialize_message(Float64MultiArray())))
     assert not said
+
+
+def test_an_input_of_another_frame_than_declared_is_counted_and_named():
+    said = []
+    found = estimator_settings('inertial', {'input.frame': 'imu_link'})
+    reader = InputReader(found.scenario.input, OWN, said.append)
+    fuser = Fuser(found.scenario, found.estimator(), {}, reader, said.append)
+    assert fuser.read_input(message(Imu, 'imu_link')) is not None
+    assert fuser.read_input(message(Imu, 'camera')) is None
+    assert fuser.inputs == {Outcome.OTHER_FRAME: 1}
+    assert said == [
+        "imu dropped: in another frame than declared: expected frame 'imu_link', got 'camera'"
+    ]
+
+
+def test_an_input_of_no_declared_frame_is_used_whatever_its_frame():
+    """Controllers name frames of their own; a first one that is unclear is named."""
+    said = []
+    found = estimator_settings('inertial')
+    reader = InputReader(found.scenario.input, OWN, said.append)
+    for frame in ('imu_link', 'base_link', ''):
+        assert reader.read(message(Imu, frame)).values.size == 6
+    assert said == [
+        "input: frame 'imu_link' is taken for base_link; declare frame and mount to be sure"
+    ]

@@ -109,14 +109,20 @@ def test_in_space_a_whole_orientation_is_a_rotation_and_a_part_of_it_angles(tmp_
 
 
 def test_a_distance_becomes_the_probability_of_a_gate(tmp_path):
-    values, _ = one(
+    values, rows = one(
         tmp_path, 'two_d_mode: true', 'imu0: imu', f'imu0_config: {config("wz")}', 'odom0: odom',
         f'odom0_config: {config("x", "y", "vx")}', 'imu0_twist_rejection_threshold: 2.0',
         'odom0_pose_rejection_threshold: 3', 'odom0_twist_rejection_threshold: 0.1',
+        'imu0_pose_rejection_threshold: 0.8',
     )  # fmt: skip
     assert values['imu0_rate.gate'] == pytest.approx(math.erf(2.0 / math.sqrt(2.0)))
     assert values['odom0_position.gate'] == pytest.approx(1.0 - math.exp(-4.5))
     assert values['odom0_velocity.gate'] == 0.5
+    assert rows['imu0_twist_rejection_threshold'].what == ('imu0_rate.gate: 0.954')
+    assert rows['odom0_twist_rejection_threshold'].what == (
+        'odom0_velocity.gate: 0.5, the lowest; it rejects 50% of good readings'
+    )
+    assert rows['imu0_pose_rejection_threshold'].what.startswith('not needed: no such part')
 
 
 def test_noise_and_the_first_belief_go_by_their_15_states(tmp_path):
@@ -144,6 +150,27 @@ def test_noise_and_the_first_belief_go_by_their_15_states(tmp_path):
             turn = Rotation.from_euler('xyz', [0.4, 0.5, 0.6]).as_rotvec()
             np.testing.assert_allclose(values['initial_estimate'][3:6], turn)
         settings(values)
+
+
+def test_a_heading_that_only_positions_show_is_unknown(tmp_path):
+    wheels = 'two_d_mode: true', 'odom0: odom', f'odom0_config: {config("vx", "wz")}'
+    place = 'pose0: uwb', f'pose0_config: {config("x", "y")}'
+    compass = 'imu0: imu', f'imu0_config: {config("yaw")}'
+    values, _ = one(tmp_path, *wheels, *place)
+    assert values['filter'] == 'gaussian_sum'
+    assert values['initial_std'][2] == math.pi
+    settings(values).estimator()
+    believed = f'initial_estimate_covariance: {[1e-9] * 15}'
+    for others in (
+        (),
+        compass,
+        (*compass, *place),
+        (*place, 'pose0_relative: true'),
+        (*place, believed),
+    ):
+        values, _ = one(tmp_path, *wheels, *others)
+        assert 'filter' not in values
+        assert values['initial_std'][2] <= 1.0
 
 
 def test_what_is_not_carried_over_is_named_with_its_reason_and_line(tmp_path, capsys):
@@ -208,6 +235,10 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
     assert everywhere.values['tf_odometry'] == 'ekf_local/estimate/odometry'
     assert (local.values['frame'], everywhere.values['frame']) == ('odom', 'map')
     assert 'tf_odometry' not in local.values
+    file.write_text(file.read_text().partition('navsat_transform')[0])
+    _, alone = translated(their_nodes(file))
+    assert alone.values['odom1_position.topic'] == 'odometry/gps'
+    assert any('it takes navsat_transform' in row.what for row in alone.rows)
     (row,) = (row for row in navigation.rows if row.name == 'yaw_offset')
     assert not row.carried and '[0.0, 0.0, -1.5]' in row.what
 

@@ -34,7 +34,7 @@ def find(case: Examination) -> list[Finding]:
 
 def is_vector(space: Space) -> bool:
     """Return whether readings are a vector in two or three axes, which can be turned."""
-    turned = space.angles or space.rotations  # their numbers are no components
+    turned = space.turns  # their numbers are no components
     return len(set(space.units)) == 1 and space.size in (2, 3) and not turned
 
 

@@ -59,7 +59,7 @@ class GainSchedule:
         #: Whether the filter, its model and its space are linear.
         self.applies = False
         if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
-            self.applies = not model.state.rotations
+            self.applies = True
             self._model: SampledLinear = model
         self._known: dict[tuple[bytes, float], ScheduledPrediction | ScheduledCorrection] = {}
         self._sensors: dict[int, Sensor] = {}

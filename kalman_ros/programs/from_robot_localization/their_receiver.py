@@ -23,8 +23,8 @@ def receiver(
     axes = [axis for axis in position['measures'] if axis != 'z' or not _flat_ground(navigation)]
     fields = [{'x': 'east', 'y': 'north', 'z': 'up'}[axis] for axis in axes]
     number = len(axes)
-    node.note(name, f'sensor {name}_fix: the fixes themselves, without navsat_transform')
-    node.rows[:] = [row for row in node.rows if row.name != name or 'fixes' in row.what]
+    node.note(name, f'sensor {name}_fix: the fixes on gps/fix, without navsat_transform')
+    node.rows[:] = [row for row in node.rows if row.name != name or '_fix:' in row.what]
     datum = navigation.values.get('datum')
     if datum is not None:
         # in ROS 1 the names of two frames follow

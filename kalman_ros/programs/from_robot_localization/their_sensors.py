@@ -24,8 +24,9 @@ _PLANAR = {'x', 'y', 'yaw', 'vx', 'vy', 'wz', 'ax', 'ay'}
 _ANGLES = ('roll', 'pitch', 'yaw')
 #: Where a message has no covariance: m, rad, m/s, rad/s, m/s^2.
 _NOISE = (0.5,) * 3 + (0.05,) * 3 + (0.1,) * 3 + (0.05,) * 3 + (0.5,) * 3
-#: The lowest probability of a gate.
-_LEAST = 0.5
+#: The lowest probability of a gate, and one below which a gate rejects more than is usual.
+_LEAST, _USUAL = 0.5, 0.95
+_REJECTION = 'rejection_threshold'
 GRAVITY = 9.80665
 
 
@@ -101,7 +102,7 @@ def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensor
             **_reading(part, chosen, planar=planar, pose=pose),
             'topic': topic,
             'type': TYPES[kind],
-            **_gate(node, name, part, len(chosen)),
+            **_gate(node, name, part, len(chosen), ours),
         }
         if part.name == 'acceleration' and not planar:
             removes = node.value(f'{name}_remove_gravitational_acceleration', False)
@@ -137,9 +138,9 @@ def _reading(part: Part, chosen: Sequence[str], *, planar: bool, pose: str) -> d
     return found
 
 
-def _gate(node: TheirNode, name: str, part: Part, size: int) -> dict[str, float]:
+def _gate(node: TheirNode, name: str, part: Part, size: int, ours: str) -> dict[str, float]:
     """Return the gate: a Mahalanobis distance as a probability, for that many numbers."""
-    for key in (f'{name}_{part.threshold}', f'{name}_rejection_threshold'):
+    for key in (f'{name}_{part.threshold}', f'{name}_{_REJECTION}'):
         if key in node.values:
             distance = node.value(key, 0.0)
             if not distance > 0.0:
@@ -147,9 +148,12 @@ def _gate(node: TheirNode, name: str, part: Part, size: int) -> dict[str, float]
                 raise ValueError(
                     f'line {node.values[key].line}: {key}: {expected}, got {distance:g}'
                 )
-            probability = max(_LEAST, float(chi2.cdf(distance * distance, size)))
-            node.note(key, f'gate: a distance of {distance:g} is a probability, by its numbers')
-            return {'gate': min(probability, 1.0)}
+            probability = float(chi2.cdf(distance * distance, size))
+            gate = min(max(_LEAST, probability), 1.0)
+            low = ', the lowest' if probability < _LEAST else ''
+            lost = f'; it rejects {1.0 - gate:.0%} of good readings' if gate < _USUAL else ''
+            node.note(key, f'{ours}.gate: {gate:.3g}{low}{lost}')
+            return {'gate': gate}
     return {}
 
 
@@ -168,11 +172,20 @@ def _account(
     key = f'{name}_remove_gravitational_acceleration'
     gravity = any(each.endswith('_acceleration') for each in ours) and not planar
     node.note(key, 'mount.gravity: by the attitude of the state' if gravity else 'nothing to do')
+    poses = [each for each in ours if each.endswith(('_position', '_orientation'))]
     for word in ('differential', 'relative'):
-        used = [each for each in ours if each.endswith(('_position', '_orientation'))]
-        on = used and _pose(node, name) == word
-        what = f'pose: {word}, of {", ".join(used)}' if on else 'false, or no pose is used'
+        if not node.value(f'{name}_{word}', False):
+            what = 'false'
+        elif _pose(node, name) != word:
+            what = f'not needed: {_pose(node, name)} counts'
+        else:
+            what = (
+                f'pose: {word}, of {", ".join(poses)}' if poses else 'not needed: no pose is used'
+            )
         node.note(f'{name}_{word}', what)
+    for key in node.unaccounted:
+        if key.startswith(f'{name}_') and key.endswith(_REJECTION):
+            node.note(key, 'not needed: no such part of its messages is used')
     for word, why in _NOT_NEEDED.items():
         node.note(f'{name}_{word}', why)
 

@@ -55,11 +55,15 @@ _PROCESS: Mapping[bool, Mapping[str, Any]] = {
 #: Parameters of their ukf_node alone.
 _UNSCENTED = {'alpha', 'beta', 'kappa'}
 _PLANAR = [0, 1, 5, 6, 7, 11, 12, 13]
-_STATES = 15
+_STATES, _YAW = 15, 5
 #: What it takes without the parameter: robot_localization's own file of defaults.
 _FREQUENCY, _RATE = 30.0, 100.0
 _CONTROL_TIMEOUT = 0.2
 _GPS = 'odometry/gps'
+_NO_NAVIGATION = (
+    'it takes navsat_transform, whose parameters are not in this file: append them, and the fixes '
+    'are read without it'
+)
 #: Standard deviations of a first belief; robot_localization's is the root of 1e-9, and overwritten
 #: by the first measurement.
 _KNOWN, _UNKNOWN = 1e-9**0.5, 1.0
@@ -146,8 +150,11 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
         kind = SENSOR.fullmatch(name)
         assert kind is not None
         made = sensors_of(node, name, kind[1], planar=planar)
-        if navigation is not None and node.value(name, '').endswith(_GPS):
-            made = receiver(node, name, made, navigation, found)
+        if node.value(name, '').endswith(_GPS):
+            if navigation is None:
+                node.note(name, _NO_NAVIGATION)
+            else:
+                made = receiver(node, name, made, navigation, found)
         sensors.update(made)
     if not sensors:
         raise ValueError(f'{node.name}: expected a flag that is true, got none')
@@ -189,7 +196,8 @@ def _frames(node: TheirNode, found: dict[str, Any]) -> None:
 def _noise(node: TheirNode, found: dict[str, Any], sensors: Sensors, *, planar: bool) -> None:
     """Take process noise, and the initial belief.
 
-    Without one, a pose that nothing measures starts at the origin, and all else is unknown.
+    Without one, a pose that nothing measures starts at the origin, and all else is unknown. So is
+    a heading, if positions of a map show it and nothing else does.
     """
     density = _diagonal(node, 'process_noise_covariance', 'model_parameters')
     if density is not None:
@@ -203,6 +211,9 @@ def _noise(node: TheirNode, found: dict[str, Any], sensors: Sensors, *, planar: 
         measured = 'position' in read or 'east' in read, 'orientation' in read
         known = [*(_UNKNOWN if each else _KNOWN for each in measured), _UNKNOWN]
         std = np.repeat(known, (3, 3, 9))
+        if _shows_heading(sensors):
+            std[_YAW] = np.pi
+            found.setdefault('filter', 'gaussian_sum')
     else:
         std = np.sqrt(variance)
     found['initial_std'] = std[chosen].tolist()
@@ -213,6 +224,14 @@ def _noise(node: TheirNode, found: dict[str, Any], sensors: Sensors, *, planar: 
             x[3:6] = so3.from_euler(x[3:6])
         found['initial_estimate'] = x[chosen].tolist()
         node.note('initial_state', 'initial_estimate')
+
+
+def _shows_heading(sensors: Sensors) -> bool:
+    """Return whether positions are read as they are, and no heading is."""
+    absolute = [each['fields'] for each in sensors.values() if 'pose' not in each]
+    read = ' '.join(field for fields in absolute for field in fields)
+    turned = 'orientation.yaw' in read or 'orientation.rz' in read
+    return ('position.x' in read or 'east' in read) and not turned
 
 
 def _diagonal(node: TheirNode, name: str, ours: str) -> Array | None:
