@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from tempfile import mkstemp
 
 from kalman_ros.core.geodesy import Place, place
 from kalman_ros.scenario.parameter_files import from_file
@@ -26,6 +27,8 @@ def read_datum(file: str) -> Place | None:
         If it cannot be read or contains something else.
     """
     path = Path(file)
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise ValueError(f"datum_file: '{file}': expected a file, not a directory or a pipe")
     try:
         values = from_file(path)
     except FileNotFoundError:
@@ -51,6 +54,12 @@ def write_datum(file: str, datum: Place) -> None:
         If that is impossible.
     """
     path = Path(file)
-    new = path.with_name(f'{path.name}.new')
-    new.write_text(_TEXT.format(*datum))
-    os.replace(new, path)
+    # a new file, since a name that can be guessed may be a link of somebody else's
+    descriptor, new = mkstemp(prefix=f'{path.name}.', dir=path.parent)
+    try:
+        with open(descriptor, 'w') as text:
+            text.write(_TEXT.format(*datum))
+        os.replace(new, path)
+    except OSError:
+        os.unlink(new)
+        raise

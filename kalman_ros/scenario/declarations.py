@@ -295,5 +295,8 @@ def model_of(system: System, parameters: Mapping[str, Any]) -> Model:
         raise ValueError(f'model_parameters.{error}') from None
     except ArithmeticError:
         raise ValueError('model_parameters: too large or too small to compute with') from None
+    except Exception as error:  # a user's class may raise anything
+        reason = f'{type(error).__name__}: {error}'.partition('\n')[0]
+        raise ValueError(f'model_parameters: the model cannot be built: {reason}') from error
     check_equilibrium(model)
     return model

@@ -12,23 +12,26 @@ from kalman_ros.core import Array, Model, OperatingPoint, Sensor, Space
 from kalman_ros.models import check_spaces
 
 #: The most common mistake in a user's model or sensor.
-_AT_ONCE = 'of two states at once (x[..., 0], not x[0])'
+_AT_ONCE = 'of several states at once (x[..., 0], not x[0])'
 
 
 def _check(what: str, call: Callable[[], Any], shape: tuple[int, ...]) -> None:
     """Raise ValueError if a user's method fails, or does not return finite numbers of a shape."""
     try:
         with np.errstate(all='ignore'):
-            values = np.asarray(call(), dtype=float)
+            found = np.asarray(call())
+            values = found.real.astype(float)
     except Exception as error:
         kind = type(error).__name__
         reason = str(error).partition('\n')[0]
         raise ValueError(f'{what} fails: {kind}: {reason}') from error
     if values.shape != shape:
         raise ValueError(f'{what}: expected the shape {shape}, got {values.shape}')
+    if np.iscomplexobj(found):
+        raise ValueError(f'{what}: expected real numbers at initial_estimate, got complex ones')
     if not np.isfinite(values).all():
-        found = np.array2string(values, threshold=6, separator=', ').replace('\n', '')
-        raise ValueError(f'{what}: expected finite numbers at initial_estimate, got {found}')
+        shown = np.array2string(values, threshold=6, separator=', ').replace('\n', '')
+        raise ValueError(f'{what}: expected finite numbers at initial_estimate, got {shown}')
 
 
 def check_equilibrium(model: Model) -> None:
@@ -46,12 +49,19 @@ def check_equilibrium(model: Model) -> None:
     _check("model: its equilibrium's input", lambda: point.input, (model.input.size,))
 
 
+def _several(v: Array, count: int) -> Array:
+    """Return the same vector several times, (count, n), read-only."""
+    return np.broadcast_to(v, (count, v.size))
+
+
 def check_model(model: Model, x: Array) -> None:
-    """Raise ValueError if a model returns a wrong shape for a state (n,)."""
+    """Raise ValueError if a model returns a wrong shape for a state (n,), or changes it."""
     n, u = x.size, model.equilibrium.input
-    two, both = np.stack((x, x)), np.stack((u, u))
-    _check('model: its derivative', lambda: model.derivative(x, u), (n,))
-    _check(f'model: its derivative {_AT_ONCE}', lambda: model.derivative(two, both), (2, n))
+    # as many states as coordinates would fit along the wrong axis, too
+    count = 1 + max(n, u.size)
+    xs, us = _several(x, count), _several(u, count)
+    _check('model: its derivative', lambda: model.derivative(xs[0], us[0]), (n,))
+    _check(f'model: its derivative {_AT_ONCE}', lambda: model.derivative(xs, us), (count, n))
     _check('model: its noise_density', lambda: model.noise_density(x), (n, n))
     _check('model: its state_jacobian', lambda: model.state_jacobian(x, u), (n, n))
 
@@ -68,8 +78,9 @@ def check_attributes(sensor: Sensor) -> None:
 def check_sensor(name: str, sensor: Sensor, x: Array) -> None:
     """Raise ValueError if a sensor returns a wrong shape for a state (n,)."""
     k, n = sensor.output.size, x.size
-    two = np.stack((x, x))
+    count = 1 + max(k, n)
+    xs = _several(x, count)
     _check(f'{name}.kind: its covariance', lambda: sensor.covariance, (k, k))
-    _check(f'{name}.kind: its measure', lambda: sensor.measure(x), (k,))
-    _check(f'{name}.kind: its measure {_AT_ONCE}', lambda: sensor.measure(two), (2, k))
+    _check(f'{name}.kind: its measure', lambda: sensor.measure(xs[0]), (k,))
+    _check(f'{name}.kind: its measure {_AT_ONCE}', lambda: sensor.measure(xs), (count, k))
     _check(f'{name}.kind: its jacobian', lambda: sensor.jacobian(x), (k, n))

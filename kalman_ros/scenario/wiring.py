@@ -40,6 +40,11 @@ def system(name: str) -> System:
         model = found()
     except TypeError as error:
         raise ValueError(f"model: '{name}' cannot be built without arguments: {error}") from None
+    except ValueError:
+        raise
+    except Exception as error:  # a user's class may raise anything
+        reason = f'{type(error).__name__}: {error}'.partition('\n')[0]
+        raise ValueError(f"model: '{name}' cannot be built: {reason}") from error
     if not isinstance(model, Model):
         raise ValueError(f"model: '{name}' gives a {type(model).__name__}, not a Model")
     models.check_spaces(model)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A datum in a file: kept over restarts, or refused in one line."""
 
+import os
+
 import pytest
 
 pytest.importorskip('rclpy')
@@ -46,6 +48,30 @@ def test_another_file_is_refused_in_one_line_that_names_it(tmp_path, text, why):
 def test_a_folder_is_refused(tmp_path):
     with pytest.raises(ValueError, match='datum_file: .*directory'):
         read_datum(str(tmp_path))
+
+
+def test_a_pipe_is_refused_instead_of_waited_for(tmp_path):
+    pipe = tmp_path / 'datum.yaml'
+    os.mkfifo(pipe)
+    with pytest.raises(ValueError, match='datum_file: .*pipe'):
+        read_datum(str(pipe))
+
+
+def test_a_link_of_somebody_else_is_not_followed(tmp_path):
+    victim, file = tmp_path / 'victim', tmp_path / 'datum.yaml'
+    victim.write_text('precious')
+    for name in ('datum.yaml.new', 'datum.yaml'):
+        (tmp_path / name).symlink_to(victim)
+    write_datum(str(file), DATUM)
+    assert victim.read_text() == 'precious'
+    assert read_datum(str(file)) == DATUM
+
+
+def test_what_cannot_be_written_leaves_nothing_behind(tmp_path):
+    (tmp_path / 'datum.yaml').mkdir()
+    with pytest.raises(OSError):
+        write_datum(str(tmp_path / 'datum.yaml'), DATUM)
+    assert [path.name for path in tmp_path.iterdir()] == ['datum.yaml']
 
 
 def test_the_datum_of_the_parameters_stays(tmp_path):

@@ -51,7 +51,12 @@ def test_a_strangers_sensor_loads_with_its_options():
 @pytest.mark.parametrize(
     ('model', 'says'),
     [
-        ('OneState', 'its derivative of two states at once (x[..., 0], not x[0])'),
+        ('OneState', 'its derivative of several states at once (x[..., 0], not x[0])'),
+        ('FirstAxis', 'its derivative of several states at once (x[..., 0], not x[0])'),
+        ('StackedFirst', 'its derivative of several states at once (x[..., 0], not x[0])'),
+        ('Changes', 'its derivative fails: ValueError: output array is read-only'),
+        ('IsComplex', 'its derivative: expected real numbers at initial_estimate'),
+        ('NoTable', "NoTable' cannot be built: FileNotFoundError: no table.csv"),
         ('TuplePoint', 'its equilibrium: expected OperatingPoint(state, input)'),
         ('WrongPoint', "its equilibrium's state: expected the shape (2,), got (3,)"),
         ('NoSpace', 'its state: expected a Space, got None'),
@@ -62,6 +67,15 @@ def test_what_is_wrong_with_a_model_is_named(model, says):
         scenario.build({**ONE, 'model': own(model), 'place.kind': own('Place')})
     assert says in str(refused.value)
     assert '\n' not in str(refused.value)
+
+
+def test_a_model_that_no_longer_builds_with_its_parameters_says_why():
+    values = {**ONE, 'model': own('NoGear'), 'place.kind': own('Place')}
+    assert scenario.build(values)
+    with pytest.raises(
+        ValueError, match='model_parameters: the model cannot be built: KeyError: 2'
+    ):
+        scenario.build({**values, 'model_parameters.gear': 2})
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ class OneState(Mass):
         ('WithoutMeasure', 'position.kind: .*WithoutMeasure.*abstract'),
         ('ReturnsNothing', r'position.kind: its measure: expected the shape \(1,\), got \(\)'),
         ('Raises', 'position.kind: its measure fails: ZeroDivisionError: division by zero'),
-        ('OneAtATime', r'measure of two states at once \(x\[..., 0\], not x\[0\]\): expected'),
+        ('OneAtATime', r'measure of several states at once \(x\[..., 0\], not x\[0\]\): expected'),
         ('FlatJacobian', r'its jacobian: expected the shape \(1, 4\), got \(4,\)'),
         ('Own', 'velocity'),
     ],
@@ -134,7 +134,10 @@ def test_mistakes_in_a_sensor_of_ones_own_are_named(kind, says):
     [
         ('FlatNoise', r'model: its noise_density: expected the shape \(2, 2\), got \(2,\)'),
         ('ShortDerivative', r'model: its derivative: expected the shape \(2,\), got \(1,\)'),
-        ('OneState', r'model: its derivative of two states at once \(x\[..., 0\], not x\[0\]\)'),
+        (
+            'OneState',
+            r'model: its derivative of several states at once \(x\[..., 0\], not x\[0\]\)',
+        ),
     ],
 )
 def test_mistakes_in_a_model_of_ones_own_are_named(model, says):

@@ -28,6 +28,39 @@ class OneState(Cart):
         return np.array([x[1], u[0] / self.mass])
 
 
+class FirstAxis(Cart):
+    """Fits two coordinates of two states, too."""
+
+    def derivative(self, x, u):
+        return np.array([x[1], -np.sin(x[0]) + u[0]])
+
+
+class StackedFirst(Cart):
+    def derivative(self, x, u):
+        return np.stack((x[..., 1], u[..., 0]))
+
+
+class Changes(Cart):
+    def derivative(self, x, u):
+        x[..., 0] += 1.0
+        return super().derivative(x, u)
+
+
+class IsComplex(Cart):
+    def derivative(self, x, u):
+        return np.stack((x[..., 1], np.emath.sqrt(x[..., 0] - 1.0)), axis=-1)
+
+
+class NoTable(Cart):
+    def __init__(self):
+        raise FileNotFoundError('no table.csv')
+
+
+class NoGear(Cart):
+    def __init__(self, gear=1):
+        super().__init__({1: 1.0}[gear])
+
+
 class TuplePoint(Cart):
     equilibrium = (np.zeros(2), np.zeros(1))
 
