@@ -109,7 +109,7 @@ def _backward(case: Examination, name: str, record: SensorRecord) -> Iterator[Fi
 
 
 def _selected(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:
-    """Return how a record is mended by rows of its own, which change nothing for a filter."""
+    """Return how a selection of rows mends a record, which changes nothing for a filter."""
     return {
         'mended': lambda: case.evidence.with_sensor(name, record.select(rows)),
         'passage': case.passage.selected(name, rows),
