@@ -11,6 +11,7 @@ from kalman_ros.control.stability import Mode
 
 from .design_report import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
+from .jacobians import wrong_jacobians
 
 #: A disk margin below this is small: less than 4.4 dB of gain and 28 degrees of phase.
 SMALL_DISK = 0.5
@@ -80,6 +81,7 @@ def _along(report: DesignReport) -> Iterator[str]:
 
 
 def _warnings(report: DesignReport, latency: float) -> Iterator[str]:
+    yield from wrong_jacobians(report.scenario)
     yield from _unseen(report)
     if report.controllability and report.controllability.unreached:
         names = ', '.join(report.controllability.unreached)

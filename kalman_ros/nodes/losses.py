@@ -48,6 +48,9 @@ class Losses:
         """
         if not number:  # not every middleware has it
             return
+        if number - 1 in self._last:  # nothing is missing: almost always, and quick
+            self._last[self._last.index(number - 1)] = number
+            return
         last = max((each for each in self._last if each < number), default=0)
         gap = max((each for each in self._gaps if each[0] < number < each[1]), default=(0, 0))
         if gap[0] > last:
