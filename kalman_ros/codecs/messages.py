@@ -11,6 +11,7 @@ from time import monotonic
 from typing import Any
 
 from rclpy.serialization import deserialize_message
+from rosidl_generator_py.import_type_support_impl import UnsupportedTypeSupport
 
 _NANOSECONDS = 1_000_000_000
 #: The seconds of a stamp are a signed 32-bit number.
@@ -33,7 +34,7 @@ def message_type(name: str) -> Any:
     Raises
     ------
     ValueError
-        If it is not installed or there is no such message.
+        If it is not installed, cannot be loaded, or there is no such message.
     """
     package, _, kind = name.replace('/msg/', '/').partition('/')
     if not package.isidentifier() or not kind.isidentifier():
@@ -44,6 +45,13 @@ def message_type(name: str) -> Any:
         raise ValueError(f"type: the message package '{package}' is not installed") from None
     if found is None:
         raise ValueError(f"type: the package '{package}' has no message '{kind}'")
+    try:
+        # as rclpy does at the first use, where it would end in a traceback
+        if getattr(type(found), '_TYPE_SUPPORT', '') is None:
+            type(found).__import_type_support__()
+    except UnsupportedTypeSupport:
+        where = 'is their folder in LD_LIBRARY_PATH?'
+        raise ValueError(f"type: cannot load the libraries of '{package}': {where}") from None
     return found
 
 

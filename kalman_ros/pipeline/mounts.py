@@ -52,8 +52,8 @@ def static_type() -> Any:
     """Return the type of the messages on ``/tf_static``; ValueError if it is not installed."""
     try:
         return message_type(TYPE)
-    except ValueError:
-        why = 'the message package tf2_msgs is not installed (in ROS: ros-jazzy-tf2-msgs)'
+    except ValueError as error:
+        why = f'{str(error).removeprefix("type: ")} (in ROS: ros-jazzy-tf2-msgs)'
         raise ValueError(f'mount.tf: {why}') from None
 
 

@@ -218,8 +218,7 @@ class SensorReader:
         self._mounts = mounts if source.signal.mounting.from_tf else None
         self.message_type: Any = self._read.message_type
         self.nis = ChiSquareWindow(source.sensor.output.size)
-        # the innovations of readings that were never taken do not scatter
-        self._judged = not source.signal.zero
+        self._judged = source.judged
 
     def reset_statistics(self) -> None:
         """Restart the statistics of the innovations."""

@@ -116,8 +116,8 @@ class TransformWriter:
     def __init__(self, scenario: Scenario, options: EstimatorOptions) -> None:
         try:
             self.message_type = message_type(TYPE)
-        except ValueError:
-            why = 'the message package tf2_msgs is not installed (in ROS: ros-jazzy-tf2-msgs)'
+        except ValueError as error:
+            why = f'{str(error).removeprefix("type: ")} (in ROS: ros-jazzy-tf2-msgs)'
             raise ValueError(f'publish_tf: {why}') from None
         check_frames(options)
         self._body = body_of(scenario.model.state, scenario.state)

@@ -33,6 +33,14 @@ class SensorSource:
         """The sensor model."""
         return self.timed.sensor
 
+    @property
+    def judged(self) -> bool:
+        """Whether its innovations scatter as expected of a consistent filter.
+
+        Those of readings of zero do not: no sensor took them.
+        """
+        return not self.signal.zero
+
     def used(self, carried: Array | None) -> Array | None:
         """Return the covariance (k, k) to use for a reading; None for the configured one.
 

@@ -10,10 +10,15 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu
 
+from kalman_ros.analysis.diagnosis import frozen
+from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.bags.replay import replay
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.programs.doctor.loading import replayed
+from kalman_ros.programs.replay import statistics
 
 START, RATE, SECONDS = 1_700_000_000_000_000_000, 50, 30
 GYRO_BIAS, FORCE_BIAS = np.array([0.01, -0.005, 0.008]), np.array([0.05, -0.03, 0.04])
@@ -68,3 +73,13 @@ def test_readings_of_zero_hold_the_place_and_find_the_biases(bag):
     np.testing.assert_allclose(end[9:12], GYRO_BIAS, atol=1e-3)
     error = np.concatenate((end[:9], end[9:12] - GYRO_BIAS, end[12:] - FORCE_BIAS))
     assert (np.abs(error) < 4.0 * np.sqrt(P.diagonal())).all()
+
+
+@pytest.mark.slow
+def test_readings_of_zero_are_not_judged(bag):
+    """They neither scatter nor change, and no sensor is to blame for that."""
+    checked = statistics.checks(replay(bag, INERTIAL, TURN), None)
+    assert {each.name for each in checked} == {'NIS of turn / 3', 'whiteness of turn'}
+    evidence = replayed(Bag(bag), {**INERTIAL, **TURN})
+    assert frozen.find(Examination(evidence)) == []
+    assert frozen.repeats(evidence.sensors['slip']) is not None

@@ -3,7 +3,9 @@
 
 import os
 import struct
+import sys
 from time import monotonic, process_time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ pytest.importorskip('rclpy')
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
+from rosidl_generator_py.import_type_support_impl import UnsupportedTypeSupport
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
@@ -485,3 +488,18 @@ def test_the_middleware_says_no_more_than_a_line_a_second_of_what_it_cannot_read
     assert len(capfd.readouterr().err.splitlines()) <= 1 + seconds
     os.write(2, b'heard again')
     assert capfd.readouterr().err == 'heard again'
+
+
+def test_a_package_whose_libraries_are_missing_is_refused_in_one_line(monkeypatch):
+    class Built(type):
+        _TYPE_SUPPORT = None
+
+        @classmethod
+        def __import_type_support__(cls):
+            raise UnsupportedTypeSupport('built_msgs')
+
+    package = SimpleNamespace(Thing=Built('Thing', (), {}))
+    monkeypatch.setitem(sys.modules, 'built_msgs', SimpleNamespace(msg=package))
+    monkeypatch.setitem(sys.modules, 'built_msgs.msg', package)
+    with pytest.raises(ValueError, match="cannot load the libraries of 'built_msgs'"):
+        message_type('built_msgs/Thing')

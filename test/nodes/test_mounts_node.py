@@ -24,7 +24,7 @@ def started(pair):
 
 @pytest.mark.skipif(INSTALLED, reason='tf2_msgs is installed')
 def test_without_tf2_msgs_the_estimator_reports_it_in_one_line(started):
-    with pytest.raises(ValueError, match='mount.tf: the message package tf2_msgs is not inst'):
+    with pytest.raises(ValueError, match="mount.tf: the message package 'tf2_msgs' is not"):
         started()
 
 

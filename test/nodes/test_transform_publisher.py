@@ -190,5 +190,5 @@ def test_what_tf2_would_refuse_is_refused_first(changes, why):
 def test_without_tf2_msgs_one_line_says_so(monkeypatch):
     monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
     known = settings(GIVEN)
-    with pytest.raises(ValueError, match='the message package tf2_msgs is not installed'):
+    with pytest.raises(ValueError, match="the message package 'tf2_msgs' is not installed"):
         TransformPublisher(Node(), known.scenario, known.options)

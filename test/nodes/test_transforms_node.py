@@ -21,7 +21,7 @@ def started(pair):
 
 @pytest.mark.skipif(INSTALLED, reason='tf2_msgs is installed')
 def test_without_tf2_msgs_the_estimator_says_so_in_one_line(started):
-    with pytest.raises(ValueError, match='publish_tf: the message package tf2_msgs is not inst'):
+    with pytest.raises(ValueError, match="publish_tf: the message package 'tf2_msgs' is not"):
         started()
 
 

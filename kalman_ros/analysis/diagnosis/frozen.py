@@ -20,11 +20,12 @@ _REPEATED, _FROZEN = 10, 0.5
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the sensors that repeat one value for long."""
+    """Return the sensors that repeat one value for long; readings of zero are to do so."""
+    sources = case.evidence.scenario.sensors
     return [
         finding
         for name, record in case.evidence.sensors.items()
-        if len(record) > _REPEATED
+        if len(record) > _REPEATED and sources[name].judged
         for finding in _frozen(case.evidence, name, record)
     ]
 

@@ -77,7 +77,7 @@ class NamedParameters:
     @property
     def usual(self) -> list[str]:
         """Process noise, and the noise of sensors that read more than zeros: the default."""
-        known = {name for name, each in self.scenario.sensors.items() if each.signal.zero}
+        known = {name for name, each in self.scenario.sensors.items() if not each.judged}
         return [
             name
             for name, place in self._places.items()

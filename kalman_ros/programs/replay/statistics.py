@@ -167,7 +167,8 @@ def checks(replayed: Replayed, found: Errors | None) -> list[Check]:
 
     A consistent filter fails with at most the probability `MISS`, over all checks together.
     """
-    numbers = {name: statistics(sensor) for name, sensor in replayed.sensors.items()}
+    judged = {name for name, each in replayed.scenario.sensors.items() if each.judged}
+    numbers = {name: statistics(each) for name, each in replayed.sensors.items() if name in judged}
     enough = {name: each for name, each in numbers.items() if each.count >= _LEAST}
     miss = MISS / max(1, 2 * len(enough) + (found is not None))
     result = []
