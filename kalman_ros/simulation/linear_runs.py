@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 from math import ceil
 from typing import NamedTuple
 
@@ -57,9 +58,10 @@ def _is_proportional(sensor: Sensor, n: int) -> bool:
 
 
 class LinearStep(NamedTuple):
-    """The matrix of a step, and the covariances of its estimates and of their predictions."""
+    """The matrix of a step, its readings, and the covariances of its estimates and predictions."""
 
     matrix: Array
+    due: tuple[str, ...]
     covariance: Array
     predicted: Array
 
@@ -97,7 +99,7 @@ class LinearRuns:
             If a covariance cannot be computed.
         """
         real, steps = self.loop.scenario, self.loop.steps
-        x, (x_hat, P) = real.initial_state, self.loop.believed.initial_belief
+        x, x_hat = real.initial_state, self.loop.believed.initial_belief.mean
         n, shares = len(x), self._shares
         noise = {'': BatchNoise(seeds, 'process', n, steps)}
         for name, each in real.enabled.items():
@@ -106,17 +108,24 @@ class LinearRuns:
         places = self._rows([each.size for each in noise.values()])
         sums = _Sums(self, len(seeds), places[-1].stop)
         sums.start(np.concatenate((x, x_hat)))
-        for k in range(steps):
-            due = tuple(name for name in shares if is_due(k, shares[name]))
-            step = self._step(P, due, self._time(k + 1) - self._time(k))
-            before, after = sums.room(k, due, step)
+        for k, step in enumerate(self._steps):
+            before, after = sums.room(k)
             for (name, source), place in zip(noise.items(), places):
-                if not name or name in due:
+                if not name or name in step.due:
                     before[place] = source.draw().T
             np.dot(step.matrix, before, out=after)
-            P = step.predicted
         truth = before[places[-1].stop :][:n].T.copy()
-        return sums.outcomes(truth, step.covariance)
+        return sums.outcomes(truth)
+
+    @cached_property
+    def _steps(self) -> list[LinearStep]:
+        """The steps of a run."""
+        shares, P, found = self._shares, self.loop.believed.initial_belief.covariance, []
+        for k in range(self.loop.steps):
+            due = tuple(name for name in shares if is_due(k, shares[name]))
+            found.append(self._step(P, due, self._time(k + 1) - self._time(k)))
+            P = found[-1].predicted
+        return found
 
     @property
     def _shares(self) -> dict[str, Fraction]:
@@ -170,7 +179,7 @@ class LinearRuns:
         moved = plant.F @ x + plant.G @ u + noise, filter.F @ x_hat + filter.G @ u
         white = self.schedule.whitening(P) @ error
         matrix = np.vstack((*moved, error, white, *innovations, *price))
-        return LinearStep(matrix, P, filter.covariance)
+        return LinearStep(matrix, due, P, filter.covariance)
 
 
 class _Sums:
@@ -193,22 +202,19 @@ class _Sums:
         self._k, self._waiting = 0, 0
         self._squares, self._nees = np.zeros((n, runs)), np.zeros(runs)
         self._nis = {name: np.zeros(runs) for name in sensors}
-        self._read = dict.fromkeys(self._names, 0)
+        self._known = loops._steps
         self._cost = np.zeros(runs) if price else np.empty(0)
-        self._step_squares, self._step_variance = np.zeros((steps, n)), np.zeros((steps, n))
+        self._step_squares = np.zeros((steps, n))
         self._step_nees = np.zeros(steps)
 
     def start(self, state: Array) -> None:
         """Begin with a state (2n,) of truth and estimate in all runs."""
         self._results[0, self._rows[0]] = state[:, np.newaxis]
 
-    def room(self, k: int, due: Sequence[str], step: LinearStep) -> tuple[Array, Array]:
+    def room(self, k: int) -> tuple[Array, Array]:
         """Return noise and states before step k, and where its results (rows, runs) go."""
         if self._waiting == _BLOCK or k == self._first:
             self._add()
-        for name in due if k >= self._first else ():
-            self._read[name] += 1
-        self._step_variance[k] = step.covariance.diagonal() * self._runs
         self._waiting += 1
         return self._before[self._waiting - 1], self._results[self._waiting]
 
@@ -228,7 +234,7 @@ class _Sums:
         self._results[0, self._rows[0]] = self._results[self._waiting, self._rows[0]]
         self._k, self._waiting = last, 0
 
-    def outcomes(self, truth: Array, covariance: Array) -> Outcomes | None:
+    def outcomes(self, truth: Array) -> Outcomes | None:
         """Return the outcomes; None if a number is not finite."""
         error = self._results[self._waiting, self._rows[1]].T.copy()
         self._add()
@@ -237,8 +243,10 @@ class _Sums:
             return None
         nis = {name: np.full(self._runs, np.nan) for name in self._names}
         for name, total in self._nis.items():
-            if self._read[name]:
-                nis[name] = total / (self._read[name] * self._degrees[name])
+            read = sum(name in step.due for step in self._known[self._first :])
+            if read:
+                nis[name] = total / (read * self._degrees[name])
+        variance = np.array([step.covariance.diagonal() for step in self._known])
         return Outcomes(
             np.ascontiguousarray(self._squares.T) / counted,
             self._nees / (counted * error.shape[1]),
@@ -246,10 +254,10 @@ class _Sums:
             self._cost / counted,
             np.zeros(self._runs),
             error,
-            np.broadcast_to(np.sqrt(covariance.diagonal()), error.shape).copy(),
+            np.broadcast_to(np.sqrt(variance[-1]), error.shape).copy(),
             truth,
             np.full(steps, self._runs),
             self._step_squares,
-            self._step_variance,
+            variance * self._runs,
             self._step_nees,
         )

@@ -65,6 +65,23 @@ def test_a_topic_with_an_imu_is_found_and_its_noise_printed(bag, tmp_path, capsy
     assert (out / 'imu_data.png').stat().st_size > 10_000
 
 
+def test_noise_that_is_not_determined_has_no_line(tmp_path, capsys):
+    message = Imu()
+    noise = np.random.default_rng(4).normal(0.0, STD, (500, 6))
+    noise[:, 0] = np.sin(0.02 * np.arange(500))  # a motion without noise
+    with RecordingWriter(tmp_path / 'bag') as writer:
+        writer.add('/imu', 'sensor_msgs/msg/Imu')
+        for k, row in enumerate(noise.reshape(-1, 2, 3)):
+            write_stamp(message.header.stamp, 10**18 + PERIOD * k)
+            for part, values in zip((message.angular_velocity, message.linear_acceleration), row):
+                part.x, part.y, part.z = values.tolist()
+            writer.write('/imu', 10**18 + PERIOD * k, bytes(serialize_message(message)))
+    allan.main([str(tmp_path / 'bag'), '--out', str(tmp_path / 'out')])
+    lines = capsys.readouterr().out.partition('For a parameter file\n')[2].splitlines()
+    assert lines[0] == '# no noise in rad/s: gyro x not determined'
+    assert lines[1].startswith('noise: [') and '# m/s^2' in lines[1]
+
+
 @pytest.mark.parametrize(
     ('topic', 'message'),
     [

@@ -113,6 +113,15 @@ def test_what_is_not_determined_is_marked_in_the_lines_to_paste(recording, tmp_p
     assert std.endswith('# not determined: one choice of many') and '#' not in mass
 
 
+def test_a_fit_that_determines_nothing_fails_and_pastes_nothing(recording, tmp_path, capsys):
+    bag, file = recording
+    given = '--fit', 'initial_std.x', '-p', 'position.noise:=[0.01]', '--out', tmp_path
+    assert run(bag, '--params-file', file, '-p', 'model_parameters.mass:=1.0', *given) == 1
+    out = capsys.readouterr().out
+    assert 'FAIL, 0 of 1 parameters determined' in out and 'For the parameter file' not in out
+    assert not (tmp_path / 'fitted.yaml').read_text()
+
+
 def test_a_bag_that_is_missing_is_refused(tmp_path, capsys):
     assert run(tmp_path / 'none', '--params-file', 'mass_spring_damper', '--out', tmp_path) == 2
     assert capsys.readouterr().err.startswith('tune: ')

@@ -147,9 +147,12 @@ def _guarded(
     series: Callable[[Array, Array, float], tuple[Array, ...]], A: Array, W: Array, dt: float
 ) -> tuple[Array, ...]:
     """Return the series, with NaN for the members of a batch for which there is none."""
-    bad = np.asarray(~np.isfinite(A).all(axis=(-2, -1)))
-    if not bad.any():
+    try:
         return series(A, W, dt)
+    except np.linalg.LinAlgError:
+        bad = np.asarray(~np.isfinite(A).all(axis=(-2, -1)))
+        if not bad.any():
+            raise
     members = bad[..., np.newaxis, np.newaxis]
     found = series(np.where(members, 0.0, A), W, dt)
     return tuple(np.where(members, np.nan, each) for each in found)

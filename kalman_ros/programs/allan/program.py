@@ -114,7 +114,12 @@ def _show(console: Console, found: Channels, results: Sequence[Allan]) -> None:
         )
     console.print('\n[bold]For a parameter file[/]')
     for part, unit in ((slice(0, 3), 'rad/s'), (slice(3, 6), 'm/s^2')):
-        std = [each.density.value / np.sqrt(found.period) for each in results[part]]
+        densities = [each.density for each in results[part]]
+        unknown = [name for name, each in zip(NAMES[part], densities) if not each.determined]
+        if unknown:
+            console.print(f'# no noise in {unit}: {", ".join(unknown)} not determined')
+            continue
+        std = [each.value / np.sqrt(found.period) for each in densities]
         values = ', '.join(f'{value:.3g}' for value in std)
         axes = ', '.join(NAMES[part])
         console.print(f'noise: \\[{values}]   # {unit}: {axes}', soft_wrap=True)

@@ -89,7 +89,12 @@ def margins_table(found: Sequence[RobustMargins]) -> Table:
 
 
 def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
-    """Return the parameters to paste, to four digits, without those that stayed as they are."""
+    """Return the parameters to paste, to four digits, without those that stayed as they are.
+
+    Nothing is pasted of a fit that determines nothing.
+    """
+    if not any(each.determined for each in fit.parameters):
+        return {}
     stayed = {named.parameter(each.name) for each in fit.parameters if each.value == each.start}
     stayed -= {named.parameter(each.name) for each in fit.parameters if each.value != each.start}
     changes = named.changes({each.name: float(f'{each.value:.4g}') for each in fit.parameters})
@@ -140,6 +145,8 @@ def verdict(fit: Fit, held: tuple[Judgement, Judgement] | None) -> tuple[bool, s
     count = f'{known} of {len(fit.parameters)} parameters determined'
     if not fit.converged:
         return False, f'[bold red]FAIL, {count}:[/] {_unfinished(fit)}'
+    if not known:
+        return False, f'[bold red]FAIL, {count}:[/] these data say nothing of them'
     if held is None:
         return True, f'[green]PASS, {count}:[/] nothing was held out to judge the fit by'
     gain = held[1].log_likelihood - held[0].log_likelihood
