@@ -26,7 +26,7 @@ class Rows:
     def __init__(self, **fields: tuple[int, ...]) -> None:
         self._fields = fields
         self._sizes = [int(np.prod(shape)) for shape in fields.values()]
-        self._nothing = [np.full(size, np.nan).tobytes() for size in self._sizes]
+        self._each = [(size, np.full(size, np.nan).tobytes()) for size in self._sizes]
         self._rows = bytearray()
         self._file: IO[bytes] | None = None
         self._count = 0
@@ -36,7 +36,7 @@ class Rows:
         self._rows += b''.join(
             [
                 nothing if value is None or value.size != size else value.tobytes()
-                for value, size, nothing in zip(values, self._sizes, self._nothing)
+                for value, (size, nothing) in zip(values, self._each)
             ]
         )
         self._count += 1

@@ -72,7 +72,7 @@ class Bag:
 
     def _add(self, file: Path) -> None:
         if not file.is_file():  # a pipe would be waited for
-            raise ValueError(f"'{file}' is no file")
+            raise ValueError(f"'{file}' is not a file")
         try:
             source = _KINDS[file.suffix](file)
         except ValueError as error:

@@ -129,7 +129,7 @@ def replay_bag(
 ) -> Replayed:
     """Return the same of a recording that is open; see `replay`."""
     if not 0.0 <= start < end:
-        raise ValueError(f'start, end: expected 0 <= start < end, got {start:g} and {end:g}')
+        raise ValueError(f'part: expected 0 <= start < end, got {start:g} and {end:g}')
     if out is not None:
         source, folder = bag.path.resolve(), Path(out).resolve()
         if folder in (source, source.parent):

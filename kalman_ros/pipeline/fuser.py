@@ -134,10 +134,9 @@ class Fuser:
         return ended
 
     def _account_for_reading(self, channel: SensorReader, time: int, outcome: Outcome) -> None:
-        if outcome.explained and channel.trouble:
-            self.warn(f'reading of {channel.name} {outcome.value}: {channel.trouble}')
-        elif outcome not in (Outcome.FUSED, Outcome.MOVING):
-            self.warn(f'reading of {channel.name} {outcome.value}')
+        if outcome not in (Outcome.FUSED, Outcome.MOVING):
+            why = f': {channel.trouble}' if outcome.explained and channel.trouble else ''
+            self.warn(f'reading of {channel.name} {outcome.value}{why}')
         if outcome.accepted:
             self.fused_at = time if self.fused_at is None else max(time, self.fused_at)
             self.observability.reading(channel.name, time)

@@ -15,7 +15,12 @@ _COLOURS = (READING, ESTIMATE, INPUT, BOUND)
 
 
 def draw(findings: Sequence[Finding], folder: Path) -> list[Path]:
-    """Draw the evidence of each finding that has any, and return the files."""
+    """Draw the evidence of each finding that has any, and return the files.
+
+    Those of an earlier diagnosis are removed.
+    """
+    for path in folder.glob('[0-9][0-9]-*.png'):
+        path.unlink()
     drawn = []
     for number, finding in enumerate(findings, start=1):
         if finding.figure is not None:

@@ -245,8 +245,8 @@ def test_what_is_no_bytes_is_not_taken_for_a_message(tmp_path, data):
 
 def test_a_pipe_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / 'a.mcap')
-    assert 'is no file' in refusal(tmp_path / 'a.mcap')
-    assert 'is no file' in refusal(tmp_path)
+    assert 'is not a file' in refusal(tmp_path / 'a.mcap')
+    assert 'is not a file' in refusal(tmp_path)
 
 
 def test_a_chunk_that_lies_about_its_time_is_damaged(tmp_path):

@@ -102,7 +102,7 @@ def test_a_part_of_the_recording(tmp_path):
     assert len(found.sensors['y'].stamp) == 51
     assert found.sensors['y'].received[0] == pytest.approx(0.5)
     for wrong in ((1.0, 1.0), (-1.0, 2.0)):
-        with pytest.raises(ValueError, match='start, end: expected 0 <= start < end'):
+        with pytest.raises(ValueError, match='part: expected 0 <= start < end'):
             replay(tmp_path / 'a', VALUES, start=wrong[0], end=wrong[1])
 
 

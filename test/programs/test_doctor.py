@@ -66,6 +66,8 @@ def test_a_clean_bag_passes(tmp_path, capsys):
 
 def test_a_bag_with_a_wrong_sign_fails_with_the_lines_to_change(tmp_path, capsys):
     write_bag(tmp_path / 'bag', NEGATED)
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out' / '02-bias.png').write_bytes(b'of an earlier diagnosis')
     assert run(tmp_path / 'bag', '--params-file', SCENARIO, '--out', tmp_path / 'out') == 1
     out = capsys.readouterr().out
     assert out.splitlines()[-1].startswith('FAIL, 1 finding: first sign of velocity.v')
@@ -76,6 +78,7 @@ def test_a_bag_with_a_wrong_sign_fails_with_the_lines_to_change(tmp_path, capsys
     assert first['kind'] == 'sign'
     # the replay of the bag with these lines is the proof
     assert first['proof'] > 0.9 * first['gain'] > 100.0
+    assert [path.name for path in (tmp_path / 'out').glob('*.png')] == ['01-sign.png']
     assert (tmp_path / 'out' / '01-sign.png').stat().st_size > 1000
 
 

@@ -46,7 +46,7 @@ def _frozen(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Fin
     yield Finding(
         'frozen', name,
         f'{name} repeats one value for {seconds:.3g} s from t = {begin:.3g} s on '
-        f'({len(stuck)} readings) under new stamps: its driver repeats what it last had.',
+        f'({len(stuck)} readings) under new stamps: its driver repeats its last value.',
         inf, figure=figure, mended=lambda: evidence.with_sensor(name, record.select(keep)),
     )  # fmt: skip
 

@@ -64,7 +64,7 @@ def _gain(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Finding:
     return Finding(
         kind,
         names[min(fits)],
-        f'the input acts otherwise than commanded: {", ".join(words)}.',
+        f'the input does not act as commanded: {", ".join(words)}.',
         total**0.5,
         gain=total,
         mended=lambda: mended,

@@ -53,7 +53,7 @@ def _late(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Findi
         yield Finding(
             'delay', name,
             f'readings of {name} are received {middle:.3g} s after their stamp{loss}. Their '
-            'stamps are right, so a window of the estimator above that loses nothing.',
+            'stamps are right: with a window that is longer than that, none is lost.',
             inf, change, figure=picture(name, record, 'latency'),
         )  # fmt: skip
 

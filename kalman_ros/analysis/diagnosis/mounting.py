@@ -100,7 +100,7 @@ def turned(case: Examination, name: str, M: Array, gain: float, residual: str) -
         'rotated',
         name,
         f'readings of {name} fit once turned by {degrees(angle):+.3g} deg: it is mounted '
-        f'askew, or its frame is another one.{why} {residual}',
+        f'at an angle, or its frame is another one.{why} {residual}',
         gain**0.5,
         mixing(case.evidence, name, M),
         gain=gain,

@@ -65,7 +65,7 @@ def _of(case: Examination, name: str) -> Finding | None:
     return Finding(
         'outliers', name,
         f'{len(far)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers, '
-        f'some {size:.2g} standard deviations off. A gate rejects them.',
+        f'about {size:.2g} standard deviations off. A gate rejects them.',
         gain**0.5, change, gain=gain, figure=_picture(case, name, events, squares, limit),
         mended=mended, passage=rest,
     )  # fmt: skip

@@ -37,7 +37,7 @@ def find(case: Examination) -> Iterator[Finding]:
 
 def latency(record: SensorRecord) -> Array:
     """Return how much later than its stamp each reading was received (N,), in seconds."""
-    return np.asarray(record.received - record.stamp)
+    return np.round(record.received - record.stamp, 9)  # stamps are whole nanoseconds
 
 
 def slope(x: Array, y: Array) -> float:
@@ -109,7 +109,7 @@ def _backward(case: Examination, name: str, record: SensorRecord) -> Iterator[Fi
 
 
 def _selected(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:
-    """Return how a selection of rows mends a record, which changes nothing for a filter."""
+    """Return the correction by which a filter has the same readings, as rows of the record."""
     return {
         'mended': lambda: case.evidence.with_sensor(name, record.select(rows)),
         'passage': case.passage.selected(name, rows),

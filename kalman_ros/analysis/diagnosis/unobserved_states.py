@@ -39,9 +39,9 @@ def find(case: Examination) -> list[Finding]:
             Finding(
                 'not observed',
                 name,
-                f'these readings do not observe {space.label(name)}: its deviation grows from '
-                f'{first[index]:.3g} to {std[-1, index]:.3g}, beyond that of the start from '
-                f't = {since:.3g} s on. A sensor of it is missing.',
+                f'these readings do not observe {space.label(name)}: its standard deviation '
+                f'grows from {first[index]:.3g} to {std[-1, index]:.3g}, and is larger than at '
+                f'the start from t = {since:.3g} s on. Add a sensor that depends on it.',
                 inf,
                 figure=figure,
             )

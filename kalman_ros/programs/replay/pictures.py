@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from kalman_ros.analysis.checks import MISS
 from kalman_ros.bags.replayed import Replayed
@@ -144,6 +145,7 @@ def consistency(replayed: Replayed, path: Path) -> None:
                 bound = whiteness_bound(len(z), k, MISS)
                 for sign in (-bound, bound):
                     right.axhline(sign, color=TRUTH, lw=0.8, ls='--')
+            right.xaxis.set_major_locator(MaxNLocator(integer=True))
             right.set_xlabel('lag [readings]')
         axes[0, 0].set_title(f'NIS, and its mean over {_RUNNING}')
         axes[0, 1].set_title('Autocorrelation of the innovations')
