@@ -110,7 +110,7 @@ class RecordingWriter:
         qualities: Sequence[Mapping[str, Any]] = (),
         digest: str = '',
     ) -> None:
-        """Add a topic, of which messages can then be written.
+        """Add a topic, of which messages can then be written; `flush` puts it on record.
 
         Parameters
         ----------
@@ -127,7 +127,6 @@ class RecordingWriter:
         metadata = {'offered_qos_profiles': offered, 'topic_type_hash': digest}
         self._numbers[topic] = self._file.add(topic, kind, definition(kind), metadata)
         self._topics.append(_Topic(topic, kind, offered, digest))
-        self._describe()
 
     def write(self, topic: str, time: int, data: bytes, published: int | None = None) -> None:
         """Add a message that was received at ``time``, and when it was published, if known.

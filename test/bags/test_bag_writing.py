@@ -102,14 +102,23 @@ def test_the_metadata_are_there_from_the_start_and_kept_current(tmp_path):
     path = tmp_path / 'a' / 'metadata.yaml'
     count = lambda: yaml.safe_load(path.read_text())['rosbag2_bagfile_information']  # noqa: E731
     assert count()['message_count'] == 0
+    writer.flush()
+    assert count()['message_count'] == 600
     assert [t['topic_metadata']['name'] for t in count()['topics_with_message_count']] == [
         '/number',
         '/odom',
     ]
-    writer.flush()
-    assert count()['message_count'] == 600
     writer.close()
     assert count()['duration']['nanoseconds'] == in_order(600)[-1][0] - in_order(600)[0][0]
+
+
+def test_the_metadata_are_written_once_for_many_topics(tmp_path, monkeypatch):
+    written_out = []
+    monkeypatch.setattr(RecordingWriter, '_describe', lambda writer: written_out.append(1))
+    with RecordingWriter(tmp_path / 'a') as writer:
+        for number in range(1000):
+            writer.add(f'/t{number}', 'std_msgs/msg/Header')
+    assert len(written_out) < 5
 
 
 def test_a_folder_with_anything_else_in_it_is_refused(tmp_path):
