@@ -12,7 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
@@ -25,8 +25,8 @@ from .node_set import NodeSet
 from .process import NodeProcess
 from .readiness import missing
 
-#: The intervals in seconds after which a request is repeated.
-_REPEATS = (1.0, 2.0, 4.0, 8.0, 15.0)
+#: An answer is prompt within N seconds. It is awaited that long, M times.
+_PROMPT, _ROUNDS = 1.0, 30
 #: Seconds in which all nodes must be connected.
 _PATIENCE = 60.0
 
@@ -149,23 +149,38 @@ class LaunchedNodes:
             raise ValueError(result.reason)
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Call a service of type ``kind`` and return its response; NodeError without one."""
+        """Call a service of type ``kind`` and return its response; NodeError without one.
+
+        A node that was killed and restarted may not be discovered yet, and misses a request. It is
+        sent again then, but not to a node that is slow, which would do it twice.
+        """
+        client = self._client(kind, service)
+        node = service.rpartition('/')[0]
+        answer, lost = client.call_async(request), False
+        for _ in range(_ROUNDS):
+            self.spin(_PROMPT, until=answer)
+            if answer.done():
+                return answer.result()
+            if lost:
+                answer = client.call_async(request)
+            # nodes answer in order: one that answers a later request has not received this one
+            lost = not lost and self._responds(node)
+        raise NodeError(f'no answer from {service} within {_ROUNDS * _PROMPT:g} s')
+
+    def _responds(self, node: str) -> bool:
+        """Return whether a node promptly answers a request that changes nothing."""
+        client = self._client(GetParameters, f'{node}/get_parameters')
+        answer = client.call_async(GetParameters.Request())
+        self.spin(_PROMPT, until=answer)
+        return bool(answer.done())
+
+    def _client(self, kind: Any, service: str) -> Any:
+        """Return the client of a service that is on the graph."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
         self.wait(client.service_is_ready, 20.0, lambda: f'there is no service {service}')
-        answers: list[Future] = []
-        for seconds in _REPEATS:
-            # a node that was killed and restarted may not be discovered yet; a slow one answers
-            # all requests in order, and until the last no request is still to be done
-            answers.append(client.call_async(request))
-            self.spin(seconds, until=answers[-1])
-            if answers[-1].done():
-                return answers[-1].result()
-        for answer in answers:
-            if answer.done():
-                return answer.result()
-        raise NodeError(f'no answer from {service} within {sum(_REPEATS):g} s')
+        return client
 
     def trigger(self, service: str) -> None:
         """Call a service without arguments, such as ``plant/reset``."""

@@ -111,6 +111,7 @@ class EstimatorNode(runtime.ScenarioNode):
             self._fuser.warn(f'initialpose: {error}')
             return
         self._fuser.reset(belief)
+        self.diagnostics.soon()
         self.get_logger().info('reset to initialpose', throttle_duration_sec=1.0)
 
     def _on_reset(self, _: Any, response: Any) -> Any:

@@ -87,6 +87,8 @@ class Fuser:
         self.warn = Throttle(warn)
         self.scenario = scenario
         self._judged = online.restarts
+        #: How often a person or a program has asked for another belief.
+        self.resets = 0
         #: The stamp of the newest reading that moved the estimate, in nanoseconds.
         self.fused_at: int | None = None
 
@@ -186,6 +188,7 @@ class Fuser:
     def reset(self, belief: Gaussian) -> None:
         """Drop all messages and their statistics, and start from a belief; counts are kept."""
         self.online.reset(belief)
+        self.resets += 1
         self._reset_statistics()
 
     def restart(self) -> None:

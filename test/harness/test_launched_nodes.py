@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests to nodes that are slow to answer."""
+"""Requests to nodes that are slow to answer, or miss some."""
 
 import pytest
 
@@ -7,45 +7,76 @@ pytest.importorskip('rclpy')
 
 from rclpy.task import Future
 
-from kalman_ros.harness.launched_nodes import LaunchedNodes
+from kalman_ros.harness.launched_nodes import LaunchedNodes, NodeError
 
 
-class Slow:
-    """A service that takes its time for the first request, and the nodes around it."""
+class Service:
+    """A client of a service, whose node answers in order."""
 
-    call = LaunchedNodes.call
-
-    def __init__(self, seconds):
-        self._clients = {'plant/reset': self}
-        self._now, self._free, self._seconds = 0.0, 0.0, seconds
-        self.asked = []
-
-    def service_is_ready(self):
-        return True
-
-    def wait(self, condition, *_):
-        assert condition()
+    def __init__(self, node, misses=0, seconds=0.0):
+        self._node, self._misses, self._seconds = node, misses, seconds
+        self.done = 0
 
     def call_async(self, request):
-        self._free = max(self._free, self._now) + (0.01 if self.asked else self._seconds)
-        self.asked.append((self._free, Future()))
-        return self.asked[-1][1]
+        future = Future()
+        if self._misses:
+            self._misses -= 1
+        else:
+            self._node.queue.append((self, future))
+        return future
+
+    def take(self):
+        """Return the seconds that the next request takes."""
+        seconds, self._seconds = self._seconds, 0.01
+        self.done += 1
+        return seconds
+
+
+class Node:
+    """A node with a service, and what the harness asks of it."""
+
+    call, _responds = LaunchedNodes.call, LaunchedNodes._responds
+
+    def __init__(self, **reset):
+        self.queue, self.now, self._free = [], 0.0, 0.0
+        self.reset, self._parameters = Service(self, **reset), Service(self)
+
+    def _client(self, kind, service):
+        return self.reset if service == 'plant/reset' else self._parameters
 
     def spin(self, seconds, until):
-        end = self._now + seconds
-        for answered, future in self.asked:
-            if answered <= end and not until.done() and not future.done():
-                self._now = answered
-                future.set_result(answered)
+        end = self.now + seconds
+        while self.queue and not until.done():
+            service, future = self.queue[0]
+            self._free = max(self._free, self.now) + service.take()
+            if self._free > end:
+                service.done -= 1
+                service._seconds, self._free = self._free - end, end
+                break
+            del self.queue[0]
+            self.now = self._free
+            future.set_result(True)
         if not until.done():
-            self._now = end
-
-    def open_requests(self):
-        return [future for _, future in self.asked if not future.done()]
+            self.now = end
 
 
-@pytest.mark.parametrize('seconds', [0.5, 1.5, 5.0])
-def test_no_repeated_request_is_still_to_be_done_after_the_answer(seconds):
-    slow = Slow(seconds)
-    slow.call(None, 'plant/reset', None)
-    assert slow.open_requests() == []
+@pytest.mark.parametrize('seconds', [0.5, 1.5, 5.0, 14.0])
+def test_a_slow_node_does_what_is_requested_once(seconds):
+    node = Node(seconds=seconds)
+    assert node.call(None, 'plant/reset', None)
+    assert node.reset.done == 1
+    assert node.now == pytest.approx(seconds, abs=0.1)
+    node.spin(10.0, Future())
+    assert node.reset.done == 1
+
+
+@pytest.mark.parametrize('misses', [1, 3])
+def test_a_request_that_was_lost_is_sent_again(misses):
+    node = Node(misses=misses)
+    assert node.call(None, 'plant/reset', None)
+    assert node.reset.done == 1
+
+
+def test_a_node_that_does_not_answer_is_an_error():
+    with pytest.raises(NodeError, match='no answer from plant/reset within 30 s'):
+        Node(seconds=1e3).call(None, 'plant/reset', None)

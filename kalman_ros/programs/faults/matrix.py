@@ -123,15 +123,16 @@ class FaultMatrix:
         pose = PoseWithCovarianceStamped()
         pose.pose.pose.position.x, pose.pose.pose.position.y = x, y
         pose.pose.covariance[0] = pose.pose.covariance[7] = _VARIANCE
-        log = self._run.processes['estimator'].output
-        before = log().count('initialpose')
-        self._run.wait(
-            self._pose.get_subscription_count, 10.0, lambda: 'initialpose has no subscribers'
-        )
+        run = self._run
+
+        def resets() -> int:
+            return int(run.reported('estimator', 'resets'))
+
+        run.refresh('estimator')
+        before = resets()
+        run.wait(self._pose.get_subscription_count, 10.0, lambda: 'initialpose has no subscribers')
         self._pose.publish(pose)
-        self._run.wait(
-            lambda: log().count('initialpose') > before, 10.0, lambda: 'initialpose was not taken'
-        )
+        run.wait(lambda: resets() > before, 10.0, lambda: 'initialpose was not taken')
 
     def _account(self) -> _Account:
         """Count messages, after all published ones are recorded."""
