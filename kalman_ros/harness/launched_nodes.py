@@ -25,8 +25,8 @@ from .node_set import NodeSet
 from .process import NodeProcess
 from .readiness import missing
 
-#: An answer is prompt within N seconds. It is awaited that long, M times.
-_PROMPT, _ROUNDS = 1.0, 30
+#: An answer is prompt within N seconds. It is awaited twice that long, M times.
+_PROMPT, _ROUNDS = 1.0, 15
 #: Seconds in which all nodes must be connected.
 _PATIENCE = 60.0
 
@@ -165,7 +165,7 @@ class LaunchedNodes:
                 answer = client.call_async(request)
             # nodes answer in order: one that answers a later request has not received this one
             lost = not lost and self._responds(node)
-        raise NodeError(f'no answer from {service} within {_ROUNDS * _PROMPT:g} s')
+        raise NodeError(f'no answer from {service} within {2.0 * _ROUNDS * _PROMPT:g} s')
 
     def _responds(self, node: str) -> bool:
         """Return whether a node promptly answers a request that changes nothing."""

@@ -12,7 +12,6 @@ pytest.importorskip('rclpy')
 from rclpy.task import Future
 
 from kalman_ros.control.limiter import Limiter, Limits
-from kalman_ros.harness import Run
 from kalman_ros.nodes import runtime
 from kalman_ros.nodes.output import OutputStage
 
@@ -69,17 +68,3 @@ def test_an_output_that_is_closed_does_not_wait_for_subscribers():
     assert output.at_idle
     output.deliver()
     assert publisher.calls[2:] == ['wait_for_all_acked']
-
-
-def test_the_answer_to_a_request_that_was_repeated_counts_however_late():
-    sent = []
-
-    def spin(seconds, until):
-        if len(sent) == 3:
-            sent[0].set_result('late')
-
-    client = SimpleNamespace(
-        service_is_ready=lambda: True, call_async=lambda _: sent.append(Future()) or sent[-1]
-    )
-    run = SimpleNamespace(_clients={'a': client}, wait=lambda *_: None, spin=spin)
-    assert Run.call(run, None, 'a', None) == 'late'
