@@ -46,8 +46,7 @@ class NodeProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                start_new_session=True,
-                preexec_fn=_die_with_parent,
+                preexec_fn=_lead_a_group,
             )
 
     @property
@@ -112,6 +111,12 @@ def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:
     return environment
 
 
-def _die_with_parent() -> None:
+def _lead_a_group() -> None:
+    """Lead a process group, and die with the parent.
+
+    It stays in the parent's session: Linux shares processors out to sessions first (autogroups,
+    sched(7)), and a node in a session of one process starved beside busy ones in another.
+    """
+    os.setpgrp()
     if sys.platform == 'linux':
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGTERM)
