@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import inf, pi
+from math import inf
 from typing import Annotated, Any
 
-from kalman_ros import models, sensors
+from kalman_ros import models
 from kalman_ros.core import (
     About,
     Model,
@@ -24,6 +24,7 @@ from kalman_ros.estimators import FILTERS
 
 from .model_checks import check_equilibrium
 from .parameter_files import section
+from .signal_declarations import AXES, sensor_options, signal_options
 from .wiring import by_name, driven_by_name
 from .wiring import system as system_of
 
@@ -38,160 +39,6 @@ def _shared(
     ] = (inf,),
 ) -> None:
     """Carry the options that do not depend on the model."""
-
-
-#: The farthest from the centre of a body that a sensor is, in m.
-_FARTHEST = 1e4
-#: The feature of turned and displaced sensors, and of the frames of messages.
-_FRAMES = 'frames'
-#: That of sensors that are late, or read too much or too little.
-_CORRECTED = 'corrections'
-#: That of readings of zero, and of those at rest.
-_STILL = 'stand-still'
-
-
-#: The options of axes and frames, of a sensor or of the input.
-_AXES: Mapping[str, tuple[Value, About]] = {
-    'mount.rotation': (
-        [0.0, 0.0, 0.0],
-        About('roll, pitch, yaw on the body', 'rad', -2.0 * pi, 2.0 * pi, feature=_FRAMES),
-    ),
-    'convention': (
-        'enu',
-        About("axes of the messages: 'enu', or 'ned' and forward, right, down", feature=_FRAMES),
-    ),
-    'frame': (
-        '',
-        About("frame of the messages, others are dropped; '': the first", feature=_FRAMES),
-    ),
-}
-
-
-def _sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
-    signal = setup.signal
-    own: dict[str, tuple[Value, About]] = {
-        'kind': (setup.kind, About('kind of sensor, or package.module:Class of your own')),
-        'noise': (
-            list(setup.noise),
-            About('standard deviation of each coordinate', live=True),
-        ),
-        'rate': (setup.rate, About('readings a second', 'Hz', minimum=1e-6, live=True)),
-        'enabled': (setup.enabled, About('whether the sensor is used', live=True)),
-        'topic': (signal.topic, About('topic of the readings')),
-        'type': (signal.type, About('message type of the readings')),
-        'fields': (list(signal.fields), About('field of the message for each coordinate')),
-        'covariance': (
-            signal.covariance,
-            About("path of an array in the message; '': by its type"),
-        ),
-        'covariance_from': (
-            'message',
-            About(
-                "noise from the 'message' if it has one, from the "
-                "'configuration', or the 'larger' of both",
-                live=True,
-            ),
-        ),
-        'mount.translation': (
-            [0.0, 0.0, 0.0],
-            About('forward, left, up of the body', 'm', -_FARTHEST, _FARTHEST, feature=_FRAMES),
-        ),
-        'mount.rotation': _AXES['mount.rotation'],
-        'mount.gravity': (
-            0.0,
-            About(
-                'what an accelerometer reads upwards at rest',
-                'm/s^2',
-                -100.0,
-                100.0,
-                feature=_FRAMES,
-            ),
-        ),
-        'mount.tf': (
-            False,
-            About('both by the transform of frame on /tf_static', feature=_FRAMES),
-        ),
-        'convention': _AXES['convention'],
-        'pose': (
-            'absolute',
-            About("'relative' to its first, or 'differential': a velocity", feature=_FRAMES),
-        ),
-        'frame': _AXES['frame'],
-        'stamp_offset': (
-            0.0,
-            About(
-                'added to the stamps: below 0 for stamps that are late',
-                's',
-                -10.0,
-                10.0,
-                feature=_CORRECTED,
-            ),
-        ),
-        'bias_std': (
-            [0.0],
-            About(
-                'standard deviations of an unknown bias, estimated as a state; one for all',
-                minimum=0.0,
-                feature=_CORRECTED,
-            ),
-        ),
-        'bias_noise': (
-            [0.0],
-            About(
-                'spectral densities, in squared units by s, of its change; one for all',
-                minimum=0.0,
-                feature=_CORRECTED,
-            ),
-        ),
-        'zero': (
-            False,
-            About('read zeros in place of the fields: no slip, no speed', feature=_STILL),
-        ),
-        'still.below': (
-            [inf],
-            About('read only while still.fields are smaller than this', feature=_STILL),
-        ),
-        'still.fields': ([''], About("fields of the messages; '': fields", feature=_STILL)),
-        'still.duration': (
-            0.5,
-            About('and have been for this long', 's', 0.0, 3600.0, feature=_STILL),
-        ),
-        'gate': (
-            1.0,
-            About(
-                'probability that a valid reading passes; 1: no gate',
-                minimum=0.5,
-                maximum=1.0,
-                live=True,
-            ),
-        ),
-        'reliable': (
-            False,
-            About('subscribe reliably, not best effort'),
-        ),
-    }
-    found = {key: Option(f'{name}.{key}', default, about) for key, (default, about) in own.items()}
-    try:
-        listed = sensors.options(setup.kind)
-    except ValueError as error:
-        raise ValueError(f'{name}.{error}') from None
-    for option in listed:
-        default = setup.options.get(option.name, option.default)
-        found[option.name] = Option(f'{name}.{option.name}', default, option.about)
-    return {option.name: option for option in found.values()}
-
-
-def _signal_options(section: str, signal: Signal, meaning: str) -> dict[str, Option]:
-    options = (
-        Option(f'{section}.topic', signal.topic, About(f'topic of {meaning}')),
-        Option(f'{section}.type', signal.type, About(f'message type of {meaning}')),
-        Option(
-            f'{section}.fields',
-            list(signal.fields),
-            About(f'field of the message for each coordinate of {meaning}'),
-        ),
-    )
-    return {option.name: option for option in options}
 
 
 def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Option]:
@@ -216,11 +63,11 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
         found[option.name] = Option(option.name, option.default, about)
     for name in sensor_names(listed.check(values.get('sensors', listed.default))):
         setup = _setup(system, name, values)
-        found.update(_sensor_options(name, setup))
-    found.update(_signal_options('state', system.state, 'the estimate, truth and reference'))
+        found.update(sensor_options(name, setup))
+    found.update(signal_options('state', system.state, 'the estimate, truth and reference'))
     if built.input.size:
-        found.update(_signal_options('input', system.input, 'the input'))
-        for key, (value, about) in _AXES.items():
+        found.update(signal_options('input', system.input, 'the input'))
+        for key, (value, about) in AXES.items():
             found[f'input.{key}'] = Option(f'input.{key}', value, about)
         if with_law:
             from . import law

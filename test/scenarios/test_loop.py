@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real nodes as processes, over real topics."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -10,6 +8,7 @@ pytest.importorskip('rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 
 from kalman_ros.analysis import checks as verdicts
 from kalman_ros.codecs.signal_codec import SignalCodec
@@ -153,7 +152,7 @@ def test_a_report_that_arrives_late_is_not_taken_for_a_new_one():
         again = run.node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         run.wait(lambda: again.get_subscription_count() > 0, 10.0, lambda: 'not connected')
         again.publish(DiagnosticArray(status=[old]))
-        time.sleep(0.2)
+        assert again.wait_for_all_acked(Duration(seconds=10.0))  # it waits to be taken
         run.refresh('plant')
         assert run.reported('plant', 'steps') == '201'
 

@@ -20,7 +20,7 @@ _REPEATED, _FROZEN = 10, 0.5
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the sensors that repeat one value for long; readings of zero are to do so."""
+    """Return the sensors that repeat one value for long, except those that read zeros."""
     sources = case.evidence.scenario.sensors
     return [
         finding

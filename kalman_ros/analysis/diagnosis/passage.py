@@ -11,24 +11,19 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite, log, pi
+from math import log, pi
 from typing import Any
 
 import numpy as np
 
 from kalman_ros.analysis.records import SensorRecord
-from kalman_ros.core import Array, DiscreteLinearSystem, LinearSystem, Model, is_finite
-from kalman_ros.estimators.filter import parts
-from kalman_ros.linear.kernels import corrected, gain, joseph, sandwich, scaled, weighed, whitening
-from kalman_ros.linear.matrices import identity
+from kalman_ros.core import Array, is_finite
+from kalman_ros.linear.kernels import corrected, gain, joseph, weighed, whitening
 
+from .belief_walk import Walk
 from .evidence import Evidence
 
 LOG_2_PI = log(2.0 * pi)
-#: A step is as long as the model allows if it is longer only by the rounding of stamps.
-_ROUNDING = 1e-6
-#: Steps of nonlinear models up to this (s) are taken by their linearisation.
-_SHORT = 0.02
 #: Innovations beyond this many of their standard deviations count as this many.
 _FAR = 1e6
 
@@ -126,7 +121,7 @@ def passage(
     """
     scenario = evidence.scenario
     sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-    walk = _Walk(evidence)
+    walk = Walk(evidence)
     events: list[Event] = []
     whitened: list[Array] = []
     for time, name, index in _in_order(evidence, until):
@@ -197,98 +192,6 @@ def _in_order(evidence: Evidence, until: float) -> list[tuple[float, str, int]]:
         stamps, first = np.unique(np.round(record.stamp[indices], 9), return_index=True)
         found += [(t, order, name, int(indices[i])) for t, i in zip(stamps.tolist(), first)]
     return [(time, name, index) for time, _, name, index in sorted(found)]
-
-
-class _Walk:
-    """The belief on its way through time, with the inputs held in between."""
-
-    def __init__(self, evidence: Evidence) -> None:
-        self._model = evidence.scenario.model
-        self._exact = is_linear(self._model)
-        self.x, self.P = evidence.scenario.initial_belief
-        inputs = evidence.inputs
-        order = np.argsort(inputs.stamp, kind='stable')
-        self._times: list[float] = [*np.round(inputs.stamp[order], 9).tolist(), np.inf]
-        self._inputs = inputs.value[order]
-        self._next, self._time = 0, -np.inf
-        self._skipped: tuple[Array, Array, float] | None = None
-        self._resting = bool(evidence.parameters.get('rest_until_input')) and len(order) > 0
-        self.u: Array = np.zeros(self._model.input.size)
-
-    def skip(self, F: Array, Q: Array, dt: float) -> None:
-        """Count the step to a reading that is left out as part of the next one."""
-        self._skipped = F, Q, dt
-
-    def to(self, time: float) -> tuple[Array, Array, float]:
-        """Go on to ``time`` (s); return F, Q and the length of that step."""
-        begin = self._time
-        F, Q, before = self._skipped or (None, None, 0.0)
-        self._skipped = None
-        while self._times[self._next] < time:
-            at = self._times[self._next]
-            F, Q = self._moved(at, F, Q)
-            self.u, self._resting = self._inputs[self._next], False
-            self._next += 1
-        F, Q = self._moved(time, F, Q)
-        if F is None or Q is None:
-            F, Q = identity(self.x.size), np.zeros((self.x.size, self.x.size))
-        return F, Q, before + (time - begin if np.isfinite(begin) else 0.0)
-
-    def _moved(
-        self, time: float, F: Array | None, Q: Array | None
-    ) -> tuple[Array | None, Array | None]:
-        """Go on to ``time`` (s); return F and Q, None if nothing has moved, so far."""
-        dt = round(time - self._time, 9)  # so that equal steps are equal numbers
-        if isfinite(dt) and dt > 0.0 and not self._resting:
-            count = parts(self._model, dt * (1.0 - _ROUNDING))
-            for _ in range(count):
-                A, W = transition(self._model, self.x, self.u, dt / count)
-                self.x = self._stepped(A, dt / count)
-                self.P = sandwich(A, self.P, W)
-                if F is None or Q is None:
-                    F, Q = A, W
-                else:
-                    F, Q = scaled(A, F), sandwich(A, Q, W)
-        self._time = max(self._time, time)
-        return F, Q
-
-    def _stepped(self, F: Array, dt: float) -> Array:
-        """Return the state after a step; a short one by F, x + (I + F) f(x) dt / 2.
-
-        It is right to the second order in dt, as F is, and takes a quarter of the evaluations.
-        Where rotations turn, the midpoint rule is that.
-        """
-        model = self._model
-        if self._exact or dt > _SHORT:
-            return model.step(self.x, self.u, dt)
-        if model.state.rotations:
-            middle = model.state.add(self.x, 0.5 * dt * model.derivative(self.x, self.u))
-            return model.state.add(self.x, dt * model.derivative(middle, self.u))
-        moved = (0.5 * dt) * model.derivative(self.x, self.u)
-        return model.state.wrap(self.x + moved + F.dot(moved))
-
-
-def is_linear(model: Model) -> bool:
-    """Return whether steps of a model are linear, or known in no other way."""
-    return isinstance(model, (LinearSystem, DiscreteLinearSystem)) or not hasattr(
-        model, 'derivative'
-    )
-
-
-def transition(model: Model, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
-    """Return F and Q (n, n) of a short step: exact where linear, else to second order in dt."""
-    if is_linear(model):
-        step = model.transition(x, u, dt)
-        return step.F, step.Q
-    A, W = dt * model.state_jacobian(x, u), dt * model.noise_density(x)
-    F = 0.5 * A.dot(A)
-    F += A
-    F += identity(len(A))
-    half = 0.5 * A.dot(W)
-    half += A.dot((half + half.T) / 3.0)
-    W += half
-    W += half.T
-    return F, W
 
 
 def explained(before: Passage, after: Passage) -> float:
