@@ -12,9 +12,10 @@ from typing import NamedTuple, Protocol
 
 #: The most bytes that are held in memory until their order is known, and of one block.
 MOST_PENDING, MOST_BLOCK = 1 << 30, 1 << 28
-#: The longest time from publication to reception that is put in order, in nanoseconds, and the
-#: most messages that wait for it.
-_LATENCY, _MOST_WAITING = 2_000_000_000, 50_000
+#: The most messages that wait for others.
+MOST_WAITING = 50_000
+#: The longest time from publication to reception that is put in order, in nanoseconds.
+_LATENCY = 2_000_000_000
 
 
 class Message(NamedTuple):
@@ -86,12 +87,16 @@ def as_published(messages: Iterable[Message]) -> Iterator[Message]:
     message that it responds to, from another process, but it is not published before.
     """
     heap: list[tuple[int, int, Message]] = []
+    size = 0
     for number, message in enumerate(messages):
         published = message.time if message.published is None else message.published
         heappush(heap, (published, number, message))
-        while heap[0][0] + _LATENCY < message.time or len(heap) > _MOST_WAITING:
-            yield heappop(heap)[2]
-            if not heap:
-                break
+        size += len(message.data)
+        while heap and (
+            heap[0][0] + _LATENCY < message.time or len(heap) > MOST_WAITING or size > MOST_PENDING
+        ):
+            first = heappop(heap)[2]
+            size -= len(first.data)
+            yield first
     while heap:
         yield heappop(heap)[2]

@@ -8,7 +8,7 @@ from math import inf
 
 from kalman_ros.codecs.messages import UndecodableError, leading_stamp
 
-from .blocks import Message, as_published
+from .blocks import MOST_PENDING, MOST_WAITING, Message, as_published
 
 
 class Steps:
@@ -25,6 +25,11 @@ class Steps:
         The topic of the ticks.
     start, end
         In simulated seconds from the first tick.
+
+    Raises
+    ------
+    ValueError
+        While iterating, if so much comes without a tick that it would fill the memory.
     """
 
     def __init__(
@@ -37,17 +42,27 @@ class Steps:
     def __iter__(self) -> Iterator[Message]:
         """Yield the messages."""
         start, end = self._limits
+        limited = start > 0.0 or end < inf
         waiting: list[Message] = []
+        size = 0
         for message in as_published(self._messages):
-            waiting.append(message)
             elapsed = self._elapsed(message)
+            if not limited and not waiting and self.origin is not None:
+                yield message
+                continue
+            waiting.append(message)
+            size += len(message.data)
             if elapsed is None:
+                if len(waiting) > MOST_WAITING or size > MOST_PENDING:
+                    count = len(waiting)
+                    raise ValueError(f'{count} messages without a tick on {self._tick}')
                 continue
             if elapsed > end:
                 return
             if elapsed >= start:
                 yield from waiting
             waiting.clear()
+            size = 0
         yield from waiting
 
     def _elapsed(self, message: Message) -> int | None:

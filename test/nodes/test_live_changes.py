@@ -28,7 +28,7 @@ def built(monkeypatch):
 
     count(building, 'model_of', 'model')
     count(declarations, 'model_of', 'model')
-    count(declarations, '_sensor_options', 'declarations')
+    count(declarations, 'sensor_options', 'declarations')
     count(building, '_source', 'sensor')
     count(controller, 'feedback', 'law')
     count(estimator, 'observability', 'observability')
