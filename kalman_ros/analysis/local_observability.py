@@ -7,11 +7,11 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from math import inf
-from time import monotonic
 
 import numpy as np
 
 from kalman_ros.core import Array, solve, symmetric
+from kalman_ros.estimators.filter import parts
 from kalman_ros.linear.structure import Observability
 from kalman_ros.scenario import Scenario
 
@@ -22,8 +22,6 @@ from .observability import observability
 _PIECES, _MOST_GROWTH = 20, 1e3
 #: Information below this, relative to that of the initial belief, is rounding.
 _NONE = 1e-6
-#: The seconds after which `ObservabilityMeter.work` ends, once it has done one piece.
-_AT_ONCE = 0.001
 #: The step of numerical derivatives, relative to the initial belief.
 _DIFFERENCE = 1e-5
 
@@ -93,8 +91,9 @@ class ObservabilityMeter:
     The observability of a linear scenario is constant and needs no record.
 
     Where the state has many numbers, the whole path takes tens of milliseconds, in which a node
-    would answer no reading. A node in real time lets the meter `work` now and then, piece by
-    piece, and `report` has the last path that was completed.
+    would answer no reading. A node in real time lets the meter `work` now and then, step by
+    step, and `report` has the last path that was completed. Without such work `report` follows
+    the whole path.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -147,6 +146,8 @@ class ObservabilityMeter:
         """Return the observability and its standard deviations, as text."""
         if self._linear is not None:
             return {'observability': str(self._linear)}
+        if self._found is None and self._walk is not None:
+            return {'observability': 'not known yet'}
         found, space = self._found or self(x), self._scenario.model.state
         deviations = zip(space.names, space.units, found.std.tolist())
         listed = ', '.join(f'{name} {std:.3g} {unit}'.rstrip() for name, unit, std in deviations)
@@ -157,23 +158,19 @@ class ObservabilityMeter:
         *_, M = self._gramians(x, reversed(self._pieces))
         return self._judged(M)
 
-    def work(self, estimate: Callable[[], Array], seconds: float = _AT_ONCE) -> None:
-        """Follow the path for some ``seconds``, and begin again from the ``estimate`` at its end.
-
-        At least one piece is done.
-        """
+    def work(self, estimate: Callable[[], Array]) -> None:
+        """Follow the path by one step, and begin again from the ``estimate`` at its end."""
         if self._linear is not None:
             return
-        end = monotonic() + seconds
         if self._walk is None:
             past = [replace(piece, readings=piece.readings.copy()) for piece in self._pieces]
             self._walk = self._gramians(estimate(), reversed(past))
             next(self._walk)
-        for M in self._walk:
+        M = next(self._walk, None)
+        if M is None:
+            self._walk, self._found = None, self._judged(self._gramian)
+        else:
             self._gramian = M
-            if monotonic() >= end:
-                return
-        self._walk, self._found = None, self._judged(self._gramian)
 
     def _judged(self, M: Array) -> LocalObservability:
         first = self._scenario.initial_belief.std
@@ -187,7 +184,7 @@ class ObservabilityMeter:
         return Observability(seen, unseen, (), not unseen)
 
     def _gramians(self, x: Array, path: Iterable[_Piece]) -> Iterator[Array]:
-        """Yield the Gramian before the path, which leads back from ``x``, and after each piece."""
+        """Yield the Gramian before the path, which leads back from ``x``, and after each step."""
         model, sensors = self._scenario.model, self._scenario.sensors
         first = _units(self._scenario.initial_belief.std)
         n, h = x.size, _DIFFERENCE * np.diag(first)  # many points take as long as one
@@ -201,10 +198,12 @@ class ObservabilityMeter:
             if not piece.seconds:
                 break
             u = piece.impulse / piece.seconds
-            x, *near = model.step(np.vstack((x, x + h, x - h)), u, -piece.seconds)
-            change = model.state.subtract(np.array(near[:n]), np.array(near[n:]))
-            back = (change.T / (2.0 * h.diagonal())) @ back
-            yield M
-            if not np.abs(back / first[:, None] * first).max() < _MOST_GROWTH:
-                return
+            count = parts(model, piece.seconds)
+            for _ in range(count):
+                x, *near = model.step(np.vstack((x, x + h, x - h)), u, -piece.seconds / count)
+                change = model.state.subtract(np.array(near[:n]), np.array(near[n:]))
+                back = (change.T / (2.0 * h.diagonal())) @ back
+                yield M
+                if not np.abs(back / first[:, None] * first).max() < _MOST_GROWTH:
+                    return
         yield M

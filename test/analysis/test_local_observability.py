@@ -123,28 +123,66 @@ def test_a_linear_scenario_has_its_verdict_at_once():
     assert meter.report(np.zeros(4)) == {'observability': str(observability(built))}
 
 
-def test_piece_by_piece_it_comes_to_the_same_and_then_reports_at_once(monkeypatch):
+@pytest.fixture
+def robot():
+    """A robot in space and its meter after 0.6 s."""
     built = scenario.build({'model': 'robot_3d', 'sensors': ['odometry', 'imu']})
-    meter, x, steps = ObservabilityMeter(built), built.initial_state, []
+    meter = ObservabilityMeter(built)
     for step in range(60):
         meter.reading('imu', step * 10_000_000)
         if step % 5 == 0:
             meter.reading('odometry', step * 10_000_000)
-    whole = meter(x)
-    expected = meter.report(x)
-    move = type(built.model).step
+    return built, meter
+
+
+@pytest.fixture
+def derivatives(robot, monkeypatch):
+    """The derivatives that the robot's model has been asked for, one after the other."""
+    asked, derivative = [], type(robot[0].model).derivative
     monkeypatch.setattr(
-        type(built.model), 'step', lambda *arguments: steps.append(1) or move(*arguments)
+        type(robot[0].model),
+        'derivative',
+        lambda *arguments: asked.append(1) or derivative(*arguments),
     )
+    return asked
+
+
+#: The derivatives of a step by Runge and Kutta.
+STAGES = 4
+
+
+def test_step_by_step_it_comes_to_the_same_and_then_reports_at_once(robot, derivatives):
+    built, meter = robot
+    x = built.initial_state
+    whole, expected = meter(x), meter.report(x)
+    count = len(derivatives)
+    del derivatives[:]
     for call in range(30):  # less than twice the path
-        before = len(steps)
-        meter.work(lambda: x, seconds=0.0)
-        assert len(steps) <= before + 1
+        before = len(derivatives)
+        meter.work(lambda: x)
+        assert len(derivatives) <= before + STAGES
         meter.reading('imu', (60 + call) * 10_000_000)  # what comes meanwhile is for the next
-    assert len(steps) > 20
-    del steps[:]
+    assert len(derivatives) > count // 2
+    del derivatives[:]
     assert meter.report(x) == expected
-    assert not steps
+    assert not derivatives
     assert not np.isnan(whole.std).any()
     meter.reset()
     assert meter.report(x) != expected
+
+
+def test_until_the_path_is_known_the_work_goes_on_and_a_report_does_none(robot, derivatives):
+    built, meter = robot
+    meter.work(lambda: built.initial_state)
+    del derivatives[:]
+    assert meter.report(built.initial_state) == {'observability': 'not known yet'}
+    assert not derivatives
+
+
+def test_a_gap_in_the_readings_takes_many_steps_each_as_short_as_others(robot, derivatives):
+    built, meter = robot
+    meter.reading('imu', 5_000_000_000)  # and now the first piece back is 4.4 s long
+    for _ in range(60):
+        before = len(derivatives)
+        meter.work(lambda: built.initial_state)
+        assert len(derivatives) <= before + STAGES
