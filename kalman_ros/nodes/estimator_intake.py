@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 from rclpy.clock import JumpThreshold
@@ -25,8 +25,11 @@ from .topics import QUEUE, sensor_queue
 
 #: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
-#: Seconds between two pieces of work that no message waits for.
-_PAUSE = 0.05
+#: Seconds between two pieces of work that no message waits for: after a message of the fastest
+#: sensor, since then it is longest until the next message, or of another if that one is silent.
+_PAUSE, _SILENT = 0.05, 0.1
+#: Seconds that the readers of an estimate have the processor before such work takes it.
+_YIELD = 3e-4
 #: The most innovations that are published at once in real time.
 _MOST_INNOVATIONS = 8
 
@@ -53,6 +56,9 @@ class RealTimeIntake:
         self._last_time = -1
         self._clock = node.get_clock().handle
         self._worked = monotonic()
+        rates = {name: sensor.timed.rate for name, sensor in self._scenario.enabled.items()}
+        fastest = max(rates, key=lambda name: rates[name], default='')
+        self._fastest = fuser.channels.get(fastest)
         self._meeting = Meeting(self._input_connected)
         for channel in fuser.channels.values():
             queue = sensor_queue(reliable=self._scenario.sensors[channel.name].reliable)
@@ -102,8 +108,9 @@ class RealTimeIntake:
             for each in corrected:
                 each.channel.age.add(((now or each.time) - each.time) * 1e-9 + done - start)
         self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
-        if start - self._worked > _PAUSE:  # now it is longest until the next message
+        if start - self._worked > (_PAUSE if first is self._fastest else _SILENT):
             self._worked = start
+            sleep(_YIELD)
             fuser.observability.work(fuser.estimate)
 
     def _waiting_readings(self, first: Channel, data: bytes, now: int) -> list[Received]:
