@@ -7,7 +7,7 @@ from math import isfinite
 
 import numpy as np
 
-from kalman_ros.core import Array, DiscreteLinearSystem, LinearSystem, Model
+from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Model
 from kalman_ros.estimators.filter import parts
 from kalman_ros.linear.kernels import sandwich, scaled
 from kalman_ros.linear.matrices import identity
@@ -21,12 +21,12 @@ _SHORT = 0.02
 
 
 class Walk:
-    """The belief on its way through time, with the inputs held in between."""
+    """The belief on its way through time from a first one, with the inputs held in between."""
 
-    def __init__(self, evidence: Evidence) -> None:
+    def __init__(self, evidence: Evidence, first: Gaussian) -> None:
         self._model = evidence.scenario.model
         self._exact = is_linear(self._model)
-        self.x, self.P = evidence.scenario.initial_belief
+        self.x, self.P = first
         inputs = evidence.inputs
         order = np.argsort(inputs.stamp, kind='stable')
         self._times: list[float] = [*np.round(inputs.stamp[order], 9).tolist(), np.inf]

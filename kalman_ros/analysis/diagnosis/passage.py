@@ -9,6 +9,7 @@ computed from (`responses`).
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log, pi
@@ -17,15 +18,18 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.analysis.records import SensorRecord
-from kalman_ros.core import Array, is_finite
+from kalman_ros.core import Array, Gaussian, is_finite
 from kalman_ros.linear.kernels import corrected, gain, joseph, weighed, whitening
 
+from .beginning import likeliest
 from .belief_walk import Walk
 from .evidence import Evidence
 
 LOG_2_PI = log(2.0 * pi)
 #: Innovations beyond this many of their standard deviations count as this many.
 _FAR = 1e6
+#: Squares beyond this decide no more between first beliefs: they are those of outliers.
+_OUTLYING = 30.0
 
 
 @dataclass(frozen=True)
@@ -119,24 +123,49 @@ def passage(
     numpy.linalg.LinAlgError
         If the filter fails; unless it is ``strict``, the pass ends there instead.
     """
-    scenario = evidence.scenario
-    sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-    walk = Walk(evidence)
     events: list[Event] = []
     whitened: list[Array] = []
+    try:
+        for event, e in _followed(evidence, _first(evidence, until), until, gate):
+            events.append(event)
+            whitened.append(e)
+    except np.linalg.LinAlgError:
+        if strict:
+            raise
+    return Passage(events, whitened)
+
+
+def _first(evidence: Evidence, until: float) -> Gaussian:
+    """Return the belief from which one filter can follow the readings: if it must, a part."""
+    scenario = evidence.scenario
+    if scenario.filter != 'gaussian_sum':
+        return scenario.initial_belief
+
+    def follow(part: Gaussian) -> Iterator[float]:
+        for event, e in _followed(evidence, part, until):
+            yield min(float(e.dot(e)), _OUTLYING) + event.log
+
+    return likeliest(scenario.initial_belief, scenario.model.state, follow)
+
+
+def _followed(
+    evidence: Evidence,
+    first: Gaussian,
+    until: float,
+    gate: tuple[str, float, list[int]] | None = None,
+) -> Iterator[tuple[Event, Array]]:
+    """Yield the events of a pass from the ``first`` belief, and their whitened innovations."""
+    scenario = evidence.scenario
+    sensors = {name: source.sensor for name, source in scenario.sensors.items()}
+    walk = Walk(evidence, first)
     for time, name, index in _in_order(evidence, until):
         F, Q, dt = walk.to(time)
         sensor, record = sensors[name], evidence.sensors[name]
         x, P, R = walk.x, walk.P, record.covariance[index]
-        try:
-            if not is_finite(x):
-                raise np.linalg.LinAlgError('the estimate is not finite')
-            H = np.asfortranarray(sensor.jacobian(x))
-            K, S = gain(P, H, R)
-        except np.linalg.LinAlgError:
-            if strict:
-                raise
-            break
+        if not is_finite(x):
+            raise np.linalg.LinAlgError('the estimate is not finite')
+        H = np.asfortranarray(sensor.jacobian(x))
+        K, S = gain(P, H, R)
         innovation = sensor.output.subtract(record.value[index], sensor.measure(x))
         if gate and name == gate[0] and weighed(S, innovation) > gate[1]:
             gate[2].append(index)
@@ -145,11 +174,8 @@ def passage(
         walk.x = scenario.model.state.wrap(corrected(x, K, innovation))
         walk.P = joseph(K, H, P, R)
         white, size = whitener(S)
-        events.append(
-            Event(name, index, time, F, Q, dt, x, P, walk.u, H, K, S, innovation, white, size)
-        )
-        whitened.append(np.minimum(np.maximum(white.dot(innovation), -_FAR), _FAR))
-    return Passage(events, whitened)
+        event = Event(name, index, time, F, Q, dt, x, P, walk.u, H, K, S, innovation, white, size)
+        yield event, np.minimum(np.maximum(white.dot(innovation), -_FAR), _FAR)
 
 
 def whitener(S: Array) -> tuple[Array, float]:
