@@ -7,6 +7,7 @@ import importlib
 import inspect
 import pkgutil
 import traceback
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,14 @@ def names(package: str) -> list[str]:
 
     Only ``package`` itself is imported.
     """
+    return list(_names(package))
+
+
+@cache
+def _names(package: str) -> tuple[str, ...]:
     path = importlib.import_module(package).__path__
     found = (module.name for module in pkgutil.iter_modules(path))
-    return sorted(name for name in found if not name.startswith('_'))
+    return tuple(sorted(name for name in found if not name.startswith('_')))
 
 
 def find(kind: str, name: str, package: str, attribute: str) -> Any:

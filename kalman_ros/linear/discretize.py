@@ -13,13 +13,14 @@ doubled again by F <- F F, G <- G + F G, Q <- Q + F Q F', in which no large term
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from functools import lru_cache
 from math import ceil, factorial, inf, log2, sqrt
 
 import numpy as np
 
 from .batched import MANY, product
-from .matrices import Array, symmetric
+from .matrices import Array, identity, symmetric
 
 #: The longest step for which the series is used, relative to 1 / ||L||, and its terms: the
 #: truncation error is below 1 / 19!, less than double precision.
@@ -109,6 +110,8 @@ def _doubled(F: Array, G: Array, Q: Array, times: int) -> tuple[Array, Array, Ar
 
 #: The remainder of the series of `flow`, relative to its sum.
 _NEGLIGIBLE = 1e-15
+#: The norms from which on 4, 6, ... terms are not enough, norm^N / N! being that remainder.
+_REACHES = [(_NEGLIGIBLE * factorial(N)) ** (1.0 / N) for N in range(4, _TERMS - 2, 2)]
 #: From this bound of the remainder on, the last term of a large stack is looked at: the bound is
 #: often pessimistic, and to look costs a quarter of a term.
 _WORTH_MEASURING = 1e-6
@@ -194,9 +197,9 @@ def _short_flow(A_h: Array, W_h: Array, norm: float) -> tuple[Array, Array]:
     square = A_h @ A_h
     # for even N, ||A^N|| is at most ||A^2||^(N / 2), which is often much less than ||A||^N
     norm = min(norm, sqrt(float(np.abs(square).sum(axis=-2).max(initial=0.0))))
-    count = next(N for N in range(4, _TERMS, 2) if norm**N / factorial(N) < _NEGLIGIBLE)
+    count = 4 + 2 * bisect_right(_REACHES, norm)
     powers = np.empty((count, *A_h.shape))
-    powers[0], powers[1], powers[2] = np.eye(A_h.shape[-1]), A_h, square
+    powers[0], powers[1], powers[2] = identity(A_h.shape[-1]), A_h, square
     known = 2
     while known < count - 1:
         more = min(known, count - 1 - known)

@@ -9,6 +9,8 @@ from scipy.stats import chi2, t
 from tuned_cases import COVERED, likelihood, recorded
 
 import kalman_ros as kr
+from kalman_ros.analysis.tuning import ascent
+from kalman_ros.analysis.tuning.fit import fit
 from kalman_ros.analysis.tuning.intervals import reach
 from kalman_ros.analysis.tuning.restricted import noise_power
 
@@ -83,3 +85,17 @@ def test_points_expanded_in_one_pass_are_as_each_alone():
         # differences divide the rounding of the sum by their step
         assert other.gradient == pytest.approx(alone.gradient, rel=1e-6, abs=1e-4)
         assert other.information == pytest.approx(alone.information, rel=1e-6, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_the_last_step_of_a_long_fit_leaves_nothing_to_gain(monkeypatch):
+    case = replace(COVERED[0], seconds=60.0)
+    case = replace(case, values={**case.values, 'position.rate': 25.0})
+    data = recorded(case, 3)
+    short = fit(likelihood(case, data)).parameters
+    monkeypatch.setattr(ascent, '_NEARLY', 1e-6)
+    long = fit(likelihood(case, data)).parameters
+    for one, other in zip(short, long):
+        std = (other.high - other.low) / 3.92
+        assert abs(one.value - other.value) < 0.03 * std, one.name
+        assert one.high - one.low == pytest.approx(other.high - other.low, rel=0.02)

@@ -32,6 +32,9 @@ _LONGEST, _FAR = 2.0, 20.0
 _SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
 #: Starts are compared on the first N readings, and followed there until little is left to gain.
 SHORT, LITTLE = 500, 0.03
+#: A last step of scoring follows where it promises at most this: half a standard deviation, of
+#: which it leaves some hundredths.
+_NEARLY = 0.1
 #: An ascent that comes within this distance of a maximum, in standard deviations, leads there.
 _NEAR = 5.0
 
@@ -210,8 +213,9 @@ def _shorter(
 def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> Ascent:
     """Return the highest maximum from the start and from others about it.
 
-    Long recordings are begun with their first part, where the other starts are compared. If that
-    is interrupted, or the whole has no likelihood, what was reached until then is returned.
+    Long recordings are begun with their first part, where the other starts are compared, and of
+    the whole so little is left to gain that one more step is enough. If that is interrupted, or
+    the whole has no likelihood, what was reached until then is returned.
 
     Raises
     ------
@@ -253,7 +257,7 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
         return _best(ends, before, 'all readings together have no likelihood')
     before = -np.inf if found[0] is None else found[0].value
     begin = max(begins, key=lambda each: each.value)
-    return replace(climb(likelihood, [begin], report)[0], before=before)
+    return replace(climb(likelihood, [begin], report, _NEARLY)[0], before=before)
 
 
 def _best(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent:

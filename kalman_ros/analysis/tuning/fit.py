@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Any
 
@@ -12,11 +12,11 @@ import numpy as np
 from kalman_ros.core import Array
 from kalman_ros.estimators.consistency import chi_square_gate
 
-from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, maximum
+from .ascent import INTERRUPTED, LITTLE, Ascent, Report, _ignore, climb, maximum
 from .identifiability import Determination, determination
 from .intervals import reach
 from .likelihood import Expansion, Likelihood
-from .restricted import Restricted, restricted
+from .restricted import Restricted, restricted, unrestricted
 
 
 @dataclass(frozen=True)
@@ -130,10 +130,9 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     """
     if not likelihood.parameters:
         raise ValueError('fit: expected at least one parameter, got none')
-    ascent = maximum(likelihood, report)
+    ascent, end = _end(maximum(likelihood, report), report)
     first, likelihood = likelihood, ascent.likelihood
     start = ascent.before - likelihood.prior(likelihood.start)[0]
-    end, stopped = _end(ascent, report)
     top, found = end.top, end.found
     point, beyond = _settled(likelihood, top, found.seen)
     fitted = []
@@ -147,22 +146,29 @@ def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
     events = likelihood.observations.events({}, likelihood.until)
     count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
     return Fit(
-        tuple(fitted), found.correlation, start, ascent.top.data, found.rank, count,
-        ascent.steps, stopped, likelihood is not first, top, found,
+        tuple(fitted), found.correlation, start, max(ascent.top.data, top.data), found.rank,
+        count, ascent.steps, ascent.stopped, likelihood is not first, top, found,
     )  # fmt: skip
 
 
-def _end(ascent: Ascent, report: Report) -> tuple[Restricted, str]:
-    """Return where a fit ends after an ascent, and why that is not the maximum; '' if it is."""
-    stopped = ascent.stopped
-    if not stopped:
+def _end(ascent: Ascent, report: Report) -> tuple[Ascent, Restricted]:
+    """Return an ascent, with its last step, and where a fit ends after it."""
+    if not ascent.stopped:
         try:
-            return restricted(ascent.likelihood, ascent.top, report), ''
+            moved = restricted(ascent.likelihood, ascent.top, report)
+            if moved is not None:
+                return ascent, moved
+            last = climb(ascent.likelihood, [ascent.top], report)[0]
+            ascent = replace(
+                ascent, top=last.top, steps=ascent.steps + last.steps, stopped=last.stopped
+            )
         except KeyboardInterrupt:
-            stopped = INTERRUPTED
+            ascent = replace(ascent, stopped=INTERRUPTED)
+    if not ascent.stopped:
+        return ascent, unrestricted(ascent.likelihood, ascent.top)
     found = determination(ascent.likelihood.parameters, ascent.top.information, ascent.top.z)
     p = len(ascent.top.z)
-    return Restricted(ascent.top, found, np.zeros(p), np.full(p, np.inf)), stopped
+    return ascent, Restricted(ascent.top, found, np.zeros(p), np.full(p, np.inf))
 
 
 def _settled(likelihood: Likelihood, top: Expansion, seen: Any) -> tuple[Array, dict[int, str]]:

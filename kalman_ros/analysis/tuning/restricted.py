@@ -61,27 +61,33 @@ class Restricted:
     freedom: Array
 
 
-def restricted(likelihood: Likelihood, top: Expansion, report: Report) -> Restricted:
-    """Return the maximum of the restricted likelihood next to that of the likelihood.
-
-    It is the same where no noise is fitted, nothing else is, or the noise is known so well that
-    the difference is negligible.
-    """
+def unrestricted(likelihood: Likelihood, top: Expansion) -> Restricted:
+    """Return a maximum of the likelihood as that of the restricted one."""
     p = len(top.z)
     power = np.array([noise_power(likelihood, top.z, index) for index in range(p)])
     found = determination(likelihood.parameters, top.information, top.z, power)
+    return Restricted(top, found, power, np.full(p, np.inf))
+
+
+def restricted(likelihood: Likelihood, top: Expansion, report: Report) -> Restricted | None:
+    """Return the maximum of the restricted likelihood, one step from near that of the likelihood.
+
+    None if it is the same: where no noise is fitted, nothing else is, or the noise is known so
+    well that the difference is negligible.
+    """
+    same = unrestricted(likelihood, top)
+    found, power = same.found, same.power
     known = np.isfinite(found.std)
-    unchanged = Restricted(top, found, power, np.full(p, np.inf))
     noise = known & (power != 0.0)
     others = known & ~noise
     # all noise twice as large leaves a quarter of the information on each other parameter, so a
     # noise moves by at most their number times its variance
     uncertain = noise & (np.where(noise, found.std, 0.0) * others.sum() > _LITTLE)
     if not uncertain.any():
-        return unchanged
+        return None
     slopes = _slopes(likelihood, top, np.flatnonzero(uncertain).tolist(), report)
     if slopes is None:
-        return unchanged
+        return None
     C = found.covariance
     b = np.ix_(others, others)
     inverse = np.linalg.inv(top.information[b])

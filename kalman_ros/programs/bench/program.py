@@ -32,6 +32,7 @@ GROUPS = {
     'lockstep': 'lockstep',
     'replay': 'replays',
     'record': 'recording_cost',
+    'tune': 'fits',
 }
 
 
