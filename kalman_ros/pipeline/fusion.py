@@ -61,15 +61,26 @@ def fusion(scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Va
 def check_start(filter: Filter, scenario: Scenario) -> None:
     """Raise ValueError if no reading could ever correct the initial belief.
 
-    Its numbers may be finite, but too large to compute with.
+    Its numbers may be finite, but too large to compute with; or the model makes them so in a step.
     """
     belief, every = scenario.believed.initial, scenario.believed.sensors
     sensors = [every[name] for name in scenario.enabled]
     zero = np.zeros(scenario.model.input.size)
+
+    def starts(first: Gaussian) -> bool:
+        return any(_corrects(filter, first, zero, each, scenario.rate) for each in sensors)
+
     with np.errstate(all='ignore'):
-        if sensors and not any(_corrects(filter, belief, zero, s, scenario.rate) for s in sensors):
-            std = np.sqrt(belief.covariance.diagonal()).tolist()
-            raise ValueError(f'initial_std: no filter can compute with {std}: too large or small')
+        if not sensors or starts(belief):
+            return
+        if not starts(Gaussian(belief.mean, np.eye(len(belief.mean)))):
+            step = 1.0 / scenario.rate
+            raise ValueError(
+                f'model_parameters: within a step of {step:g} s, 1 / rate, the model grows beyond '
+                'what a filter can compute with'
+            )
+    std = np.sqrt(belief.covariance.diagonal()).tolist()
+    raise ValueError(f'initial_std: no filter can compute with {std}: too large or small')
 
 
 def _corrects(filter: Filter, belief: Gaussian, u: Array, sensor: Sensor, rate: float) -> bool:

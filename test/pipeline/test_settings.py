@@ -59,3 +59,16 @@ def test_two_estimators_share_a_file(tmp_path):
     assert [*everywhere.scenario.enabled] == ['wheels', 'gnss']
     assert (local.options.frame, everywhere.options.frame) == ('odom', 'map')
     assert everywhere.scenario.state.topic == 'global/estimate'
+
+
+@pytest.mark.parametrize(
+    ('values', 'blamed'),
+    [
+        ({'initial_std': [1e140, 1e140]}, 'initial_std: no filter can compute with'),
+        ({'model_parameters.stiffness': -1e12}, 'model_parameters: within a step of 0.01 s'),
+    ],
+)
+def test_what_no_filter_can_compute_with_is_named(values, blamed):
+    chosen = settings({'model': 'mass_spring_damper', **values})
+    with pytest.raises(ValueError, match=blamed):
+        chosen.estimator()

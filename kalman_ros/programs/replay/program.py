@@ -15,6 +15,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from kalman_ros import models
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.bags.replayed import Replayed
@@ -39,8 +40,9 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         'bag', metavar='BAG', help='a folder of rosbag2, one of its files, or a bag of ROS 1'
     )
     parser.add_argument(
-        '--params-file', metavar='FILE', help='a parameter file, or the name of one in config/'
-    )
+        '--params-file', metavar='FILE',
+        help=f'a parameter file, or the name of one in config/ (default: {models.DEFAULT})',
+    )  # fmt: skip
     add_parameters(parser, 'a parameter over those of the file, such as imu.topic:=/imu/data')
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='for the results (default: out/replay/BAG)'

@@ -49,7 +49,8 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument(
         '--params-file', type=Path, metavar='FILE',
-        help="the estimator's parameter file, or the name of a scenario",
+        help="the estimator's parameter file, or the name of a scenario "
+        f'(default: {models.DEFAULT})',
     )  # fmt: skip
     parser.add_argument(
         '--fit', nargs='+', default=[], metavar='NAME',
