@@ -84,3 +84,11 @@ def check_sensor(name: str, sensor: Sensor, x: Array) -> None:
     _check(f'{name}.kind: its measure', lambda: sensor.measure(xs[0]), (k,))
     _check(f'{name}.kind: its measure {_AT_ONCE}', lambda: sensor.measure(xs), (count, k))
     _check(f'{name}.kind: its jacobian', lambda: sensor.jacobian(x), (k, n))
+    if sensor.linear:
+        away = np.linspace(0.3, 0.5, n)
+        change = sensor.output.subtract(sensor.measure(x + away), sensor.measure(x))
+        if not np.allclose(change, sensor.jacobian(x) @ away, rtol=1e-6, atol=1e-9):
+            raise ValueError(
+                f'{name}.kind: its readings do not change as its Jacobian says, so it cannot have '
+                'linear = True'
+            )

@@ -79,6 +79,7 @@ ReturnsNothing = own(measure=lambda self, x: None)
 Raises = own(measure=lambda self, x: 1 / 0)
 OneAtATime = own(measure=lambda self, x: np.array([x[0]]))
 FlatJacobian = own(jacobian=lambda self, x: np.ones(4))
+NotLinear = own(linear=True, measure=lambda self, x: x[..., :1] ** 2)
 
 
 class Mass(Model):
@@ -116,6 +117,7 @@ class OneState(Mass):
         ('Raises', 'position.kind: its measure fails: ZeroDivisionError: division by zero'),
         ('OneAtATime', r'measure of several states at once \(x\[..., 0\], not x\[0\]\): expected'),
         ('FlatJacobian', r'its jacobian: expected the shape \(1, 4\), got \(4,\)'),
+        ('NotLinear', r'position.kind: its readings .* cannot have linear = True'),
         ('Own', 'velocity'),
     ],
 )
