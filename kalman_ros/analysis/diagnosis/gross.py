@@ -13,9 +13,9 @@ import numpy as np
 from .examination import CHANCE, Examination
 from .finding import Finding
 from .left_out import left_out
-from .mounting import best_rotation, exchanged, is_vector, nearest_rotation, turned
+from .mounting import best_rotation, exchanged, nearest_rotation, turned, vectors, within
 from .passage import Passage, explained, passage
-from .units import conversions, mixed, scaled
+from .units import conversions, groups, mixed, scaled
 
 #: A filter is lost if its innovations squared are larger than expected by this factor.
 _LOST = 2.0
@@ -83,39 +83,37 @@ def lost(case: Examination) -> bool:
 
 def _candidates(case: Examination) -> Iterator[Finding]:
     for name in dict.fromkeys(event.sensor for event in case.passage.events):
-        size = case.evidence.scenario.sensors[name].sensor.output.size
-        for index in range(size):
-            sensible = conversions(case, name, (index,))
+        space = case.evidence.scenario.sensors[name].sensor.output
+        for group in groups(space):
+            sensible = conversions(case, name, group)
             for factor in _FACTORS:
                 if factor > 0.0 and factor not in sensible:
                     continue
-                yield scaled(case, name, (index,), factor, 0.0, 0.0)
-        if size == 2:
+                yield scaled(case, name, group, factor, 0.0, 0.0)
+        if space.size == 2:
             yield exchanged(case, name, (1, 0), 0.0)
         yield from _turned(case, name)
 
 
 def _turned(case: Examination, name: str) -> Iterator[Finding]:
-    """Yield the rotation of a vector reading by which it fits what the other sensors predict.
+    """Yield the rotation of each vector reading by which it fits what the others predict.
 
     From there the filter is no longer lost, and the regressions hold.
     """
     space = case.evidence.scenario.sensors[name].sensor.output
-    if not is_vector(space):
-        return
+    groups = vectors(space)
     until = case.passage.events[0].time + _TURNED_SECONDS
-    others = left_out(case, name, until)
+    others = left_out(case, name, until) if groups else None
     if others is None:
         return
-    y, expected = others.record.value, others.predicted
-    M = nearest_rotation(expected.T @ y)
-    if np.linalg.norm(M - np.eye(len(M))) < _TURNED:
-        return
-    near = mixed(case.evidence, name, M)
-    first = passage(near, until, strict=False)
-    M = best_rotation(Examination(near, strict=False, known=first), name, len(M)) @ M
-    rms = float(np.sqrt(np.mean(np.sum((y @ M.T - expected) ** 2, axis=1))))
-    unit = space.units[0]
-    yield turned(
-        case, name, M, 0.0, f'Then {rms:.3g} {unit} rms are left to what the others predict.'
-    )
+    for group in groups:
+        y, expected = others.record.value[:, group], others.predicted[:, group]
+        turn = nearest_rotation(expected.T @ y)
+        if np.linalg.norm(turn - np.eye(len(turn))) < _TURNED:
+            continue
+        near = mixed(case.evidence, name, within(case, name, group, turn))
+        first = passage(near, until, strict=False)
+        turn = best_rotation(Examination(near, strict=False, known=first), name, group) @ turn
+        rms = float(np.sqrt(np.mean(np.sum((y @ turn.T - expected) ** 2, axis=1))))
+        left = f'Then {rms:.3g} {space.units[group[0]]} rms are left to what the others predict.'
+        yield turned(case, name, group, turn, 0.0, left)

@@ -13,7 +13,7 @@ from kalman_ros.core import Array, Space, rotations
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .responses import fitted
-from .units import mixed, mixing, replaced
+from .units import alike, label_of, mixed, mixing, replaced
 
 #: Rotations below this (rad) are no finding, and those this near to a quarter turn are one.
 _SMALL, _NEAR = 0.03, 0.1
@@ -27,15 +27,23 @@ def find(case: Examination) -> list[Finding]:
         if space.size < 2 or not case.responses.columns('mix', name):
             continue
         found += [*_swaps(case, name, space.size)]
-        if is_vector(space):
-            found += [*_rotations(case, name, space.size)]
+        for group in vectors(space):
+            found += [*_rotations(case, name, group)]
     return found
 
 
-def is_vector(space: Space) -> bool:
-    """Return whether readings are a vector in two or three axes, which can be turned."""
-    turned = space.turns  # their numbers are no components
-    return len(set(space.units)) == 1 and space.size in (2, 3) and not turned
+def vectors(space: Space) -> list[tuple[int, ...]]:
+    """Return the groups of coordinates that are a vector of two or three axes, to be turned."""
+    # the numbers of a rotation are no components
+    turns = {index for turn in space.turns for index in range(turn.start, turn.stop)}
+    return [group for group in alike(space) if len(group) <= 3 and not turns.intersection(group)]
+
+
+def within(case: Examination, name: str, group: tuple[int, ...], turn: Array) -> Array:
+    """Return the matrix that turns some coordinates of a sensor, and leaves the others."""
+    M = np.eye(case.evidence.scenario.sensors[name].sensor.output.size)
+    M[np.ix_(group, group)] = turn
+    return M
 
 
 def _gain(case: Examination, name: str, M: Array) -> float:
@@ -70,41 +78,43 @@ def exchanged(case: Examination, name: str, order: tuple[int, ...], gain: float)
     )  # fmt: skip
 
 
-def _rotations(case: Examination, name: str, size: int) -> list[Finding]:
-    """Return the best rotation of the first two axes or, of three, about any axis."""
-    M = best_rotation(case, name, size)
-    gain = _gain(case, name, M)
-    if gain < CHANCE or abs(_angle(M)) < _SMALL:
+def _rotations(case: Examination, name: str, group: tuple[int, ...]) -> list[Finding]:
+    """Return the best rotation of two axes or, of three, about any axis."""
+    turn = best_rotation(case, name, group)
+    gain = _gain(case, name, within(case, name, group, turn))
+    if gain < CHANCE or abs(_angle(turn)) < _SMALL:
         return []
     left = case.passage.misfit - gain
     becomes = f'Misfit {case.passage.misfit:.4g} becomes {left:.4g}.'
-    return [turned(case, name, M, gain, becomes)]
+    return [turned(case, name, group, turn, gain, becomes)]
 
 
-def turned(case: Examination, name: str, M: Array, gain: float, residual: str) -> Finding:
-    """Return the finding that readings y of a sensor fit once turned, as M y.
+def turned(
+    case: Examination, name: str, group: tuple[int, ...], turn: Array, gain: float, residual: str
+) -> Finding:
+    """Return the finding that some coordinates of a sensor fit once turned by a matrix.
 
     ``residual`` is a sentence on what is left then.
     """
-    angle = _angle(M)
+    angle, M, label = _angle(turn), within(case, name, group, turn), label_of(case, name, group)
     quarter = abs(abs(angle) - 0.5 * np.pi) < _NEAR
     why = (
         ' A quarter turn is what east-north-up leaves in place of north-east-down.'
         if quarter
         else ''
     )
-    if len(M) == 3:
-        turn = ', '.join(f'{each:.4g}' for each in rotations.to_euler(rotations.log(M)))
-        why += f' If it is a vector of the body, {name}.mount.rotation: [{turn}] says the same.'
+    if len(turn) == 3:
+        angles = ', '.join(f'{each:.4g}' for each in rotations.to_euler(rotations.log(turn)))
+        why += f' If it is a vector of the body, {name}.mount.rotation: [{angles}] says the same.'
     return Finding(
         'rotated',
-        name,
-        f'readings of {name} fit once turned by {degrees(angle):+.3g} deg: it is mounted '
+        label,
+        f'readings of {label} fit once turned by {degrees(angle):+.3g} deg: it is mounted '
         f'at an angle, or its frame is another one.{why} {residual}',
         gain**0.5,
         mixing(case.evidence, name, M),
         gain=gain,
-        figure=_picture(case, name, M),
+        figure=_picture(case, name, M, group),
         mended=lambda: mixed(case.evidence, name, M),
     )
 
@@ -116,24 +126,26 @@ def _angle(M: Array) -> float:
     return float(np.arccos(np.clip(0.5 * (np.trace(M) - 1.0), -1.0, 1.0)))
 
 
-def best_rotation(case: Examination, name: str, size: int) -> Array:
+def best_rotation(case: Examination, name: str, group: tuple[int, ...]) -> Array:
     """Return the rotation that gains most: by a grid in the plane, else near that of the fit."""
-    if size == 2:
+
+    def gain(turn: Array) -> float:
+        return _gain(case, name, within(case, name, group, turn))
+
+    if len(group) == 2:
         angles = np.linspace(-np.pi, np.pi, 721)
         turns = [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
-        return max(turns, key=lambda M: _gain(case, name, M))
-    columns = case.responses.columns('mix', name)
+        return max(turns, key=gain)
+    pairs = [(str(i), str(j)) for i in group for j in group]
+    columns = [at for pair in pairs for at in case.responses.columns('mix', name, *pair)]
     fit = fitted(
         case.responses.gradient[columns], case.responses.information[np.ix_(columns, columns)]
     )
-    start = nearest_rotation(np.eye(size) - fit.size.reshape(size, size))
+    start = nearest_rotation(np.eye(3) - fit.size.reshape(3, 3))
 
     from scipy.optimize import minimize  # slow import
 
-    def loss(turn: Array) -> float:
-        return -_gain(case, name, rotations.exp(turn) @ start)
-
-    found = minimize(loss, np.zeros(3), method='BFGS')
+    found = minimize(lambda turn: -gain(rotations.exp(turn) @ start), np.zeros(3), method='BFGS')
     return np.asarray(rotations.exp(found.x) @ start)
 
 
@@ -147,12 +159,12 @@ def nearest_rotation(M: Array) -> Array:
     return np.asarray(U @ np.diag([*np.ones(len(M) - 1), np.linalg.det(U @ V)]) @ V)
 
 
-def _picture(case: Examination, name: str, M: Array) -> Figure:
-    record = case.evidence.sensors[name]
+def _picture(case: Examination, name: str, M: Array, group: tuple[int, ...] = (0, 1)) -> Figure:
+    record, (i, j) = case.evidence.sensors[name], group[:2]
     names = case.evidence.scenario.sensors[name].sensor.output.names
     mended = record.value @ M.T
     curves = (
-        Curve('as read', record.value[:, 0], record.value[:, 1], 'dots'),
-        Curve('corrected', mended[:, 0], mended[:, 1], 'dots'),
+        Curve('as read', record.value[:, i], record.value[:, j], 'dots'),
+        Curve('corrected', mended[:, i], mended[:, j], 'dots'),
     )
-    return Figure(f'{name}: its axes', names[0], names[1], curves)
+    return Figure(f'{name}: its axes', names[i], names[j], curves)

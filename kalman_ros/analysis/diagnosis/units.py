@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, Space
 from kalman_ros.scenario.parameter_files import section
 from kalman_ros.sensors import options
 
@@ -49,11 +49,7 @@ def find(case: Examination) -> list[Finding]:
     """Return the sensors, and coordinates of one, that fit once multiplied by a factor."""
     found = []
     for name in case.evidence.sensors:
-        space = case.evidence.scenario.sensors[name].sensor.output
-        groups: list[tuple[int, ...]] = [(index,) for index in range(space.size)]
-        if len(set(space.units)) == 1 < space.size:
-            groups.append(tuple(range(space.size)))
-        for group in groups:
+        for group in groups(case.evidence.scenario.sensors[name].sensor.output):
             columns = [case.responses.columns('mix', name, str(i), str(i)) for i in group]
             if not all(columns):
                 continue
@@ -65,6 +61,28 @@ def find(case: Examination) -> list[Finding]:
                 factor, std = _likeliest(case, name, group, factor, std)
                 found.append(scaled(case, name, group, factor, std, fit.gain))
     return found
+
+
+def groups(space: Space) -> list[tuple[int, ...]]:
+    """Return the coordinates that may share a factor: each alone, and all of one unit together."""
+    together = alike(space)
+    return [*((index,) for index in range(space.size)), *together]
+
+
+def alike(space: Space) -> list[tuple[int, ...]]:
+    """Return the groups of two or more coordinates that have the same unit."""
+    found: dict[str, list[int]] = {}
+    for index, unit in enumerate(space.units):
+        found.setdefault(unit, []).append(index)
+    return [tuple(group) for group in found.values() if len(group) > 1]
+
+
+def label_of(case: Examination, name: str, group: Sequence[int]) -> str:
+    """Return a sensor's name, with those of its coordinates if they are not all."""
+    names = case.evidence.scenario.sensors[name].sensor.output.names
+    if len(group) == len(names) > 1:
+        return name
+    return f'{name}.{",".join(names[index] for index in group)}'
 
 
 def _inflation(case: Examination, name: str) -> float:
@@ -127,7 +145,7 @@ def scaled(
     """Return the finding that some coordinates must be multiplied by a ``factor``."""
     evidence = case.evidence
     space, index = evidence.scenario.sensors[name].sensor.output, group[0]
-    label = f'{name}.{space.names[index]}' if len(group) == 1 else name
+    label = label_of(case, name, group)
     kind, factor, why = _named(factor, std, conversions(case, name, group))
     M = scaling(case, name, group, factor)
     exact, dues = replaced(case, name, M)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the first heading is unknown, readings say later what it was; nothing else is blamed."""
+"""A robot with wheels, gyroscope and satellite receiver, from an unknown heading, and its faults.
+
+Where the first heading is unknown, readings say later what it was, and nothing else is blamed.
+"""
 
 import numpy as np
 import pytest
@@ -27,8 +30,15 @@ ROBOT = {
     'gnss.type': 'sensor_msgs/NavSatFix', 'gnss.topic': 'fix', 'gnss.fields': ['east', 'north'],
     'initial_estimate': [0.0] * 8, 'initial_std': [10.0, 10.0, 3.0, 1.0, 0.1, 0.5, 1.0, 1.0],
 }  # fmt: skip
+#: The same with a compass.
+COMPASS = {
+    **ROBOT, 'filter': 'ekf', 'sensors': [*ROBOT['sensors'], 'compass'],
+    'compass.measures': ['yaw'], 'compass.noise': [0.05], 'compass.rate': 25.0,
+    'compass.type': 'sensor_msgs/Imu', 'compass.topic': 'compass',
+    'compass.fields': ['orientation.yaw'],
+}  # fmt: skip
 #: Steps between two readings, and the length of a step and of the recording in seconds.
-EVERY, STEP, LENGTH = {'wheels': 2, 'gyroscope': 2, 'gnss': 10}, 0.02, 40.0
+EVERY, STEP, LENGTH = {'wheels': 2, 'gyroscope': 2, 'gnss': 10, 'compass': 2}, 0.02, 40.0
 
 
 def drive(seed):
@@ -43,17 +53,18 @@ def drive(seed):
         'wheels': np.column_stack((speed, np.zeros_like(speed), turn)),
         'gyroscope': turn[:, None],
         'gnss': np.cumsum(velocity, axis=0) * STEP,
+        'compass': np.angle(np.exp(1j * yaw))[:, None],
     }
     found = {}
     for name, value in values.items():
-        y = value + rng.normal(size=value.shape) * ROBOT[f'{name}.noise']
+        y = value + rng.normal(size=value.shape) * COMPASS[f'{name}.noise']
         stamp = 1000.0 + time[:: EVERY[name]]
         found[name] = (stamp + 0.002, stamp, y[:: EVERY[name]], None)
     return heading, found
 
 
-def evidence(readings):
-    return passed(ROBOT, readings, InputRecord(np.zeros(0), np.zeros(0), np.zeros((0, 0))))
+def evidence(readings, parameters=ROBOT):
+    return passed(parameters, readings, InputRecord(np.zeros(0), np.zeros(0), np.zeros((0, 0))))
 
 
 @pytest.mark.slow
@@ -81,6 +92,28 @@ def test_outliers_do_not_decide_it():
     wrong = {**readings, 'gnss': (received, stamp, fixes + 60.0 * far[:, None], none)}
     causes = diagnose(evidence(wrong)).findings
     assert (causes[0].kind, causes[0].subject) == ('outliers', 'gnss')
+
+
+def turned(v):
+    cosine, sine = np.cos(0.35), np.sin(0.35)
+    return np.column_stack(
+        (cosine * v[:, 0] - sine * v[:, 1], sine * v[:, 0] + cosine * v[:, 1], v[:, 2])
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('kind', 'wrong'), [('unit', lambda v: v * [3.6, 3.6, 1.0]), ('rotated', turned)]
+)
+def test_speeds_may_be_wrong_beside_a_turn_rate_that_is_right(kind, wrong):
+    _, readings = drive(11)
+    received, stamp, wheels, none = readings['wheels']
+    readings['wheels'] = received, stamp, wrong(wheels), none
+    cause = diagnose(evidence(readings, COMPASS)).findings[0]
+    assert (cause.kind, cause.subject) == (kind, 'wheels.vx,vy')
+    M = np.reshape(cause.change['wheels.C'], (3, 8))[:, [3, 4, 5]]
+    true = wrong(np.eye(3)).T
+    np.testing.assert_allclose(M, true, atol=0.03)
 
 
 SPACE = Space(('psi',), ('rad',), angles=('psi',))
