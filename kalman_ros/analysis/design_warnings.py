@@ -15,6 +15,8 @@ from .jacobians import wrong_jacobians
 
 #: A disk margin below this is small: less than 4.4 dB of gain and 28 degrees of phase.
 SMALL_DISK = 0.5
+#: A time constant is longer than another if it is by this factor, not by rounding.
+_SLOWER = 1.001
 
 
 def notes(report: DesignReport) -> tuple[str, ...]:
@@ -88,7 +90,7 @@ def _warnings(report: DesignReport, latency: float) -> Iterator[str]:
         yield f'The input does not control {names}; disturbances of them decay without it.'
     if report.regulator and report.estimator:
         slow, wanted = _slowest(report.estimator.modes), _slowest(report.regulator.modes)
-        if slow > wanted:
+        if slow > _SLOWER * wanted:
             yield (
                 f'The estimator is slower than the regulator: its slowest mode has a time '
                 f"constant of {slow:.3g} s, the regulator's {wanted:.3g} s. The input answers "

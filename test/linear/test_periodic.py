@@ -4,6 +4,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from kalman_ros.core import DesignError
+from kalman_ros.linear import periodic
 from kalman_ros.linear.periodic import Phase, Readings, periodic_filter, updated
 
 F, Q = np.array([[1.0, 0.1], [-0.2, 0.9]]), np.diag([0.01, 0.2])
@@ -53,3 +54,41 @@ def test_what_no_reading_sees_has_no_steady_state(growth):
 def test_what_is_known_exactly_settles_at_zero():
     still = periodic_filter([Phase(np.diag([0.5, 0.5]), np.zeros((2, 2)), NONE)])
     assert still.posterior.max() < 1e-20
+
+
+@pytest.fixture
+def updates(monkeypatch):
+    """Every update of the recursion."""
+    made, update = [], periodic.updated
+    monkeypatch.setattr(periodic, 'updated', lambda *given: made.append(1) or update(*given))
+    return made
+
+
+@pytest.mark.parametrize('slow', [0.9, 0.9999, 0.9999999, 1.0])
+def test_slow_modes_settle_in_a_few_steps(slow, updates):
+    # at 1.0 it is the mode without a reading of its own that only noise moves
+    A = np.array([[slow, 0.0], [0.1, 0.8]])
+    noise = np.diag([1e-6, 0.2])
+    found = periodic_filter([Phase(A, noise, NONE)] * 4 + [Phase(A, noise, SPEED)])
+    assert len(updates) <= 20
+    total, noises = np.eye(2), np.zeros((2, 2))
+    for _ in range(5):
+        total, noises = A @ total, A @ noises @ A.T + noise
+    P = solve_discrete_are(total.T, SPEED.C.T, noises, SPEED.R)
+    np.testing.assert_allclose(found.prior[-1], P, rtol=1e-7)
+
+
+@pytest.mark.parametrize('growth', [1.0, 1.0 + 1e-6, 1.5])
+def test_what_never_settles_is_refused_soon(growth, updates):
+    unseen = Phase(np.diag([0.5, growth]), np.eye(2), POSITION)
+    with pytest.raises(DesignError, match='no steady state'):
+        periodic_filter([unseen])
+    assert len(updates) <= 3000
+
+
+def test_an_unstable_system_settles_as_well():
+    A = np.array([[1.2, 0.3], [0.0, 1.5]])
+    found = periodic_filter([Phase(A, Q, NONE), Phase(A, Q, POSITION)])
+    A_2, Q_2 = A @ A, A @ Q @ A.T + Q
+    P = solve_discrete_are(A_2.T, POSITION.C.T, Q_2, POSITION.R)
+    np.testing.assert_allclose(found.prior[-1], P, rtol=1e-8)
