@@ -3,18 +3,20 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Space
+from kalman_ros.core import Array, Gaussian, Sensor, Space
+from kalman_ros.estimators.batch.batch_filters import batched
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.scenario import Scenario
-from kalman_ros.simulation.simulated_plant import SimulatedPlant
+from kalman_ros.simulation.batch_plant import BatchPlant
 
 
 @dataclass(frozen=True)
@@ -58,15 +60,17 @@ def truths(scenario: Scenario, runs: int, steps: int) -> list[list[Moment]]:
     The seeds are 0, 1, ...; the input is that of the equilibrium.
     """
     timed = {name: source.timed for name, source in scenario.enabled.items()}
-    u, found = scenario.model.equilibrium.input, []
-    for run in range(runs):
-        start = _draw(scenario.model.state, scenario.initial_belief, run)
-        plant, moments = SimulatedPlant(scenario.model, timed, scenario.rate, start, run), []
-        for step in range(steps):
-            if step:
-                plant.step(u)
-            moments.append(Moment(plant.state, plant.readings()))
-        found.append(moments)
+    space, belief, u = scenario.model.state, scenario.initial_belief, scenario.model.equilibrium
+    starts = np.array([_draw(space, belief, run) for run in range(runs)])
+    plant = BatchPlant(scenario.model, timed, scenario.rate, starts, range(runs), steps)
+    found: list[list[Moment]] = [[] for _ in range(runs)]
+    for step in range(steps):
+        if step:
+            plant.step(u.input)
+        states, readings = np.array(plant.state), plant.readings()
+        for run, moments in enumerate(found):
+            own = {name: np.array(y[run]) for name, y in readings.items()}
+            moments.append(Moment(states[run], own))
     return found
 
 
@@ -101,31 +105,58 @@ def consistency(
     believed = {
         name: t.sensor.with_covariance(noise**2 * t.sensor.covariance) for name, t in timed.items()
     }
-    space, belief = scenario.model.state, scenario.initial_belief
-    u = scenario.model.equilibrium.input
-    dt = 1.0 / scenario.rate
+    space, u, dt = scenario.model.state, scenario.model.equilibrium.input, 1.0 / scenario.rate
     drawn = truths(scenario, runs, steps) if drawn is None else drawn
-    all_nees = np.empty((runs, steps))
-    all_nis: dict[str, list[list[float]]] = {name: [] for name in timed}
-    for run, moments in enumerate(drawn):
-        posterior = belief
-        for found in all_nis.values():
-            found.append([])
-        for step, (truth, readings) in enumerate(moments):
-            for name, y in readings.items():
-                correction = filter.correct(posterior, y, believed[name])
-                all_nis[name][-1].append(correction.nis)
-                posterior = correction.posterior
-            error = space.subtract(truth, posterior.mean)
-            all_nees[run, step] = nees(error, posterior.covariance)
-            posterior = filter.predict(posterior, u, dt)
+    try:  # all runs at once, which gives the same
+        beliefs = [_Beliefs(batched(filter), scenario.initial_belief, drawn)]
+    except ValueError:
+        beliefs = [_Beliefs(filter, scenario.initial_belief, [moments]) for moments in drawn]
+    for each in beliefs:
+        for step in range(steps):
+            each.follow(step, believed, space)
+            each.predict(u, dt)
+    all_nees = np.concatenate([each.nees for each in beliefs], axis=1)
+    all_nis = {
+        name: np.concatenate([np.array(each.nis[name]) for each in beliefs], axis=1)
+        for name in timed
+    }
     degrees = {'': space.size, **{name: t.sensor.output.size for name, t in timed.items()}}
     return Consistency(
         runs,
-        all_nees.mean(axis=0) / space.size,
-        {name: np.mean(values, axis=0) / degrees[name] for name, values in all_nis.items()},
+        all_nees.mean(axis=1) / space.size,
+        {name: values.mean(axis=1) / degrees[name] for name, values in all_nis.items()},
         degrees,
     )
+
+
+class _Beliefs:
+    """What a filter believes in some runs; a filter of one belief has one run."""
+
+    def __init__(self, filter: Any, first: Gaussian, runs: Sequence[Sequence[Moment]]) -> None:
+        self._filter, self._runs, self._belief = filter, runs, first
+        self._one = len(runs) == 1
+        if not self._one:
+            self._belief = Gaussian(*(np.stack([part] * len(runs)) for part in first))
+        self.nees: list[Array] = []
+        self.nis: dict[str, list[Array]] = defaultdict(list)
+
+    def follow(self, step: int, sensors: Mapping[str, Sensor], space: Space) -> None:
+        """Take the readings of a step."""
+        moments = [run[step] for run in self._runs]
+        for name in moments[0].readings:
+            y = self._stacked([moment.readings[name] for moment in moments])
+            found = self._filter.correct(self._belief, y, sensors[name])
+            self.nis[name].append(np.atleast_1d(found.nis))
+            self._belief = found.posterior
+        error = space.subtract(self._stacked([each.state for each in moments]), self._belief.mean)
+        self.nees.append(np.atleast_1d(nees(error, self._belief.covariance)))
+
+    def predict(self, u: Array, dt: float) -> None:
+        """Go on by a step."""
+        self._belief = self._filter.predict(self._belief, u, dt)
+
+    def _stacked(self, each: Sequence[Array]) -> Array:
+        return each[0] if self._one else np.array(each)
 
 
 def _draw(space: Space, belief: Gaussian, seed: int) -> Array:

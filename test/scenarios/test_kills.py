@@ -19,7 +19,7 @@ from kalman_ros.programs.soak.machine import Withheld
 
 pytestmark = pytest.mark.real_time
 
-KILLS = 50
+KILLS = 16
 TIMEOUT, PERIOD = 0.3, 0.01
 #: From a reading to its force, unless the machine is overloaded.
 ROUND_TRIP = 0.02
