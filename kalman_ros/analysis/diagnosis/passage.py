@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import log, pi
+from math import inf, log, pi
 from typing import Any
 
 import numpy as np
@@ -109,7 +109,7 @@ class Passage:
 
 def passage(
     evidence: Evidence,
-    until: float = np.inf,
+    until: float = inf,
     gate: tuple[str, float, list[int]] | None = None,
     strict: bool = True,
 ) -> Passage:
@@ -136,13 +136,16 @@ def passage(
 
 
 def _first(evidence: Evidence, until: float) -> Gaussian:
-    """Return the belief from which one filter can follow the readings: if it must, a part."""
+    """Return the belief from which one filter can follow the readings: if it must, a part.
+
+    The first seconds alone are compared in large numbers, and seldom tell which part.
+    """
     scenario = evidence.scenario
-    if scenario.filter != 'gaussian_sum':
+    if scenario.filter != 'gaussian_sum' or until < inf:
         return scenario.initial_belief
 
     def follow(part: Gaussian) -> Iterator[float]:
-        for event, e in _followed(evidence, part, until):
+        for event, e in _followed(evidence, part, inf):
             yield min(float(e.dot(e)), _OUTLYING) + event.log
 
     return likeliest(scenario.initial_belief, scenario.model.state, follow)
