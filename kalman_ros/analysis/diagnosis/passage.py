@@ -138,7 +138,7 @@ def passage(
 def _first(evidence: Evidence, until: float) -> Gaussian:
     """Return the belief from which one filter can follow the readings: if it must, a part.
 
-    The first seconds alone are compared in large numbers, and seldom tell which part.
+    Passes through the first seconds alone are many, and too short to choose one.
     """
     scenario = evidence.scenario
     if scenario.filter != 'gaussian_sum' or until < inf:
