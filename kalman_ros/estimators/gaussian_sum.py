@@ -25,6 +25,8 @@ from .mixture import Mixture, forecast_nis, pooled, reduced, turned_parts
 _LEAST_WEIGHT = 1e-4
 #: A mixture has at most N times as many parts as one reading may divide one of them into.
 _MOST = 3
+#: Into how many parts a belief is divided, unless that is chosen.
+HYPOTHESES = 8
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def build(
     plan: Plan,
     hypotheses: Annotated[
         int, About('Gaussians into which a reading divides one that is too wide for it', minimum=1)
-    ] = 8,
+    ] = HYPOTHESES,
 ) -> GaussianSumFilter:
     """Return the Gaussian sum filter of any model."""
     return GaussianSumFilter(ExtendedKalmanFilter(plan.model), hypotheses)

@@ -25,9 +25,8 @@ from .topics import QUEUE, sensor_queue
 
 #: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
-#: Seconds between two pieces of work that no message waits for: after a message of the fastest
-#: sensor, since then it is longest until the next message, or of another if that one is silent.
-_PAUSE, _SILENT = 0.05, 0.1
+#: Seconds between two pieces of work that no message waits for.
+_PAUSE = 0.05
 #: Seconds that the readers of an estimate have the processor before such work takes it.
 _YIELD = 3e-4
 #: The most innovations that are published at once in real time.
@@ -56,9 +55,6 @@ class RealTimeIntake:
         self._last_time = -1
         self._clock = node.get_clock().handle
         self._worked = monotonic()
-        rates = {name: sensor.timed.rate for name, sensor in self._scenario.enabled.items()}
-        fastest = max(rates, key=lambda name: rates[name], default='')
-        self._fastest = fuser.channels.get(fastest)
         self._meeting = Meeting(self._input_connected)
         for channel in fuser.channels.values():
             queue = sensor_queue(reliable=self._scenario.sensors[channel.name].reliable)
@@ -108,7 +104,7 @@ class RealTimeIntake:
             for each in corrected:
                 each.channel.age.add(((now or each.time) - each.time) * 1e-9 + done - start)
         self._node.publish_innovations(corrected, _MOST_INNOVATIONS)
-        if start - self._worked > (_PAUSE if first is self._fastest else _SILENT):
+        if start - self._worked > _PAUSE:  # now it is longest until the next message
             self._worked = start
             sleep(_YIELD)
             fuser.observability.work(fuser.estimate)

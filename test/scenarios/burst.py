@@ -34,7 +34,7 @@ def main(rate, count):
         publish()
         time.sleep(max(0.0, start + sent / rate - time.monotonic()))
     for _ in range(PAIRS):
-        time.sleep(0.05)
+        publisher.wait_for_all_acked()
         for _ in range(5):
             publish()
     print(count + 5 * PAIRS)

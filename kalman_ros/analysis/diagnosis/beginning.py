@@ -10,10 +10,9 @@ from math import inf, log
 import numpy as np
 
 from kalman_ros.core import Gaussian, Space
+from kalman_ros.estimators.gaussian_sum import HYPOTHESES
 from kalman_ros.estimators.mixture import turned_parts
 
-#: Into how many parts a belief is divided whose angle is too wide.
-_PARTS = 8
 #: Parts whose misfit, -2 log likelihood, is worse by this are given up, looked at after each N
 #: readings; after the most of them the best is taken.
 _WORSE, _EACH, _MOST = 40.0, 50, 4000
@@ -37,7 +36,7 @@ def likeliest(
         Yields what each reading adds to the misfit of a filter that begins with a part; raises
         LinAlgError where the filter fails.
     """
-    weights, parts = turned_parts(belief, space, _PARTS)
+    weights, parts = turned_parts(belief, space, HYPOTHESES)
     if len(parts) == 1:
         return belief
     paths = [follow(part) for part in parts]

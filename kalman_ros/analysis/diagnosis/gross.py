@@ -101,12 +101,12 @@ def _turned(case: Examination, name: str) -> Iterator[Finding]:
     From there the filter is no longer lost, and the regressions hold.
     """
     space = case.evidence.scenario.sensors[name].sensor.output
-    groups = vectors(space)
+    axes = vectors(space)
     until = case.passage.events[0].time + _TURNED_SECONDS
-    others = left_out(case, name, until) if groups else None
+    others = left_out(case, name, until) if axes else None
     if others is None:
         return
-    for group in groups:
+    for group in axes:
         y, expected = others.record.value[:, group], others.predicted[:, group]
         turn = nearest_rotation(expected.T @ y)
         if np.linalg.norm(turn - np.eye(len(turn))) < _TURNED:

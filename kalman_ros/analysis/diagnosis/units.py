@@ -65,8 +65,7 @@ def find(case: Examination) -> list[Finding]:
 
 def groups(space: Space) -> list[tuple[int, ...]]:
     """Return the coordinates that may share a factor: each alone, and all of one unit together."""
-    together = alike(space)
-    return [*((index,) for index in range(space.size)), *together]
+    return [*((index,) for index in range(space.size)), *alike(space)]
 
 
 def alike(space: Space) -> list[tuple[int, ...]]:
