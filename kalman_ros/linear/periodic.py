@@ -110,27 +110,29 @@ def _map_of(phase: Phase) -> _Map:
 
 
 @np.errstate(all='ignore')
-def _advanced(phases: Sequence[Phase], P: Array, periods: int) -> Array | None:
-    """Return the error covariance after a number of ``periods`` or more; None if that fails.
+def _advanced(phases: Sequence[Phase], P: Array, periods: int) -> tuple[Array, bool]:
+    """Return the error covariance after a number of ``periods`` or more, and if it has settled.
 
     Each map is the one before it twice, so that a hundred thousand periods take seventeen (B.
     Anderson and J. Moore, Optimal Filtering, 1979, section 6.7; for the maps, S. Sarkka and A.
     Garcia-Fernandez, Temporal Parallelization of Bayesian Smoothers, IEEE Trans. Automatic Control
     66(1), 2021).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a map cannot be computed.
     """
-    try:
-        total = reduce(_Map.then, map(_map_of, phases))
-        found = total(P)
-        for _ in range(periods.bit_length()):
-            total = total.then(total)
-            before, found = found, total(P)
-            if not np.isfinite(found).all():
-                return None
-            if _settled(before, found):
-                break
-    except np.linalg.LinAlgError:
-        return None
-    return found
+    total = reduce(_Map.then, map(_map_of, phases))
+    found = total(P)
+    for _ in range(periods.bit_length()):
+        total = total.then(total)
+        before, found = found, total(P)
+        if not np.isfinite(found).all():
+            raise np.linalg.LinAlgError('the maps grow beyond all numbers')
+        if _settled(before, found):
+            return found, True
+    return found, False
 
 
 def _settled(before: Array, after: Array) -> bool:
@@ -150,10 +152,24 @@ def periodic_filter(phases: Sequence[Phase], periods: int = _MOST_PERIODS) -> Pe
     DesignError
         If it does not settle: the readings do not keep the error bounded.
     """
-    after = np.eye(len(phases[0].F)) * max(1.0, float(np.trace(phases[0].Q)))
-    advanced = _advanced(phases, after, periods)
-    if advanced is not None:
-        after, periods = advanced, min(periods, _MOST_LEFT)
+    first = np.eye(len(phases[0].F)) * max(1.0, float(np.trace(phases[0].Q)))
+    starts = [(first, periods)]
+    try:
+        advanced, settled = _advanced(phases, first, periods)
+    except np.linalg.LinAlgError:
+        pass
+    else:
+        # rounding, where readings are very good, may keep the steps from what doubling settled at
+        starts = [(advanced, min(periods, _MOST_LEFT)), *(starts if settled else [])]
+    for start, count in starts:
+        found = _stepped(phases, start, count)
+        if found is not None:
+            return found
+    raise DesignError('the error covariance has no steady state with these sensors')
+
+
+def _stepped(phases: Sequence[Phase], after: Array, periods: int) -> PeriodicFilter | None:
+    """Return what the recursion settles to, step by step; None if it does not."""
     prior, posterior = (np.zeros((len(phases), *after.shape)) for _ in range(2))
     gains = [np.zeros((len(after), len(phase.readings.C))) for phase in phases]
     for _ in range(periods):
@@ -165,5 +181,5 @@ def periodic_filter(phases: Sequence[Phase], periods: int = _MOST_PERIODS) -> Pe
         if _settled(start, after):
             return PeriodicFilter(prior, posterior, gains)
         if not np.trace(after) <= _UNBOUNDED:  # or not a number
-            break
-    raise DesignError('the error covariance has no steady state with these sensors')
+            return None
+    return None

@@ -92,3 +92,10 @@ def test_an_unstable_system_settles_as_well():
     A_2, Q_2 = A @ A, A @ Q @ A.T + Q
     P = solve_discrete_are(A_2.T, POSITION.C.T, Q_2, POSITION.R)
     np.testing.assert_allclose(found.prior[-1], P, rtol=1e-8)
+
+
+def test_what_settles_step_by_step_does_so_where_rounding_keeps_the_maps_from_it(monkeypatch):
+    monkeypatch.setattr(periodic, '_MOST_LEFT', 0)
+    found = periodic_filter([Phase(F, Q, POSITION)])
+    P = solve_discrete_are(F.T, POSITION.C.T, Q, POSITION.R)
+    np.testing.assert_allclose(found.prior[0], P, rtol=1e-9)
