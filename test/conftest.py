@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of all tests: discovery range, hypothesis profiles, `--fast` and reruns."""
+"""Settings of all tests: which of them run, on which examples, and how reruns are reported."""
 
 import os
 import sys
@@ -11,51 +11,65 @@ from hypothesis import settings
 # messages of tests must stay on this machine
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
-# the same examples each time in continuous integration, new ones each time by hand
+# the same examples each time where the tests decide, new ones each time by hand
 settings.register_profile('fixed', derandomize=True, deadline=None, max_examples=100)
 settings.register_profile('fresh', derandomize=False, deadline=None, max_examples=200)
 settings.register_profile('quick', derandomize=False, deadline=None, max_examples=50)
-settings.load_profile('fresh')
 
 SCENARIOS = Path(__file__).with_name('scenarios')
+#: Marks of the tests that run only where they are named, or with ``--all``.
+BY_HAND = {'thorough', 'real_time'}
 
 
 def pytest_addoption(parser):
-    """Add the option for the inner loop."""
-    parser.addoption('--fast', action='store_true', help='leave out what is slow or in real time')
+    """Add the options that choose tests."""
+    parser.addoption('--fast', action='store_true', help='only quick tests without processes')
+    parser.addoption('--all', action='store_true', help='also tests that are thorough or real_time')
+
+
+def left_out(config):
+    """Return the marks whose tests do not run: whoever names tests gets all that are named."""
+    options = config.option
+    named = config.args_source is config.ArgsSource.ARGS or options.keyword or options.markexpr
+    if options.fast:
+        return BY_HAND | {'slow'}
+    return set() if options.all or named else BY_HAND
 
 
 def pytest_configure(config):
-    """Let the quick tests search for less long."""
-    if config.getoption('fast') and not config.getoption('hypothesis_profile', None):
-        settings.load_profile('quick')
+    """Choose the examples of hypothesis, unless the command line has chosen."""
+    if not config.getoption('hypothesis_profile', None):
+        decides = left_out(config) == BY_HAND
+        settings.load_profile(
+            'quick' if config.option.fast else 'fixed' if decides else 'fresh'
+        )
 
 
-def no_process(event, _):
-    """Refuse to start one."""
+def refuse_process(event, _):
+    """Fail where a process is started."""
     if event in STARTS:
         raise RuntimeError(f'{event}: --fast starts no process; mark the test slow')
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Mark the tests that start processes, leave out what is not fast, and allow for reruns."""
+    """Mark the tests that start processes, leave out what does not run, allow for reruns."""
+    rerun = config.pluginmanager.hasplugin('rerunfailures')
     for item in items:
         if SCENARIOS in item.path.parents:
-            item.add_marker(pytest.mark.slow)
+            item.add_marker('slow')
         # the machine may have been in the way
-        if item.get_closest_marker('real_time') and config.pluginmanager.hasplugin(
-            'rerunfailures'
-        ):
+        if rerun and item.get_closest_marker('real_time'):
             item.add_marker(pytest.mark.flaky(reruns=1))
-    if config.getoption('fast'):
-        slow = [item for item in items if any(map(item.get_closest_marker, SLOW))]
-        config.hook.pytest_deselected(items=slow)
-        items[:] = [item for item in items if item not in slow]
-        sys.addaudithook(no_process)
+    marks = left_out(config)
+    deselected = [item for item in items if any(map(item.get_closest_marker, marks))]
+    if deselected:
+        config.hook.pytest_deselected(items=deselected)
+        items[:] = [item for item in items if item not in set(deselected)]
+    if config.option.fast:
+        sys.addaudithook(refuse_process)
 
 
-#: The marks of what `--fast` leaves out.
-SLOW = ('slow', 'real_time')
 #: What starts a process, by its audit event.
 STARTS = ('subprocess.Popen', 'os.fork', 'os.forkpty', 'os.posix_spawn', 'os.system', 'os.exec')
 

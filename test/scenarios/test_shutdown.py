@@ -20,13 +20,25 @@ NODES = ('plant', 'estimator', 'controller', 'monitor')
 OURS = re.compile(r'File ".*/kalman_ros/\w+(/\w+)*\.py"')
 
 
+#: CPython prints this, and goes on, where SIGINT arrives before it runs the program's first line.
+SWALLOWED = 'Failed checking if argv[0] is an import path entry'
+
+
 def ends(process, number):
     """Return how a process ended, and what is wrong with that; '' if nothing is."""
     try:
         output, _ = process.communicate(timeout=20.0)
     except subprocess.TimeoutExpired:
-        process.kill()
-        return f'it did not end: {process.communicate()[0]}'
+        # a second Ctrl-C, as a person would; only where the interpreter has taken the first
+        os.killpg(process.pid, number)
+        try:
+            output, _ = process.communicate(timeout=20.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return f'it did not end: {process.communicate()[0]}'
+        if SWALLOWED not in output:
+            return f'it ended at the second signal alone: {output}'
+        return ''
     # before the first line of ours a signal does what it does to any Python
     early = {-number, 128 + number, 1} if number == signal.SIGINT else {-number}
     if process.returncode and (process.returncode not in early or '[INFO]' in output):
