@@ -24,7 +24,9 @@ BY_HAND = {'thorough', 'real_time'}
 def pytest_addoption(parser):
     """Add the options that choose tests."""
     parser.addoption('--fast', action='store_true', help='only quick tests without processes')
-    parser.addoption('--all', action='store_true', help='also tests that are thorough or real_time')
+    parser.addoption(
+        '--all', action='store_true', help='also tests that are thorough or real_time'
+    )
 
 
 def left_out(config):
@@ -40,9 +42,7 @@ def pytest_configure(config):
     """Choose the examples of hypothesis, unless the command line has chosen."""
     if not config.getoption('hypothesis_profile', None):
         decides = left_out(config) == BY_HAND
-        settings.load_profile(
-            'quick' if config.option.fast else 'fixed' if decides else 'fresh'
-        )
+        settings.load_profile('quick' if config.option.fast else 'fixed' if decides else 'fresh')
 
 
 def refuse_process(event, _):

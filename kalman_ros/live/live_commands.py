@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core.one_line import one_line
+from kalman_ros.harness import NodeError
 
 from .adjustments import Adjustments
 from .board import Board
 from .controls import Control
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
+from .page_command import Command
 from .scene import force_scale
 from .streams import Streams
 
@@ -62,7 +64,7 @@ class LiveCommands:
         self.changed = False
         self._push_end: float | None = None
         self._asked: float | None = None
-        self._do: dict[str, Callable[[dict[str, Any], float], None]] = {
+        self._do: dict[str, Callable[[Mapping[str, Any], float], None]] = {
             'set': self._set,
             'choose': self._choose,
             'poles': self._poles,
@@ -77,18 +79,24 @@ class LiveCommands:
         }
         nodes.on_input = self._on_input
 
-    def __call__(self, command: dict[str, Any], arrival: float) -> None:
-        """Carry out a command that arrived at a monotonic time, and answer it."""
-        error = ''
+    def carry_out(self, command: Command, arrival: float) -> None:
+        """Carry out a command that arrived at a monotonic time, and answer it.
+
+        Raises
+        ------
+        NodeError
+            If a node has died. Whatever else goes wrong is the answer.
+        """
+        error = command.error
         try:
-            do = self._do.get(str(command.get('do')))
-            if do is None:
-                raise ValueError(f'unknown command {json.dumps(command.get("do"))[:40]}')
-            do(command, arrival)
-        except (ValueError, TypeError, ArithmeticError) as reason:
-            error = one_line(str(reason))
+            if not error:
+                self._do[command.do](command.fields, arrival)
+        except NodeError:
+            raise
+        except Exception as reason:
+            error = one_line(str(reason)) or type(reason).__name__
         taken = round(1e3 * (monotonic() - arrival), 1)
-        self._board.add({'answer': {'n': command.get('n'), 'error': error, 'ms': taken}})
+        self._board.add({'answer': {'n': command.number, 'error': error, 'ms': taken}})
 
     def end_push(self) -> None:
         """End the disturbance when its time is over."""
@@ -106,7 +114,7 @@ class LiveCommands:
             taken, self._asked = round(1e3 * (monotonic() - self._asked), 1), None
             self._board.add({'latency': {'ms': taken}})
 
-    def _set(self, command: dict[str, Any], arrival: float) -> None:
+    def _set(self, command: Mapping[str, Any], arrival: float) -> None:
         """Move a slider or a switch."""
         control = self._controls.get(str(command.get('key')))
         if control is None:
@@ -139,14 +147,14 @@ class LiveCommands:
         self.changed = True
         self._nodes.reconfigure(node, values)
 
-    def _choose(self, command: dict[str, Any], _: float) -> None:
+    def _choose(self, command: Mapping[str, Any], _: float) -> None:
         """Choose another filter or law."""
         what = str(command.get('what'))
         if what not in _OWNERS or (what == 'law' and not self._adjustments.driven):
             raise ValueError(f'choose: expected {" or ".join(_OWNERS)}, got {json.dumps(what)}')
         self._reconfigure(_OWNERS[what], {what: str(command.get('value'))})
 
-    def _poles(self, command: dict[str, Any], _: float) -> None:
+    def _poles(self, command: Mapping[str, Any], _: float) -> None:
         """Place the poles of the regulator, or those of a Luenberger observer."""
         poles = np.asarray(command.get('poles'), dtype=float)
         if poles.ndim != 2 or poles.shape[1] != 2 or not np.isfinite(poles).all():
@@ -167,7 +175,7 @@ class LiveCommands:
         else:
             self._reconfigure('controller', {'law': 'placement', **values})
 
-    def _push(self, command: dict[str, Any], _: float) -> None:
+    def _push(self, command: Mapping[str, Any], _: float) -> None:
         """Disturb an input for a moment."""
         size = self._nodes.scenario.model.input.size
         if not size:
@@ -181,7 +189,7 @@ class LiveCommands:
         self._nodes.push(push)
         self._push_end = self._time() + _PUSH
 
-    def _reset(self, command: dict[str, Any], arrival: float) -> None:
+    def _reset(self, command: Mapping[str, Any], arrival: float) -> None:
         """Start again at the initial state and belief of the file."""
         if self.carried is not None:
             self._restart(command, arrival)
@@ -190,19 +198,19 @@ class LiveCommands:
         self._nodes.trigger('estimator/reset')
         self._streams.restart_cost()
 
-    def _pause(self, _: dict[str, Any], __: float) -> None:
+    def _pause(self, _: Mapping[str, Any], __: float) -> None:
         self.pace.paused, self.pace.predicted = True, False
         if not self.pace.lockstep:
             self._nodes.run_until(-1.0)
 
-    def _resume(self, _: dict[str, Any], __: float) -> None:
+    def _resume(self, _: Mapping[str, Any], __: float) -> None:
         """Continue; in real time the belief of before the pause is too old."""
         was, self.pace.paused = self.pace.paused, False
         if was and not self.pace.lockstep:
             self._nodes.trigger('estimator/reset')
             self._nodes.run_until(FOREVER)
 
-    def _step(self, command: dict[str, Any], arrival: float) -> None:
+    def _step(self, command: Mapping[str, Any], arrival: float) -> None:
         """Show the prediction of the next step, then take the step: predict, update."""
         pace, streams = self.pace, self._streams
         if not pace.lockstep:
@@ -218,7 +226,7 @@ class LiveCommands:
         # the next step, and not the one after it, however their times are rounded
         self._nodes.run_until(max(streams.elapsed, 0.0) + 1.5 / self._nodes.scenario.rate)
 
-    def _mode(self, command: dict[str, Any], _: float) -> None:
+    def _mode(self, command: Mapping[str, Any], _: float) -> None:
         """Change between real time and lockstep: the nodes restart where they are."""
         lockstep = command.get('lockstep')
         if not isinstance(lockstep, bool):
@@ -229,10 +237,10 @@ class LiveCommands:
             self.carried = self._streams.carried()
             self.restart = True
 
-    def _speed(self, command: dict[str, Any], _: float) -> None:
+    def _speed(self, command: Mapping[str, Any], _: float) -> None:
         """Set the speed of lockstep."""
         self.pace.set_speed(float(command.get('value', 1.0)))
 
-    def _restart(self, _: dict[str, Any], __: float) -> None:
+    def _restart(self, _: Mapping[str, Any], __: float) -> None:
         """Restart the nodes from the initial state."""
         self.carried, self.restart = None, True

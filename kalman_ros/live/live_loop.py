@@ -21,6 +21,7 @@ from .controls import controls
 from .live_commands import LiveCommands
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
+from .page_command import Command
 from .scene import scene
 from .share import parameter_file
 from .streams import Streams
@@ -54,7 +55,7 @@ class LiveLoop:
         self._adjustments = Adjustments(file, parameters)
         self._controls = controls(self._adjustments)
         self._seed, self._board = seed, board
-        self._queue: SimpleQueue[tuple[dict[str, Any], float]] = SimpleQueue()
+        self._queue: SimpleQueue[tuple[Command, float]] = SimpleQueue()
         self._pace = Pace.usual(self._adjustments)
         self._carried: dict[str, dict[str, Any]] | None = None
         self._runs = 0
@@ -66,7 +67,7 @@ class LiveLoop:
         self._fixed_gains = (found.get('estimator') or {}).get('gains', {})
         self._board.put('theory', found)
 
-    def command(self, command: dict[str, Any], arrival: float) -> None:
+    def command(self, command: Command, arrival: float) -> None:
         """Queue a command from a tab; any thread may call this."""
         self._queue.put((command, arrival))
 
@@ -105,18 +106,20 @@ class LiveLoop:
         self._runs += 1
         pace, streams = self._pace, Streams(nodes.scenario)
         pace.restart()
-        obey = LiveCommands(nodes, streams, self._adjustments, self._controls, pace, self._board)
-        obey.carried = self._carried
+        commands = LiveCommands(
+            nodes, streams, self._adjustments, self._controls, pace, self._board
+        )
+        commands.carried = self._carried
         self._follow()
         self._board.clear()
         self._board.put('scene', {**scene(self._adjustments, self._controls), 'run': self._runs})
         if not pace.paused or pace.lockstep:
             nodes.run_until(0.0 if pace.lockstep else FOREVER)
         framed = reported = followed = 0.0
-        while not obey.restart:
+        while not commands.restart:
             nodes.spin_until(_FRAME, lambda: not self._queue.empty())
             for _ in range(self._queue.qsize()):
-                obey(*self._queue.get())
+                commands.carry_out(*self._queue.get())
                 reported = 0.0
             now = monotonic()
             if now - framed >= 0.9 * _FRAME:  # the wait may be slightly shorter
@@ -124,19 +127,19 @@ class LiveLoop:
                 target = pace.target(streams.elapsed, passed, 1.0 / nodes.scenario.rate)
                 if target is not None:
                     nodes.run_until(target)
-                obey.end_push()
+                commands.end_push()
                 frame = streams.frame(nodes.take(), *self._judged, self._fixed_gains)
                 if frame is not None:
                     self._board.add(frame)
                 framed = now
-            if obey.changed and now - followed >= _CHANGES:
-                obey.changed = False
+            if commands.changed and now - followed >= _CHANGES:
+                commands.changed = False
                 self._follow()
                 followed = now
             if now - reported >= _STATUS:
                 self._status('', nodes)
                 reported = now
-        self._pace, self._carried = obey.pace, obey.carried
+        self._pace, self._carried = commands.pace, commands.carried
 
     def _status(
         self, message: str, nodes: LiveNodes | None = None, *, failed: bool = False
@@ -163,7 +166,7 @@ class LiveLoop:
                 command, _ = self._queue.get(timeout=0.2)
             except Empty:  # a signal is delivered between two waits
                 continue
-            if command.get('do') == 'restart':
+            if command.do == 'restart':
                 return
 
     def _follow(self) -> None:

@@ -16,9 +16,10 @@ from .web_access import Access
 PAGES = ('https://app.foxglove.dev',)
 #: What the server calls the protocol, and what older viewers call the same.
 _PROTOCOL, _OLD = 'foxglove.sdk.v1', 'foxglove.websocket.v1'
-#: The most bytes of a request, seconds that it may take, bytes that are passed on at once, and
-#: the most connections.
-_LONGEST, _PATIENCE, _BLOCK, _MOST = 16_384, 5.0, 65_536, 32
+#: The most bytes of a request, seconds that it may take, and bytes that are passed on at once.
+_LONGEST, _PATIENCE, _BLOCK = 16_384, 5.0, 65_536
+#: The most viewers, and the most connections that have not yet shown that they are one.
+_VIEWERS, _STRANGERS = 32, 128
 _END = b'\r\n\r\n'
 
 
@@ -51,7 +52,9 @@ class ViewerGate(ThreadedServer):
         super().__init__(access)
         self._server, self._on_refusal = server, on_refusal
         self._pages = {*PAGES, *pages}
-        self._count = 0
+        self._viewers = 0
+        # in the order of their arrival
+        self._strangers: dict[asyncio.StreamWriter, None] = {}
 
     async def listen(self, address: str, port: int) -> asyncio.Server:
         """Listen for viewers."""
@@ -59,23 +62,36 @@ class ViewerGate(ThreadedServer):
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection until an end closes it."""
-        self._count += 1
         try:
-            head = await asyncio.wait_for(reader.readuntil(_END), _PATIENCE)
-            path, headers = _parsed(head)
+            path, headers = await self._request(reader, writer)
             refusal = self._refusal(path, headers)
             if refusal:
                 self._on_refusal(refusal[1])
                 writer.write(_response(*refusal))
                 await writer.drain()
             else:
-                await self._connect(headers, reader, writer)
+                self._viewers += 1
+                try:
+                    await self._connect(headers, reader, writer)
+                finally:
+                    self._viewers -= 1
         except (OSError, ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError,
                 asyncio.TimeoutError):  # fmt: skip
             pass  # a port scanner, or a connection that broke
         finally:
-            self._count -= 1
             writer.close()
+
+    async def _request(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> tuple[str, dict[str, str]]:
+        """Return a request's path and headers; where too many wait, the oldest is dropped."""
+        self._strangers[writer] = None
+        if len(self._strangers) > _STRANGERS:
+            next(iter(self._strangers)).transport.abort()
+        try:
+            return _parsed(await asyncio.wait_for(reader.readuntil(_END), _PATIENCE))
+        finally:
+            del self._strangers[writer]
 
     def _refusal(self, path: str, headers: Mapping[str, str]) -> tuple[HTTPStatus, str] | None:
         """Return why a request is refused; None if it is not."""
@@ -91,8 +107,8 @@ class ViewerGate(ThreadedServer):
             return HTTPStatus.UPGRADE_REQUIRED, 'a browser: open this address in a viewer'
         if not {_PROTOCOL, _OLD}.intersection(_protocols(headers)):
             return HTTPStatus.BAD_REQUEST, f'a client that does not speak {_PROTOCOL}'
-        if self._count > _MOST:
-            return HTTPStatus.SERVICE_UNAVAILABLE, f'more than {_MOST} viewers'
+        if self._viewers >= _VIEWERS:
+            return HTTPStatus.SERVICE_UNAVAILABLE, f'more than {_VIEWERS} viewers'
         return None
 
     async def _connect(

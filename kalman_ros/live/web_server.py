@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 from collections.abc import Callable
 from http import HTTPStatus
@@ -18,13 +17,15 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from .board import Board, Cursor
+from .page_command import Command, read_command
 from .threaded_server import ThreadedServer
 from .web_access import Access
 
 #: The most tabs at once, bytes of one command, and commands a second from one tab.
 _TABS, _LONGEST, _COMMANDS = 32, 4096, 200
-#: Least seconds between two messages to a tab.
-_PERIOD = 0.02
+#: Least seconds between two messages to a tab, and the most that a tab takes to read one, or to
+#: answer a ping.
+_PERIOD, _PATIENCE = 0.02, 10.0
 #: The folder of the page, and the types of its files.
 _PAGE = Path(__file__).with_name('page')
 _TYPES = {'.html': 'text/html', '.css': 'text/css', '.js': 'text/javascript'}
@@ -40,13 +41,13 @@ class WebServer(ThreadedServer):
     board
         What the tabs show.
     command
-        Called with each command, a JSON object, and the monotonic time of its arrival.
+        Called with each command and the monotonic time of its arrival.
     access
         Address, port and rules.
     """
 
     def __init__(
-        self, board: Board, command: Callable[[dict[str, Any], float], None], access: Access
+        self, board: Board, command: Callable[[Command, float], None], access: Access
     ) -> None:
         super().__init__(access)
         self._board, self._command = board, command
@@ -63,6 +64,7 @@ class WebServer(ThreadedServer):
         server = await serve(
             self._tab, address, port, process_request=self._respond, compression=None,
             max_size=_LONGEST, max_queue=16, open_timeout=5.0, close_timeout=1.0,
+            ping_interval=_PATIENCE, ping_timeout=_PATIENCE,
             server_header=None, logger=_silent_logger(),
         )  # fmt: skip
         self._board.on_change = lambda: self.call(self._wake)
@@ -131,12 +133,14 @@ class WebServer(ThreadedServer):
         try:
             while True:
                 for text in self._board.news(cursor):
-                    await connection.send(text)
+                    await asyncio.wait_for(connection.send(text), _PATIENCE)
                 await asyncio.sleep(_PERIOD)
                 await news.wait()
                 news.clear()
         except ConnectionClosed:
             return
+        except asyncio.TimeoutError:  # it does not read: its place is for another
+            connection.transport.abort()
 
     async def _receive(self, connection: ServerConnection) -> None:
         """Pass on the commands of a tab, at a limited rate."""
@@ -147,11 +151,8 @@ class WebServer(ThreadedServer):
             if count > _COMMANDS:
                 await connection.close(1008, 'too many commands')
                 return
-            try:
-                command = json.loads(text, parse_constant=_no_number)
-            except (ValueError, RecursionError):
-                continue
-            if isinstance(command, dict):
+            command = read_command(text)
+            if command is not None:
                 self._command(command, now)
 
 
@@ -161,10 +162,6 @@ def _silent_logger() -> logging.Logger:
     logger.addHandler(logging.NullHandler())
     logger.propagate = False
     return logger
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f'{text} is not JSON')
 
 
 def _all(headers: Headers, name: str, separator: str = ', ') -> str:

@@ -195,6 +195,31 @@ def test_a_refusal_of_the_server_ends_the_connection():
             assert connection.recv(100) == b''
 
 
+def test_connections_that_say_nothing_shut_nobody_out(gated):
+    silent = [socket.create_connection(('127.0.0.1', gated.port), 5) for _ in range(140)]
+    try:
+        assert gated.status() == 101
+        silent[0].settimeout(5)
+        with suppress(ConnectionResetError):  # the oldest made room
+            assert silent[0].recv(1) == b''
+    finally:
+        for connection in silent:
+            connection.close()
+
+
+def test_viewers_are_limited_in_number_until_one_leaves(gated):
+    viewers = [gated.ask()[0] for _ in range(32)]
+    try:
+        assert gated.status() == 503
+        viewers.pop().close()
+        # the gate hears of the end before it hears of a later connection's request, or soon after
+        statuses = (gated.status() for _ in range(1000))
+        assert 101 in statuses
+    finally:
+        for connection in viewers:
+            connection.close()
+
+
 def test_a_port_in_use_is_named():
     with Gated() as gated:
         other = ViewerGate(Access('127.0.0.1', gated.port), ('127.0.0.1', 1))

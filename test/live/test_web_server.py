@@ -17,7 +17,9 @@ pytest.importorskip('websockets')
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from kalman_ros.live import web_server
 from kalman_ros.live.board import Board
+from kalman_ros.live.page_command import Command
 from kalman_ros.live.web_access import Access
 from kalman_ros.live.web_server import WebServer
 
@@ -164,7 +166,7 @@ def test_commands_are_passed_on_and_noise_is_dropped(served):
     with served.tab() as tab:
         for text in ('{', '[1]', '"x"', '{"value": NaN}', '[' * 4000, '{"do": "push"}'):
             tab.send(text)
-        assert served.commands.get(timeout=5) == {'do': 'push'}
+        assert served.commands.get(timeout=5) == Command('push')
     assert served.commands.empty()
 
 
@@ -179,6 +181,25 @@ def test_a_tab_that_sends_too_much_is_closed(served):
             tab.send('{}')
         tab.recv(5)
     assert served.get()[0] == 200
+
+
+def test_a_tab_that_never_reads_loses_its_place(served, monkeypatch):
+    monkeypatch.setattr(web_server, '_PATIENCE', 0.2)
+    with socket.socket() as raw:
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        raw.connect(('127.0.0.1', served.port))
+        raw.sendall(
+            f'GET /socket HTTP/1.1\r\nHost: {served.host}\r\nOrigin: http://{served.host}\r\n'
+            'Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n'
+            f'Sec-WebSocket-Key: {"x" * 22}==\r\n\r\n'.encode()
+        )
+        with served.tab() as tab:  # another is served meanwhile, and afterwards
+            for number in range(1000):
+                served.board.put('scene', {'name': number, 'much': 'x' * 1_000_000})
+                of_kind(tab, 'scene')
+                if served.server.tabs == 1:
+                    break
+            assert served.server.tabs == 1
 
 
 def test_a_port_in_use_is_named():
