@@ -31,7 +31,7 @@ class Command:
     Parameters
     ----------
     do
-        The name of the command, one of `COMMANDS`; '' if it is none.
+        The name of the command, one of `COMMANDS`; '' where the request is wrong.
     fields
         Its fields, of the types in `COMMANDS`.
     number

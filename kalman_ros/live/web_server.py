@@ -9,7 +9,6 @@ from collections.abc import Callable
 from http import HTTPStatus
 from pathlib import Path
 from time import monotonic
-from typing import Any
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
