@@ -162,10 +162,10 @@ def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...
 
 def refuse_unknown(given: Iterable[str], known: Iterable[str], kind: str) -> None:
     """Raise ValueError for the first of ``given`` that is not ``known``; suggest the nearest."""
-    known = list(known)
+    known = dict.fromkeys(known)  # looked up by name, and in order
     for name in given:
         if name not in known:
-            raise ValueError(f"unknown {kind} '{name}'{_hint(name, known)}")
+            raise ValueError(f"unknown {kind} '{name}'{_hint(name, list(known))}")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

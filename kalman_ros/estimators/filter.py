@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
 from math import ceil
 from typing import TYPE_CHECKING, Protocol, Union
 
@@ -103,18 +105,19 @@ class Plan:
         """The length of a step in seconds."""
         return 1.0 / self.rate
 
-    @property
+    @cached_property
+    def shares(self) -> dict[str, Fraction]:
+        """The share of the steps at which each sensor reads."""
+        return {name: ratio(timed.rate, self.rate) for name, timed in self.sensors.items()}
+
+    @cached_property
     def period(self) -> int:
         """The number of steps after which the pattern of readings repeats."""
-        return period([ratio(timed.rate, self.rate) for timed in self.sensors.values()])
+        return period([*self.shares.values()])
 
     def due(self, step: int) -> list[str]:
         """Return the names of the sensors that read at ``step`` of a period."""
-        return [
-            name
-            for name, timed in self.sensors.items()
-            if is_due(step + self.period, ratio(timed.rate, self.rate))
-        ]
+        return [name for name, share in self.shares.items() if is_due(step + self.period, share)]
 
 
 def linear_model(filter: str, model: Model) -> SampledLinear:

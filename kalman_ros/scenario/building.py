@@ -39,7 +39,7 @@ from .body_roles import body_of
 from .declarations import model_of, options, sensor_names
 from .lever_arm import LeverArm
 from .model_checks import check_attributes, check_model, check_sensor
-from .parameter_files import section
+from .parameter_files import by_section, section
 from .scenario import Scenario, SensorSource
 from .wiring import system as system_of
 
@@ -76,13 +76,14 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
     """Return the scenario of a value for each of its `options`, as `complete` returns them."""
     refuse_unknown([full['filter']], FILTERS, 'filter')
     system = system_of(full['model'])
-    model = model_of(system, section(full, 'model_parameters'))
+    parts = by_section(full)
+    model = model_of(system, parts.get('model_parameters', {}))
     rate = full['rate']
     n, m = model.state.size, model.input.size
     mean = vector('initial_estimate', full['initial_estimate'], n)
-    origin, state = datum(full['datum']), _signal('state', section(full, 'state'), n)
+    origin, state = datum(full['datum']), _signal('state', parts.get('state', {}), n)
     sources = {
-        name: _source(name, section(full, name), model, rate, state, origin)
+        name: _source(name, parts.get(name, {}), model, rate, state, origin)
         for name in sensor_names(full['sensors'])
     }
     check_model(model, mean)
@@ -92,7 +93,7 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
         model=model,
         sensors=sources,
         state=state,
-        input=_input(section(full, 'input'), m) if m else system.input,
+        input=_input(parts.get('input', {}), m) if m else system.input,
         rate=rate,
         initial_state=vector('initial_state', full['initial_state'], n),
         initial_belief=Gaussian(

@@ -35,10 +35,11 @@ class _ExpensiveError(yaml.composer.ComposerError):  # type: ignore[misc]
 
 
 class _Loader(Composer, CParser, SafeConstructor, Resolver):  # type: ignore[misc]
-    """PyYAML's safe loader, which marks ambiguous words and refuses expensive files.
+    """PyYAML's safe loader, which reads words as ROS does and refuses expensive files.
 
     Aliases are refused, as in the parser of ROS: a few lines of them can create any number of
-    values. Text is parsed by libyaml, as in ROS, five times as fast as in Python.
+    values. So are tags, which that parser ignores. Text is parsed by libyaml, as in ROS, five
+    times as fast as in Python.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -52,6 +53,9 @@ class _Loader(Composer, CParser, SafeConstructor, Resolver):  # type: ignore[mis
         if self.check_event(yaml.AliasEvent):
             why = f"ROS reads no aliases, '*{self.peek_event().anchor}'"
             raise yaml.composer.ComposerError(None, None, why, mark)
+        tag = getattr(self.peek_event(), 'tag', None)
+        if tag not in (None, '!', 'tag:yaml.org,2002:str'):
+            raise yaml.composer.ComposerError(None, None, f"ROS reads no tags, '{tag}'", mark)
         self._values += 1
         if self._values > _MOST_VALUES:
             raise _ExpensiveError(None, None, f'expected at most {_MOST_VALUES} values', mark)
@@ -118,13 +122,27 @@ def bounded_text(path: Path) -> str:
     return text
 
 
-# the YAML of ROS takes 1e3 for a number, that of PyYAML only 1.0e+3
-_Loader.add_implicit_resolver(
-    'tag:yaml.org,2002:float',
-    re.compile(r'^[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$'),
-    list('-+0123456789'),
+#: What an unquoted word is, as in the parser of ROS (rcl_yaml_param_parser, parse.c): tag,
+#: pattern, and first characters. Its numbers are those of C, so 1e3 is one, and 1_000, 1:30, 0b1
+#: and 2001-01-01, which are numbers or dates to PyYAML, are strings; << is a name like any other.
+_WORDS = (
+    ('!bare', r'[yYnN]', 'yYnN'),
+    (
+        'tag:yaml.org,2002:bool',
+        r'yes|Yes|YES|no|No|NO|true|True|TRUE|false|False|FALSE|on|On|ON|off|Off|OFF',
+        'yYnNtTfFoO',
+    ),
+    ('tag:yaml.org,2002:int', r'[-+]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)', '-+0123456789'),
+    (
+        'tag:yaml.org,2002:float',
+        r'[-+]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|\.?(inf|Inf|INF)|\.?(nan|NaN|NAN))',
+        '-+.0123456789iInN',
+    ),
+    ('tag:yaml.org,2002:null', '', ['']),
 )
-_Loader.add_implicit_resolver('!bare', re.compile(r'^[yYnN]$'), list('yYnN'))
+_Loader.yaml_implicit_resolvers = {}
+for _tag, _pattern, _first in _WORDS:
+    _Loader.add_implicit_resolver(_tag, re.compile(f'^(?:{_pattern})$'), list(_first))
 _Loader.add_constructor('!bare', lambda loader, node: _Bare(node.value))
 
 
@@ -242,6 +260,16 @@ def section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Return the ``values`` whose names start with ``name`` and a dot, without this prefix."""
     start = f'{name}.'
     return {key[len(start) :]: value for key, value in values.items() if key.startswith(start)}
+
+
+def by_section(values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the `section` of each name before a first dot, of all in one pass."""
+    parts: dict[str, dict[str, Any]] = {}
+    for key, value in values.items():
+        name, dot, rest = key.partition('.')
+        if dot:
+            parts.setdefault(name, {})[rest] = value
+    return parts
 
 
 def overrides(given: Sequence[str]) -> dict[str, Any]:

@@ -41,6 +41,8 @@ def yaml_value(value: Any) -> str:
     if isinstance(value, float):
         return repr(float(value)).replace('inf', '.inf').replace('nan', '.nan')
     if isinstance(value, str):
+        if not value.isprintable():  # YAML's escapes are those of Python
+            return '"{}"'.format(ascii(value)[1:-1].replace("\\'", "'").replace('"', '\\"'))
         quoted = value.replace("'", "''")
         return f"'{quoted}'"  # unquoted, an empty string is null and y is true
     return str(value)

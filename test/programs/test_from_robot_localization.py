@@ -10,10 +10,13 @@ from recorded import data
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.pipeline.settings import settings
+from kalman_ros.nodes.options import EstimatorOptions
+from kalman_ros.pipeline.settings import choose, estimator_extra, settings
+from kalman_ros.programs.from_robot_localization import program
 from kalman_ros.programs.from_robot_localization.program import main
 from kalman_ros.programs.from_robot_localization.their_file import their_nodes
 from kalman_ros.programs.from_robot_localization.translation import translated
+from kalman_ros.scenario import assemble
 from kalman_ros.scenario.parameter_files import from_file
 
 CONFIGS = (
@@ -294,6 +297,50 @@ def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):
     said = capsys.readouterr().err
     assert refused.value.code == 2 and why in said and said.count('\n') == 1
     assert not (tmp_path / 'ours.yaml').exists()
+
+
+def test_control_characters_are_escaped_in_what_is_written(tmp_path, capsys):
+    ours = tmp_path / 'ours.yaml'
+    file = tmp_path / 'th\x1b[2Jeirs.yaml'
+    file.write_text(f'odom0: "o\\e[2J\\a"\nodom0_config: {config("vx")}\n')
+    main([str(file), '--out', str(ours)])  # the parser of ROS has read it
+    text = ours.read_text()
+    assert text.replace('\n', '').isprintable()
+    assert 'o\x1b[2J\x07' in from_file(ours).values()
+    assert '\x1b' not in capsys.readouterr().out
+
+
+def test_what_ros_does_not_read_is_not_left_behind(tmp_path, monkeypatch):
+    ours = tmp_path / 'ours.yaml'
+    monkeypatch.setattr(
+        program, 'as_text', lambda *_: '/**:\n  ros__parameters:\n    a: &b [*b]\n'
+    )
+    with pytest.raises(SystemExit):
+        main([str(theirs(tmp_path, 'odom0: odom', f'odom0_config: {config("vx")}')),
+              '--out', str(ours)])  # fmt: skip
+    assert not ours.exists()
+
+
+def test_the_parameters_of_all_sensors_are_found_in_one_pass(tmp_path):
+    """With 200 sources, one pass for each sensor takes 20 s."""
+    lines = [
+        line
+        for number in range(200)
+        for line in (f'odom{number}: odom/n{number}', f'odom{number}_config: {config("vx")}')
+    ]
+    given, _ = one(tmp_path, *lines)
+    chosen = choose(given, EstimatorOptions, estimator_extra, with_law=False)
+    values = {name: chosen.values[name] for name in chosen.shared}
+    looked_at = 0
+
+    class Counted(dict):
+        def items(self):
+            nonlocal looked_at
+            looked_at += len(self)
+            return super().items()
+
+    assemble(Counted(values), with_law=False)
+    assert looked_at <= len(values)
 
 
 def test_a_threshold_that_keeps_everything_is_a_gate_of_one(tmp_path):

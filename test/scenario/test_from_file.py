@@ -57,3 +57,52 @@ def test_a_long_value_is_quoted_by_its_beginning():
 def test_a_deviation_without_a_square_is_refused():
     with pytest.raises(ValueError, match='initial_std: the square'):
         scenario.build({'initial_std': [1e200] * 4})
+
+
+#: Words of a YAML file that PyYAML and the parser of ROS read differently, or nearly.
+WORDS = (
+    '1:2:3', '1_000', '0b1', '0o17', '2001-01-01', '1e3', '1.', '.5', '-.5e-3', '0x1F', '017',
+    '08', '089.5', '.inf', '-.inf', '.nan', 'inf', 'nan', '~', 'null', 'yes', 'on', 'oN', '+5',
+    '-0', '1e', '1.2.3', '=', '0x', '<<',
+)  # fmt: skip
+
+
+def test_words_are_what_they_are_to_ros(tmp_path):
+    """Compared with the parameters that rcl makes of the same file."""
+    rclpy = pytest.importorskip('rclpy')
+    path = tmp_path / 'words.yaml'
+    lines = [f'    p{number}: {word}' for number, word in enumerate(WORDS)]
+    path.write_text('\n'.join(['/**:', '  ros__parameters:', *lines]))
+    context = rclpy.Context()
+    rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context)
+    try:
+        node = rclpy.create_node(
+            'reader', context=context, start_parameter_services=False,
+            enable_rosout=False, automatically_declare_parameters_from_overrides=True,
+        )  # fmt: skip
+        theirs = [node.get_parameter(f'p{number}').value for number in range(len(WORDS))]
+        node.destroy_node()
+    finally:
+        rclpy.shutdown(context=context)
+    ours = [*from_file(path, 'plant').values()]
+    assert list(map(repr, ours)) == list(map(repr, theirs))
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        ('!!float 1:2', "ROS reads no tags, 'tag:yaml.org,2002:float' in line 3"),
+        ('!!python/name:os.system x', 'ROS reads no tags'),
+    ],
+)
+def test_tags_are_refused(tmp_path, text, reason):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(f'/**:\n  ros__parameters:\n    rate: {text}\n')
+    with pytest.raises(ValueError, match=reason):
+        from_file(path)
+
+
+def test_a_merge_is_a_name_like_any_other(tmp_path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    <<: {rate: 1.0}\n')
+    assert from_file(path) == {'<<.rate': 1.0}

@@ -9,10 +9,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import rclpy
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from kalman_ros.core.one_line import one_line
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.pipeline.transforms import check_frames
 from kalman_ros.programs.refusal import refuse
@@ -42,7 +44,8 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def as_text(values: Mapping[str, Any], source: str) -> str:
     """Return parameters as a ROS parameter file for a node of any name."""
-    return f'# From {source}, a file of robot_localization.\n{section_text("/**", values)}'
+    comment = f'# From {one_line(source)}, a file of robot_localization.'
+    return f'{comment}\n{section_text("/**", values)}'
 
 
 def written(filters: Sequence[Translation], source: Path, out: Path | None) -> list[Path]:
@@ -70,16 +73,35 @@ def written(filters: Sequence[Translation], source: Path, out: Path | None) -> l
             raise ValueError(f'--out: expected another file than {source}')
     for file, each in zip(files, filters):
         file.write_text(as_text(each.values, source.name))
+        _read_back(file)
     return files
 
 
+def _read_back(file: Path) -> None:
+    """Raise ValueError, and remove a written file, if the parser of ROS does not read it."""
+    context = rclpy.Context()
+    arguments = ['--ros-args', '--params-file', str(file)]
+    try:
+        rclpy.init(
+            args=arguments, context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO
+        )
+    except RuntimeError as error:
+        file.unlink()
+        raise ValueError(f'{file.name}: ROS does not read it: {one_line(str(error))}') from None
+    rclpy.shutdown(context=context)
+
+
+def _shown(text: str) -> Text:
+    return Text(one_line(text))
+
+
 def _table(title: str, rows: Sequence[Row]) -> Table:
-    table = Table(title=Text(title), title_justify='left', box=None, title_style='bold')
+    table = Table(title=_shown(title), title_justify='left', box=None, title_style='bold')
     table.add_column('line', justify='right')
     table.add_column('parameter', overflow='fold')
     table.add_column('what becomes of it', overflow='fold')
     for row in sorted(rows, key=lambda row: row.line):
-        table.add_row(str(row.line), Text(row.name), Text(row.what))
+        table.add_row(str(row.line), _shown(row.name), _shown(row.what))
     return table
 
 
@@ -106,8 +128,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         space = f' -r __ns:=/{each.namespace}' if each.namespace else ''
         node = f' -r __node:={each.name}' if len(files) > 1 else ''
         command = f'ros2 run kalman_ros estimator --ros-args{space}{node} --params-file '
-        console.print(Text(f'{each.title}: {file}'), style='bold', soft_wrap=True)
-        console.print(Text(f'  {command}{shlex.quote(str(file))}'), soft_wrap=True)
+        console.print(_shown(f'{each.title}: {file}'), style='bold', soft_wrap=True)
+        console.print(_shown(f'  {command}{shlex.quote(str(file))}'), soft_wrap=True)
     console.print(
         'Where sensors are is not in such a file: declare SENSOR.frame and SENSOR.mount.'
     )
