@@ -38,6 +38,7 @@ def flicker(rng, count, level):
     return level * np.fft.irfft(spectrum)[:count]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_intervals_cover_what_the_noise_was_made_of():
     """About 95 in 100 would; neighbouring averaging times share their data."""

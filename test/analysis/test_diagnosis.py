@@ -159,6 +159,7 @@ def test_what_explains_next_to_nothing_is_not_proven():
     assert np.isfinite(findings[0].proof)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('degrees', [60.0, 90.0, 180.0])
 def test_a_vector_of_three_axes_that_is_turned_far_is_found_by_what_the_others_predict(degrees):
     turn = np.radians(degrees) * np.array([0.6, 0.0, 0.8])

@@ -45,6 +45,7 @@ def test_an_imu_that_is_stamped_3_s_ahead():
     assert '3 s ahead of' in found[0].sentence
 
 
+@pytest.mark.thorough
 def test_a_sigma_in_metres_that_was_read_as_dop():
     """Of 6 m, as a receiver alone has it, where a DOP of 1 was believed to be metres."""
     wrong = Injection(plant={'gnss.noise': [4.0, 4.0]})

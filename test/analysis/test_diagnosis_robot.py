@@ -69,6 +69,7 @@ def evidence(readings, parameters=ROBOT):
     return passed(parameters, readings, InputRecord(np.zeros(0), np.zeros(0), np.zeros((0, 0))))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', [4, 5])
 def test_the_pass_begins_with_the_heading_that_the_readings_tell(seed):
@@ -78,6 +79,7 @@ def test_the_pass_begins_with_the_heading_that_the_readings_tell(seed):
     assert off < 3.0 * np.sqrt(first.P[2, 2]) < 1.8
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', [4, 5])
 def test_nothing_is_blamed_for_it(seed):
@@ -86,6 +88,7 @@ def test_nothing_is_blamed_for_it(seed):
     assert {cause.kind for cause in causes} <= {'process noise too large'}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_outliers_are_found_beside_it(monkeypatch):
     monkeypatch.setattr(sys.modules[__name__], 'LENGTH', 25.0)

@@ -23,6 +23,7 @@ def failed(built, run):
     return [check.name for check in consistency(built, run) if not check.passed]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_of_a_linear_loop_the_spread_is_that_of_many_runs():
     built = scenario.build({'model': 'mass_spring_damper'})

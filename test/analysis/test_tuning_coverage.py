@@ -14,6 +14,7 @@ def test_parameters_that_cannot_be_determined_are_called_so(case):
     assert {each.name for each in estimates if each.reason} == {*case.hidden}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('case', [COVERED[0], COVERED[2]], ids=['spring', 'robot'])
 def test_most_intervals_cover_and_delays_are_found(case):
     estimates, converged = fitted(case.name, 1)

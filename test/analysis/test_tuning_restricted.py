@@ -87,6 +87,7 @@ def test_points_expanded_in_one_pass_are_as_each_alone():
         assert other.information == pytest.approx(alone.information, rel=1e-6, abs=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_last_step_of_a_long_fit_leaves_nothing_to_gain(monkeypatch):
     case = replace(COVERED[0], seconds=60.0)

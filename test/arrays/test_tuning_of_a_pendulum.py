@@ -63,6 +63,7 @@ class Pendulum(kr.Model):
         return W
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_the_rough_torque_determines_little():

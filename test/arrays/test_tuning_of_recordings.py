@@ -43,6 +43,7 @@ def best_delay(time, poses, at, fixes, *, biased):
     return grid[np.argmin([misfit(delay) for delay in grid])]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('biases', [[], ['gnss']], ids=['unbiased', 'biased'])
 def test_the_delay_of_a_car_s_receiver_is_found(biases):
     """Without a bias it is the .1 s of the published note; a bias takes half of it over."""
@@ -109,6 +110,7 @@ ANCHORS = {
 WHEELS = 0.0785
 
 
+@pytest.mark.thorough
 def test_the_bias_and_the_noise_of_uwb_ranges_are_found():
     lines = [line.split() for line in (data('uwb_robot') / 'Indoor_UWB_Input.txt').open()]
     ranges = [line for line in lines if line[0] == 'range2']

@@ -290,6 +290,7 @@ def digest(found):
     return whole.hexdigest()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_hundred_replays_beside_busy_processes_have_one_hash(tmp_path):
     record(tmp_path / 'a', VALUES, 0.3)

@@ -157,6 +157,7 @@ def _last_over_rest(squares):
     return last.mean() / rest.mean()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_tuned_in_the_plane_the_nis_is_that_of_a_consistent_filter(tmp_path):
@@ -187,6 +188,7 @@ def test_tuned_in_the_plane_the_nis_is_that_of_a_consistent_filter(tmp_path):
         assert _last_over_rest(whole.sensors[name].squares) == pytest.approx(ratio, rel=0.1)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_tuned_in_space_it_ends_there_with_the_nis_of_a_consistent_filter(tmp_path):

@@ -41,6 +41,7 @@ HAND = """\
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_the_attitude_is_nearer_than_that_of_published_filters(tmp_path):

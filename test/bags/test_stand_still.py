@@ -60,6 +60,7 @@ def bag(tmp_path_factory):
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_readings_of_zero_hold_the_place_and_find_the_biases(bag):
     at_rest = replay(bag, INERTIAL, TURN)

@@ -24,6 +24,7 @@ def test_each_is_known():
     assert {path.stem for path in EXAMPLES.glob('*.py')} == set(SAYS)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('name', SAYS)
 def test_an_example_runs(name, tmp_path):

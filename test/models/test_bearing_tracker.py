@@ -58,6 +58,7 @@ def test_it_is_the_manoeuvre_that_tells_the_range():
     assert straight[-1] > 5.0 * bound(built)[-1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('filter', ['ekf', 'ukf', SLOW])
 def test_tracks_come_near_the_bound(filter):
     built = moderate()
@@ -92,6 +93,7 @@ def test_a_first_belief_in_quite_another_direction_does_no_harm(seed):
         assert (off < 3.0 * std) is np.bool_(good)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_ranges_side_by_side_keep_what_one_range_loses():
     case, lost, median, sure = CASES['bearings_only'], {}, {}, {}

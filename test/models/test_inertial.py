@@ -58,6 +58,7 @@ START[5] = 0.7
 STD = np.repeat([0.5, 0.02, 0.3, 0.0005, 0.01], 3)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_through_an_outage_of_a_minute_the_band_covers_the_error():
     gnss = sensors.build('states', SPACE, [0.5] * 3, {'measures': ['x', 'y', 'z']})
@@ -128,6 +129,7 @@ def test_on_euler_angles_it_is_the_same_motion():
     np.testing.assert_allclose(SPACE.subtract(moved, expected), 0.0, atol=1e-7)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_hypotheses_find_a_heading_that_is_wrong_by_a_right_angle():
     """One Gaussian, of an extended filter, is about a heading that it cannot be linear in.

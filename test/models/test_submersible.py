@@ -55,6 +55,7 @@ def test_the_sensors_do_not_tell_where_it_is_along_x(built):
     assert observability(built).unseen == ('x', 'u')
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('filter', ['ekf', 'ukf'])
 def test_upright_comes_first_and_depth_later(built, filter):

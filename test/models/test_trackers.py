@@ -43,6 +43,7 @@ def test_a_radar_needs_position_and_velocity():
         Radar(TurnRate.state, NOISE, ('x', 'y'))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     'name', ['constant_velocity', pytest.param('turn_rate', marks=pytest.mark.slow)]
 )

@@ -38,6 +38,7 @@ def test_wheels_and_gyroscope_tell_the_motion_but_not_the_place():
     assert observability(scenario.build({'model': 'diff_drive'})).unseen == ('x', 'y', 'psi')
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_dead_reckoning_knows_how_far_it_may_be_off():
     built, errors, covariances = runs('diff_drive', 8.0)
@@ -81,6 +82,7 @@ def outage():
     return runs('gnss_imu', 22.0, arrives=lambda name, t: name != 'gnss' or not 10.0 < t < 20.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_everything_is_observed_where_the_vehicle_moves(outage):
     built, *_ = outage

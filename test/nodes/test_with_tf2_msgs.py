@@ -79,6 +79,7 @@ def here(folder):
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.timeout(400)
 @pytest.mark.skipif(bool(reason_to_skip()), reason=reason_to_skip())

@@ -42,6 +42,7 @@ def run(*arguments):
     return ended.value.code
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_other_names_and_rates_are_found_and_noise_is_measured(tmp_path, capsys):
     renamed = {'position': '/robot/gps_position', 'velocity': '/velocity'}

@@ -77,6 +77,7 @@ def after_the_first_point(monkeypatch, act):
     monkeypatch.setattr(program, 'spread', spread)
 
 
+@pytest.mark.thorough
 def test_a_worker_killed_half_way_costs_no_point(address, tmp_path, monkeypatch):
     with worker(address) as victim, worker(address):
         wait_for_workers(address, 2)
@@ -109,6 +110,7 @@ def test_a_worker_without_this_package_is_named(address, tmp_path, capsys):
     assert 'takes the work: ModuleNotFoundError' in error and error.count('\n') == 1
 
 
+@pytest.mark.thorough
 def test_a_scheduler_that_ends_leaves_the_finished_points(tmp_path, monkeypatch, address, capfd):
     import distributed
 

@@ -36,6 +36,7 @@ def built(path, **options):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize('path', MARKED)
 def test_the_error_scatters_as_the_first_belief_and_all_after_it_say(path):
     chosen = built(path)

@@ -53,6 +53,7 @@ def dev(folder, *arguments, **environment):
     )
 
 
+@pytest.mark.thorough
 def test_a_folder_with_a_space_and_an_accent(checkout):
     done = dev(checkout, 'plant', '--help')
     assert done.returncode == 0, done.stderr

@@ -34,6 +34,7 @@ class Stop:
             self.process = subprocess.Popen(['sh', '-c', f'{stop}; sleep {_STOPPED}; {go}'])
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(180)
 def test_a_recorder_that_gets_no_processor_for_seconds_loses_nothing():
     with Run('level', seed=3) as run:
@@ -58,6 +59,7 @@ def test_what_is_lost_nevertheless_is_an_error_with_the_counts(monkeypatch):
             run.complete()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('scenario', ['mass_spring_damper_2d', 'linear'])
 def test_steps_that_are_asked_for_twice_are_recorded_once(scenario):
     """The second estimator of a plant that is in a hurry is late, so that it asks again."""
@@ -78,6 +80,7 @@ def test_steps_that_are_asked_for_twice_are_recorded_once(scenario):
         assert {topic: list(found) for topic, found in run.recorder.raw.items()} == once
 
 
+@pytest.mark.thorough
 def test_a_tick_that_names_what_never_comes_does_not_stop_the_loop():
     from sensor_msgs.msg import TimeReference
 

@@ -40,6 +40,7 @@ def driver():
     contexts[0].try_shutdown()
 
 
+@pytest.mark.thorough
 def test_what_cannot_arrive_is_named(driver):
     effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     reliable = {'velocity.reliable': True}

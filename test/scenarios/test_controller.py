@@ -59,6 +59,7 @@ def test_a_reference_that_cannot_be_held_is_refused_with_a_reason():
         run.advance(0.5)
 
 
+@pytest.mark.thorough
 def test_integral_action_holds_against_a_force_that_nobody_knows_of():
     places = {}
     for law in ('lqr', 'lqi'):
@@ -79,6 +80,7 @@ def test_integral_action_holds_against_a_force_that_nobody_knows_of():
     assert abs(places['lqi'][0]) < 0.02
 
 
+@pytest.mark.thorough
 def test_placed_poles_hold_to_their_theory():
     poles = {'regulator_poles': [-1.5, -1.5, -2.0, -2.0]}
     frequencies = {'regulator_frequencies': [1.0, -1.0, 0.0, 0.0]}
@@ -91,6 +93,7 @@ def test_placed_poles_hold_to_their_theory():
     np.testing.assert_allclose(found, [-2.0, -2.0, -1.5, -1.5], atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_integral_action_holds_to_its_theory():
     overrides = {'law': 'lqi', 'integral_cost': [30.0]}
     with Run(overrides=overrides, seed=2) as run:
@@ -148,6 +151,7 @@ def test_disabled_it_is_silent_in_force_and_enabled_it_goes_on_smoothly():
     assert np.abs(loop.input[80:, 0]).max() > 1.0
 
 
+@pytest.mark.thorough
 def test_estimates_are_predicted_by_their_age():
     with Run(lockstep=False, only={'controller': {'predict_latency': True}}) as run:
         run.advance(3.0)
@@ -271,6 +275,7 @@ def test_what_the_estimator_accepts_the_controller_does_not_refuse():
         assert 'ahead' not in run.processes['controller'].output()
 
 
+@pytest.mark.thorough
 def test_a_flood_of_nonsense_lets_it_go_no_faster_than_its_limit():
     with alone(input_rate_limit=[20.0]) as run:
         feed = Feed(run)
@@ -287,6 +292,7 @@ def test_a_flood_of_nonsense_lets_it_go_no_faster_than_its_limit():
         assert log.count('not finite') == 1
 
 
+@pytest.mark.thorough
 def test_faults_that_come_and_go_do_not_fill_the_log():
     with alone() as run:
         feed = Feed(run)
@@ -366,6 +372,7 @@ def test_a_model_that_raises_ends_the_controller_with_its_force_at_zero(monkeypa
         run.processes.clear()
 
 
+@pytest.mark.thorough
 def test_other_limits_do_not_make_it_forget_the_estimator():
     with alone() as run:
         feed = Feed(run)

@@ -59,6 +59,7 @@ def test_a_design_is_printed_written_and_drawn(tmp_path):
         assert (folder / f'{name}.png').stat().st_size > 10_000
 
 
+@pytest.mark.thorough
 def test_a_small_margin_and_a_delay_are_warned_of(tmp_path):
     code, out, _ = run('cart_pole', '--out', 'here', folder=tmp_path)
     assert code == 0
@@ -74,6 +75,7 @@ def test_a_small_margin_and_a_delay_are_warned_of(tmp_path):
     assert len(summary['warnings']) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('name', ['submersible', 'diff_drive', 'bearing_tracker', 'level'])
 def test_what_has_no_whole_loop_has_a_part_of_the_report(name, tmp_path):
     code, out, err = run(name, folder=tmp_path)
@@ -153,6 +155,7 @@ def test_what_is_wrong_is_one_line(arguments, says, tmp_path):
     assert len(err.strip().splitlines()) == 1, err
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_it_without_a_traceback(number, code, tmp_path):
     """Sent while the parameter file is read: it is a pipe, still empty."""

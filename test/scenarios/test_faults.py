@@ -28,6 +28,7 @@ def findings(filter):
     return _found[filter]
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize('filter', FILTERS)
 def test_what_is_promised_under_every_fault_holds(filter, capfd):
@@ -40,6 +41,7 @@ def test_what_is_promised_under_every_fault_holds(filter, capfd):
     assert {name: finding.broken for name, finding in found.items() if finding.broken} == {}
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize('filter', FILTERS)
 def test_faults_do_what_they_are_called(filter):
@@ -58,6 +60,7 @@ def test_faults_do_what_they_are_called(filter):
     assert min(f.coverage for f in honest) > max(f.coverage for f in fooled)
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(400)
 def test_the_filters_agree_as_they_must_on_a_linear_system():
     kf, *others = (findings(filter) for filter in FILTERS)
@@ -67,6 +70,7 @@ def test_the_filters_agree_as_they_must_on_a_linear_system():
             np.testing.assert_allclose(other[name].max_error, finding.max_error, rtol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize('filter', ['ekf', 'ukf'])
 @pytest.mark.parametrize('setting', SETTINGS[1:], ids=lambda each: each.scenario)
@@ -85,6 +89,7 @@ def test_a_robot_in_space_keeps_the_promises_too(setting, filter):
 LOCKED = next(case for case in CASES if case.name.startswith('sure of a place'))
 
 
+@pytest.mark.thorough
 def test_a_gate_that_locks_out_recovers_and_without_recovery_it_does_not():
     never = replace(LOCKED, estimator={**LOCKED.estimator, 'gate_recover_after': 0})
     found, locked = FaultMatrix('kf', SHORT, seed=1).findings([LOCKED, never], lambda: None)
@@ -100,6 +105,7 @@ def estimates(order, **overrides):
         return [*run.recorder.raw['estimate']], [*run.recorder.raw['position']]
 
 
+@pytest.mark.thorough
 def test_the_same_seed_gives_the_same_bytes_under_every_fault_at_once():
     wrong = {
         'dropout': 0.1, 'burst_loss': 0.02, 'delay': 0.03, 'jitter': 0.1, 'reordering': 0.2,
@@ -151,6 +157,7 @@ def test_faults_change_live_and_a_bad_one_is_refused():
         assert run.diagnostics['plant'].message == 'running'
 
 
+@pytest.mark.thorough
 def test_the_body_may_differ_from_what_the_estimator_believes(tmp_path):
     """By the plant's own section of the parameter file."""
     path = tmp_path / 'heavy.yaml'

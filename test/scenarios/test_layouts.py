@@ -9,6 +9,7 @@ pytest.importorskip('rclpy')
 from kalman_ros.harness import Run
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('name', ['mass_spring_damper_2d', 'cart_pole', 'diff_drive'])
 def test_layouts_change_no_number(name):
     runs = []

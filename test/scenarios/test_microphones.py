@@ -50,6 +50,7 @@ def test_a_sound_is_tracked_and_found():
     assert np.hypot(*loop.truth[-1, :2]) < 8.0 < 25.0 < np.hypot(*loop.truth[0, :2])
 
 
+@pytest.mark.thorough
 def test_the_same_seed_sounds_the_same():
     def estimates(seed):
         with tracker(seed=seed) as run:
@@ -73,6 +74,7 @@ def test_where_nothing_sounds_nothing_is_published_and_the_loop_goes_on():
         assert len(run.recorder['estimate'].stamp) == 41
 
 
+@pytest.mark.thorough
 def test_what_a_bearing_must_be_like_changes_live():
     with tracker() as run:
         run.advance(1.0)
@@ -85,6 +87,7 @@ def test_what_a_bearing_must_be_like_changes_live():
         run.wait(lambda: said() == '5', 5.0, said)
 
 
+@pytest.mark.thorough
 def test_asked_again_it_says_the_same():
     """Without answers the plant repeats its tick, and the bearing is repeated."""
     with tracker(overrides={'lockstep_timeout': 0.4}) as run:
@@ -105,6 +108,7 @@ def test_asked_again_it_says_the_same():
     assert all(len(messages) == 1 for messages in by_stamp.values())
 
 
+@pytest.mark.thorough
 def test_in_real_time():
     with tracker(lockstep=False) as run:
         run.advance(3.0)
@@ -114,6 +118,7 @@ def test_in_real_time():
     assert np.all(np.abs(heard.values[:, 0] - np.arctan2(25.0, 5.0)) < 0.2)
 
 
+@pytest.mark.thorough
 def test_a_recording_is_heard(tmp_path):
     options = MicrophoneArrayOptions()
     array = MicrophoneArray(np.array(options.microphones))

@@ -33,6 +33,7 @@ def test_a_model_without_inputs_needs_no_controller():
     assert np.mean(np.abs(error) < 3.0 * std) > 0.95
 
 
+@pytest.mark.thorough
 def test_an_observer_that_does_not_manoeuvre_says_that_it_does_not_know_the_range():
     values = {'rate': 1.0, 'bearing.rate': 0.1, 'state_cost': [1e-14, 1e-14, 0.0, 0.0]}
     with Run('bearing_tracker', values) as run:
@@ -57,6 +58,7 @@ def test_an_observer_that_does_not_manoeuvre_says_that_it_does_not_know_the_rang
     assert off[-1] < 3.0 * std[-1] < 100.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('filter', ['ekf', 'ukf'])
 def test_a_target_that_goes_round_and_round_is_not_lost_where_angles_wrap(filter):
     # a circle about the radar: bearing, and heading in a quaternion, pass pi again and again

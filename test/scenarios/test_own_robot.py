@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import mostly_thorough
 
 pytest.importorskip('rclpy')
 
@@ -24,7 +25,7 @@ def robot(monkeypatch):
     sys.modules.pop('pendulum_robot.pendulum', None)
 
 
-@pytest.mark.parametrize('filter', ['ekf', 'ukf'])
+@pytest.mark.parametrize('filter', mostly_thorough(['ekf', 'ukf'], 'ekf'))
 def test_a_class_and_a_parameter_file_make_a_robot(robot, filter):
     with Run(robot, {'filter': filter}) as run:
         run.advance(4.0)

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from thorough import mostly_thorough
 
 pytest.importorskip('rclpy')
 
@@ -111,7 +112,7 @@ def test_a_parameter_file_serves_the_whole_loop_and_a_typo_in_it_none(environmen
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('node', NODES)
+@pytest.mark.parametrize('node', mostly_thorough(NODES, 'estimator', 'controller'))
 def test_a_signal_ends_a_node_cleanly_also_twice(environment, node, number):
     process = start(environment, node)
     _wait_for_node(environment, process, node)
@@ -133,7 +134,7 @@ print([path.read_text().strip() for path in Path('/proc/self/task').glob('*/comm
 """
 
 
-@pytest.mark.parametrize('node', NODES)
+@pytest.mark.parametrize('node', mostly_thorough(NODES, 'controller'))
 def test_a_node_that_ended_leaves_no_thread_of_the_middleware(environment, node):
     # such a thread uses what the exit of the process destroys: a crash, once in some thousand
     process = subprocess.Popen(
@@ -212,6 +213,7 @@ def test_the_demo_passes_and_writes_its_results(environment, tmp_path):
         assert (tmp_path / 'out' / f'{name}.png').stat().st_size > 10_000
 
 
+@pytest.mark.thorough
 def test_the_demo_fails_when_the_statistics_do_not_hold(environment, tmp_path):
     """The plant's tachometer is noisier than it says, by the plant's own section of the file."""
     path = tmp_path / 'liar.yaml'
@@ -317,6 +319,7 @@ def test_a_file_that_is_no_parameter_file_is_one_line(tmp_path, text, says):
     assert '\n' not in str(raised.value)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_nothing_is_left_running(environment, tmp_path, number):
     path = tmp_path / f'only_here_{number}.yaml'

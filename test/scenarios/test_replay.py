@@ -120,6 +120,7 @@ def bag():
             yield connection.topic, message, nanoseconds(message.header.stamp)
 
 
+@pytest.mark.thorough
 def test_the_differential_drive_robot_ends_where_it_should_over_topics():
     # cra-ros-pkg/robot_localization, test_ekf_localization_node_bag3: (1.0206, 3.4292, .7419)
     # within .1383 m. The noise is what the messages say of themselves

@@ -9,12 +9,14 @@ import subprocess
 import time
 
 import pytest
+from thorough import mostly_thorough
 
 pytest.importorskip('rclpy')
 
 from kalman_ros.harness import Run, executables
 from kalman_ros.harness.domain import Domain
 
+ASKED = (signal.SIGINT, signal.SIGTERM)
 NODES = ('plant', 'estimator', 'controller', 'monitor')
 #: A line of a traceback that is in the package.
 OURS = re.compile(r'File ".*/kalman_ros/\w+(/\w+)*\.py"')
@@ -48,6 +50,7 @@ def ends(process, number):
     return ''
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('twice', [False, True])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_at_any_moment_of_the_start(number, twice):
@@ -81,6 +84,7 @@ def test_a_signal_at_any_moment_of_the_start(number, twice):
         domain.close()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_a_node_waits_for_its_parameter_file(number, tmp_path):
     pipe = tmp_path / 'nobody_writes.yaml'
@@ -99,8 +103,8 @@ def test_a_signal_while_a_node_waits_for_its_parameter_file(number, tmp_path):
     assert not ends(process, number)
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('lockstep', [True, False])
+@pytest.mark.parametrize('number', mostly_thorough(ASKED, signal.SIGTERM))
+@pytest.mark.parametrize('lockstep', mostly_thorough([True, False], True))
 def test_a_signal_during_a_step(lockstep, number):
     for node in NODES:
         with Run(lockstep=lockstep) as run:
@@ -114,6 +118,7 @@ def test_a_signal_during_a_step(lockstep, number):
             assert 'Traceback' not in process.output()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('command', ['demo', 'study', 'bench', 'design'])
 def test_a_command_that_is_interrupted_while_it_loads_says_nothing(command):
     rng = random.Random(command)

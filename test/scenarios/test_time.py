@@ -256,6 +256,7 @@ def test_a_plant_follows_an_external_clock():
         assert np.abs(np.diff(place, axis=0)).max() < 0.5  # the body knows nothing of it
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('lockstep', [True, pytest.param(False, marks=pytest.mark.real_time)])
 def test_a_plant_that_is_restarted(lockstep):
     """In lockstep its time begins again; in real time its body is suddenly elsewhere."""

@@ -26,6 +26,7 @@ def test_without_dask_the_error_names_what_to_install(monkeypatch):
         list(spreading.spread(abs, [1], dask='tcp://127.0.0.1:1'))
 
 
+@pytest.mark.thorough
 def test_a_killed_worker_costs_time_not_results():
     distributed = pytest.importorskip('distributed', reason='the extra dask is not installed')
     options = {'runs': 40, 'seconds': 4, 'chunk': 4}
