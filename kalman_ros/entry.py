@@ -14,6 +14,7 @@ if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
 
 import errno
 import os
+import resource
 import sys
 import warnings
 from functools import partial
@@ -21,6 +22,8 @@ from importlib import import_module
 
 #: The disk is full or read-only: not an error of the program.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
+#: Bytes of address space that a node takes: 1.1e9, most of it reserved for threads and not used.
+_ADDRESS_SPACE = 1 << 30
 #: Ctrl-C, a launcher's request, a closed terminal (unless ``nohup`` has it ignored), Ctrl-\\.
 _SIGNALS = tuple(
     number
@@ -37,13 +40,23 @@ def _node(name: str) -> None:
     """Run a node, which handles signals itself; exit 0 if one arrives before."""
     for number in _SIGNALS:
         signal.signal(number, lambda *_: os._exit(0))
+    _require_address_space(name)
     import_module(f'kalman_ros.nodes.{name}').main()
+
+
+def _require_address_space(name: str) -> None:
+    """Exit if too little is allowed: the libraries would fail in many ways, or not end at all."""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < _ADDRESS_SPACE:
+        needs = f'{_ADDRESS_SPACE >> 20} MiB of address space or more, got {limit >> 20}'
+        sys.exit(f'{name}: expected {needs}: raise the limit (ulimit -v)')
 
 
 def _program(name: str, module: str = '') -> None:
     """Run a program of `kalman_ros.programs`; exit 128 + N if a signal N interrupts it."""
     for number in _SIGNALS:
         signal.signal(number, lambda number, _: os._exit(128 + number))
+    _require_address_space(name)
     main = import_module(f'kalman_ros.programs.{module or name}').main
     try:
         for number in _SIGNALS:

@@ -4,28 +4,58 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from time import monotonic
 
 #: The most different messages remembered; a hostile sender could create any number.
 _MOST = 20
+#: Seconds: the longest between two logs of a message that goes on, and the silence after which it
+#: is a new one.
+_LONGEST, _SILENCE = 600.0, 60.0
+
+
+@dataclass
+class _Repeated:
+    """When a message was logged and heard last, and the seconds until it is logged again."""
+
+    logged: float
+    heard: float
+    wait: float
 
 
 class Throttle:
-    """Logs each message at most once within N seconds.
+    """Logs each message after N seconds again, then after twice as many, and so on.
 
-    The throttle of rclpy's loggers counts by line of code: there the first of two messages
-    suppresses the second.
+    So a receiver that has no fix for hours does not fill the log. The throttle of rclpy's loggers
+    counts by line of code: there the first of two messages suppresses the second.
     """
 
     def __init__(self, say: Callable[[str], object], seconds: float = 1.0) -> None:
         self._log = say
         self._seconds = seconds
-        self._logged: dict[str, float] = {}
+        self._messages: dict[str, _Repeated] = {}
 
     def __call__(self, message: str) -> None:
         """Log ``message``, unless it was logged recently."""
         now = monotonic()
-        self._logged = {m: at for m, at in self._logged.items() if now - at < self._seconds}
-        if message not in self._logged and len(self._logged) < _MOST:
-            self._logged[message] = now
+        known = self._messages.get(message)
+        if known is None or now - known.heard > _SILENCE:
+            if known is None and not self._make_room(now):
+                return
+            self._messages[message] = _Repeated(now, now, self._seconds)
             self._log(message)
+            return
+        known.heard = now
+        if now - known.logged >= known.wait:
+            known.logged, known.wait = now, min(2.0 * known.wait, _LONGEST)
+            self._log(message)
+
+    def _make_room(self, now: float) -> bool:
+        """Return whether another message may be remembered, in place of the most silent one."""
+        if len(self._messages) < _MOST:
+            return True
+        silent = min(self._messages, key=lambda message: self._messages[message].heard)
+        if now - self._messages[silent].heard < self._seconds:
+            return False
+        del self._messages[silent]
+        return True

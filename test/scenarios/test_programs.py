@@ -102,6 +102,20 @@ def test_a_mistake_is_one_line_and_an_exit_code(environment, node, arguments, sa
     assert len(output.strip().splitlines()) == 1, output
 
 
+@pytest.mark.parametrize('name', ['estimator', 'design'])
+def test_too_little_address_space_is_one_line(name):
+    """The libraries would fail in many ways, or loop for ever, deaf to signals."""
+    process = subprocess.run(
+        ['sh', '-c', 'ulimit -v 200000; exec "$0"', str(executables.executable(name))],
+        capture_output=True, text=True, timeout=30,
+    )  # fmt: skip
+    assert process.returncode == 1
+    assert process.stderr == (
+        f'{name}: expected 1024 MiB of address space or more, got 195: '
+        'raise the limit (ulimit -v)\n'
+    )
+
+
 def test_a_parameter_file_serves_the_whole_loop_and_a_typo_in_it_none(environment, tmp_path):
     path = tmp_path / 'robot.yaml'
     path.write_text('/**:\n  ros__parameters:\n    position:\n      niose: [0.1, 0.1]\n')
