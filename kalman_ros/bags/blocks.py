@@ -3,17 +3,17 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from heapq import heappop, heappush
+from heapq import heappop, heappush, heapreplace
+from itertools import islice
 from math import inf
 from operator import itemgetter
 from typing import NamedTuple, Protocol
 
-#: The most bytes that are held in memory until their order is known, and of one block.
-MOST_PENDING, MOST_BLOCK = 1 << 30, 1 << 28
-#: The most messages that wait for others.
-MOST_WAITING = 50_000
+from .budget import MOST_PENDING, MOST_WAITING, Budget
+
+#: The bytes in memory of a message beside its content; messages are counted in groups of N.
+_MESSAGE, _GROUP = 200, 4096
 #: The longest time from publication to reception that is put in order, in nanoseconds.
 _LATENCY = 2_000_000_000
 
@@ -35,7 +35,7 @@ class Block(NamedTuple):
 
     start: int
     end: int
-    read: Callable[[Collection[str]], list[Message]]
+    read: Callable[[Collection[str], Budget], Iterable[Message]]
 
 
 class Source(Protocol):
@@ -51,7 +51,11 @@ class Source(Protocol):
 
 
 def in_order(
-    blocks: Sequence[Block], topics: Collection[str], start: float = -inf, end: float = inf
+    blocks: Sequence[Block],
+    topics: Collection[str],
+    budget: Budget,
+    start: float = -inf,
+    end: float = inf,
 ) -> Iterator[Message]:
     """Yield the messages of some topics, received from ``start`` to ``end``, in order.
 
@@ -60,24 +64,41 @@ def in_order(
     Raises
     ------
     ValueError
-        If a block cannot be read, or so much overlaps that it would fill the memory.
+        If a block cannot be read, or the budget does not suffice.
     """
     wanted = sorted((b for b in blocks if b.start <= end and b.end >= start), key=itemgetter(0))
-    pending: list[Message] = []
+    #: The time of the next message of each block, its place in the file, and the rest, last first.
+    pending: list[tuple[int, int, list[Message]]] = []
     for index, block in enumerate(wanted):
-        found = block.read(topics)
-        if any(not block.start <= message.time <= block.end for message in found):
+        messages = _collect(block.read(topics, budget), budget)
+        if any(not block.start <= message.time <= block.end for message in messages):
             raise ValueError('a message was not received when the part that it is in says')
-        pending += found
-        pending.sort(key=itemgetter(0))
+        if messages:
+            messages.sort(key=itemgetter(0))
+            messages.reverse()
+            heappush(pending, (messages[-1].time, index, messages))
         until = wanted[index + 1].start if index + 1 < len(wanted) else inf
-        count = bisect_left(pending, until, key=itemgetter(0))
-        for message in pending[:count]:
+        while pending and pending[0][0] < until:
+            _, number, messages = pending[0]
+            message = messages.pop()
+            if messages:
+                heapreplace(pending, (messages[-1].time, number, messages))
+            else:
+                heappop(pending)
+            budget.release(len(message.data) + _MESSAGE)
             if start <= message.time <= end:
                 yield message
-        del pending[:count]
-        if sum(len(message.data) for message in pending) > MOST_PENDING:
-            raise ValueError(f'more than {MOST_PENDING} bytes of messages are not in order')
+
+
+def _collect(messages: Iterable[Message], budget: Budget) -> list[Message]:
+    """Return messages as a list, as far as the budget suffices."""
+    iterator = iter(messages)
+    collected: list[Message] = []
+    while group := list(islice(iterator, _GROUP)):
+        budget.work(len(group))
+        budget.hold(sum(len(message.data) + _MESSAGE for message in group))
+        collected += group
+    return collected
 
 
 def as_published(messages: Iterable[Message]) -> Iterator[Message]:

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What compressed parts of recordings contain, never more than they announce."""
+"""Reads parts of recordings, compressed or not, never more than they announce."""
 
 from __future__ import annotations
 
 import bz2
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from .blocks import MOST_BLOCK
+from .budget import Budget
+
+#: A signal is handled after N bytes.
+_PIECE = 1 << 22
 
 MISSING = 'rosbags is not installed: python3 -m pip install rosbags'
 
@@ -27,29 +32,55 @@ def _zstd() -> Any:
 _KINDS: dict[str, Callable[[], Any]] = {'lz4': _lz4, 'zstd': _zstd, 'bz2': bz2.BZ2Decompressor}
 
 
+class Part(NamedTuple):
+    """The bytes ``at`` a place of a file, how many, and the kind and size of their content."""
+
+    at: int
+    stored: int
+    kind: str
+    size: int
+
+    def read(self, path: Path, budget: Budget) -> bytes:
+        """Return the content; ValueError as `expand`, or if the budget does not suffice."""
+        budget.expand(self.stored, self.size)
+        with path.open('rb') as file:
+            file.seek(self.at)
+            return expand(file.read(self.stored), self.kind, self.size)
+
+
 def expand(data: bytes, kind: str, size: int) -> bytes:
     """Return the ``size`` bytes that were compressed to ``data``; '' and 'none' are no kinds.
 
     Raises
     ------
     ValueError
-        If it is another size, or larger than a block may be, or the kind is not known.
+        If it is another size, or the kind is not known.
     """
-    if size > MOST_BLOCK:
-        raise ValueError(f'a block of {size} bytes, more than {MOST_BLOCK}')
     if kind in ('', 'none'):
-        found = data
+        content = data
     elif kind in _KINDS:
         try:
             decompressor = _KINDS[kind]()
         except ModuleNotFoundError:
             raise ValueError(f'it is compressed by {kind}, and {MISSING}') from None
         try:
-            found = decompressor.decompress(data, max_length=size + 1)
+            content = _decompressed(decompressor, data, size + 1)
         except Exception as error:  # each library has errors of another kind
             raise ValueError(f'a block is not {kind}: {error}') from None
     else:
         raise ValueError(f"compression: expected {', '.join(_KINDS)}, got '{kind[:20]}'")
-    if len(found) != size:
-        raise ValueError(f'a block has {len(found)} bytes, expected {size}')
-    return bytes(found)
+    if len(content) != size:
+        raise ValueError(f'a block has {len(content)} bytes, expected {size}')
+    return content
+
+
+def _decompressed(decompressor: Any, data: bytes, most: int) -> bytes:
+    """Return the first ``most`` bytes that were compressed to ``data``, made in pieces."""
+    content = BytesIO()
+    while not decompressor.eof and (left := most - content.tell()):
+        piece = decompressor.decompress(data, max_length=min(left, _PIECE))
+        content.write(piece)
+        data = b''
+        if not piece and decompressor.needs_input:
+            break
+    return content.getvalue()

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from math import inf
 from pathlib import Path
 
@@ -11,11 +11,12 @@ from kalman_ros.core.named_options import nearest
 from kalman_ros.core.one_line import one_line
 
 from .blocks import Block, Message, Source, in_order
+from .budget import Budget
 from .mcap_reader import McapFile
 from .ros1_reader import Ros1File
 from .sqlite_reader import SqliteFile
 
-_KINDS: dict[str, Callable[[Path], Source]] = {
+_KINDS: dict[str, Callable[[Path, Budget], Source]] = {
     '.mcap': McapFile,
     '.db3': SqliteFile,
     '.bag': Ros1File,
@@ -48,11 +49,18 @@ class Bag:
         #: What of the recording cannot be read, a line a file.
         self.damage: list[str] = []
         self._blocks: list[Block] = []
-        for file in self._files():
-            self._add(file)
+        files = self._files()
+        #: The bytes of the recording on disk.
+        self._disk = _on_disk(files)
+        budget = Budget(self._disk)
+        for file in files:
+            self._add(file, budget)
         if not self._blocks:
             why = '; '.join(['it has no messages', *self.damage])
             raise ValueError(f"'{self.path}' is an empty recording: {why}")
+        #: When the first and the last message were received, in nanoseconds.
+        self.start = min(block.start for block in self._blocks)
+        self.end = max(block.end for block in self._blocks)
 
     def _files(self) -> list[Path]:
         path = self.path
@@ -70,11 +78,9 @@ class Bag:
             raise ValueError(f"bag: {expected}, got '{path}'")
         return [path]
 
-    def _add(self, file: Path) -> None:
-        if not file.is_file():  # a pipe would be waited for
-            raise ValueError(f"'{file}' is not a file")
+    def _add(self, file: Path, budget: Budget) -> None:
         try:
-            source = _KINDS[file.suffix](file)
+            source = _KINDS[file.suffix](file, budget)
         except ValueError as error:
             raise ValueError(f'{file}: {error}') from None
         damage = [source.damage] if source.damage else []
@@ -85,16 +91,6 @@ class Bag:
                 damage.append(f'no name of a topic: {one_line(topic)}')
         self._blocks += source.blocks
         self.damage += [f'{file}: {each}' for each in damage]
-
-    @property
-    def start(self) -> int:
-        """When the first message was received, in nanoseconds."""
-        return min(block.start for block in self._blocks)
-
-    @property
-    def end(self) -> int:
-        """When the last message was received, in nanoseconds."""
-        return max(block.end for block in self._blocks)
 
     def check(self, topic: str, kind: str, what: str) -> None:
         """Raise ValueError unless a topic is there with the message type ``package/msg/Name``.
@@ -128,9 +124,26 @@ class Bag:
         Raises
         ------
         ValueError
-            If a part of the recording is damaged.
+            If a part of the recording is damaged, or takes more than a `Budget`.
         """
         try:
-            yield from in_order(self._blocks, frozenset(topics), start, end)
+            budget = Budget(self._disk)
+            yield from in_order(self._blocks, frozenset(topics), budget, start, end)
         except ValueError as error:
             raise ValueError(f'{self.path}: {error}') from None
+
+
+def _on_disk(files: Sequence[Path]) -> int:
+    """Return the bytes that files take on disk; ValueError if one is no file, or there twice."""
+    names: dict[tuple[int, int], Path] = {}
+    total = 0
+    for file in files:
+        if not file.is_file():  # a pipe would be waited for
+            raise ValueError(f"'{file}' is not a file")
+        status = file.stat()
+        first = names.setdefault((status.st_dev, status.st_ino), file)
+        if first is not file:
+            raise ValueError(f"'{file}' is the same file as '{first.name}'")
+        # a file with holes is longer; a file system that does not count blocks says 0
+        total += min(status.st_size, 512 * status.st_blocks or status.st_size)
+    return total

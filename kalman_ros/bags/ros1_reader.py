@@ -8,6 +8,7 @@ types that the standard packages of ROS 2 have, too, are converted by rosbags.
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Collection, Iterator
 from functools import cache, partial
 from pathlib import Path
@@ -15,15 +16,17 @@ from struct import Struct, error
 from typing import Any
 
 from .blocks import Block, Message
-from .compression import MISSING, expand
+from .budget import Budget
+from .compression import MISSING, Part
 from .mcap import U32
 
 _MAGIC = b'#ROSBAG V2.0\n'
 _MESSAGE, _INDEX, _CHUNK, _CONNECTION = 2, 4, 5, 7
 _TIME = Struct('<II')
 _ENTRY = Struct('<III')
-#: The longest head of a record, and the longest record that is read outside of a chunk.
-_MOST_HEAD, _MOST = 1 << 16, 1 << 24
+#: The longest head of a record, the longest record that is read outside of a chunk, and the most
+#: fields of either.
+_MOST_HEAD, _MOST, _MOST_FIELDS = 1 << 16, 1 << 24, 100
 
 
 @cache
@@ -38,8 +41,11 @@ def _types() -> Any:
 
 def _fields(data: bytes) -> dict[bytes, bytes]:
     """Return the named values in the head of a record."""
-    found, at = {}, 0
+    found: dict[bytes, bytes] = {}
+    at = 0
     while at + U32.size <= len(data):
+        if len(found) > _MOST_FIELDS:
+            raise ValueError(f'a record with more than {_MOST_FIELDS} fields')
         (size,) = U32.unpack_from(data, at)
         at += U32.size
         name, _, value = data[at : at + size].partition(b'=')
@@ -72,33 +78,41 @@ def _op(fields: dict[bytes, bytes]) -> int:
 class Ros1File:
     """The topics and chunks of a bag; see `blocks.Source`.
 
+    Parameters
+    ----------
+    path
+        Of the bag.
+    budget
+        What opening it may take.
+
     Raises
     ------
     ValueError
-        If it is no bag of version 2.0.
+        If it is no bag of version 2.0, or the budget does not suffice.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, budget: Budget) -> None:
         self._path = path
         self.topics: dict[str, set[str]] = {}
         self.blocks: list[Block] = []
         self.damage = ''
         self._connections: dict[int, tuple[str, str]] = {}
-        self._scan()
+        self._scan(budget)
         if not self._connections:
             for block in self.blocks:
-                block.read(())
+                deque(block.read((), budget), maxlen=0)
         for topic, kind in self._connections.values():
             self.topics.setdefault(topic, set()).add(kind)
 
-    def _scan(self) -> None:
-        chunk: tuple[int, int, str, int] | None = None
+    def _scan(self, budget: Budget) -> None:
+        chunk: Part | None = None
         times: list[int] = []
         with self._path.open('rb') as file:
             size = os.fstat(file.fileno()).st_size
             if file.read(len(_MAGIC)) != _MAGIC:
                 raise ValueError('expected a bag of ROS 1, version 2.0, which this is not')
             while (at := file.tell()) < size:
+                budget.work(1)
                 found = self._head(file, size)
                 if found is None:
                     self.damage = f'it is cut off: {at} of {size} bytes are complete'
@@ -106,17 +120,17 @@ class Ros1File:
                 fields, length = found
                 after, op = file.tell() + length, _op(fields)
                 if op == _INDEX and length < _MOST:
-                    times += self._index(file.read(length))
+                    times = self._index(file.read(length), times)
                 else:
-                    self._end_chunk(chunk, times)
+                    self._end_chunk(chunk, times, budget)
                     chunk, times = None, []
                 if op == _CHUNK:
                     kind = fields.get(b'compression', b'').decode(errors='replace')
-                    chunk = file.tell(), length, kind, _number(fields, b'size')
+                    chunk = Part(file.tell(), length, kind, _number(fields, b'size'))
                 elif op == _CONNECTION and length < _MOST:
-                    self._connect(fields, file.read(length))
+                    self._connect(fields, file.read(length), budget)
                 file.seek(after)
-        self._end_chunk(chunk, times)
+        self._end_chunk(chunk, times, budget)
 
     @staticmethod
     def _head(file: Any, size: int) -> tuple[dict[bytes, bytes], int] | None:
@@ -134,37 +148,43 @@ class Ros1File:
         return None if rest > size - file.tell() else (_fields(head), rest)
 
     @staticmethod
-    def _index(data: bytes) -> list[int]:
-        """Return the first and the last of the times in an index of a chunk."""
+    def _index(data: bytes, times: list[int]) -> list[int]:
+        """Return the first and the last of some times and those in an index of a chunk."""
         whole = len(data) // _ENTRY.size * _ENTRY.size
-        times = [s * 1_000_000_000 + ns for s, ns, _ in _ENTRY.iter_unpack(data[:whole])]
+        times = times + [s * 1_000_000_000 + ns for s, ns, _ in _ENTRY.iter_unpack(data[:whole])]
         return [min(times), max(times)] if times else []
 
-    def _end_chunk(self, chunk: tuple[int, int, str, int] | None, times: list[int]) -> None:
+    def _end_chunk(self, chunk: Part | None, times: list[int], budget: Budget) -> None:
         if chunk is None:
             return
         if not times:  # it has no index behind it
-            times = [_time(f.get(b'time', b'')) for f, _ in self._records(*chunk) if _op(f) == 2]
+            for fields, _ in self._records(chunk, budget):
+                if _op(fields) == _MESSAGE:
+                    times.append(_time(fields.get(b'time', b'')))
+                    times = [min(times), max(times)]
         if times:
-            self.blocks.append(Block(min(times), max(times), partial(self._read, *chunk)))
+            budget.note()
+            first, last = times
+            self.blocks.append(Block(first, last, partial(self._read, chunk)))
 
-    def _connect(self, fields: dict[bytes, bytes], data: bytes) -> None:
+    def _connect(self, fields: dict[bytes, bytes], data: bytes, budget: Budget) -> None:
         topic = fields.get(b'topic', b'').decode(errors='replace')
         kind = _fields(data).get(b'type', b'').decode(errors='replace')
         package, _, name = kind.partition('/')
-        found = f'/{topic.lstrip("/")}', f'{package}/msg/{name}'
-        self._connections.setdefault(_number(fields, b'conn'), found)
+        number = _number(fields, b'conn')
+        if number not in self._connections:
+            budget.note(topic + kind)
+            self._connections[number] = f'/{topic.lstrip("/")}', f'{package}/msg/{name}'
 
-    def _records(
-        self, at: int, stored: int, kind: str, size: int
-    ) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
+    def _records(self, chunk: Part, budget: Budget) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
         """Yield head and content of the records of a chunk."""
-        with self._path.open('rb') as file:
-            file.seek(at)
-            data = expand(file.read(stored), kind, size)
+        data = chunk.read(self._path, budget)
         start = 0
         while start + 2 * U32.size <= len(data):
+            budget.work(1)
             (length,) = U32.unpack_from(data, start)
+            if length > _MOST_HEAD:
+                raise ValueError(f'a record with a head of {length} bytes')
             middle = start + U32.size + length
             if middle + U32.size > len(data):
                 raise ValueError('a record is longer than its chunk')
@@ -175,20 +195,16 @@ class Ros1File:
             yield _fields(data[head:middle]), data[content : content + rest]
             start = content + rest
 
-    def _read(
-        self, at: int, stored: int, kind: str, size: int, topics: Collection[str]
-    ) -> list[Message]:
-        """Return the messages of some topics in a chunk, as those of ROS 2."""
-        found = []
-        for fields, data in self._records(at, stored, kind, size):
+    def _read(self, chunk: Part, topics: Collection[str], budget: Budget) -> Iterator[Message]:
+        """Yield the messages of some topics in a chunk, as those of ROS 2."""
+        for fields, data in self._records(chunk, budget):
             if _op(fields) == _CONNECTION:
-                self._connect(fields, data)
+                self._connect(fields, data, budget)
             elif _op(fields) == _MESSAGE:
                 topic, name = self._connections.get(_number(fields, b'conn'), ('', ''))
                 if topic in topics:
                     time = _time(fields.get(b'time', b''))
-                    found.append(Message(time, topic, _converted(data, name)))
-        return found
+                    yield Message(time, topic, _converted(data, name))
 
 
 def _converted(data: bytes, kind: str) -> bytes:

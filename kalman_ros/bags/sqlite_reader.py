@@ -4,59 +4,114 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Collection
+from collections.abc import Collection, Generator, Iterator
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from .blocks import MOST_BLOCK, Block, Message
+from .blocks import Block, Message
+from .budget import Budget
 
 #: Messages of a slice, on average, and the most slices.
 _SLICE, _MOST_SLICES = 2000, 100_000
+#: The most bytes of the table of topics.
+_MOST_TOPICS = 1 << 24
 #: Any column may have values of any type; a number for its bytes would be taken for their count.
 _OTHER = "typeof(data) != 'blob' OR typeof(timestamp) != 'integer'"
+#: Steps of SQLite between two looks at the budget, and how many are counted as a record: a row
+#: takes about thirty in a pass.
+_LOOK, _STEPS = 1000, 100
+#: What a query may do and read. A schema may bring along anything else.
+_TABLES = {'topics', 'messages'}
+_ALLOWED: dict[int, set[str | None]] = {
+    sqlite3.SQLITE_SELECT: {None},
+    sqlite3.SQLITE_READ: {*_TABLES, 'sqlite_master', 'sqlite_schema'},
+    sqlite3.SQLITE_PRAGMA: {'table_xinfo'},
+    sqlite3.SQLITE_FUNCTION: {'count', 'length', 'max', 'min', 'sum', 'typeof'},
+}
 
 
 class SqliteFile:
     """The topics of a file and its slices of time; see `blocks.Source`.
 
+    Parameters
+    ----------
+    path
+        Of the file.
+    budget
+        What opening it may take.
+
     Raises
     ------
     ValueError
-        If it is no such file.
+        If it is no such file, or the budget does not suffice.
     """
 
     damage = ''
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, budget: Budget) -> None:
         self._path = path
         self.topics: dict[str, set[str]] = {}
         self.blocks: list[Block] = []
+        self._names: dict[int, str] = {}
         try:
-            self._look()
+            with self._open(budget) as file:
+                self._check_tables(file)
+                self._read_topics(file, budget)
+                self._slice(file, budget)
         except sqlite3.Error as error:
             raise ValueError(f'expected an SQLite file of rosbag2: {error}') from None
 
-    def _open(self) -> sqlite3.Connection:
-        found = sqlite3.connect(f'{self._path.resolve().as_uri()}?mode=ro', uri=True)
-        found.execute('PRAGMA trusted_schema = OFF')
-        return found
+    @contextmanager
+    def _open(self, budget: Budget) -> Iterator[sqlite3.Connection]:
+        """Open the file for queries of two tables, whose steps are work of the budget."""
+        address = f'{self._path.resolve().as_uri()}?mode=ro'
+        with closing(sqlite3.connect(address, uri=True)) as file:
+            file.execute('PRAGMA trusted_schema = OFF')
+            file.set_authorizer(_authorize)
+            stopped: list[BaseException] = []
+            watch = _watch(budget, stopped)
+            next(watch)
+            file.set_progress_handler(watch.__next__, _LOOK)
+            try:
+                yield file
+            except sqlite3.Error:
+                if stopped:
+                    raise stopped[0] from None
+                raise
 
-    def _look(self) -> None:
-        with self._open() as file:
-            # a view could keep its reader busy for ever
-            tables = "SELECT name FROM sqlite_master WHERE type = 'table'"
-            missing = {'topics', 'messages'} - {str(name) for (name,) in file.execute(tables)}
-            if missing:
-                raise ValueError(f'expected a recording of rosbag2, without {min(missing)}')
-            for name, kind, form in file.execute(
-                'SELECT name, type, serialization_format FROM topics'
-            ):
-                known = str(kind) if form == 'cdr' else f'{kind} in {form}'
-                self.topics.setdefault(str(name), set()).add(known)
-            first, last, count = file.execute(
-                'SELECT min(timestamp), max(timestamp), count(*) FROM messages'
-            ).fetchone()
-        file.close()
+    @staticmethod
+    def _check_tables(file: sqlite3.Connection) -> None:
+        """Refuse views, virtual tables and generated columns, whose values are computed."""
+        # a virtual table has no page
+        tables = "SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0"
+        missing = _TABLES - {str(name) for (name,) in file.execute(tables)}
+        if missing:
+            raise ValueError(f'expected a recording of rosbag2, without {min(missing)}')
+        for table in sorted(_TABLES):
+            for _, name, *_, hidden in file.execute(f'PRAGMA table_xinfo({table})'):
+                if hidden:
+                    raise ValueError(f'expected plain columns, {table}.{name} is generated')
+
+    def _read_topics(self, file: sqlite3.Connection, budget: Budget) -> None:
+        size = 'sum(length(name) + length(type) + length(serialization_format))'
+        ((size,),) = file.execute(f'SELECT {size} FROM topics')
+        if (size or 0) > _MOST_TOPICS:
+            raise ValueError(f'topics of {size} bytes, more than {_MOST_TOPICS}')
+        for number, name, kind, form in file.execute(
+            'SELECT id, name, type, serialization_format FROM topics'
+        ):
+            budget.note(str(name))
+            known = str(kind) if form == 'cdr' else f'{kind} in {form}'
+            self.topics.setdefault(str(name), set()).add(known)
+            if isinstance(number, int):
+                self._names[number] = str(name)
+
+    def _slice(self, file: sqlite3.Connection, budget: Budget) -> None:
+        ((first, last, count),) = file.execute(
+            'SELECT min(timestamp), max(timestamp), count(*) FROM messages'
+        )
         if not count:
             return
         if not isinstance(first, int) or not isinstance(last, int):
@@ -64,30 +119,54 @@ class SqliteFile:
         slices = min(max(1, count // _SLICE), _MOST_SLICES)
         width = (last - first) // slices + 1
         for start in range(first, last + 1, width):
+            budget.note()
             end = start + width - 1
             self.blocks.append(Block(start, end, partial(self._read, start, end)))
 
-    def _read(self, start: int, end: int, topics: Collection[str]) -> list[Message]:
-        """Return the messages of some topics in a slice."""
-        marks = ','.join('?' * len(topics))
+    def _read(
+        self, start: int, end: int, topics: Collection[str], budget: Budget
+    ) -> Iterator[Message]:
+        """Yield the messages of some topics in a slice."""
+        numbers = [number for number, name in self._names.items() if name in topics]
         where = (
-            'FROM messages JOIN topics ON messages.topic_id = topics.id '
-            f'WHERE timestamp BETWEEN ? AND ? AND topics.name IN ({marks})'
+            'FROM messages WHERE timestamp BETWEEN ? AND ? '
+            f'AND topic_id IN ({",".join(map(str, numbers))})'
         )
         try:
-            with self._open() as file:
-                values = (start, end, *topics)
-                size, others = file.execute(
-                    f'SELECT sum(length(data)), sum({_OTHER}) {where}', values
-                ).fetchone()
+            with self._open(budget) as file:
+                ((size, others),) = file.execute(
+                    f'SELECT sum(length(data)), sum({_OTHER}) {where}', (start, end)
+                )
                 if others:
                     raise ValueError(f'{others} messages without a time or without bytes')
-                if (size or 0) > MOST_BLOCK:
-                    raise ValueError(f'{size} bytes of messages in {(end - start) * 1e-9:g} s')
-                found = file.execute(
-                    f'SELECT timestamp, name, data {where} ORDER BY timestamp, messages.id', values
-                ).fetchall()
-            file.close()
+                budget.expand(0, size or 0)
+                for time, number, data in file.execute(
+                    f'SELECT timestamp, topic_id, data {where}', (start, end)
+                ):
+                    yield Message(time, self._names[number], bytes(data))
         except sqlite3.Error as error:
             raise ValueError(f'damaged: {error}') from None
-        return [Message(time, topic, bytes(data)) for time, topic, data in found]
+
+
+def _authorize(action: int, first: str | None, second: str | None, *_: Any) -> int:
+    """Return whether SQLite may do what a query needs."""
+    name = second if action == sqlite3.SQLITE_FUNCTION else first
+    return sqlite3.SQLITE_OK if name in _ALLOWED.get(action, ()) else sqlite3.SQLITE_DENY
+
+
+def _watch(budget: Budget, stopped: list[BaseException]) -> Generator[int, None, None]:
+    """Yield, each time that SQLite asks, whether it is to stop, and keep the reason.
+
+    SQLite drops what is raised here, by the budget or the handler of a signal. The handler runs
+    at the first bytecode, which in a generator is inside of the ``try``, in a function before it.
+    """
+    stop = 0
+    while True:
+        try:
+            yield stop
+            budget.work(_LOOK // _STEPS)
+        except GeneratorExit:
+            raise
+        except BaseException as error:
+            stopped.append(error)
+            stop = 1

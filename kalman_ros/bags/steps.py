@@ -8,7 +8,8 @@ from math import inf
 
 from kalman_ros.codecs.messages import UndecodableError, leading_stamp
 
-from .blocks import MOST_PENDING, MOST_WAITING, Message, as_published
+from .blocks import Message, as_published
+from .budget import MOST_PENDING, MOST_WAITING
 
 
 class Steps:

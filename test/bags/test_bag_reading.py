@@ -22,7 +22,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from kalman_ros.bags import ros1_reader
 from kalman_ros.bags.blocks import Block, Message, as_published, in_order
-from kalman_ros.bags.compression import expand
+from kalman_ros.bags.budget import Budget
+from kalman_ros.bags.compression import Part, expand
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import decode, message_type
@@ -149,13 +150,13 @@ def test_no_more_than_what_overlaps_is_in_memory():
     made = []
 
     def block(start):
-        def read(topics):
+        def read(topics, budget):
             made.append(start)
             return [Message(start + k, '/t', bytes(8)) for k in range(10)]
 
         return Block(start, start + 9, read)
 
-    stream = in_order([block(k * 10) for k in range(100)], {'/t'})
+    stream = in_order([block(k * 10) for k in range(100)], {'/t'}, Budget(0))
     for _ in range(25):
         next(stream)
     assert len(made) <= 4
@@ -273,9 +274,9 @@ def test_sizes_are_checked_before_memory_is_taken(tmp_path):
     (tmp_path / 'a.mcap').write_bytes(lies)
     tracemalloc.start()
     try:
-        assert 'a chunk of 4 bytes' in refusal(tmp_path / 'a.mcap')
-        with pytest.raises(ValueError, match='a block of 1099511627776 bytes'):
-            expand(b'1234', 'bz2', huge)
+        assert 'a part of 1099511627776 bytes' in refusal(tmp_path / 'a.mcap')
+        with pytest.raises(ValueError, match='a part of 1099511627776 bytes'):
+            Part(0, huge, '', 1).read(tmp_path / 'a.mcap', Budget(0))
         bomb = bz2.compress(bytes(100_000_000))
         with pytest.raises(ValueError, match='a block has 1001 bytes, expected 1000'):
             expand(bomb, 'bz2', 1000)

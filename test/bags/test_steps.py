@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.bags import blocks, steps
+from kalman_ros.bags import blocks, budget, steps
 from kalman_ros.bags.blocks import Message
 from kalman_ros.bags.steps import Steps
 from kalman_ros.codecs.tick import write_tick
@@ -56,10 +56,10 @@ def without_ticks(count, size=1):
 
 
 def test_what_comes_without_a_tick_does_not_fill_the_memory():
-    held = Steps(without_ticks(10 * blocks.MOST_WAITING), '/tick', 1.0)
+    held = Steps(without_ticks(10 * budget.MOST_WAITING), '/tick', 1.0)
     with pytest.raises(ValueError, match='messages without a tick on /tick'):
         list(held)
-    assert without_ticks.read < 2 * blocks.MOST_WAITING + 2
+    assert without_ticks.read < 2 * budget.MOST_WAITING + 2
 
 
 def test_large_messages_without_a_tick_do_not_fill_the_memory(monkeypatch):
@@ -71,16 +71,16 @@ def test_large_messages_without_a_tick_do_not_fill_the_memory(monkeypatch):
 
 
 def test_a_whole_recording_needs_ticks_only_where_it_begins():
-    rest = without_ticks(10 * blocks.MOST_WAITING)
+    rest = without_ticks(10 * budget.MOST_WAITING)
     passed = iter(Steps(chain(messages(), rest), '/tick'))
     assert [next(passed) for _ in messages()] == messages()
-    assert sum(1 for _ in passed) == 10 * blocks.MOST_WAITING
+    assert sum(1 for _ in passed) == 10 * budget.MOST_WAITING
 
 
 def test_a_recording_without_ticks_does_not_fill_the_memory():
     with pytest.raises(ValueError, match='messages without a tick on /tick'):
-        list(Steps(without_ticks(10 * blocks.MOST_WAITING), '/tick'))
-    assert without_ticks.read < 2 * blocks.MOST_WAITING + 2
+        list(Steps(without_ticks(10 * budget.MOST_WAITING), '/tick'))
+    assert without_ticks.read < 2 * budget.MOST_WAITING + 2
 
 
 def test_the_order_of_publication_holds_no_more_than_fits(monkeypatch):
