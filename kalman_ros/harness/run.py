@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import message_type
@@ -118,6 +119,12 @@ class Run(LaunchedNodes):
     def names(self) -> Sequence[str]:
         """The nodes that take part."""
         return self._node_set.names
+
+    def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
+        """Process messages for ``seconds``, check the nodes, and write the recording."""
+        super().spin(seconds, until)
+        if self._recording is not None:
+            self._recording.flush()
 
     def _listen(self) -> None:
         self.recorder = Recorder(self.node, self._record)

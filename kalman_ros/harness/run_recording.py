@@ -46,6 +46,12 @@ class RunRecording:
         """Write the message that the node was given, by the topic's full name."""
         received, published = self._node.times
         self._writer.write(topic, received, data, published)
+
+    def flush(self) -> None:
+        """Write what has been received, now and then; OSError if the disk is full.
+
+        Not to be called where messages are received: rclpy would log a traceback.
+        """
         now = monotonic()
         if now - self._written > _PERIOD:
             self._written = now
