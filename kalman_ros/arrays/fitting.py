@@ -102,6 +102,8 @@ class Tuning(KnownNames):
             before, after = self.held_out
             gain = after.log_likelihood - before.log_likelihood
             verdict = 'consistent' if after.consistent else 'not consistent'
+            if after.consistent and not after.judged:
+                verdict = 'too few to judge'
             lines.append(f'readings held out: log-likelihood {gain:+.4g}, {verdict}')
         return '\n'.join(lines)
 

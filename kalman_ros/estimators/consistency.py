@@ -8,6 +8,7 @@ section 5.4.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -149,6 +150,15 @@ class ChiSquareWindow:
         """Return whether the average is within its bounds, or the window empty."""
         low, high = self.bounds(miss)
         return not self._values or low <= self.mean <= high
+
+
+def verdict(windows: Mapping[str, ChiSquareWindow]) -> str:
+    """Return the verdict on averages inside their bounds: 'consistent', and which are empty."""
+    sentences = ['consistent'] if any(window.count for window in windows.values()) else []
+    sentences += [
+        f'no {name} to judge yet' for name, window in windows.items() if not window.count
+    ]
+    return '; '.join(sentences) or 'nothing to judge'
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from enum import Enum
+from math import isnan
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -46,7 +47,7 @@ class Diagnostics:
     topics, ``subscribers: TOPIC``, of publishers of each topic that it subscribes to,
     ``publishers: TOPIC``, and of messages that did not reach the node, ``undecodable: TOPIC``,
     ``too long: TOPIC`` and ``lost by the middleware: TOPIC``. A topic without publishers, or with
-    another type or quality of service, is a warning.
+    another type or quality of service, is a warning. A value that is NaN is left out.
     """
 
     def __init__(self, node: Any, report: Callable[[], Report]) -> None:
@@ -94,7 +95,11 @@ class Diagnostics:
             name=self._node.get_fully_qualified_name().lstrip('/'),
             hardware_id='kalman_ros',
             message=one_line(message, LONGEST),
-            values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
+            values=[
+                KeyValue(key=key, value=_text(value))
+                for key, value in values.items()
+                if not (isinstance(value, float) and isnan(value))
+            ],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Set
 from typing import Any
 
+from kalman_ros.estimators.consistency import verdict
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.fuser import Fuser
 from kalman_ros.scenario import Scenario
@@ -75,7 +76,12 @@ class Health:
             wrong = f'{" and ".join(online.contradicting)} contradicts the sensors that agree'
         if not wrong and doubtful:
             wrong = f'innovations of {" and ".join(doubtful)} do not scatter as expected'
-        return (Level.WARN, wrong, values) if wrong else (Level.OK, 'consistent', values)
+        judged = {
+            f'NIS of {name}': channels[name].nis
+            for name, source in scenario.enabled.items()
+            if source.judged
+        }
+        return (Level.WARN, wrong, values) if wrong else (Level.OK, verdict(judged), values)
 
     def _clocks_ahead(self) -> str:
         """Return the sensors whose stamps are ahead of the clock, and warn of new ones."""

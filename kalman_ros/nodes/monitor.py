@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from math import isfinite
 from time import monotonic
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Gaussian, Signal, Value
-from kalman_ros.estimators.consistency import ChiSquareWindow
+from kalman_ros.estimators.consistency import ChiSquareWindow, verdict
 from kalman_ros.estimators.error_statistics import Comparison
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.pipeline.throttle import Throttle
@@ -128,13 +129,16 @@ class MonitorNode(runtime.ScenarioNode):
             labels = map(source.sensor.output.label, source.sensor.output.names)
             raw, fused = comparison.raw[name].root, comparison.fused[name].root
             for label, before, after in zip(labels, raw, fused):
-                values[f'{name} {label}: error raw / estimated'] = f'{before:.4g} / {after:.4g}'
+                if isfinite(before) and isfinite(after):
+                    key = f'{name} {label}: error raw / estimated'
+                    values[key] = f'{before:.4g} / {after:.4g}'
         verdicts: dict[str, ChiSquareWindow] = {'NEES': comparison.nees}
         verdicts.update({f'NIS of {name}': nis for name, nis in self._nis.items()})
         doubtful = []
         for name, window in verdicts.items():
             low, high = window.bounds(miss)
-            values[f'{name} / expected'] = f'{window.mean:.3f} ({low:.3f} to {high:.3f})'
+            if window.count:
+                values[f'{name} / expected'] = f'{window.mean:.3f} ({low:.3f} to {high:.3f})'
             if not window.inside(miss):
                 doubtful.append(name)
         if comparison.steps:
@@ -148,7 +152,15 @@ class MonitorNode(runtime.ScenarioNode):
                 why = f': the estimator is {"over" if too_sure else "under"}confident'
             return Level.WARN, f'{" and ".join(doubtful)} outside the bounds{why}', values
         incomplete = self._incomplete()
-        return (Level.WARN, incomplete, values) if incomplete else (Level.OK, 'consistent', values)
+        if incomplete:
+            return Level.WARN, incomplete, values
+        unused = {
+            f'NIS of {name}'
+            for name, source in self.scenario.sensors.items()
+            if name not in self.scenario.enabled or not source.judged
+        }
+        judged = {name: window for name, window in verdicts.items() if name not in unused}
+        return Level.OK, verdict(judged), values
 
     def _incomplete(self) -> str:
         """Return why what was compared is not enough for a verdict; '' if it is."""

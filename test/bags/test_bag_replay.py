@@ -21,7 +21,7 @@ from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.bags.replay import estimator_settings, replay, replay_bag
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.programs.bench.replays import parameters, record
-from kalman_ros.programs.replay import statistics
+from kalman_ros.programs.replay import statistics, tables
 
 GYRO = ['angular_velocity.x', 'angular_velocity.y']
 START = 1_700_000_000_000_000_000
@@ -170,6 +170,19 @@ def test_a_truth_gives_errors(tmp_path):
     wanted = np.sqrt(np.mean((truth - found.beliefs.mean) ** 2, axis=0))
     np.testing.assert_allclose(errors.rms, wanted)
     assert errors.nees > 10.0  # it is wrong, and sure of it
+
+
+def test_a_sensor_with_too_few_innovations_is_not_called_consistent(tmp_path, monkeypatch):
+    few = replay(recorded(tmp_path / 'a', ARRIVALS), VALUES)
+    count = statistics.statistics(few.sensors['y']).count
+    assert (
+        tables.claim(few)
+        == f'what could be judged is consistent; too few innovations of y ({count})'
+    )
+    monkeypatch.setattr(statistics, '_LEAST', count + 1)
+    assert 'too few innovations of y' in tables.claim(few)
+    monkeypatch.setattr(statistics, '_LEAST', count)
+    assert tables.claim(few) == 'The filter is consistent.'
 
 
 @pytest.mark.slow

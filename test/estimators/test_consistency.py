@@ -10,6 +10,7 @@ from kalman_ros.estimators.consistency import (
     chi_square_gate,
     nees,
     normalised,
+    verdict,
 )
 from kalman_ros.estimators.error_statistics import Comparison
 from kalman_ros.sensors.linear import Linear
@@ -115,3 +116,13 @@ def test_errors_in_certain_coordinates_count_alike_with_and_without_a_root(error
     np.testing.assert_allclose(z @ z, np.inf if error[0] else rest)
     several = normalised(np.array([error, error]), np.array([P, P]))
     np.testing.assert_array_equal(several, [z, z])
+
+
+def test_a_verdict_names_what_has_no_values():
+    """Nothing is called consistent whose NIS is NaN."""
+    full, empty = ChiSquareWindow(1), ChiSquareWindow(1)
+    full.add(1.0)
+    assert verdict({'NIS of a': full}) == 'consistent'
+    assert verdict({'NIS of a': full, 'NIS of b': empty}) == 'consistent; no NIS of b to judge yet'
+    assert verdict({'NIS of a': empty}) == 'no NIS of a to judge yet'
+    assert verdict({}) == 'nothing to judge'

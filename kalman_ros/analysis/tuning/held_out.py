@@ -70,6 +70,11 @@ class Judgement:
     sensors: Mapping[str, SensorJudgement]
 
     @property
+    def judged(self) -> bool:
+        """Whether any sensor has enough readings to judge."""
+        return any(each.judged for each in self.sensors.values())
+
+    @property
     def consistent(self) -> bool:
         """Whether every sensor with enough readings is."""
         return isfinite(self.log_likelihood) and all(

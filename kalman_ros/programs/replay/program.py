@@ -142,7 +142,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     files = ', '.join(['summary.json', 'estimate', *(path.name for path in drawn)])
     console.print(f'In {folder}: {files}')
     if checks:
-        console.print(verdict(checks, 'The filter is consistent.'))
+        console.print(verdict(checks, tables.claim(found)))
     else:
         console.print('[bold red]FAIL, 0 of 0 checks:[/] fewer than 20 innovations of any sensor')
     sys.exit(0 if passed else 1)

@@ -185,6 +185,15 @@ def checks(replayed: Replayed, found: Errors | None) -> list[Check]:
     return result
 
 
+def unjudged(replayed: Replayed) -> dict[str, int]:
+    """Return the sensors with too few innovations to judge, and how many they have."""
+    return {
+        name: statistics(sensor).count
+        for name, sensor in replayed.sensors.items()
+        if replayed.scenario.sensors[name].judged and statistics(sensor).count < _LEAST
+    }
+
+
 def _check(name: str, expected: float, measured: float, low: float, high: float) -> Check:
     return Check(name, '', expected, measured, low, high, low <= measured <= high)
 

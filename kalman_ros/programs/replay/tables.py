@@ -12,7 +12,7 @@ from kalman_ros.bags.replayed import Replayed
 from kalman_ros.report.run_tables import checks_json, plain
 from kalman_ros.report.sheet import Sheet
 
-from .statistics import Errors, SensorStatistics, largest_change, statistics
+from .statistics import Errors, SensorStatistics, largest_change, statistics, unjudged
 
 
 def _cell(value: float, scale: float = 1.0) -> str:
@@ -62,6 +62,14 @@ def sentences(replayed: Replayed, errors: Errors | None) -> Iterator[str]:
         yield f'Smoothing changed {state} most: by {size:.3g} ({sigmas:.2g} sigma) at {time:.4g} s'
     if replayed.truth is not None:
         yield from _of_truth(replayed, errors)
+
+
+def claim(replayed: Replayed) -> str:
+    """Return what a replay shows that passes all checks."""
+    few = ', '.join(f'{name} ({count})' for name, count in unjudged(replayed).items())
+    if not few:
+        return 'The filter is consistent.'
+    return f'what could be judged is consistent; too few innovations of {few}'
 
 
 def _of_truth(replayed: Replayed, errors: Errors | None) -> Iterator[str]:

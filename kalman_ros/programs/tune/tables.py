@@ -151,6 +151,8 @@ def verdict(fit: Fit, held: tuple[Judgement, Judgement] | None) -> tuple[bool, s
         return True, f'[green]PASS, {count}:[/] nothing was held out to judge the fit by'
     gain = held[1].log_likelihood - held[0].log_likelihood
     change = f'log-likelihood {gain:+.4g} on {held[1].count} readings held out'
+    if held[1].consistent and not held[1].judged:
+        return True, f'[green]PASS, {count}:[/] {change}, too few of any sensor to judge NIS'
     if held[1].consistent:
         return True, f'[green]PASS, {count}:[/] {change}, NIS and whiteness as they should be'
     failed = [n for n, each in held[1].sensors.items() if each.judged and not each.consistent]
