@@ -85,3 +85,22 @@ def test_what_a_short_recording_does_not_tell_is_not_told():
 def test_what_has_no_deviation_is_refused(values, message):
     with pytest.raises(ValueError, match=message):
         allan(values, 0.01)
+
+
+@pytest.mark.parametrize(
+    ('N', 'B', 'K'), [(0.01, 0.02, 0.004), (0.01, 0.0, 0.004), (0.3, 0.1, 0.9)]
+)
+def test_an_exact_deviation_gives_back_its_parameters(monkeypatch, N, B, K):
+    """IEEE Std 952, annex C: N^2 / t + 2 ln 2 / pi B^2 + K^2 t / 3."""
+    period = 0.01
+
+    def exact(values, factors):
+        t = factors * period
+        return N**2 / t + 2.0 * np.log(2.0) / np.pi * B**2 + K**2 * t / 3.0
+
+    monkeypatch.setattr('kalman_ros.analysis.allan.overlapping_variance', exact)
+    found = allan(np.arange(30_000.0), period)
+    parameters = found.density, found.instability, found.random_walk
+    np.testing.assert_allclose(
+        [each.value for each in parameters], [N, B, K], rtol=1e-4, atol=1e-6
+    )

@@ -2,9 +2,11 @@
 """Loops that are not linear are judged too, and a wrong filter is found out."""
 
 import pytest
+from scipy.stats import chi2, norm
 
 from kalman_ros import scenario
-from kalman_ros.analysis.verdict import judge
+from kalman_ros.analysis.checks import MISS
+from kalman_ros.analysis.verdict import consistency, judge, nees_check
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 
@@ -50,3 +52,25 @@ def test_a_linear_loop_is_judged_by_theory():
     judgement = judge(built, run)
     assert judgement.settling_time > 1.0
     assert 'cost J' in {check.name for check in judgement.checks}
+
+
+@pytest.mark.parametrize('name', ['level', 'diff_drive'])
+def test_the_checks_together_fail_with_one_probability(name):
+    """Bonferroni: of a check for each state and each sensor and one of all, each has its share."""
+    built = scenario.build({'model': name})
+    run = closed_loop.run(built, None, 0.5, 0)
+    states, sensors, N = built.model.state.size, built.enabled, len(run.time)
+    found = {check.name: check for check in consistency(built, run)}
+    assert len(found) == states + len(sensors) + 1
+    share = MISS / len(found)
+    for state in built.model.state.names:
+        check = found[f'largest error of {state} / std']
+        assert check.high == pytest.approx(norm.isf(share / (2 * N)), rel=1e-9)
+    for sensor, source in sensors.items():
+        k = source.sensor.output.size
+        degrees = k * len(run.innovations[sensor].nis)
+        check = found[f'NIS of {sensor} / {k}']
+        wanted = chi2.ppf([share / 2, 1 - share / 2], degrees) / degrees
+        assert (check.low, check.high) == pytest.approx(wanted, rel=1e-6)
+    assert found[f'NEES / {states}'] == nees_check(built, run, share)
+    assert found[f'NEES / {states}'] != nees_check(built, run, 2 * share)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import NavSatFix
 
-from kalman_ros.codecs.fixes import NoFixError, is_local
+from kalman_ros.codecs.fixes import NoFixError, is_local, place_of
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader, WireWriter
 from kalman_ros.core import Signal
@@ -142,3 +142,14 @@ def test_computed_fields_do_not_mix_with_others(fields):
 def test_degrees_are_still_numbers_of_the_message():
     signal = Signal('fix', 'sensor_msgs/msg/NavSatFix', ('latitude', 'longitude'))
     np.testing.assert_array_equal(read(fix(), signal).values, DATUM[:2])
+
+
+@pytest.mark.parametrize(
+    'where', [(0.0, 8.0), (49.0, 0.0), (0.0, -5e-324), (5e-324, 0.0), (-0.0, 8.0)]
+)
+def test_a_place_on_the_equator_or_the_prime_meridian_is_a_fix(where):
+    """Receivers without a fix report both as exactly 0."""
+    assert place_of(fix((*where, 3.0))) == (*where, 3.0)
+    for zeros in ((0.0, 0.0), (-0.0, 0.0)):
+        with pytest.raises(NoFixError, match='both exactly 0'):
+            place_of(fix((*zeros, 3.0)))

@@ -13,7 +13,7 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu
 
-from kalman_ros.codecs.covariances import AbsentError
+from kalman_ros.codecs.covariances import AbsentError, refuse_absent
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireReader, WireWriter
@@ -176,3 +176,13 @@ def test_a_covariance_of_minus_one_means_no_reading():
 def test_what_cannot_be_turned_is_refused_in_one_line(signal, why):
     with pytest.raises(ValueError, match=why):
         codec_of(replace(signal, mounting=Mounting((1.0, 0.0, 0.0))))
+
+
+@pytest.mark.parametrize('first', [-2.0, -1.0 - 2e-16, -1.0 + 2e-16, -0.5, 0.0, 1.0, np.nan])
+def test_only_minus_one_says_that_there_is_no_reading(first):
+    """Other numbers below zero are no covariance, which is another fault."""
+    ways = [('a',), ('b',)]
+    refuse_absent(ways, [first, 4.0])
+    for values, name in (([-1.0, first], 'a'), ([first, -1.0], 'b')):
+        with pytest.raises(AbsentError, match=rf'^{name}\[0\] is -1$'):
+            refuse_absent(ways, values)
