@@ -141,7 +141,8 @@ class SqliteFile:
                     raise ValueError(f'{others} messages without a time or without bytes')
                 budget.expand(0, size or 0)
                 for time, number, data in file.execute(
-                    f'SELECT timestamp, topic_id, data {where}', (start, end)
+                    f'SELECT timestamp, topic_id, data {where} ORDER BY timestamp, id',
+                    (start, end),
                 ):
                     yield Message(time, self._names[number], bytes(data))
         except sqlite3.Error as error:

@@ -8,6 +8,7 @@ import sqlite3
 import struct
 import tracemalloc
 from contextlib import closing, contextmanager
+from types import SimpleNamespace
 
 import pytest
 
@@ -20,7 +21,7 @@ from kalman_ros.bags import budget, compression, mcap, sqlite_reader
 from kalman_ros.bags.blocks import Block, Message, in_order
 from kalman_ros.bags.budget import Budget
 from kalman_ros.bags.compression import expand
-from kalman_ros.bags.reading import Bag
+from kalman_ros.bags.reading import Bag, _on_disk
 from kalman_ros.bags.sqlite_reader import SqliteFile
 
 
@@ -97,6 +98,25 @@ def test_more_messages_than_a_small_file_can_have(tmp_path, monkeypatch):
         count(path)
 
 
+def test_a_hole_does_not_make_a_file_larger(tmp_path, monkeypatch):
+    path = hostile.overlapping(tmp_path / 'a.mcap', 5, 5000)
+    os.truncate(path, 10_000_000)
+    assert count(path) == 25_000
+    monkeypatch.setattr(budget, 'FREE_RECORDS', 5000)
+    with refused('records or steps for'):
+        count(path)
+
+
+def test_where_a_file_system_does_not_count_blocks_the_length_counts():
+    def file(**status):
+        status = SimpleNamespace(st_dev=1, st_ino=status['st_blocks'], **status)
+        return SimpleNamespace(is_file=lambda: True, stat=lambda: status, name='a')
+
+    assert _on_disk([file(st_size=1 << 20, st_blocks=0)]) == 1 << 20
+    assert _on_disk([file(st_size=1 << 20, st_blocks=8)]) == 4096
+    assert _on_disk([file(st_size=100, st_blocks=8), file(st_size=50, st_blocks=16)]) == 150
+
+
 def test_unwanted_messages_are_work_too(tmp_path, monkeypatch):
     path = hostile.overlapping(tmp_path / 'a.mcap', 5, 5000)
     bag = Bag(path)
@@ -155,13 +175,17 @@ def test_content_that_expands_too_much(tmp_path, monkeypatch):
 
 
 def test_names_in_chunks_are_kept_within_the_budget(tmp_path, monkeypatch):
-    names = b''.join(mcap.channel(k, 1, f'/{k}' * 100_000, {}) for k in range(1, 7))
-    chunk = hostile.chunk(names + hostile.empty_messages(1), 0, 0)
-    path = hostile.write_mcap(tmp_path / 'a.mcap', [chunk], ())
-    assert len(Bag(path).topics) == 6
+    long = [mcap.channel(k, 1, f'/{k}' * 100_000, {}) for k in range(2, 8)]
+    types = [mcap.schema(k, f'/{k}' * 100_000, '') for k in range(2, 8)]
+    paths = []
+    for names in (long, [*types, mcap.channel(1, 1, '/t', {})]):
+        chunk = hostile.chunk(b''.join(names) + hostile.empty_messages(1), 0, 0)
+        paths.append(hostile.write_mcap(tmp_path / f'{len(paths)}.mcap', [chunk], ()))
+    assert [len(Bag(path).topics) for path in paths] == [6, 1]
     monkeypatch.setattr(budget, 'MOST_PENDING', 1_000_000)
-    with refused('describe parts'):
-        Bag(path)
+    for path in paths:
+        with refused('describe parts'):
+            Bag(path)
 
 
 def test_a_long_definition_in_a_chunk_is_left_out(tmp_path):
@@ -186,8 +210,23 @@ def test_compressed_content_is_made_in_pieces_between_which_signals_are_handled(
     content = os.urandom(10_000) + bytes(90_000)
     compress = {'zstd': hostile.zstd, 'bz2': bz2.compress, 'lz4': lz4.compress}[kind]
     monkeypatch.setattr(compression, '_PIECE', 999)
+    sizes, make = [], compression._KINDS[kind]
+
+    class Watched:
+        def __init__(self):
+            self.inner = make()
+
+        def __getattr__(self, name):
+            return getattr(self.inner, name)
+
+        def decompress(self, data, max_length):
+            sizes.append(max_length)
+            return self.inner.decompress(data, max_length)
+
+    monkeypatch.setitem(compression._KINDS, kind, Watched)
     assert expand(compress(content), kind, len(content)) == content
-    with refused('a block has 99999 bytes|a block has 100000 bytes, expected 99999'):
+    assert max(sizes) == 999 and len(sizes) > 100
+    with refused('a block has 100000 bytes, expected 99999'):
         expand(compress(content), kind, 99_999)
     with refused('a block has .* bytes, expected 100000|is not'):
         expand(compress(content)[:-200], kind, 100_000)
@@ -309,6 +348,14 @@ def test_the_steps_of_sqlite_are_work(tmp_path, monkeypatch):
     assert count(hostile.write_sqlite(tmp_path / 'a.db3', ROWS[:500])) == 500
     with refused('records or steps for'):
         count(hostile.write_sqlite(tmp_path / 'b.db3', ROWS[:500], index=False))
+
+
+def test_messages_of_one_time_are_in_the_order_of_the_file(tmp_path):
+    rows = [(1, 5, bytes([k])) for k in range(9)]
+    path = hostile.write_sqlite(
+        tmp_path / 'a.db3', rows, 'CREATE INDEX other ON messages (topic_id, timestamp, data DESC)'
+    )
+    assert [message.data for message in Bag(path).messages({'/t'})] == [row[2] for row in rows]
 
 
 def test_a_slice_is_weighed_before_it_is_read(tmp_path, monkeypatch):

@@ -145,7 +145,7 @@ def test_degrees_are_still_numbers_of_the_message():
 
 
 @pytest.mark.parametrize(
-    'where', [(0.0, 8.0), (49.0, 0.0), (0.0, -5e-324), (5e-324, 0.0), (-0.0, 8.0)]
+    'where', [(0.0, 8.0), (49.0, 0.0), (0.0, -5e-324), (5e-324, 0.0), (8.0, 8.0)]
 )
 def test_a_place_on_the_equator_or_the_prime_meridian_is_a_fix(where):
     """Receivers without a fix report both as exactly 0."""
