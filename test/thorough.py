@@ -4,9 +4,11 @@
 import pytest
 
 
+def thorough(*values):
+    """Return one set of values of a test that is thorough."""
+    return pytest.param(*values, marks=pytest.mark.thorough)
+
+
 def mostly_thorough(values, *always):
-    """Return ``values``, marked thorough except those that are in ``always``."""
-    return [
-        value if value in always else pytest.param(value, marks=pytest.mark.thorough)
-        for value in values
-    ]
+    """Return single ``values``, marked thorough except those that are in ``always``."""
+    return [value if value in always else thorough(value) for value in values]

@@ -5,10 +5,12 @@ import json
 import os
 import signal
 import subprocess
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import run_command
 
 pytest.importorskip('rclpy')
 
@@ -19,25 +21,20 @@ from kalman_ros.harness import executables
 ROBOT = Path(__file__).parents[1] / 'packages' / 'pendulum_robot'
 
 
-def run(*arguments, folder, **environment):
-    """Return exit code, standard output and standard error of the installed program."""
-    done = subprocess.run(
-        [str(executables.executable('design')), *map(str, arguments)],
-        env={**os.environ, 'COLUMNS': '100', **environment},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    return done.returncode, done.stdout, done.stderr
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Run `design` in a folder of its own, on a terminal of 100 columns."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('COLUMNS', '100')
+    return partial(run_command, 'design')
 
 
 def plain(text):
     return ' '.join(text.split())
 
 
-def test_a_design_is_printed_written_and_drawn(tmp_path):
-    code, out, err = run(folder=tmp_path)
+def test_a_design_is_printed_written_and_drawn(run, tmp_path):
+    code, out, err = run()
     assert (code, err) == (0, '')
     said = plain(out)
     assert 'The input controls x, v_x, y, v_y; the sensors observe x, v_x, y, v_y.' in said
@@ -60,11 +57,11 @@ def test_a_design_is_printed_written_and_drawn(tmp_path):
 
 
 @pytest.mark.thorough
-def test_a_small_margin_and_a_delay_are_warned_of(tmp_path):
-    code, out, _ = run('cart_pole', '--out', 'here', folder=tmp_path)
+def test_a_small_margin_and_a_delay_are_warned_of(run, tmp_path):
+    code, out, _ = run('cart_pole', '--out', 'here')
     assert code == 0
     assert 'Warning: Input f: the LQG loop has small margins, gain 0.729 to 2.12' in plain(out)
-    late = run('cart_pole', '--delay', '0.02', '--out', 'here', folder=tmp_path)
+    late = run('cart_pole', '--delay', '0.02', '--out', 'here')
     assert late[0] == 0
     assert 'the LQG loop is unstable with 0.02 s of delay; its delay margin is 0.018 s.' in plain(
         late[1]
@@ -77,24 +74,22 @@ def test_a_small_margin_and_a_delay_are_warned_of(tmp_path):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize('name', ['submersible', 'diff_drive', 'bearing_tracker', 'level'])
-def test_what_has_no_whole_loop_has_a_part_of_the_report(name, tmp_path):
-    code, out, err = run(name, folder=tmp_path)
+def test_what_has_no_whole_loop_has_a_part_of_the_report(run, name, tmp_path):
+    code, out, err = run(name)
     assert (code, err) == (0, '')
     assert 'the sensors observe' in out.lower()
     assert (tmp_path / 'out' / name / 'design' / 'uncertainty.png').stat().st_size > 10_000
 
 
-def test_a_model_of_ones_own_by_its_parameter_file(tmp_path):
-    path = f'{ROBOT}{os.pathsep}{os.environ.get("PYTHONPATH", "")}'
-    code, out, err = run(
-        '--params-file', ROBOT / 'pendulum.yaml', folder=tmp_path, PYTHONPATH=path
-    )
+def test_a_model_of_ones_own_by_its_parameter_file(run, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(ROBOT)
+    code, out, err = run('--params-file', ROBOT / 'pendulum.yaml')
     assert (code, err) == (0, '')
     assert 'tau, LQG' in out and 'the sensors observe theta, omega' in out
     assert (tmp_path / 'out' / 'pendulum' / 'design' / 'loops.png').exists()
 
 
-def test_it_is_of_what_estimator_and_controller_believe(tmp_path):
+def test_it_is_of_what_estimator_and_controller_believe(run, tmp_path):
     (tmp_path / 'mine.yaml').write_text("""
 /**:
   ros__parameters: {velocity.noise: [0.4, 0.4], input_cost: [2.0, 2.0]}
@@ -105,7 +100,7 @@ estimator:
 controller:
   ros__parameters: {input_cost: [0.5, 0.5]}
 """)
-    assert run('mine.yaml', '-p', 'position.rate:=50.0', folder=tmp_path)[0] == 0
+    assert run('mine.yaml', '-p', 'position.rate:=50.0')[0] == 0
     summary = json.loads((tmp_path / 'out' / 'mine' / 'design' / 'summary.json').read_text())
     values = {'velocity.noise': [0.3, 0.3], 'input_cost': [0.5, 0.5], 'position.rate': 50.0}
     expected = report(scenario.build(values))
@@ -147,9 +142,9 @@ BLIND = ['-p', 'model:=linear', '-p', 'model_parameters.A:=[0.5, 0.0, 0.0, -1.0]
         (['--out', 'taken'], 'out: cannot make taken: File exists'),
     ],
 )
-def test_what_is_wrong_is_one_line(arguments, says, tmp_path):
+def test_what_is_wrong_is_one_line(run, arguments, says, tmp_path):
     (tmp_path / 'taken').write_text('a file, not a folder')
-    code, out, err = run(*arguments, folder=tmp_path)
+    code, out, err = run(*arguments)
     assert (code, out) == (2, ''), out
     assert err.startswith('design: ') and says in err
     assert len(err.strip().splitlines()) == 1, err

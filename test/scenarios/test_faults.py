@@ -2,15 +2,15 @@
 """The fault matrix over topics: what every fault does to every filter, and what holds anyway."""
 
 import json
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import run_command
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.harness import Run, executables
+from kalman_ros.harness import Run
 from kalman_ros.programs.faults.cases import CASES, SHORT
 from kalman_ros.programs.faults.fault_settings import SETTINGS
 from kalman_ros.programs.faults.matrix import FaultMatrix
@@ -179,10 +179,8 @@ def test_the_body_may_differ_from_what_the_estimator_believes(tmp_path):
 
 def command(*arguments):
     """Run the command as a person does; return its exit code and what it printed."""
-    program = [str(executables.executable('faults')), *arguments]
-    ended = subprocess.run(program, capture_output=True, text=True, timeout=100)
-    assert 'Traceback' not in ended.stderr
-    return ended.returncode, ended.stdout + ended.stderr
+    code, out, err = run_command('faults', *arguments)
+    return code, out + err
 
 
 def test_the_command_prints_a_table_and_writes_its_results(tmp_path):

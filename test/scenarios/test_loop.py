@@ -67,7 +67,7 @@ def test_stamps_that_are_late_by_a_known_offset_change_nothing(default_run):
 def reported_at_the_end(run, key):
     """Return what the estimator reports once it counts all positions of `SECONDS`."""
     counted = lambda: int(run.reported('estimator', 'position: readings') or 0)  # noqa: E731
-    run.wait(lambda: counted() > 20.0 * SECONDS, 5.0, lambda: f'{counted()} readings')
+    run.wait(lambda: counted() > 20.0 * SECONDS, 60.0, lambda: f'{counted()} readings')
     return run.reported('estimator', key)
 
 
@@ -160,7 +160,7 @@ def test_a_report_that_arrives_late_is_not_taken_for_a_new_one():
         old = run.diagnostics['plant']
         run.advance(1.0)
         again = run.node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        run.wait(lambda: again.get_subscription_count() > 0, 10.0, lambda: 'not connected')
+        run.wait(lambda: again.get_subscription_count() > 0, 60.0, lambda: 'not connected')
         again.publish(DiagnosticArray(status=[old]))
         assert again.wait_for_all_acked(Duration(seconds=10.0))  # it waits to be taken
         run.refresh('plant')
@@ -199,7 +199,7 @@ def test_real_time_pauses_for_nobody_and_resumes():
         run.kill('controller')
         run.set_parameter('run_until', 1e6)
         quiet = 'no force received: it is zero'
-        run.wait(lambda: run.diagnostics['plant'].message == quiet, 5.0, lambda: 'still a force')
+        run.wait(lambda: run.diagnostics['plant'].message == quiet, 60.0, lambda: 'still a force')
         run.start('controller')
         run.wait(
             lambda: run.diagnostics['plant'].message == 'running', 20.0, lambda: 'no force again'
@@ -228,13 +228,13 @@ def test_a_nan_reading_is_refused_and_nothing_good_is_lost():
         codec = SignalCodec(run.scenario.sensors['position'].signal)
         publisher = run.node.create_publisher(codec.message_type, 'position', 10)
         run.advance(1.0)
-        run.wait(lambda: publisher.get_subscription_count() > 0, 10.0, lambda: 'no subscriber')
+        run.wait(lambda: publisher.get_subscription_count() > 0, 60.0, lambda: 'no subscriber')
         for value in (np.nan, np.inf):
             now = run.node.get_clock().now().nanoseconds
             publisher.publish(codec.encode(now, np.array([value, 0.0]), np.eye(2)))
         run.advance(1.0)
         key = 'position: dropped: not finite'
-        run.wait(lambda: run.reported('estimator', key) == '2', 5.0, lambda: 'not counted')
+        run.wait(lambda: run.reported('estimator', key) == '2', 60.0, lambda: 'not counted')
         assert 'reading of position dropped: not finite' in run.processes['estimator'].output()
         found = run.trajectory()
         fused = int(run.reported('estimator', 'position: fused'))
@@ -270,10 +270,10 @@ def test_parameters_explain_themselves():
 
     with Run() as run:
         client = run.node.create_client(DescribeParameters, 'plant/describe_parameters')
-        run.wait(client.service_is_ready, 10.0, lambda: 'no service')
+        run.wait(client.service_is_ready, 60.0, lambda: 'no service')
         names = ['model_parameters.mass', 'seed', 'velocity.noise']
         future = client.call_async(DescribeParameters.Request(names=names))
-        run.wait(future.done, 10.0, lambda: 'no answer')
+        run.wait(future.done, 60.0, lambda: 'no answer')
         mass, seed, noise = future.result().descriptors
     assert mass.description == 'mass of the body [kg]'
     assert mass.floating_point_range[0].from_value == 1e-9
@@ -298,11 +298,11 @@ def test_two_robots_side_by_side_in_namespaces(tmp_path):
         try:
             enough = lambda: all(len(messages) > 20 for messages in heard.values())  # noqa: E731
             run.advance(2.0)
-            run.wait(enough, 10.0, lambda: 'estimates of both robots have not come')
+            run.wait(enough, 60.0, lambda: 'estimates of both robots have not come')
             assert {p for p, *_ in run.node.get_topic_names_and_types()} >= {'/force', '/r2/force'}
             for topic in ('/estimate', '/r2/estimate', '/force', '/r2/force', '/r2/velocity'):
                 one = lambda: run.node.count_publishers(topic) == 1  # noqa: B023, E731
-                run.wait(one, 10.0, lambda: f'{topic}: {run.node.count_publishers(topic)}')  # noqa: B023
+                run.wait(one, 60.0, lambda: f'{topic}: {run.node.count_publishers(topic)}')  # noqa: B023
             both = {'plant', 'r2/plant'}
             run.wait(
                 lambda: both <= set(run.diagnostics), 5.0, lambda: 'nothing received from r2/plant'

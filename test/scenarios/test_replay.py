@@ -29,7 +29,7 @@ class Player:
         kind = message_type(run.scenario.state.type)
         run.node.create_subscription(kind, 'estimate', self.came, QUEUE, raw=True)
         heard = lambda: run.reported('estimator', 'subscribers: /estimate')  # noqa: E731
-        run.wait(lambda: heard() == '2', 10.0, heard)
+        run.wait(lambda: heard() == '2', 60.0, heard)
 
     def came(self, _):
         if not self.answered.done():
@@ -147,7 +147,7 @@ def test_the_differential_drive_robot_ends_where_it_should_over_topics():
             player.publish(topic, message)
         for name, count in (('imu', '3061'), ('odometry', '3060')):
             said = lambda: run.reported('estimator', f'{name}: fused')  # noqa: B023, E731
-            run.wait(lambda: said() == count, 5.0, said)  # noqa: B023
+            run.wait(lambda: said() == count, 60.0, said)  # noqa: B023
         found = run.recorder['estimate']
     # some come late, and are fused in their place
     newest = np.maximum.accumulate([time for *_, time in messages])
