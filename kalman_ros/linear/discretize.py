@@ -26,6 +26,10 @@ from .matrices import Array, identity, symmetric
 #: truncation error is below 1 / 19!, less than double precision.
 _LONGEST = 1.0
 _TERMS = 18
+#: With more halvings, too many digits of F - I are lost beside the diagonal of F: one bit each.
+_MANY_HALVINGS = 8
+#: Up to a diagonal of F - I of this size it is doubled in place of F.
+_NEAR_IDENTITY = 0.125
 #: The least reach of a series: shorter steps have no fewer terms.
 _SHORTEST = 1e-3
 
@@ -75,11 +79,16 @@ class Discretization:
             raise np.linalg.LinAlgError('the Jacobian of the model is infinite')
         halvings = ceil(log2(reach)) if reach > 1.0 else 0
         n, m = self._shapes
-        flat = ((dt / 2.0**halvings) ** self._powers).dot(self._table)
+        powers = (dt / 2.0**halvings) ** self._powers
+        flat = powers.dot(self._table)
         F = flat[: n * n].reshape(n, n, order='F')
         G = flat[n * n : n * (n + m)].reshape(n, m, order='F')
         Q = flat[n * (n + m) :].reshape(n, n, order='F')
-        if halvings:
+        if halvings > _MANY_HALVINGS:
+            E = powers[1:].dot(self._table[1:, : n * n]).reshape(n, n, order='F')
+            E, G, Q, halvings = _doubled_change(E, G, Q, halvings)
+            F = np.eye(n) + E
+        if reach > 1.0:
             F, G, Q = _doubled(F, G, Q, halvings)
             if not all(np.isfinite(each).all() for each in (F, G, Q)):
                 raise np.linalg.LinAlgError(
@@ -97,6 +106,20 @@ def _terms(reach: float) -> int:
     negligible = _LONGEST ** (_TERMS + 1) / factorial(_TERMS + 1)
     enough = (k for k in range(3, _TERMS, 4) if reach ** (k + 1) / factorial(k + 1) <= negligible)
     return next(enough, _TERMS)
+
+
+@np.errstate(over='ignore', invalid='ignore')
+def _doubled_change(E: Array, G: Array, Q: Array, times: int) -> tuple[Array, Array, Array, int]:
+    """Return E = F - I, G and Q of a longer step, and how many doublings of it remain.
+
+    F, near I in a step that is short for every mode, has the digits of E that are left beside 1.
+    The diagonal, which no units of the states change, says up to where.
+    """
+    while times and np.abs(E.diagonal()).max(initial=0.0) < _NEAR_IDENTITY:
+        F = np.eye(len(E)) + E
+        G, Q, E = G + F.dot(G), Q + F.dot(Q).dot(F.T), 2.0 * E + E.dot(E)
+        times -= 1
+    return E, G, Q, times
 
 
 @np.errstate(over='ignore', invalid='ignore')

@@ -3,7 +3,8 @@
 
 A regulator and an estimator have the same equations, for (A, B, Q, R, N) and for their duals
 (A', C', W, V, N). All units are scaled away before scipy's solvers see them: inputs by the
-diagonal of R, and the solution by what balances the two off-diagonal blocks of the Hamiltonian.
+diagonal of R, states by what balances the Hamiltonian, and the solution by what balances its two
+off-diagonal blocks.
 """
 
 from __future__ import annotations
@@ -31,6 +32,11 @@ _STEPS = 8
 _EXACT = 1e-13
 #: A solution that still changes by more has not converged.
 _LOST = 1e-6
+#: A diagonal element below this, relative to the largest, may be rounding: a sum of squares has
+#: more correct digits than a solution of Lyapunov's equation.
+_ROUNDING = {True: 1e-15, False: 1e-8}
+#: The residual of the equation, relative to its largest term, that rounding may leave.
+_RESIDUAL = 1e-10
 #: Doublings of a sum along a closed loop, enough for its slowest pole.
 _DOUBLINGS = 64
 
@@ -93,6 +99,28 @@ class _Problem:
         """Return A - B K, and the weight of the state with u = -K x: a sum of squares."""
         NK = self.N @ K
         return self.A - self.B @ K, symmetric(self.Q + K.T @ self.R @ K - NK - NK.T)
+
+    def residual(self, S: Array, K: Array, *, sampled: bool) -> float:
+        """Return by how much S is not the cost of the gain K, relative to the largest term."""
+        closed, weight = self.closed(K)
+        moved = S @ closed
+        terms = (closed.T @ moved, -S, weight) if sampled else (moved, moved.T, weight)
+        largest = max(float(np.abs(term).max(initial=0.0)) for term in terms)
+        return float(np.abs(sum(terms)).max(initial=0.0)) / (largest or 1.0)
+
+
+@dataclass(frozen=True)
+class _Units:
+    """The units of the states (n,), of the inputs (m,) and of the cost in a scaled problem."""
+
+    states: Array
+    inputs: Array
+    cost: float
+
+    def restore(self, S: Array, K: Array) -> tuple[Array, Array]:
+        """Return a solution and its gain in the units of the problem as it was given."""
+        S = self.cost * S / np.outer(self.states, self.states)
+        return S, self.inputs[:, np.newaxis] * K / self.states
 
 
 def continuous(A: Array, B: Array, Q: Array, R: Array, N: Array, terms: Terms) -> Solution:
@@ -166,7 +194,7 @@ def _solution(
     IEEE Trans. Automatic Control 13(1), 1968; G. Hewer, 16(4), 1971).
     """
     first, gain, refine = method
-    problem, units, size = _scaled(given, terms)
+    problem, units = _scaled(given, terms)
     S, K = np.zeros_like(problem.A), np.zeros_like(problem.B.T)
     settled = False
     try:
@@ -177,18 +205,19 @@ def _solution(
             for _ in range(_STEPS):
                 K = gain(problem, S)
                 before, S = S, refine(problem, K)
-                change = _change(before, S)
+                change = _change(before, S, _ROUNDING[sampled])
                 settled = change <= _LOST
                 if not change > _EXACT:
                     break
             K = gain(problem, S)
+            settled = settled and problem.residual(S, K, sampled=sampled) <= _RESIDUAL
             poles = eigenvalues(problem.A - problem.B @ K)
-            S, K = size * _semidefinite(S), units[:, np.newaxis] * K
+            S, K = units.restore(_semidefinite(S), K)
     except (np.linalg.LinAlgError, ValueError):  # ValueError: not finite
         settled = False
     if settled and _stable(poles, sampled=sampled) and np.all(np.isfinite(S)):
         return Solution(S, K, poles)
-    raise DesignError(_reason(given, problem, terms, sampled=sampled))
+    raise DesignError(_reason(given, problem, units, terms, sampled=sampled))
 
 
 def _semidefinite(S: Array) -> Array:
@@ -207,9 +236,9 @@ def _stable(poles: ComplexArray, *, sampled: bool) -> bool:
     return bool(np.all(decay > 0.0))
 
 
-def _change(before: Array, S: Array) -> float:
+def _change(before: Array, S: Array, rounding: float) -> float:
     """Return the largest change of an element, relative to the diagonal, as for a correlation."""
-    d = np.sqrt(np.maximum(S.diagonal(), 1e-15 * np.abs(S).max(initial=0.0)))
+    d = np.sqrt(np.maximum(S.diagonal(), rounding * np.abs(S).max(initial=0.0)))
     scale = np.outer(d, d)
     if not np.all(np.isfinite(S)):
         return np.inf
@@ -218,8 +247,8 @@ def _change(before: Array, S: Array) -> float:
 
 def _scaled(
     given: tuple[Array, Array, Array, Array, Array], terms: Terms
-) -> tuple[_Problem, Array, float]:
-    """Return the problem in other units, those of its inputs (m,), and that of its solution.
+) -> tuple[_Problem, _Units]:
+    """Return the problem in units in which its numbers are of one size, and those units.
 
     Raises
     ------
@@ -243,6 +272,9 @@ def _scaled(
             f'{terms.weight}: expected a positive definite matrix, got one that is singular: its '
             f'smallest eigenvalue, with the diagonal scaled to 1, is {smallest:.3g}'
         )
+    states = _state_units(A, B, Q)
+    A, B = A * states / states[:, np.newaxis], B / states[:, np.newaxis]
+    Q, N = Q * np.outer(states, states), N * states[:, np.newaxis]
     with np.errstate(over='ignore'):
         loaded, moved = np.linalg.norm(Q), np.linalg.norm(B) ** 2
     if not np.isfinite(loaded) or not np.isfinite(moved):
@@ -252,33 +284,63 @@ def _scaled(
         )
     size = float(np.sqrt(loaded / moved)) if loaded > 0.0 and moved > 0.0 else 1.0
     root = float(np.sqrt(size))
-    return _Problem(A, B * root, Q / size, R, N / root), units * root, size
+    return _Problem(A, B * root, Q / size, R, N / root), _Units(states, units * root, size)
+
+
+def _state_units(A: Array, B: Array, Q: Array) -> Array:
+    """Return powers of two (n,), the units of the states that balance the Hamiltonian.
+
+    The state and its costate have inverse units, which keeps the Hamiltonian one (P. Benner,
+    Symplectic balancing of Hamiltonian matrices, SIAM J. Scientific Computing 22(5), 2001).
+    """
+    from scipy.linalg import matrix_balance
+
+    n = len(A)
+    with np.errstate(over='ignore', invalid='ignore'):
+        sizes = np.abs(np.block([[A, B @ B.T], [Q, A.T]]))
+        np.fill_diagonal(sizes, 0.0)
+        if not np.all(np.isfinite(sizes)):  # refused by the caller
+            return np.ones(n)
+        _, (scale, _) = matrix_balance(sizes, permute=False, separate=True)
+    powers = np.log2(scale)
+    powers = 0.5 * (powers[:n] - powers[n:])
+    return np.asarray(np.exp2(np.round(powers - powers.mean())))
 
 
 def _reason(
     given: tuple[Array, Array, Array, Array, Array],
     problem: _Problem,
+    units: _Units,
     terms: Terms,
     *,
     sampled: bool,
 ) -> str:
-    """Return why there is no solution: an unreachable mode, one without weight, or the scale."""
-    A, B, Q, R, _ = given
-    stuck = unstable(uncontrollable_modes(A, B), sampled=sampled)
+    """Return why there is no solution: an unreachable mode, one without weight, or the scale.
+
+    A mode is one of those only if it is in the units of the problem and of the user alike.
+    """
+    A, B, Q, R, N = given
+    pairs = (A, B), (problem.A, B / units.states[:, np.newaxis])
+    stuck = min((unstable(uncontrollable_modes(*p), sampled=sampled) for p in pairs), key=len)
     if stuck.size:
         return f'{terms.out_of_reach} {describe(stuck)}'
-    # the cross weight moved into the state's, by u = v - R^-1 N' x
-    K = solve(problem.R, problem.N.T)
-    free, weight = problem.A - problem.B @ K, problem.Q - problem.N @ K
-    largest = float(np.abs(weight).max(initial=0.0))
-    silent = uncontrollable_modes(free.T, weight / (largest or 1.0))
-    if unstable(silent, sampled=sampled).size:
+    silent = (
+        uncontrollable_modes(free.T, weight / (np.abs(weight).max(initial=0.0) or 1.0))
+        for free, weight in (_uncrossed(A, B, Q, R, N), _uncrossed(*vars(problem).values()))
+    )
+    if all(unstable(modes, sampled=sampled).size for modes in silent):
         return terms.weightless
     return (
         f'{terms.weight}: expected a size that can be weighed against the {terms.state_weight} '
         f'in double precision, got the diagonals {_listed(R.diagonal())} and '
         f'{_listed(Q.diagonal())}'
     )
+
+
+def _uncrossed(A: Array, B: Array, Q: Array, R: Array, N: Array) -> tuple[Array, Array]:
+    """Return A and Q once u = v - R^-1 N'x moves the cross weight into that of the state."""
+    K = solve(R, N.T)
+    return A - B @ K, Q - N @ K
 
 
 def _listed(values: Array) -> str:

@@ -128,3 +128,17 @@ def test_few_matrices_with_a_small_square_need_few_terms():
         expected = van_loan(one, noise, 0.01)
         np.testing.assert_allclose(f, expm(one * 0.01), rtol=0.0, atol=1e-15)
         np.testing.assert_allclose(q, expected, rtol=0.0, atol=1e-15 * expected.max())
+
+
+@pytest.mark.parametrize('spread', [0.0, 3.0, 8.0])
+def test_the_units_of_the_states_cost_no_digits(spread):
+    """A step of many halvings, since the norm of A is large while its poles are not."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        A, B, W = rng.normal(size=(4, 4)), rng.normal(size=(4, 1)), np.diag(rng.uniform(1, 2, 4))
+        t = 10.0 ** rng.uniform(-spread, spread, 4)
+        column, across = t[:, np.newaxis], np.outer(t, t)
+        expected = Discretization(A, B, W)(0.5)
+        F, G, Q = Discretization(A * column / t, B * column, W * across)(0.5)
+        for found, exact in zip((F / column * t, G / column, Q / across), expected):
+            np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())

@@ -7,9 +7,11 @@ from decimals import steady_filter
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import kalman_ros as kr
 from kalman_ros.control.lqe import dlqe, lqe
 from kalman_ros.control.lqr import Cost, cost, dlqr, lqr
 from kalman_ros.core import DesignError
+from kalman_ros.linear import riccati
 from kalman_ros.linear.riccati import stein
 
 TINY = [1e-2, 1e-6, 1e-10, 1e-16, 1e-20, 1e-26]
@@ -66,11 +68,20 @@ def test_a_singular_or_absurd_weight_is_named(design, R):
             design(A, one, one, R)
 
 
-@pytest.mark.parametrize('R', [1e-60, 1e60])
+INTEGRATORS = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+
+
+@pytest.mark.parametrize('R', [1e-60, 1e-40, 1e-30])
 def test_a_size_that_cannot_be_weighed_is_named(R):
-    A = np.array([[0.0, 1.0], [0.0, 0.0]])
     with pytest.raises(DesignError, match='^input_cost: expected a size that can be weighed'):
-        lqr(A, np.array([[0.0], [1.0]]), Cost(np.eye(2), np.array([[R]]), np.zeros((2, 1))))
+        lqr(*INTEGRATORS, Cost(np.eye(2), np.array([[R]]), np.zeros((2, 1))))
+
+
+@pytest.mark.parametrize('R', [1e-12, 1e20, 1e60])
+def test_a_size_that_can_be_weighed_is_exact(R):
+    found = lqr(*INTEGRATORS, Cost(np.eye(2), np.array([[R]]), np.zeros((2, 1))))
+    k = R**-0.5
+    np.testing.assert_allclose(found.gain, [[k, np.sqrt(2.0 * k + k**2)]], rtol=1e-7)
 
 
 def test_units_do_not_matter():
@@ -116,3 +127,55 @@ def test_a_filter_is_one_or_the_error_says_why(size, log_r, log_q):
     after = found.covariance
     np.testing.assert_allclose(F @ after @ F.T + Q, P, rtol=1e-7, atol=1e-7 * np.abs(P).max())
     assert np.abs(found.poles).max() < 1.0
+
+
+def scaled_problem(seed, spread):
+    """Return a problem, and the same with every state in a unit of its own."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(2, 7)), int(rng.integers(1, 3))
+    A, B, N = rng.normal(size=(n, n)), rng.normal(size=(n, m)), 0.05 * rng.normal(size=(n, m))
+    Q, R = np.diag(rng.uniform(0.1, 2.0, n)), np.diag(rng.uniform(0.1, 2.0, m))
+    t = 10.0 ** rng.uniform(-spread, spread, n)
+    across = np.outer(t, t)
+    scaled = A * t[:, np.newaxis] / t, B * t[:, np.newaxis], Q / across, R, N / t[:, np.newaxis]
+    return (A, B, Q, R, N), scaled, t
+
+
+DESIGNS = {
+    'lqr': lambda A, B, Q, R, N: lqr(A, B, Cost(Q, R, N)).gain,
+    'dlqr': lambda A, B, Q, R, N: dlqr(A, B, Cost(Q, R, N)).gain,
+    'sampled': lambda A, B, Q, R, N: kr.lqr(A, B, Q, R, N, dt=0.1).gain,
+    'lqe': lambda A, B, Q, R, N: lqe(A.T, B.T, Q, R, N).gain.T,
+    'dlqe': lambda A, B, Q, R, N: dlqe(A.T, B.T, Q, R, N).gain.T,
+    'sampled filter': lambda A, B, Q, R, N: kr.lqe(A.T, B.T, Q, R, dt=0.1).gain.T,
+}
+
+
+@pytest.mark.parametrize('design', DESIGNS)
+def test_the_units_of_the_states_change_no_gain(design):
+    """Sixteen orders of magnitude between them; the solution has thirty-two."""
+    for seed in range(12):
+        given, scaled, t = scaled_problem(seed, 8.0)
+        expected, found = DESIGNS[design](*given), DESIGNS[design](*scaled) * t
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize('design', DESIGNS)
+def test_a_gain_in_absurd_units_is_right_or_refused(design):
+    for seed in range(20):
+        given, scaled, t = scaled_problem(seed, 30.0)
+        try:
+            found = DESIGNS[design](*scaled) * t
+        except ValueError:
+            continue
+        expected = DESIGNS[design](*given)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize('design', [lqr, dlqr])
+def test_a_solution_with_a_residual_is_refused(design, monkeypatch):
+    problem = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
+    design(*problem, cost([1, 1], [1], (2, 1)))
+    monkeypatch.setattr(riccati, '_RESIDUAL', -1.0)
+    with pytest.raises(DesignError, match='^input_cost: expected a size that can be weighed'):
+        design(*problem, cost([1, 1], [1], (2, 1)))
