@@ -11,6 +11,7 @@ them to the last digit.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 
 import numpy as np
 from scipy.linalg import eig, matrix_balance
@@ -110,6 +111,14 @@ def singular_crossings(system: StateSpace, level: float) -> Array:
     return _near_axis(_level_pencil(system, level), system.B.shape[1])
 
 
+def level_candidates(system: StateSpace, level: float) -> Array:
+    """Return all w > 0 (k,), ascending, that may be where a singular value of M(jw) is ``level``.
+
+    They include those of zeros that rounding may have moved from the imaginary axis, however far.
+    """
+    return _near_axis(_level_pencil(system, level), system.B.shape[1], inf)
+
+
 def _level_pencil(system: StateSpace, level: float) -> Array:
     A, B, C, D = system.A, system.B, system.C, system.D
     n, m = B.shape
@@ -140,15 +149,15 @@ def _polished(pencil: Array, residual: Residual) -> Array:
     return np.sort(np.array(found))
 
 
-def _near_axis(pencil: Array, inputs: int) -> Array:
-    """Return the zeros (k,) near the imaginary axis, above the origin, ascending."""
+def _near_axis(pencil: Array, inputs: int, near: float = _NEAR) -> Array:
+    """Return the heights (k,) of the zeros near the imaginary axis, above 0, ascending."""
     E = np.eye(len(pencil))
     E[-inputs:, -inputs:] = 0.0
     alpha, beta = eig(pencil, E, right=False, homogeneous_eigvals=True)
     finite = np.abs(beta) > np.finfo(float).eps * np.abs(alpha)
     s = alpha[finite] / beta[finite]
-    near = s[(s.imag > 0.0) & (np.abs(s.real) <= _NEAR * np.abs(s))]
-    return np.sort(near.imag)
+    close = s[(s.imag > 0.0) & (np.abs(s.real) <= near * np.abs(s))]
+    return np.sort(close.imag)
 
 
 def _newton(residual: Residual, w: float) -> float | None:

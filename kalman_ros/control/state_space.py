@@ -55,7 +55,10 @@ class StateSpace:
         """Return the transfer matrices (k, p, m) at ``frequencies`` (k,) in rad/s."""
         s = 1j * np.atleast_1d(np.asarray(frequencies, dtype=float))
         points = s if self.dt is None else np.exp(s * self.dt)
-        return np.array([self.at(point) for point in points])
+        pencils = points[:, np.newaxis, np.newaxis] * np.eye(len(self.A)) - self.A
+        inputs = np.broadcast_to(self.B.astype(complex), (len(points), *self.B.shape))
+        resolvents = np.linalg.solve(pencils, inputs)
+        return np.asarray(self.C @ resolvents + self.D, dtype=np.complex128)
 
     def __matmul__(self, first: StateSpace) -> StateSpace:
         """Return the series of two systems, ``self`` fed by ``first``: self(s) first(s)."""

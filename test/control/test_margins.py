@@ -13,6 +13,7 @@ from kalman_ros.control.lqr import cost, dlqr, lqr, sampled_cost
 from kalman_ros.control.margins import loop_at_a_time, margins
 from kalman_ros.control.state_space import state_space, static
 from kalman_ros.core import DesignError, LinearSystem, Space, zero_order_hold
+from kalman_ros.linear.placement import place
 
 
 def closed(loop, factor):
@@ -317,3 +318,56 @@ def test_an_open_loop_on_the_boundary(stiffness, late):
     L = loop.response(w)[:, 0, 0]
     turns = np.angle(-L)[np.abs(np.abs(L) - 1.0) < 0.01]
     np.testing.assert_allclose(found.lag.value, turns[turns > 0.0].min(), atol=0.02)
+
+
+def placed_loop(seed, dt):
+    """A random plant with poles placed anywhere, often by a very high gain; None if it is none."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 7))
+    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, 1))
+    real = rng.uniform(0.3, 8.0, n) if dt is None else rng.uniform(1.0, 20.0, n)
+    poles = -real.astype(complex)
+    for k in range(0, n - 1, 2) if seed % 2 else ():
+        w, damping = rng.uniform(0.5, 10.0), rng.uniform(0.02, 0.9)
+        poles[k] = complex(-w * damping, w * np.sqrt(1.0 - damping**2))
+        poles[k + 1] = poles[k].conjugate()
+    try:
+        gain = place(A, B, poles if dt is None else np.exp(poles * dt)).gain
+        loop = state_space(A, B, gain, dt=dt)
+        return loop, margins(loop)
+    except DesignError:
+        return None
+
+
+def check_peaks(seed, dt):
+    """The claimed peaks are there, and no frequency of a fine grid, refined, has higher ones."""
+    if (made := placed_loop(seed, dt)) is None:
+        return
+    loop, found = made
+    high = 1e6 if dt is None else np.pi / dt
+    grid = np.append(np.geomspace(1e-4, high, 1500), np.linspace(1e-3, min(high, 30.0), 500))
+    peaks = [
+        (found.disk.frequency, 2.0 / found.disk.alpha, lambda L: abs((1.0 - L) / (1.0 + L))),
+        (found.distance.frequency, 1.0 / found.distance.value, lambda L: 1.0 / abs(1.0 + L)),
+    ]
+    for at, claimed, size in peaks:
+        if claimed > 1.0 + 1e-9 and np.isfinite(at):
+            np.testing.assert_allclose(size(loop.response(at))[0, 0, 0], claimed, rtol=1e-4)
+        w = grid
+        for width in (1e-2, 1e-3, 1e-4, 0.0):
+            values = size(loop.response(w))[:, 0, 0]
+            assert values.max() <= claimed * (1.0 + 1e-4), (seed, dt)
+            w = np.minimum(w[np.argmax(values)] * (1.0 + width * np.linspace(-1, 1, 41)), high)
+
+
+@pytest.mark.parametrize('dt', [None, 0.1])
+@pytest.mark.parametrize('seed', [39, 67, 71, 91, 99, 104])
+def test_no_peak_of_a_high_gain_is_missed(seed, dt):
+    check_peaks(seed, dt)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('dt', [None, 0.1])
+def test_no_peak_of_six_hundred_loops_is_missed(dt):
+    for seed in range(600):
+        check_peaks(seed, dt)
