@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,9 +21,12 @@ from kalman_ros.core import (
     brief,
     linearize,
     matrix,
+    refuse_complex,
     semidefinite,
     vector,
 )
+
+from .foreign import is_state_space, read_system
 
 
 def square(name: str, value: ArrayLike | None) -> Array:
@@ -72,6 +76,7 @@ def numbers(name: str, value: Any) -> Array:
     """Return numbers of any shape."""
     if value is None:
         raise ValueError(f'{name}: expected numbers, got nothing')
+    refuse_complex(name, value)
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):
@@ -95,20 +100,26 @@ def _shape(array: Array) -> str:
     return f'shape {array.shape}' if array.ndim else f'the number {array}'
 
 
+#: A name and its unit in one string of several, and the unit at the end of a single name.
+_NAME = re.compile(r'\S+(?:\s+\[[^\]]*\])?')
+_UNIT = re.compile(r'\s+\[(.*)\]$')
+
+
 def space(
     what: str, names: int | str | Sequence[str], prefix: str, angles: Sequence[str] = ()
 ) -> Space:
     """Return a space of named coordinates, or of N, called x0, x1, ... by a ``prefix``.
 
-    A name may include its unit: ``'x [m]'``.
+    A name may include its unit, ``'x [m]'``, also among several in one string.
     """
     if isinstance(names, str):
-        names = names.split()
+        names = _NAME.findall(names)
     elif isinstance(names, (int, np.integer)):
         names = [f'{prefix}{index}' for index in range(names)]
     try:
-        parts = [str(name).rstrip(']').partition(' [') for name in names]
-        return Space(tuple(p[0] for p in parts), tuple(p[2] for p in parts), tuple(angles))
+        parts = [_UNIT.split(str(name)) for name in names]
+        units = tuple(''.join(part[1:2]) for part in parts)
+        return Space(tuple(part[0] for part in parts), units, tuple(angles))
     except (TypeError, ValueError) as error:
         raise ValueError(f'{what}: {error}') from None
 
@@ -133,7 +144,7 @@ class Plant:
 
 def is_system(value: Any) -> bool:
     """Return whether ``value`` is a whole system: a model or an object with A and B."""
-    return isinstance(value, Model) or (hasattr(value, 'A') and hasattr(value, 'B'))
+    return isinstance(value, Model) or is_state_space(value)
 
 
 def plant(A: Any, B: Any = None) -> Plant:
@@ -151,12 +162,9 @@ def plant(A: Any, B: Any = None) -> Plant:
         system = linearize(A, *A.equilibrium)
         return Plant(system.A, system.B, A.state.names, A.input.names)
     dt = None
-    if is_system(A):
-        given = getattr(A, 'dt', None)  # None or 0 in continuous time
-        dt = float(given) if given else None
-        A, B = A.A, A.B
-    elif hasattr(A, 'num') and hasattr(A, 'den'):
-        raise ValueError('A: expected a matrix or a state-space system, got a transfer function')
+    other = read_system('A', A)
+    if other is not None:
+        A, B, dt = other.A, other.B, other.dt
     if isinstance(A, str):
         raise ValueError(
             f"A: expected a matrix or a model, got '{A}'; "
@@ -171,8 +179,23 @@ def plant(A: Any, B: Any = None) -> Plant:
 def shifted(A: Any, given: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return B and the arguments after it, shifted by one if ``A`` is a whole system."""
     if is_system(A) and given[0] is not None:
+        if given[-1] is not None:
+            raise ValueError('B: expected none beside a whole system')
         return (None, *given[:-1])
     return given
+
+
+def refuse_continuous(name: str, value: Any) -> None:
+    """Raise ValueError for a whole system that is certainly in continuous time."""
+    continuous = isinstance(value, Model) and not isinstance(value, DiscreteModel)
+    if not isinstance(value, Model):
+        system = read_system(name, value)
+        continuous = system is not None and system.continuous
+    if continuous:
+        raise ValueError(
+            f'{name}: expected a system in discrete time, got one in continuous time; '
+            'kr.discretize samples it, and lqr has dt=...'
+        )
 
 
 def belief_of(initial: Any, model: Model) -> Gaussian:
@@ -191,6 +214,7 @@ def belief_of(initial: Any, model: Model) -> Gaussian:
 
 def number(name: str, value: Any, what: str = 'a number') -> float:
     """Return one number."""
+    refuse_complex(name, value)
     try:
         return float(value)
     except (TypeError, ValueError):

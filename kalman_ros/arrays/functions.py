@@ -17,6 +17,7 @@ from kalman_ros.core import (
     Sensor,
     Space,
     numerical_jacobian,
+    refuse_complex,
 )
 
 from .accept import rows
@@ -41,41 +42,49 @@ def _of_both(f: Function) -> Function:
     return lambda x, u: f(x)
 
 
+def _real(what: str, value: ArrayLike) -> Array:
+    """Return what a function returned as an array."""
+    refuse_complex(what, value)
+    return np.asarray(value, dtype=float)
+
+
 class _Each:
     """Applies a function of vectors to arrays of vectors: at once if possible, else one by one."""
 
     def __init__(self, f: Function, what: str, sizes: Sequence[int], size: int) -> None:
-        self._f, self._size = f, size
+        self._f, self._size, self._what = f, size, what
         rng = np.random.default_rng(0)
         points = [rng.uniform(0.5, 1.5, (3, n)) for n in sizes]
-        single = [self._one(what, *(p[i] for p in points)) for i in range(3)]
+        single = [self._one(*(p[i] for p in points)) for i in range(3)]
         try:
             together = np.asarray(f(*points), dtype=float)
             self._at_once = together.shape == (3, size) and np.allclose(together, single)
         except Exception:  # a user's function may fail on arrays in any way
             self._at_once = False
 
-    def _one(self, what: str, *point: Array) -> Array:
+    def _one(self, *point: Array) -> Array:
         try:
-            found = np.atleast_1d(np.asarray(self._f(*point), dtype=float))
+            found = np.atleast_1d(_real(self._what, self._f(*point)))
         except Exception as error:
             taken = ' and '.join(f'an array of {each.size}' for each in point)
             why = f'{type(error).__name__}: {error}'
-            raise ValueError(f'{what} fails, given {taken}: {why}') from error
+            raise ValueError(f'{self._what} fails, given {taken}: {why}') from error
         if found.shape != (self._size,):
-            raise ValueError(f'{what}: expected {self._size} numbers, got shape {found.shape}')
+            raise ValueError(
+                f'{self._what}: expected {self._size} numbers, got shape {found.shape}'
+            )
         return found
 
     def __call__(self, *arguments: Array) -> Array:
         if self._at_once:
-            return np.asarray(self._f(*arguments), dtype=float)
+            return _real(self._what, self._f(*arguments))
         if arguments[0].ndim == 1:
-            return np.asarray(self._f(*arguments), dtype=float).reshape(self._size)
+            return _real(self._what, self._f(*arguments)).reshape(self._size)
         lead = arguments[0].shape[:-1]
         sizes = [a.shape[-1] for a in arguments]
         whole = (np.broadcast_to(a, (*lead, k)) for a, k in zip(arguments, sizes))
         flat = [a.reshape(prod(lead), k) for a, k in zip(whole, sizes)]
-        each = [np.asarray(self._f(*point), dtype=float) for point in zip(*flat)]
+        each = [_real(self._what, self._f(*point)) for point in zip(*flat)]
         return np.array(each).reshape(*lead, self._size)
 
 

@@ -22,7 +22,19 @@ from kalman_ros.control.state_space import state_space
 from kalman_ros.core import ArrayLike, DesignError, DiscreteModel, Discretization, Model, linearize
 from kalman_ros.linear import placement
 
-from .accept import Plant, columns, duration, is_system, plant, rows, shifted, square, weight
+from .accept import (
+    Plant,
+    columns,
+    duration,
+    is_system,
+    plant,
+    refuse_continuous,
+    rows,
+    shifted,
+    square,
+    weight,
+)
+from .foreign import read_system
 from .gain_results import LoopMargins, Sampled, StateFeedback
 
 
@@ -84,6 +96,7 @@ def dlqr(
     Parameters and errors are those of `lqr`; ``dt``, the sample time in seconds, affects only
     the delay margin and frequencies.
     """
+    refuse_continuous('F', F)
     G, Q, R, N = shifted(F, (G, Q, R, N))
     found = plant(F, G)
     found = replace(found, dt=found.dt or duration('dt', dt))
@@ -175,9 +188,10 @@ def margins(
     if isinstance(A, StateFeedback):
         found = A.margins
         return found[0] if len(found) == 1 else found
-    if is_system(A) and not isinstance(A, Model):
-        dt = getattr(A, 'dt', None) or dt
-        A, B, C, D = A.A, A.B, A.C, A.D
+    system = None if isinstance(A, Model) else read_system('A', A)
+    if system is not None:
+        dt = system.dt or dt
+        A, B, C, D = system.A, system.B, system.C, system.D
     loop = plant(A, B)
     C = rows('C', C, len(loop.A))
     if len(C) != loop.B.shape[1]:

@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Union
+from typing import Any, Union
 
 import numpy as np
 
 from kalman_ros.core import (
-    Array,
     ArrayLike,
     DiscreteLinearSystem,
     DiscreteModel,
@@ -20,6 +19,7 @@ from kalman_ros.core import (
 )
 
 from .accept import columns, duration, numbers, rows, space, square, weight
+from .foreign import read_system
 from .functions import (
     DiscreteFunctionModel,
     Function,
@@ -33,27 +33,31 @@ Names = Union[int, str, Sequence[str], None]
 
 
 def continuous_model(
-    A: ArrayLike | Function,
-    W: ArrayLike,
-    *,
+    A: Any,
     B: ArrayLike | None = None,
+    W: ArrayLike | None = None,
+    *,
     states: Names = None,
     inputs: Names = None,
     angles: Sequence[str] = (),
     max_step: float = 0.01,
 ) -> Model:
-    """Return the model dx/dt = A x + B u + w, or dx/dt = f(x, u) + w: ``continuous_model(f, W)``.
+    """Return the model dx/dt = A x + B u + w, or dx/dt = f(x, u) + w.
+
+    ``continuous_model(A, B, W)``, or without an input ``continuous_model(A, W=W)``;
+    ``continuous_model(f, W)`` and ``continuous_model(system, W)``, which include their input.
 
     Parameters
     ----------
     A
-        A matrix (n, n), or a function f of a state (n,) and an input (m,), or of a state alone. It
-        may accept arrays of states, which is faster.
+        A matrix (n, n), or a function f of a state (n,) and an input (m,), or of a state alone,
+        which may accept arrays of states, which is faster; or a state-space system of
+        python-control or scipy.signal, whose C and D belong to a `sensor`.
+    B
+        A matrix (n, m) for a matrix A; without it there is no input.
     W
         Spectral density of the white noise w (n, n): a matrix, its diagonal, or one number for
         every state. Over a short dt it adds the covariance W dt.
-    B
-        A matrix (n, m) for a matrix A; without it there is no input.
     states, inputs
         Their names, such as ``['x [m]', 'v [m/s]']``, or their number.
     angles
@@ -64,8 +68,9 @@ def continuous_model(
     Raises
     ------
     ValueError
-        If a size is wrong, or W is not positive semi-definite.
+        If a size is wrong, W is not positive semi-definite, or a system is in discrete time.
     """
+    A, B, W, _ = _parts(('A', 'B', 'W', 'continuous_model'), (A, B, W), sampled=False)
     if callable(A):
         state, input = _spaces(A, 'W', W, states, inputs, angles)
         return FunctionModel(
@@ -75,26 +80,28 @@ def continuous_model(
     n = len(A)
     B = np.zeros((n, 0)) if B is None else columns('B', B, n)
     state = _named('states', states, n, 'x', angles)
-    return LinearSystem(
-        A, B, _noise('W', W, n, 'B'), state, _named('inputs', inputs, B.shape[1], 'u')
-    )
+    return LinearSystem(A, B, weight('W', W, n), state, _named('inputs', inputs, B.shape[1], 'u'))
 
 
 def discrete_model(
-    F: ArrayLike | Function,
-    Q: ArrayLike,
-    *,
+    F: Any,
     G: ArrayLike | None = None,
+    Q: ArrayLike | None = None,
+    *,
     states: Names = None,
     inputs: Names = None,
     angles: Sequence[str] = (),
-    period: float = 1.0,
+    period: float | None = None,
 ) -> DiscreteModel:
     """Return the model x' = F x + G u + w, or x' = f(x, u) + w, once every ``period`` seconds.
 
-    Q (n, n) is the covariance of w; otherwise as for `continuous_model`.
+    ``discrete_model(F, G, Q)``, with the covariance Q (n, n) of w; otherwise as for
+    `continuous_model`. The period is that of a system, or 1 s.
     """
-    period = duration('period', period)
+    F, G, Q, dt = _parts(('F', 'G', 'Q', 'discrete_model'), (F, G, Q), sampled=True)
+    period = duration('period', dt or 1.0 if period is None else period)
+    if dt is not None and period != dt:
+        raise ValueError(f'period: expected that of the system, {dt:g} s, got {period:g}')
     if callable(F):
         state, input = _spaces(F, 'Q', Q, states, inputs, angles)
         return DiscreteFunctionModel(F, weight('Q', Q, state.size), state, input, period)
@@ -103,7 +110,7 @@ def discrete_model(
     G = np.zeros((n, 0)) if G is None else columns('G', G, n)
     state = _named('states', states, n, 'x', angles)
     input = _named('inputs', inputs, G.shape[1], 'u')
-    return DiscreteLinearSystem(F, G, _noise('Q', Q, n, 'G'), state, input, period)
+    return DiscreteLinearSystem(F, G, weight('Q', Q, n), state, input, period)
 
 
 def sensor(
@@ -155,15 +162,36 @@ def sensor(
     return MatrixSensor(H, output, R, name)
 
 
-def _noise(name: str, value: ArrayLike, n: int, other: str) -> Array:
-    """Return a checked noise (n, n); the error for an input matrix names the argument for it."""
-    shape = numbers(name, value).shape
-    if len(shape) == 2 and shape[0] == n != shape[1]:
+def _parts(
+    names: tuple[str, str, str, str], given: tuple[Any, Any, Any], *, sampled: bool
+) -> tuple[Any, Any, Any, float | None]:
+    """Return the matrix or function, the input matrix, the noise, and the period of a system.
+
+    The noise follows a function or a system at once, for these include their input.
+    """
+    whole, inputs, noise, maker = names
+    A, B, W = given
+    if isinstance(A, Model):
+        raise ValueError(f'{whole}: expected a matrix, a function or a system, got a model')
+    system = read_system(whole, A)
+    if (system is not None or callable(A)) and B is not None:
+        if W is not None:
+            raise ValueError(f'{inputs}: expected none beside a function or a whole system')
+        B, W = None, B
+    dt = None
+    if system is not None:
+        A, B, dt = system.A, system.B, system.dt
+        if system.continuous if sampled else dt is not None:
+            time, other = (
+                ('continuous', 'continuous_model') if sampled else ('discrete', 'discrete_model')
+            )
+            raise ValueError(f'{whole}: {maker} got a system in {time} time; use {other}')
+    if W is None:
         raise ValueError(
-            f'{name}: expected the noise, a {n} x {n} matrix or its diagonal, got shape {shape}; '
-            f'an input matrix is given by name, {other}=...'
+            f'{noise}: expected the noise, got nothing; {maker}({whole}, {inputs}, {noise}), '
+            f'or {noise}=... for a model without an input'
         )
-    return weight(name, value, n)
+    return A, B, W, dt
 
 
 def _size(names: Names) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, DiscreteModel, Model, Sensor
+from kalman_ros.core import Array, ArrayLike, DiscreteModel, Model, Sensor, refuse_complex
 from kalman_ros.scenario.model_checks import check_sensor
 
 from .accept import got
@@ -98,6 +98,7 @@ def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Model) -
     ValueError
         If shapes do not match, or a time is not finite.
     """
+    refuse_complex(name, values)
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -123,6 +124,7 @@ def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Model) -
 
 def times_of(name: str, times: Any) -> Array:
     """Return times (N,) in seconds, or raise ValueError."""
+    refuse_complex(name, times)
     try:
         given = np.asarray(times)
         if given.dtype.kind in 'mM':  # dates, or differences of them

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from math import inf, isfinite
-from typing import Union
+from typing import Any, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,18 @@ _LARGEST = 1e300
 _HALF = np.array(0.5)
 
 
+def refuse_complex(name: str, value: Any) -> None:
+    """Raise ValueError for complex numbers, whose imaginary parts numpy would drop."""
+    try:
+        imaginary = np.iscomplexobj(value)
+    except (TypeError, ValueError):  # rows of different lengths, which the caller refuses
+        return
+    if imaginary:
+        raise ValueError(f'{name}: expected real numbers, got complex ones')
+
+
 def _finite(name: str, value: ArrayLike) -> Array:
+    refuse_complex(name, value)
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):
@@ -50,6 +61,7 @@ def vector(name: str, value: ArrayLike, size: int | None = None) -> Array:
 
 def one_each(name: str, values: ArrayLike, size: int) -> Array:
     """Return ``size`` numbers; one is repeated, and infinite ones are allowed."""
+    refuse_complex(name, values)
     array = np.asarray(values, dtype=float)
     if array.size not in (1, size):
         raise ValueError(f'{name}: expected 1 or {size} numbers, got {array.size}')

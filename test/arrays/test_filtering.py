@@ -13,7 +13,7 @@ from kalman_ros.estimators.policy import Policy
 from kalman_ros.models import find_model
 from kalman_ros.sensors import build as build_sensor
 
-CHAIN = kr.continuous_model([[0, 1], [0, 0]], [0, 0.1], B=[0, 1], states=['x', 'v'])
+CHAIN = kr.continuous_model([[0, 1], [0, 0]], [0, 1], [0, 0.1], states=['x', 'v'])
 GPS = kr.sensor([1, 0], 0.25, 'gps')
 PRIOR = kr.Gaussian([0, 0], np.eye(2))
 
@@ -53,7 +53,7 @@ def test_filterpy_agrees():
             peer.predict(u=u[k - 1])
         peer.update(z)
         expected.append(peer.x.ravel())
-    for model, times in ((CHAIN, np.arange(40) * 0.1), (kr.discrete_model(F, Q, G=G), None)):
+    for model, times in ((CHAIN, np.arange(40) * 0.1), (kr.discrete_model(F, G, Q), None)):
         found = kr.filter(model, ([1, 0], 0.25), times, y, u, ([0, 0], 1))
         np.testing.assert_allclose(found.mean, expected, rtol=1e-9, atol=1e-12)
 
@@ -298,8 +298,8 @@ def test_mistakes_are_named(change, says):
         (lambda: kr.continuous_model(lambda x: x['a'], [1.0]), 'A: its derivative fails'),
         (lambda: kr.continuous_model(lambda x: x[:1], [1, 1]),
          'A: its derivative: expected 2 numbers'),
-        (lambda: kr.discrete_model([[1, 0]], 1.0), 'F: expected a square matrix'),
-        (lambda: kr.continuous_model([[1]], 1.0, states=['a', 'b']), 'states: expected 1 names'),
+        (lambda: kr.discrete_model([[1, 0]], Q=1.0), 'F: expected a square matrix'),
+        (lambda: kr.continuous_model([[1]], W=1.0, states=['a', 'b']), 'states: expected 1 names'),
     ],
 )  # fmt: skip
 def test_mistakes_in_what_is_built(call, says):
@@ -322,9 +322,9 @@ def test_everything_prints_its_contents():
     assert repr(find_model('cart_pole')()) == (
         'CartPole(state: x [m], v [m/s], theta [rad], omega [rad/s]; input: f [N])'
     )
-    assert repr(kr.continuous_model([[-1]], 2)) == (
+    assert repr(kr.continuous_model([[-1]], W=2)) == (
         'LinearSystem(state: x0; input: none; A: [[-1.0]]; B: [[]]; W: [[2.0]])'
     )
-    assert 'F: [[1.0]]; G: [[]]; Q: [[2.0]]; period: 1 s' in repr(kr.discrete_model([[1]], 2))
+    assert 'F: [[1.0]]; G: [[]]; Q: [[2.0]]; period: 1 s' in repr(kr.discrete_model([[1]], Q=2))
     for value in (PRIOR, kr.load('cart_pole'), CHAIN.state, kr.Space(('a',), ('m',))):
         assert ' at 0x' not in repr(value)

@@ -8,8 +8,8 @@ import kalman_ros as kr
 
 A, B = [[0, 1], [-2, -0.5]], [[0], [1]]
 Q, R = np.diag([10, 1]), 1
-MODEL = kr.continuous_model(A, 0.1, B=B)
-FREE = kr.continuous_model([[0, 1], [0, 0]], [0, 0.1])
+MODEL = kr.continuous_model(A, B, 0.1)
+FREE = kr.continuous_model([[0, 1], [0, 0]], W=[0, 0.1])
 GPS = kr.sensor([1, 0], 0.1)
 TIMES = np.arange(20) * 0.1
 READINGS = np.sin(TIMES)
@@ -128,9 +128,8 @@ HELPED = [
     (lambda: filtered(sensors=[GPS, GPS]), "sensors: expected distinct names, got ['y', 'y']"),
     (lambda: filtered(sensors=kr.sensor([[1], [0]], 0.1)), 'y: expected 2 columns of H'),
     (lambda: filtered(model=A), 'model: expected a model or a scenario, got [[0, 1]'),
-    (lambda: kr.continuous_model(A, B), 'an input matrix is given by name, B=...'),
-    (lambda: kr.discrete_model(A, B), 'an input matrix is given by name, G=...'),
-    (lambda: kr.continuous_model(A, [0, 1], 0.1), 'takes 2 positional arguments but 3 were given'),
+    (lambda: kr.continuous_model(A, B), 'W: expected the noise, got nothing; continuous_m'),
+    (lambda: kr.discrete_model(A, B), 'Q: expected the noise, got nothing; discrete_model(F'),
     (lambda: kr.continuous_model(lambda x, u: [x[1]], [0, 0.1]), 'expected 2 numbers, got shape'),
     (lambda: kr.continuous_model(lambda t, x: [x[1], 0], [0, 1]), 'given an array of 2 and an ar'),
     (lambda: kr.sensor([1, 0], -0.1), 'R: expected a positive definite matrix'),

@@ -50,7 +50,7 @@ def test_the_import_takes_a_fraction_of_that_of_numpy():
     [
         ('kr.Gaussian([0, 0], [[1, 0], [0, 1]])', HEAVY),
         ('kr.discretize([[0, 1], [0, 0]], [0, 1], 0.1)', ('matplotlib', 'rclpy', 'yaml', 'rich')),
-        ('kr.filter(kr.discrete_model([[1]], 1), (1, 1), None, [1, 2], initial=(0, 1))',
+        ('kr.filter(kr.discrete_model([[1]], Q=1), (1, 1), None, [1, 2], initial=(0, 1))',
          ('matplotlib', 'rclpy', 'rich', 'filterpy')),
         ("kr.simulate(seconds=0.1)", ('matplotlib', 'rclpy', 'rich', 'filterpy')),
     ],

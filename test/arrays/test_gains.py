@@ -10,7 +10,7 @@ import kalman_ros as kr
 from kalman_ros.core import DesignError
 
 A, B = [[0, 1], [0, 0]], [[0], [1]]
-CHAIN = kr.continuous_model(A, [0, 1], B=B, states=['x [m]', 'v [m/s]'])
+CHAIN = kr.continuous_model(A, B, [0, 1], states=['x [m]', 'v [m/s]'])
 
 
 def test_lqr_of_the_double_integrator():

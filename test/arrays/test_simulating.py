@@ -91,7 +91,7 @@ def test_a_gain_of_ones_own():
 
 
 def test_a_scenario_of_objects():
-    model = kr.continuous_model([[0, 1], [0, 0]], [0, 0.01], B=[0, 1], states=['x', 'v'])
+    model = kr.continuous_model([[0, 1], [0, 0]], [0, 1], [0, 0.01], states=['x', 'v'])
     sensors = {'gps': ([1, 0], 0.01), 'speed': ([0, 1], 0.04)}
     scenario = kr.make_scenario(
         model, sensors, rate=50, rates={'gps': 10}, initial=([0, 0], 0.1), initial_state=[1, 0],
@@ -111,7 +111,7 @@ def test_a_scenario_of_objects():
 
 
 def test_a_scenario_in_discrete_time():
-    model = kr.discrete_model([[1, 1], [0, 1]], [0.01, 0.01], G=[0.5, 1], states=['x', 'v'])
+    model = kr.discrete_model([[1, 1], [0, 1]], [0.5, 1], [0.01, 0.01], states=['x', 'v'])
     scenario = kr.make_scenario(model, ([1, 0], 0.25), R=10, initial=([5, 0], 1))
     assert scenario.filter == 'kf'
     run = kr.simulate(scenario, seconds=200)
@@ -187,9 +187,9 @@ def test_without_a_path_the_figure_is_left_to_pyplot(monkeypatch):
          'rate: expected a positive number of steps a second, got 0'),
         (lambda: kr.make_scenario(kr.load('level').model, (1, 1), rate=[1]),
          'rate: expected a number, got .1.'),
-        (lambda: kr.make_scenario(kr.discrete_model([[1]], 1), ([1, 2], 1)), 'y: expected 1 col'),
+        (lambda: kr.make_scenario(kr.discrete_model(1, Q=1), ([1, 2], 1)), 'y: expected 1 col'),
         (lambda: kr.make_scenario(kr.load({}).model, ([1, 0, 0, 0], 1)), 'rate: expected the st'),
-        (lambda: kr.make_scenario(kr.discrete_model([[1]], 1), (1, 1), rates={'gsp': 1}),
+        (lambda: kr.make_scenario(kr.discrete_model([[1]], Q=1), (1, 1), rates={'gsp': 1}),
          "unknown sensor 'gsp'"),
     ],
 )  # fmt: skip

@@ -101,7 +101,7 @@ def test_it_is_filterpy_on_a_random_system():
     expected, P, *_ = peer.rts_smoother(means, covariances)
     # filterpy predicts before the first reading
     prior = F @ np.zeros(3), F @ (4.0 * np.eye(3)) @ F.T + Q
-    found = kr.filter(kr.discrete_model(F, Q), (H, R), None, zs, initial=prior)
+    found = kr.filter(kr.discrete_model(F, Q=Q), (H, R), None, zs, initial=prior)
     np.testing.assert_allclose(found.mean, means[:, :, 0], rtol=1e-9)
     smoothed = kr.smooth(found)
     np.testing.assert_allclose(smoothed.mean.ravel(), np.ravel(expected), rtol=1e-8)
@@ -110,7 +110,7 @@ def test_it_is_filterpy_on_a_random_system():
 
 def nile():
     flows = np.loadtxt(data('nile.csv'), delimiter=',', skiprows=1, usecols=1)
-    return flows, kr.discrete_model([[1.0]], 1469.1, states=['level'])
+    return flows, kr.discrete_model([[1.0]], Q=1469.1, states=['level'])
 
 
 def test_the_nile():
@@ -194,7 +194,7 @@ def test_it_is_never_worse_than_the_filter_and_consistent(filter):
     """Over 200 runs, at every time and in every state; the pendulum turns over, past +-pi."""
     count, steps, dt = 200, 12, 0.1
     if filter == 'kf':
-        model = kr.continuous_model([[0, 1], [-1, -0.2]], [0.0, 0.2], B=[0, 1])
+        model = kr.continuous_model([[0, 1], [-1, -0.2]], [0, 1], [0.0, 0.2])
         sensor, prior = kr.sensor([1, 0], 0.04), (np.zeros(2), np.diag([1.0, 1.0]))
     else:
         model = Pendulum()
@@ -224,7 +224,7 @@ def test_a_restart_tells_nothing_of_what_was_before():
 
 
 def test_a_reading_at_the_gate_breaks_the_chain_only_when_the_belief_was_widened():
-    model = kr.discrete_model([[1.0]], 0.01)
+    model = kr.discrete_model([[1.0]], Q=0.01)
     y = np.zeros(40)
     y[10] = 50.0
     found = kr.filter(model, (1.0, 0.1), None, y, initial=(0.0, 1.0), gates=0.999)
@@ -234,7 +234,7 @@ def test_a_reading_at_the_gate_breaks_the_chain_only_when_the_belief_was_widened
 
 @pytest.mark.parametrize('filter', ['gaussian_sum', 'steady_state', 'luenberger'])
 def test_filters_whose_gains_are_not_optimal_are_refused(filter):
-    model = kr.continuous_model([[0, 1], [0, 0]], [0, 1])
+    model = kr.continuous_model([[0, 1], [0, 0]], W=[0, 1])
     found = kr.filter(
         model, ([1, 0], 1.0), np.arange(5.0), np.ones(5), initial=([0, 0], 1), filter=filter,
         options={'observer_poles': [-0.4, -0.5]} if filter == 'luenberger' else None,

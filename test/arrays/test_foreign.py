@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Systems of other libraries, complex numbers, and names with units in one string."""
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import signal
+
+import kalman_ros as kr
+
+A, B, C, D = [[0, 1], [-2, -0.5]], [[0], [1]], [[1, 0]], [[0]]
+W = np.diag([0.1, 0.2])
+
+
+def check(model, dt=None):
+    assert np.array_equal(model.A if dt is None else model.F, A)
+    assert np.array_equal(model.B if dt is None else model.G, B)
+    assert dt is None or model.period == dt
+
+
+def test_the_order_of_the_textbook():
+    model = kr.continuous_model(A, B, W)
+    check(model)
+    np.testing.assert_array_equal(model.noise_density(np.zeros(2)), W)
+    model = kr.discrete_model(A, B, W, period=0.1)
+    np.testing.assert_allclose(model.next_jacobian(np.zeros(2), np.zeros(1))[1], B)
+    np.testing.assert_array_equal(model.noise(np.zeros(2)), W)
+
+
+@pytest.mark.parametrize('square', [np.eye(2), 1.0, [0, 1], [[0], [1]]])
+def test_an_input_matrix_is_not_taken_as_noise(square):
+    with pytest.raises(ValueError, match='^W: expected the noise, got nothing; continuous_model'):
+        kr.continuous_model(A, square)
+    with pytest.raises(ValueError, match='^Q: expected the noise, got nothing; discrete_model'):
+        kr.discrete_model(A, square)
+
+
+def test_systems_of_scipy():
+    system = signal.lti(A, B, C, D)
+    check(kr.continuous_model(system, W))
+    check(kr.continuous_model(system, W=W))
+    np.testing.assert_allclose(kr.lqr(system, 1, 1).gain, kr.lqr(A, B, 1, 1).gain)
+    with pytest.raises(ValueError, match='^F: discrete_model got a system in continuous time'):
+        kr.discrete_model(system, W)
+    sampled = signal.dlti(A, B, C, D, dt=0.2)
+    assert kr.discrete_model(sampled, W).period == 0.2
+    assert kr.discrete_model(signal.dlti(A, B, C, D), W).period == 1.0
+    with pytest.raises(ValueError, match='^A: continuous_model got a system in discrete time'):
+        kr.continuous_model(sampled, W)
+    with pytest.raises(ValueError, match='^period: expected that of the system, 0.2 s, got 0.1'):
+        kr.discrete_model(sampled, W, period=0.1)
+    with pytest.raises(ValueError, match='^F: expected a system in discrete time, got one in con'):
+        kr.dlqr(system, 1, 1)
+
+
+def test_systems_of_python_control():
+    pytest.importorskip('control.statesp', reason='python-control is not installed')
+    control = pytest.importorskip('control')
+    check(kr.continuous_model(control.ss(A, B, C, D), W))
+    assert kr.discrete_model(control.ss(A, B, C, D, 0.2), W).period == 0.2
+    with pytest.raises(ValueError, match='^A: continuous_model got a system in discrete time'):
+        kr.continuous_model(control.ss(A, B, C, D, 0.2), W)
+    with pytest.raises(ValueError, match='^F: discrete_model got a system in continuous time'):
+        kr.discrete_model(control.ss(A, B, C, D), W)
+    static = control.nlsys(None, lambda t, x, u, p: u, inputs=1, outputs=1)
+    response = control.frd([1, 2], [1, 2])
+    for wrong in (control.tf([1], [1, 1]), static, response):
+        with pytest.raises(ValueError, match='^A: expected a matrix or a state-space system, got'):
+            kr.continuous_model(wrong, W)
+
+
+@pytest.mark.parametrize(
+    'wrong',
+    [signal.lti([1], [1, 1]), signal.lti([], [-1], 1), kr.Model, kr.continuous_model(0, W=1)],
+)
+def test_what_is_no_function_of_the_state_is_refused(wrong):
+    with pytest.raises(ValueError, match='^A: expected a'):
+        kr.continuous_model(wrong, 1.0)
+
+
+def test_a_function_and_a_system_have_no_input_matrix():
+    for whole in (lambda x: -x, SimpleNamespace(A=A, B=B)):
+        with pytest.raises(ValueError, match='^B: expected none beside a'):
+            kr.continuous_model(whole, B, W)
+    with pytest.raises(ValueError, match='^B: expected none beside a whole system'):
+        kr.lqr(SimpleNamespace(A=A, B=B), B, W, 1, [0, 0])
+
+
+@pytest.mark.slow
+def test_python_control_is_not_imported():
+    code = (
+        'import sys, kalman_ros as kr; from scipy import signal\n'
+        'kr.continuous_model(signal.lti([[0]], [[1]], [[1]], [[0]]), 1)\n'
+        'print("control" in sys.modules)'
+    )
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == 'False', done.stderr
+
+
+@pytest.mark.parametrize(
+    'names', ['x [m] v [m/s]', ['x [m]', 'v [m/s]'], 'x  [m]  v  [m/s]', ('x [m]', 'v [m/s]')]
+)
+def test_names_with_units_in_one_string(names):
+    model = kr.continuous_model(A, B, W, states=names)
+    assert (model.state.names, model.state.units) == (('x', 'v'), ('m', 'm/s'))
+    model = kr.continuous_model(lambda x: [x[1], -x[0]], 0.1, states=names)
+    assert model.state.units == ('m', 'm/s')
+
+
+def test_names_with_an_index_have_no_unit():
+    state = kr.continuous_model(A, B, W, states='x[0] x[1] [m s]').state
+    assert (state.names, state.units) == (('x[0]', 'x[1]'), ('', 'm s'))
+
+
+MODEL, FREE, SENSOR = kr.continuous_model(A, B, W), kr.continuous_model(A, W=W), kr.sensor(C, 1)
+T, Y, PRIOR = np.arange(3.0), np.ones(3), ([0, 0], 1)
+ESTIMATES = kr.filter(FREE, SENSOR, T, Y, initial=PRIOR)
+
+
+def filtered(model=FREE, times=T, readings=Y, initial=PRIOR, **others):
+    return kr.filter(model, SENSOR, times, readings, initial=initial, **others)
+
+
+def array(value):
+    return np.asarray(value) + 0j
+
+
+COMPLEX = [
+    ('A', lambda: kr.lqr(array(A), B, 1, 1)),
+    ('B', lambda: kr.lqr(A, array(B), 1, 1)),
+    ('Q', lambda: kr.lqr(A, B, array(W), 1)),
+    ('R', lambda: kr.lqr(A, B, W, np.complex128(1))),
+    ('N', lambda: kr.lqr(A, B, 1, 1, array(B))),
+    ('dt', lambda: kr.lqr(A, B, 1, 1, dt=np.complex128(1))),
+    ('A', lambda: kr.dlqr(array(A), B, 1, 1)),
+    ('B', lambda: kr.dlqr(A, array(B), 1, 1)),
+    ('A', lambda: kr.lqe(array(A), C, 1, 1)),
+    ('G', lambda: kr.lqe(A, array(B), C, 1, 1)),
+    ('C', lambda: kr.lqe(A, array(C), 1, 1)),
+    ('W', lambda: kr.lqe(A, C, array(W), 1)),
+    ('V', lambda: kr.lqe(A, C, W, np.array([[1j]]))),
+    ('N', lambda: kr.lqe(A, B, C, 1, 1, np.array([[0j]]))),
+    ('C', lambda: kr.dlqe(A, array(C), 1, 1)),
+    ('A', lambda: kr.place(array(A), B, [-1, -2])),
+    ('B', lambda: kr.place(A, array(B), [-1, -2])),
+    ('A', lambda: kr.margins(array(A), B, C)),
+    ('C', lambda: kr.margins(A, B, array(C))),
+    ('D', lambda: kr.margins(A, B, C, array(D))),
+    ('A', lambda: kr.discretize(array(A), B, 0.1)),
+    ('B', lambda: kr.discretize(A, array(B), 0.1)),
+    ('dt', lambda: kr.discretize(A, B, np.complex128(0.1))),
+    ('W', lambda: kr.discretize(A, B, 0.1, array(W))),
+    ('A', lambda: kr.continuous_model(array(A), B, W)),
+    ('B', lambda: kr.continuous_model(A, array(B), W)),
+    ('W', lambda: kr.continuous_model(A, B, array(W))),
+    ('A', lambda: kr.continuous_model(lambda x: array(x), W)),
+    ('max_step', lambda: kr.continuous_model(lambda x: x, W, max_step=np.complex128(1))),
+    ('F', lambda: kr.discrete_model(array(A), B, W)),
+    ('G', lambda: kr.discrete_model(A, array(B), W)),
+    ('Q', lambda: kr.discrete_model(A, B, array(W))),
+    ('period', lambda: kr.discrete_model(A, B, W, period=np.complex128(1))),
+    ('H', lambda: kr.sensor(array(C), 1)),
+    ('R', lambda: kr.sensor(C, np.array([[1j]]))),
+    ('times', lambda: filtered(times=array(T))),
+    ('readings', lambda: filtered(readings=array(Y))),
+    ('inputs', lambda: filtered(MODEL, inputs=array(Y))),
+    ('input_times', lambda: filtered(MODEL, inputs=Y, input_times=array(T))),
+    ('initial mean', lambda: filtered(initial=(array([0, 0]), 1))),
+    ('initial covariance', lambda: filtered(initial=([0, 0], array(W)))),
+    ('mean', lambda: kr.Gaussian(array([0, 0]), W)),
+    ('covariance', lambda: kr.Gaussian([0, 0], array(W))),
+    ('truth', lambda: kr.consistency(ESTIMATES, array(ESTIMATES.mean))),
+    ('initial_state', lambda: kr.make_scenario(
+        MODEL, SENSOR, rate=10, initial_state=array([0, 0]))),
+    ('Q', lambda: kr.make_scenario(MODEL, SENSOR, rate=10, Q=array(W))),
+    ('gain', lambda: kr.simulate('cart_pole', seconds=0.1, gain=np.ones((1, 4)) + 0j)),
+    ('input_limit', lambda: kr.simulate('cart_pole', seconds=0.1, input_limit=array([1]))),
+    ('reference', lambda: kr.simulate('cart_pole', seconds=0.1, reference=array([0, 0, 0, 0]))),
+    ('gain', lambda: kr.monte_carlo('cart_pole', runs=2, seconds=0.1, gain=np.ones((1, 4)) + 0j)),
+    ('readings', lambda: kr.tune(
+        lambda r=1.0: (FREE, (C, [[r]])), T, array(Y), initial=PRIOR)),
+]  # fmt: skip
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize(('name', 'call'), COMPLEX)
+def test_complex_numbers_are_refused_by_name(name, call):
+    with pytest.raises(ValueError, match=f'^{name}\\b.*expected real numbers, got complex ones'):
+        call()
+
+
+def test_poles_may_be_complex():
+    assert kr.place(A, B, [-1 + 1j, -1 - 1j]).gain.dtype == float
