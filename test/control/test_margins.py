@@ -361,7 +361,7 @@ def check_peaks(seed, dt):
 
 
 @pytest.mark.parametrize('dt', [None, 0.1])
-@pytest.mark.parametrize('seed', [39, 67, 71, 91, 99, 104])
+@pytest.mark.parametrize('seed', [39, 67, 71, 7, 13, 33])
 def test_no_peak_of_a_high_gain_is_missed(seed, dt):
     check_peaks(seed, dt)
 
