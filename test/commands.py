@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs a program in this process: what it prints and its exit code, without starting Python."""
 
-import io
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
+from tempfile import TemporaryFile
 
 from kalman_ros import entry
 
@@ -13,8 +13,12 @@ def run_command(name, *arguments):
     """Return exit code, standard output and standard error of a program."""
     # as the executable does, but for the handlers of signals
     module = getattr(entry, name).args[-1]
-    out, err = io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(err):
+    with (
+        TemporaryFile('w+') as out,  # which has a descriptor, as the streams of a process have
+        TemporaryFile('w+') as err,
+        redirect_stdout(out),
+        redirect_stderr(err),
+    ):
         try:
             import_module(f'kalman_ros.programs.{module}').main([*map(str, arguments)])
             code = 0
@@ -23,4 +27,9 @@ def run_command(name, *arguments):
             if isinstance(code, str):
                 print(code, file=sys.stderr)
                 code = 1
-    return code, out.getvalue(), err.getvalue()
+        return code, *map(_text, (out, err))
+
+
+def _text(file):
+    file.seek(0)
+    return file.read()

@@ -187,7 +187,7 @@ def test_the_command_prints_a_table_and_writes_its_results(tmp_path):
     code, printed = command(
         '--filters', 'kf', '--only', 'dropout 0', '--short', '--out', str(tmp_path)
     )
-    assert code == 0
+    assert code == 0, printed
     assert 'Every promise holds.' in printed
     page = (tmp_path / 'faults.md').read_text()
     assert '| dropout 0.7 of both | covered | kf |' in page

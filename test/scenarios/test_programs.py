@@ -265,8 +265,8 @@ def test_the_demo_fails_when_the_statistics_do_not_hold(environment, tmp_path):
     ],
 )
 def test_the_demo_says_what_is_wrong(tmp_path, arguments, says):
-    code, out, err = run_command('demo', '--out', tmp_path / 'out', *arguments)
-    assert (code, out) == (2, '')
+    code, _, err = run_command('demo', '--out', tmp_path / 'out', *arguments)
+    assert code == 2
     assert says in err
     assert err.count('\n') == 1
 
