@@ -16,10 +16,10 @@ _LONGEST, _SILENCE = 600.0, 60.0
 
 @dataclass
 class _Repeated:
-    """When a message was logged and heard last, and the seconds until it is logged again."""
+    """When a message was last logged and last asked for, and how long it then waits."""
 
     logged: float
-    heard: float
+    asked: float
     wait: float
 
 
@@ -39,13 +39,13 @@ class Throttle:
         """Log ``message``, unless it was logged recently."""
         now = monotonic()
         known = self._messages.get(message)
-        if known is None or now - known.heard > _SILENCE:
+        if known is None or now - known.asked > _SILENCE:
             if known is None and not self._make_room(now):
                 return
             self._messages[message] = _Repeated(now, now, self._seconds)
             self._log(message)
             return
-        known.heard = now
+        known.asked = now
         if now - known.logged >= known.wait:
             known.logged, known.wait = now, min(2.0 * known.wait, _LONGEST)
             self._log(message)
@@ -54,8 +54,8 @@ class Throttle:
         """Return whether another message may be remembered, in place of the most silent one."""
         if len(self._messages) < _MOST:
             return True
-        silent = min(self._messages, key=lambda message: self._messages[message].heard)
-        if now - self._messages[silent].heard < self._seconds:
+        silent = min(self._messages, key=lambda message: self._messages[message].asked)
+        if now - self._messages[silent].asked < self._seconds:
             return False
         del self._messages[silent]
         return True

@@ -9,6 +9,9 @@ from typing import Any
 
 _HEAD = """# How often the diagnosis is right
 
+**This score takes a shortcut: the diagnosis looks at all readings, where `./dev doctor BAG` begins
+with what the estimator's gates and windows let pass. Every recording is from our own simulation.**
+
 Made by `./dev doctor --score --page docs/explanation/doctor.md`: recordings of {seconds:g} s from
 simulation, seed {seed}, with one fault each, with two, and with none. A cause counts as found if
 kind and sensor (or input, or parameter) are right. *Tied* means that the first finding names
