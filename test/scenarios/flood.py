@@ -7,7 +7,7 @@ import time
 import connected
 import numpy as np
 import rclpy
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from kalman_ros import scenario
 from kalman_ros.codecs.signal_codec import SignalCodec
@@ -19,14 +19,18 @@ BURST = 0.005
 STD = 50.0
 
 
-def main(rate, seconds, lag):
+def main(rate, seconds, lag, reliable):
     rng = np.random.default_rng(0)
     rclpy.init()
     node = rclpy.create_node('flood')
     write = WireWriter(SignalCodec(scenario.build({}).sensors['velocity'].signal))
-    # of the estimator, the monitor and the harness
+    # of the estimator, the monitor and the harness, which does not match one of best effort
+    qos = QoSProfile(
+        depth=5000,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+    )
     publisher = connected.publisher(
-        node, write.message_type, 'velocity', QoSProfile(depth=5000), subscribers=3
+        node, write.message_type, 'velocity', qos, subscribers=3 if reliable else 2
     )
     R = STD**2 * np.eye(2)
     start, sent = time.time(), 0

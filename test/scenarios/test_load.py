@@ -96,9 +96,9 @@ def test_twenty_sensors_at_100_hz():
 class Flood:
     """A run with a program that floods the estimator with velocities, and their outcomes."""
 
-    def __init__(self, run, seconds, rate=RATE, lag=0.0):
+    def __init__(self, run, seconds, rate=RATE, lag=0.0, *, reliable=True):
         self.run = run
-        command = [sys.executable, str(FLOOD), str(rate), str(seconds), str(lag)]
+        command = [sys.executable, str(FLOOD), *map(str, (rate, seconds, lag, int(reliable)))]
         run.set_parameter('run_until', 1e6)
         self._process = subprocess.Popen(
             command, env=run.environment, stdout=subprocess.PIPE, text=True
@@ -133,6 +133,19 @@ def test_a_flood_takes_no_control():
     assert flood.became['fused'] > 0.5 * flood.sent
     assert silent(stamps, flood.start, flood.end) < 0.05 * (flood.end - flood.start) + lost
     assert np.abs(found.truth - found.estimate)[100:].max() < 1.0
+
+
+def test_a_flood_of_best_effort_leaves_the_stream_of_estimates():
+    """The listener is a process of its own: in that of the flood it starves."""
+    with Run(lockstep=False, seed=4) as run:
+        stolen = Withheld([])
+        flood = Flood(run, 4.0, rate=5000.0, reliable=False)
+        flood.wait()
+        lost = stolen()
+        stamps = run.recorder['estimate'].stamp * 1e-9
+    within = stamps[(stamps > flood.start) & (stamps < flood.end)]
+    assert len(within) > 50.0 * (flood.end - flood.start - lost)
+    assert np.diff(within).max() < 0.3 + lost
 
 
 def test_a_flood_that_lags_restarts_nothing():
