@@ -99,6 +99,7 @@ def test_the_place_of_the_car_is_nearer_than_that_of_its_receiver(car, errors):
     assert 0.5 < nees(error, P).mean() < 2.0
 
 
+@pytest.mark.thorough
 def test_without_fixes_for_15_s_the_band_covers_the_error(errors):
     time, error, P = errors('outage', OUTAGE)
     silent = (time > OUTAGE[0]) & (time < OUTAGE[1])

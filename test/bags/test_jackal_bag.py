@@ -76,6 +76,7 @@ def replayed(file, changes=None):
     return found
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_the_robot_ends_where_the_test_of_robot_localization_expects_it(tmp_path):

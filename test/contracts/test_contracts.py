@@ -290,5 +290,6 @@ class TestConsistency:
     def test_the_errors_scatter_as_the_filter_says(self, name, kind):
         assert min(self.shares(name, kind)) >= 0.8
 
+    @pytest.mark.thorough
     def test_wrong_noise_shows(self, name, kind):
         assert min(self.shares(name, kind, settled=500, noise=3.0)) < 0.5

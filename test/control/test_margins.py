@@ -366,6 +366,7 @@ def test_no_peak_of_a_high_gain_is_missed(seed, dt):
     check_peaks(seed, dt)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize('dt', [None, 0.1])
 def test_no_peak_of_six_hundred_loops_is_missed(dt):

@@ -89,6 +89,7 @@ def test_everything_is_observed_where_the_vehicle_moves(outage):
     assert observability(built).unseen == ()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_biases_of_the_imu_are_found(outage):
     built, errors, covariances = outage

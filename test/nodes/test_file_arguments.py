@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from thorough import mostly_thorough
 
 pytest.importorskip('rclpy')
 
@@ -20,7 +21,8 @@ from kalman_ros.nodes.file_arguments import hint, readable
 from kalman_ros.nodes.parameters import given
 from kalman_ros.nodes.plant import PlantNode
 
-CONFIGS = sorted((Path(__file__).parents[2] / 'config').glob('*.yaml'))
+CONFIG = Path(__file__).parents[2] / 'config'
+SCENARIOS = sorted(path.stem for path in CONFIG.glob('*.yaml'))
 NODES = {'plant': PlantNode, 'estimator': EstimatorNode, 'controller': ControllerNode}
 
 
@@ -65,8 +67,9 @@ def dump(node, path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('config', CONFIGS, ids=lambda path: path.stem)
-def test_what_is_dumped_is_loaded(config, start, tmp_path):
+@pytest.mark.parametrize('scenario', mostly_thorough(SCENARIOS, 'cart_pole', 'robot_3d'))
+def test_what_is_dumped_is_loaded(scenario, start, tmp_path):
+    config = CONFIG / f'{scenario}.yaml'
     for name in NODES:
         try:
             node = start(name, '--params-file', str(config))

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
+from thorough import mostly_thorough
 
 from kalman_ros import scenario
 from kalman_ros.report import animation
@@ -39,7 +40,7 @@ def no_film(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('name', mostly_thorough(NAMES, 'cart_pole', 'robot_3d', 'diff_drive'))
 def test_every_scenario_moves(name, tmp_path):
     kind, show = moments(name)
     done = []

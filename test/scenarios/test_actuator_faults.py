@@ -26,6 +26,7 @@ def test_gain_and_delay_change_what_the_plant_does_with_the_same_force():
     assert np.abs(expected[new]).max() > 1e-4
 
 
+@pytest.mark.thorough
 def test_a_gain_for_too_many_inputs_is_refused():
     with Run() as run:
         with pytest.raises(ValueError, match='actuator_gain: expected 1 or 2 numbers, got 3'):

@@ -50,6 +50,7 @@ def test_a_recorder_that_gets_no_processor_for_seconds_loses_nothing():
     np.testing.assert_allclose(found.estimate, alone.estimate, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_what_is_lost_nevertheless_is_an_error_with_the_counts(monkeypatch):
     with Run() as run:
         run.advance(0.5)

@@ -63,6 +63,7 @@ def test_what_cannot_arrive_is_named(driver):
         assert 'quality' not in run.processes['controller'].output()
 
 
+@pytest.mark.thorough
 def test_readings_that_came_and_were_dropped_are_counted_with_field_and_sizes():
     overrides = {
         'position.type': 'sensor_msgs/JointState',

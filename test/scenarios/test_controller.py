@@ -218,7 +218,7 @@ def test_the_force_goes_to_zero_when_estimates_stop_and_comes_back_with_them():
     ('bad', 'words'),
     [
         ({'x': np.nan}, 'not finite'),
-        ({'x': 1.0, 'variance': 9.0}, 'uncertain by 3'),
+        thorough({'x': 1.0, 'variance': 9.0}, 'uncertain by 3'),
         thorough({'x': 1.0, 'variance': np.nan}, 'covariance'),
         thorough({'x': 1.0, 'variance': -1.0}, 'not positive semi-definite'),
     ],

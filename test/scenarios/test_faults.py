@@ -122,6 +122,7 @@ def test_the_same_seed_gives_the_same_bytes_under_every_fault_at_once():
     assert len(sound[1]) == 61
 
 
+@pytest.mark.thorough
 def test_a_late_reading_keeps_its_stamp_and_the_estimate_its_time():
     with Run(overrides={'position.delay': 0.1}, nodes=NODES) as run:
         run.advance(1.0)

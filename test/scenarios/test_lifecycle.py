@@ -302,6 +302,7 @@ def test_the_loop_resumes_in_real_time(node):
         assert np.isfinite(run.recorder['force'].values).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     'node', mostly_thorough(['plant', 'estimator', 'controller', 'monitor'], 'estimator')
 )

@@ -58,6 +58,7 @@ def test_another_seed_gives_other_bytes(default_run):
     assert record(seed=4)[0] != default_run[0]
 
 
+@pytest.mark.thorough
 def test_stamps_that_are_late_by_a_known_offset_change_nothing(default_run):
     # the plant stamps so, too
     late = {'position.stamp_offset': -0.15, 'velocity.stamp_offset': 0.05}
@@ -265,6 +266,7 @@ def test_parameters_change_live_as_a_whole_or_not_at_all():
     assert late.std() > 3.0
 
 
+@pytest.mark.thorough
 def test_parameters_explain_themselves():
     from rcl_interfaces.srv import DescribeParameters
 

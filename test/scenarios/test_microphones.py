@@ -63,6 +63,7 @@ def test_the_same_seed_sounds_the_same():
     assert first[1] != estimates(4)[1]
 
 
+@pytest.mark.thorough
 def test_where_nothing_sounds_nothing_is_published_and_the_loop_goes_on():
     with tracker(only={'microphone_array': {'sound_level': 0.0}}) as run:
         run.advance(2.0)

@@ -20,6 +20,7 @@ def test_the_pole_is_balanced_by_the_filter_that_suits_it():
     assert all(check.passed for check in judge(run.scenario, loop).checks)
 
 
+@pytest.mark.thorough
 def test_a_model_without_inputs_needs_no_controller():
     with Run('turn_rate') as run:
         run.advance(4.0)
@@ -85,6 +86,7 @@ def test_a_target_that_goes_round_and_round_is_not_lost_where_angles_wrap(filter
     assert np.hypot(*error[:, :2].T).max() < 0.5
 
 
+@pytest.mark.thorough
 def test_two_bearings_over_topics_are_the_loop_in_one_process():
     with Run('two_bearings') as run:
         run.advance(10.0)

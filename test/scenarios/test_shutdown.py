@@ -103,6 +103,7 @@ def test_a_signal_while_a_node_waits_for_its_parameter_file(number, tmp_path):
     assert not ends(process, number)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('number', mostly_thorough(ASKED, signal.SIGTERM))
 @pytest.mark.parametrize('lockstep', mostly_thorough([True, False], True))
 def test_a_signal_during_a_step(lockstep, number):

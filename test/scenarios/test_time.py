@@ -107,6 +107,7 @@ def test_lockstep_in_simulated_time_is_the_same_to_the_last_bit():
     assert found[0] == found[1]
 
 
+@pytest.mark.thorough
 def test_an_estimator_that_has_the_full_name_of_a_topic_is_in_step():
     with Run(only={'estimator': {'position.topic': '/position'}}, seed=5) as run:
         run.advance(0.5)
