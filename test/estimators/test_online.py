@@ -18,6 +18,7 @@ from kalman_ros.estimators.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
+from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.sensors.radar import Radar
 
@@ -327,6 +328,24 @@ def test_after_a_long_gap_the_old_belief_is_worth_nothing():
     assert np.isfinite(online.belief.mean).all()
 
 
+def test_a_belief_is_kept_for_the_longest_gap_and_no_longer():
+    online = estimator(max_gap=60.0)
+    initial = online.belief
+    feed(online, ('position', SECOND, 1.0))
+    feed(online, ('input', SECOND, 1.0))
+    ending = 2 * SECOND, np.zeros(1)
+    held, ended = online.predicted(61 * SECOND), online.predicted(61 * SECOND, ending)
+    assert held is not initial
+    assert abs(ended.mean[0]) < 0.5 * abs(held.mean[0])
+    assert online.predicted(61 * SECOND + 1) is initial
+    assert online.predicted(61 * SECOND + 1, ending) is initial
+    feed(online, ('input', 61 * SECOND, 0.0))
+    assert online.restarts == 0
+    feed(online, ('input', 121 * SECOND + 1, 0.0))
+    assert online.restarts == 1
+    assert online.belief is initial
+
+
 class Overflowing(KalmanFilter):
     """A filter that predicts nothing sound over more than a second."""
 
@@ -437,11 +456,18 @@ def test_a_window_that_becomes_wider_does_not_reach_back_before_what_is_known():
     assert online.restarts == 0
 
 
-def test_stamps_in_the_future_are_refused():
-    online = estimator(future_tolerance=0.5)
-    ok, _ = online.add_reading('position', SECOND + 400_000_000, np.array([0.0]), now=SECOND)
-    ahead, _ = online.add_reading('position', 3 * SECOND, np.array([0.0]), now=SECOND)
-    assert (ok, ahead) == (Outcome.FUSED, Outcome.FUTURE)
+@pytest.mark.parametrize('kind', ['position', 'input'])
+def test_stamps_are_refused_from_the_tolerance_on(kind):
+    online, tolerance = estimator(future_tolerance=0.5), SECOND // 2
+
+    def add(ahead):
+        arrival = Arrival(None if kind == 'input' else kind, SECOND + ahead, np.zeros(1))
+        return online.add([arrival], now=SECOND)[0][0]
+
+    assert add(tolerance + 1) is Outcome.FUTURE
+    assert online.time is None
+    assert add(tolerance) is Outcome.FUSED
+    assert online.time == SECOND + tolerance
 
 
 def test_inputs_in_the_future_are_refused_too():

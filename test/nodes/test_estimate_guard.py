@@ -43,6 +43,20 @@ def test_the_reason_is_given(doubtful, reason):
     assert reason in trust().reason(doubtful, 10 * SECOND)
 
 
+@pytest.mark.parametrize(
+    ('age', 'reason'),
+    [
+        (SECOND // 2, ''),
+        (SECOND // 2 + 1, '0.5 s old'),
+        (-SECOND, ''),
+        (-SECOND - 1, '1 s ahead of the clock'),
+    ],
+)
+def test_a_stamp_may_be_old_and_ahead_of_the_clock_up_to_the_limits(age, reason):
+    found = trust(timeout=0.5, ahead=1.0).reason(estimate(time=10 * SECOND - age), 10 * SECOND)
+    assert found == (f'the estimate is {reason}' if reason else '')
+
+
 @pytest.mark.parametrize(('variance', 'trusted'), [(3.99, True), (4.01, False)])
 def test_the_limit_is_a_standard_deviation(variance, trusted):
     found = estimate(P=((0.5, 0.0), (0.0, variance)))

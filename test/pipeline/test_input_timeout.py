@@ -43,28 +43,56 @@ def test_without_a_timeout_no_input_ends():
     assert timeout.ended_by(10**18) == []
 
 
-def test_what_is_published_between_readings_stops_with_the_input():
-    """A body of one state that is driven by its input: x' = u; without a command it stops."""
+@pytest.fixture
+def driven():
+    """A body of one state that is driven by its input, x' = u; each command counts for 0.5 s."""
     level = {'model': 'linear', 'model_parameters.states': ['x'], 'model_parameters.A': [0.0],
              'model_parameters.B': [1.0], 'model_parameters.noise_density': [0.0],
              'sensors': ['place'], 'place.noise': [0.1], 'place.fields': ['data[0]'],
              'place.measures': ['x'], 'place.type': 'std_msgs/Float64MultiArray',
              'initial_std': [1e-6], 'input_timeout': 0.5}  # fmt: skip
     built = settings(level)
-    online = built.estimator()
     scenario = built.scenario
     reader = SensorReader('place', scenario.sensors['place'])
     input = InputReader(scenario.input)
-    fuser = Fuser(scenario, online, {'place': reader}, input, str, built.input_timeout())
-    reading = Received(10 * SECOND, reader, Reading(10 * SECOND, np.zeros(1), None))
-    command = Received(10 * SECOND, input, Sample(10 * SECOND, np.ones(1), None))
-    fuser.fuse([reading, command])
+    timeout = built.input_timeout()
+    return Fuser(scenario, built.estimator(), {'place': reader}, input, str, timeout)
+
+
+def reading(fuser, stamp):
+    return Received(stamp, fuser.channels['place'], Reading(stamp, np.zeros(1), None))
+
+
+def command(fuser, stamp):
+    return Received(stamp, fuser.input, Sample(stamp, np.ones(1), None))
+
+
+def test_what_is_published_between_readings_stops_with_the_input(driven):
+    driven.fuse([reading(driven, 10 * SECOND), command(driven, 10 * SECOND)])
     for seconds, place in ((0.3, 0.3), (0.5, 0.5), (0.8, 0.5), (30.0, 0.5)):
-        found = fuser.predicted(10 * SECOND + round(seconds * SECOND)).mean[0]
+        found = driven.predicted(10 * SECOND + round(seconds * SECOND)).mean[0]
         assert found == pytest.approx(place, abs=1e-4), seconds
     # nothing is kept: a renewed command counts
-    again = 10 * SECOND + SECOND // 4
-    fuser.fuse([Received(again, input, Sample(again, np.ones(1), None))])
-    assert fuser.predicted(11 * SECOND).mean[0] == pytest.approx(0.75, abs=1e-4)
+    driven.fuse([command(driven, 10 * SECOND + SECOND // 4)])
+    assert driven.predicted(11 * SECOND).mean[0] == pytest.approx(0.75, abs=1e-4)
     # and a belief that has expired has expired
-    assert fuser.predicted(10 * SECOND + 100 * SECOND) is scenario.initial_belief
+    expired = driven.predicted(10 * SECOND + 100 * SECOND)
+    assert expired is driven.scenario.initial_belief
+
+
+@pytest.mark.parametrize(
+    ('stamp', 'now', 'place', 'ended'),
+    [
+        (0.8, 0.5, 0.8, False),  # ahead of a clock at which a command may still come
+        (0.8, 0.5 + 1e-9, 0.5, True),
+        (0.5, 0.8, 0.5, False),  # late: a command may still come that is older than the clock
+        (0.8, None, 0.5, True),  # a recording has no clock
+    ],
+)
+def test_an_input_ends_by_stamps_but_by_none_ahead_of_the_clock(driven, stamp, now, place, ended):
+    stamp = 10 * SECOND + round(stamp * SECOND)
+    now = None if now is None else 10 * SECOND + round(now * SECOND)
+    driven.fuse([reading(driven, 10 * SECOND), command(driven, 10 * SECOND)], 10 * SECOND)
+    driven.fuse([reading(driven, stamp)], now)
+    assert driven.online.belief.mean[0] == pytest.approx(place, abs=1e-4)
+    assert (driven.timeout.ending(20 * SECOND) is None) == ended
