@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Share of random mutants that the quick tests kill: small changes of the code that must fail.
+
+    .venv/bin/pip install -r .ci/mutants.txt
+    source install/setup.bash
+    nice .venv/bin/python test/tools/mutants.py [--count 40] [--seed 0] [--layer NAME ...]
+
+The changes are those of cosmic-ray: a number by one, a comparison, a sign, an operator. Each is
+made in a copy of the checkout, one at a time. The quick tests of the folder that mirrors the layer
+run first, and the contracts after them. A mutant that takes longer than the limit is killed too.
+A survivor is either equivalent, or shows what no quick test holds. The exit code is 1 if a smaller
+share than ``--least`` is killed.
+"""
+
+import argparse
+import ast
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from importlib.util import cache_from_source
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.plugins import get_operator
+
+ROOT = Path(__file__).parents[2]
+LAYERS = ('linear', 'core', 'models', 'sensors', 'estimators', 'control', 'scenario',
+          'simulation', 'analysis', 'codecs', 'pipeline', 'bags')  # fmt: skip
+#: Without those that give a TypeError wherever they are applied, as a bitwise operator does.
+OPERATORS = [
+    'NumberReplacer', 'AddNot', 'ReplaceAndWithOr', 'ReplaceOrWithAnd', 'ReplaceTrueWithFalse',
+    'ReplaceFalseWithTrue', 'ReplaceBreakWithContinue', 'ReplaceContinueWithBreak',
+    'ZeroIterationForLoop', 'ReplaceUnaryOperator_USub_UAdd', 'ReplaceUnaryOperator_Delete_Not',
+    *(f'ReplaceBinaryOperator_{pair}' for pair in
+      ('Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'Pow_Mul', 'FloorDiv_Mul', 'Mod_Mul')),
+    *(f'ReplaceComparisonOperator_{pair}' for pair in
+      ('Lt_LtE', 'LtE_Lt', 'Gt_GtE', 'GtE_Gt', 'Lt_GtE', 'Gt_LtE', 'Eq_NotEq', 'NotEq_Eq',
+       'Is_IsNot', 'IsNot_Is')),
+]  # fmt: skip
+PYTEST = ('-m', 'pytest', '-x', '-q', '-p', 'no:cacheprovider', '--hypothesis-profile=fixed',
+          '-m', 'not slow and not thorough and not real_time')  # fmt: skip
+#: The largest number that is changed by one: the effect on a larger one is below any tolerance.
+MOST = 1e6
+#: In bytes; a mutant must not take the memory of the machine.
+MEMORY = 8 << 30
+
+
+class Mutant(NamedTuple):
+    """A change of a file: which operator, and where, as cosmic-ray counts."""
+
+    path: str
+    line: int
+    operator: str
+    occurrence: int
+
+
+def text_spans(source):
+    """Return the spans of what no number depends on: annotations, messages and caches."""
+    nodes = []
+    for node in ast.walk(ast.parse(source)):
+        called = ast.unparse(node.func) if isinstance(node, ast.Call) else ''
+        message = isinstance(node, ast.Raise | ast.JoinedStr) or 'warn' in called
+        if message or 'cache' in called or getattr(node, 'name', '') == '__repr__':
+            nodes.append(node)
+        elif isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
+            nodes.append(node.test)
+        nodes += filter(None, (getattr(node, 'annotation', None), getattr(node, 'returns', None)))
+    return [
+        ((node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)) for node in nodes
+    ]
+
+
+def mutants_of(path):
+    """Return the mutants of a file."""
+    source = (ROOT / path).read_text()
+    spans, nodes, mutants = text_spans(source), list(ast_nodes(get_ast(source))), []
+    for name in OPERATORS:
+        operator, occurrence = get_operator(f'core/{name}')(), -1
+        for node in nodes:
+            for start, end in operator.mutation_positions(node):
+                occurrence += 1
+                large = node.type == 'number' and abs(ast.literal_eval(node.value)) > MOST
+                if not large and not any(low <= start and end <= high for low, high in spans):
+                    mutants.append(Mutant(str(path), start[0], name, occurrence))
+    return mutants
+
+
+def write(path, source):
+    """Write a module, and remove its compiled form, whose time may be the same."""
+    path.write_text(source)
+    Path(cache_from_source(str(path))).unlink(missing_ok=True)
+
+
+def passes(copy, tests, limit):
+    """Return whether tests pass in a copy of the checkout, within a limit in seconds."""
+    process = subprocess.Popen(
+        [sys.executable, *PYTEST, *tests],
+        cwd=copy,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+    )
+    try:
+        return process.wait(limit) == 0
+    except subprocess.TimeoutExpired:
+        return False
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def mirroring(mutant, copy):
+    """Return the tests of a mutant: those named like the module first, then its whole folder."""
+    path = Path(mutant.path)
+    folder = copy / 'test' / path.parts[1]
+    named = sorted(folder.glob(f'test_*{path.stem}*.py'))
+    return [str(test.relative_to(copy)) for test in (*named, folder)]
+
+
+def change(before, after):
+    """Return the lines that differ, in one line."""
+    pairs = zip(before.splitlines(), after.splitlines())
+    return next((f'{old.strip()}  ->  {new.strip()}' for old, new in pairs if old != new), '')
+
+
+def main():
+    """Apply a random sample of mutants and print what became of each."""
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--count', type=int, default=40, help='how many mutants (40)')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the sample (0)')
+    parser.add_argument('--layer', nargs='+', choices=LAYERS, default=LAYERS, metavar='NAME')
+    parser.add_argument('--least', type=float, default=0.85, help='share to be killed (0.85)')
+    options = parser.parse_args()
+    files = [
+        path for layer in options.layer for path in (ROOT / 'kalman_ros' / layer).rglob('*.py')
+    ]
+    mutants = [m for path in sorted(files) for m in mutants_of(path.relative_to(ROOT))]
+    sample = Random(options.seed).sample(mutants, min(options.count, len(mutants)))
+    killed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / ROOT.name
+        left_out = shutil.ignore_patterns('.git', '.venv*', 'build', 'install', 'log', 'out')
+        shutil.copytree(ROOT, copy, ignore=left_out)
+        limits = {}
+        for tests in sorted(
+            {mirroring(mutant, copy)[-1] for mutant in sample} | {'test/contracts'}
+        ):
+            start = time.monotonic()
+            if not passes(copy, [tests], 600.0):
+                sys.exit(f'{tests}: expected tests that pass without a mutant')
+            limits[tests] = 20.0 + 4.0 * (time.monotonic() - start)
+        for mutant in sample:
+            path, tests = copy / mutant.path, mirroring(mutant, copy)
+            before = path.read_text()
+            operator = get_operator(f'core/{mutant.operator}')()
+            after = mutate_code(before, operator, mutant.occurrence)
+            write(path, after)
+            survived = passes(copy, tests, limits[tests[-1]]) and passes(
+                copy, ['test/contracts'], limits['test/contracts']
+            )
+            write(path, before)
+            killed += not survived
+            where = f'{mutant.path}:{mutant.line}'
+            outcome = 'SURVIVED' if survived else 'killed  '
+            print(f'{outcome} {where}: {change(before, after)}', flush=True)
+    share = killed / len(sample)
+    print(f'{killed} of {len(sample)} killed, {share:.0%}, of {len(mutants)} mutants possible')
+    sys.exit(share < options.least)
+
+
+if __name__ == '__main__':
+    main()
