@@ -15,6 +15,7 @@ from kalman_ros.analysis.diagnosis.quantisation import grid
 from kalman_ros.analysis.diagnosis.refilter import misfits
 from kalman_ros.analysis.diagnosis.responses import Responses, fitted
 from kalman_ros.analysis.diagnosis.stamps import slope
+from kalman_ros.analysis.records import InputRecord
 from kalman_ros.linear.kernels import gain
 from kalman_ros.programs.doctor.recordings import Injection, recorded
 
@@ -46,6 +47,17 @@ def test_a_pass_in_order_has_the_innovations_of_the_online_estimator(case):
             [event.innovation for event in events], record.innovation[order], atol=1e-6
         )
     assert case.passage.misfit == pytest.approx(misfit(online), rel=1e-6)
+
+
+def test_a_replay_has_a_belief_after_the_readings_that_were_fused():
+    received = np.array([1.0, 1.1, 1.2, 1.3])
+    value = np.array([[0.0], [0.0], [1e3], [0.0]])  # one is rejected
+    none = InputRecord(np.zeros(0), np.zeros(0), np.zeros((0, 1)))
+    parameters = {'model': SCENARIO, 'position.gate': 0.99}
+    online = replay(parameters, {'position': (received, received, value, None)}, none)
+    outcomes = ['FUSED', 'FUSED', 'REJECTED', 'FUSED']
+    assert online.sensors['position'].outcome.tolist() == outcomes
+    np.testing.assert_array_equal(online.beliefs.time, received[[0, 1, 3]])
 
 
 def test_responses_predict_what_a_bias_does(case):

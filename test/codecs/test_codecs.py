@@ -14,6 +14,7 @@ pytest.importorskip('rclpy')
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from rosidl_generator_py.import_type_support_impl import UnsupportedTypeSupport
 from scipy.spatial.transform import Rotation
@@ -22,6 +23,8 @@ from sensor_msgs.msg import JointState
 from kalman_ros.codecs import wire
 from kalman_ros.codecs.messages import (
     UndecodableError,
+    frame_and_end,
+    leading_frame,
     leading_stamp,
     message_type,
     nanoseconds,
@@ -467,6 +470,19 @@ def test_a_message_in_the_other_byte_order_is_read_as_its_writer_meant_it():
         sample = read(data)
         assert sample.values.tolist() == [2.5]
         assert sample.time == 5_000_000_007
+
+
+@pytest.mark.parametrize('frame', ['', 'a', 'abc', 'abcd', 'world'])  # whatever the padding
+@pytest.mark.parametrize('child', ['', 'b', '/base_link'])
+def test_the_frames_of_a_message_are_read_from_its_bytes(frame, child):
+    message = Odometry(child_frame_id=child)
+    message.header.frame_id = frame
+    data = bytes(serialize_message(message))
+    assert leading_frame(data) == frame
+    for of_child, name in ((False, frame), (True, child)):
+        found, end = frame_and_end(data, of_child=of_child)
+        assert found == name.lstrip('/')
+        assert data[:end].endswith(name.encode() + b'\0')
 
 
 @pytest.mark.parametrize('size', [0, 3, 4, 11, 12, 20])

@@ -70,6 +70,10 @@ class TestModel:
             together = function(xs, us)
             one_by_one = [function(x, u) for x, u in zip(xs, us)]
             np.testing.assert_allclose(together, one_by_one, atol=1e-12)
+        for jacobian in (model.state_jacobian, model.input_jacobian):
+            one_by_one = np.array([jacobian(x, u) for x, u in zip(xs, us)])
+            together = np.broadcast_to(jacobian(xs, us), one_by_one.shape)
+            np.testing.assert_allclose(together, one_by_one, atol=1e-9)
 
     def test_analytic_jacobians_are_the_numerical_ones(self, name):
         model = models.find_model(name)()
@@ -162,6 +166,15 @@ class TestSensor:
         assert found.measure(xs).shape == (len(xs), found.output.size)
         symmetric_positive(found.covariance)
         assert found.covariance.shape == (found.output.size,) * 2
+
+    def test_many_points_are_as_one_by_one(self, name, sensor):
+        found = sensor_of(name, sensor)
+        # as many as no space has states, and along two axes
+        xs = points(models.find_model(name)(), 2 * 29)[0].reshape(2, 29, -1)
+        for function in (found.measure, found.jacobian):
+            one_by_one = np.array([[function(x) for x in row] for row in xs])
+            together = np.broadcast_to(function(xs), one_by_one.shape)
+            np.testing.assert_allclose(together, one_by_one, atol=1e-9)
 
     def test_a_linear_sensor_has_the_same_jacobian_everywhere(self, name, sensor):
         found = sensor_of(name, sensor)

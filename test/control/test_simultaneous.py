@@ -9,7 +9,12 @@ from test_margins import random_loop
 
 from kalman_ros.control.lqr import cost, dlqr, lqr
 from kalman_ros.control.margins import loop_at_a_time, margins
-from kalman_ros.control.simultaneous import simultaneous_disk, structured_bound, structured_peak
+from kalman_ros.control.simultaneous import (
+    _without,
+    simultaneous_disk,
+    structured_bound,
+    structured_peak,
+)
 from kalman_ros.control.state_space import StateSpace, state_space, static
 from kalman_ros.core import DesignError, zero_order_hold
 
@@ -147,3 +152,18 @@ def test_gains_alone_and_what_is_unstable():
     np.testing.assert_allclose(simultaneous_disk(static(np.diag([0.5, -0.5]))).alpha, 2.0 / 3.0)
     with pytest.raises(DesignError, match='loop: unstable when closed, with poles at 1'):
         simultaneous_disk(state_space([[2.0]], [[1.0]], [[1.0]]))
+
+
+@pytest.mark.parametrize('ends', [(2.0, 2.0), (2.0, 3.0), (0.5, 2.0), (3.0, 9.0), (4.0, 9.0)])
+def test_a_gap_is_searched_apart_from_what_is_covered(ends):
+    """Else the search comes back to a peak, and the intervals that it may use run out."""
+    low, high = 1.0, 4.0
+    pieces = _without((low, high), ends)
+    for start, end in pieces:
+        assert low <= start < end <= high
+        assert end <= ends[0] or start >= ends[1]
+        if ends[0] == ends[1]:
+            assert ends[0] not in (start, end)
+    covered = min(high, ends[1]) - max(low, ends[0])
+    length = sum(end - start for start, end in pieces)
+    assert length == pytest.approx(high - low - max(covered, 0.0), rel=1e-5)

@@ -153,6 +153,23 @@ def test_a_covariance_that_all_share_stays_one_matrix():
         assert found.nis.shape == (5,)
 
 
+@pytest.mark.parametrize('bad', [np.nan, np.inf])
+@pytest.mark.parametrize('of_one', [True, False])
+def test_an_input_that_is_not_finite_leaves_that_of_its_member(bad, of_one):
+    scenario = load('mass_spring_damper')
+    filter = build_filter('kf', scenario.plan)
+    estimator = BatchEstimator(
+        filter, sensors_of(scenario), scenario.initial_belief, np.zeros(1), (3,)
+    )
+    estimator.advance(0)
+    estimator.set_input(np.array([[1.0], [-2.0], [3.0]]))
+    estimator.set_input(np.array([[4.0], [bad], [5.0]]) if of_one else np.full((3, 1), bad))
+    found = estimator.advance(100_000_000).mean
+    for mean, u in zip(found, [4.0, -2.0, 5.0] if of_one else [1.0, -2.0, 3.0]):
+        expected = filter.predict(scenario.initial_belief, np.array([u]), 0.1).mean
+        np.testing.assert_allclose(mean, expected, atol=1e-12)
+
+
 def test_no_batch_of_gaussian_sums():
     scenario = load('bearing_tracker')
     with pytest.raises(ValueError, match='filter: expected kf, ekf'):

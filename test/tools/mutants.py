@@ -141,6 +141,7 @@ def main():
     parser.add_argument('--layer', nargs='+', choices=LAYERS, default=LAYERS, metavar='NAME')
     parser.add_argument('--least', type=float, default=0.85, help='share to be killed (0.85)')
     options = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # which stops the tests, too
     files = [
         path for layer in options.layer for path in (ROOT / 'kalman_ros' / layer).rglob('*.py')
     ]
