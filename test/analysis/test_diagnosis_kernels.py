@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kalman_ros.analysis.diagnosis import outliers
 from kalman_ros.analysis.diagnosis import passage as passage_module
 from kalman_ros.analysis.diagnosis.array_replay import replay
 from kalman_ros.analysis.diagnosis.bias import courses_of
 from kalman_ros.analysis.diagnosis.evidence import misfit
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.hypotheses import held
 from kalman_ros.analysis.diagnosis.passage import explained, gated, passage
 from kalman_ros.analysis.diagnosis.quantisation import grid
 from kalman_ros.analysis.diagnosis.refilter import misfits
@@ -194,3 +196,29 @@ def test_a_slope_is_not_moved_by_outliers():
     y = 2.0 * t
     y[::7] += 1e4
     assert slope(t, y) == pytest.approx(2.0)
+
+
+def test_the_input_before_a_time_is_the_last_with_an_earlier_stamp():
+    stamps, values = np.array([1.0, 2.0]), np.array([5.0, 7.0])
+    times = np.array([0.5, 1.0, 1.1, 2.0, 2.1, 9.0])
+    assert held(stamps, values, times).tolist() == [5.0, 5.0, 5.0, 5.0, 7.0, 7.0]
+    assert held(stamps[:0], values[:0], times).tolist() == [0.0] * 6
+
+
+def test_outliers_are_the_readings_far_off_and_the_picture_shows_their_limit(case):
+    record = case.evidence.sensors['position']
+    wrong = [20, 45, 90]
+    value = record.value.copy()
+    value[wrong] += 50.0
+    evidence = case.evidence.with_sensor('position', replace(record, value=value))
+    (finding,) = outliers.find(Examination(evidence))
+    assert finding.subject == 'position'
+    assert finding.sentence.startswith(f'3 of {len(value)} readings of position')
+    mended = finding.mended().sensors['position'].value
+    assert np.flatnonzero(np.isnan(mended)).tolist() == wrong
+    squares, limit = finding.figure.curves
+    assert squares.x.shape == squares.y.shape == (len(value),)
+    assert limit.x.tolist() == [squares.x[0], squares.x[-1]]
+    assert np.ptp(limit.y) == 0.0
+    assert limit.y.shape == (2,)
+    assert np.count_nonzero(squares.y > limit.y[0]) >= 3
