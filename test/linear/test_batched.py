@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from kalman_ros.linear.batched import product, product_transposed
+from kalman_ros.linear.batched import factor, log_determinant, product, product_transposed
 from kalman_ros.linear.discretize import noise_integral
 
 
@@ -49,3 +49,12 @@ def test_the_noise_of_a_large_stack_is_as_exact_as_that_of_each_member():
         scale = np.sqrt(np.outer(alone.diagonal(), alone.diagonal()))
         assert np.abs(found[member] - alone).max() <= 1e-13 * scale.max()
         assert found[member].diagonal() == pytest.approx(alone.diagonal(), rel=1e-9, abs=0.0)
+
+
+@pytest.mark.parametrize('k', [1, 2, 3])
+@pytest.mark.parametrize('members', [3, 400])
+def test_the_log_determinant_of_a_stack_is_that_of_its_members(members, k):
+    A = stack(np.random.default_rng(4), members, k, k)
+    S = A @ A.swapaxes(-1, -2) + 0.1 * np.eye(k)
+    expected = [np.linalg.slogdet(one)[1] for one in S]
+    np.testing.assert_allclose(log_determinant(factor(S)), expected, rtol=1e-9, atol=1e-9)
