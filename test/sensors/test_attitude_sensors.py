@@ -52,6 +52,8 @@ def test_jacobians_are_those_on_the_group_and_many_are_as_one(name):
         numerical_jacobian(found.measure, x, found.output.subtract, found.state) for x in xs
     ]
     np.testing.assert_allclose([found.jacobian(x) for x in xs], expected, atol=1e-7)
+    together = np.broadcast_to(found.jacobian(xs), np.shape(expected))
+    np.testing.assert_allclose(together, expected, atol=1e-7)
     np.testing.assert_allclose(found.measure(xs), [found.measure(x) for x in xs], atol=1e-12)
     assert found.measure(xs).shape == (len(xs), found.output.size)
     assert found.covariance.shape == (found.output.size,) * 2
