@@ -132,3 +132,47 @@ def test_independent_poses_have_the_sum_of_their_covariances():
         _, v, P = found(sample(1.0, moved, Rotation.from_rotvec(e[1, 3:]), C))
         squares.append(v[1:] @ np.linalg.solve(P[1:, 1:], v[1:]) / 2.0)
     assert np.mean(squares) == pytest.approx(1.0, abs=0.11)  # 5 sigma
+
+
+WHOLE = tuple(
+    f'pose.pose.{part}'
+    for part in (*(f'position.{axis}' for axis in 'xyz'),
+                 *(f'orientation.{axis}' for axis in ('rx', 'ry', 'rz')))
+)  # fmt: skip
+
+
+@pytest.mark.parametrize('pose', ['relative', 'differential'])
+def test_the_covariance_of_a_whole_pose_is_that_of_the_derivatives(pose):
+    """Independent errors of both poses, in the world's axes, moved one by one."""
+    rng = np.random.default_rng(3)
+    dt, size = 0.5, 1e-6
+    places = [np.array([3.0, -2.0, 1.0]), np.array([3.4, -1.1, 1.3])]
+    turns = [Rotation.from_rotvec([0.3, -0.8, 1.2]), Rotation.from_rotvec([0.35, -0.82, 1.24])]
+    C_0, C_1 = (A @ A.T + 0.01 * np.eye(6) for A in rng.normal(size=(2, 6, 6)))
+
+    def changed(errors, *covariances):
+        of_pose = change(pose, *WHOLE)
+        moved = [
+            sample(k * dt, places[k] + e[:3], Rotation.from_rotvec(e[3:]) * turns[k], C)
+            for k, (e, C) in enumerate(zip(errors, covariances or (None, None)))
+        ]
+        with pytest.raises(FirstPoseError):
+            of_pose(moved[0])
+        return of_pose(moved[1])
+
+    def error(given):
+        """Return a change's error: a rotation's is one about the axes of the body before it."""
+        scale = dt if pose == 'differential' else 1.0
+        turned = [Rotation.from_rotvec(scale * v[3:]) for v in (given, right)]
+        e = (turned[0] * turned[1].inv()).as_rotvec() / scale
+        return np.concatenate((given[:3] - right[:3], e))
+
+    right = changed(np.zeros((2, 6))).values
+    J = np.array([
+        error(changed(step.reshape(2, 6)).values) / size for step in size * np.eye(12)
+    ]).T  # fmt: skip
+    exact = J[:, :6] @ C_0 @ J[:, :6].T + J[:, 6:] @ C_1 @ J[:, 6:].T
+    covariance = changed(np.zeros((2, 6)), C_0, C_1).covariance
+    # between the poses a velocity's axes are those on the way, which differ by half of the turn
+    tolerance = 1e-5 if pose == 'relative' else 0.1
+    np.testing.assert_allclose(covariance, exact, atol=tolerance * np.abs(exact).max())
