@@ -140,8 +140,8 @@ def test_a_tab_sees_the_loop_and_changes_it():
             ({'do': 'choose', 'what': 'model', 'value': 'x'}, 'choose: expected'),
             ({'do': 'poles', 'poles': [[1.0, 0.0]]}, 'regulator_poles: expected at most'),
             ({'do': 'push', 'input': 7}, 'push: expected'),
-            ({'do': 'push', 'input': 0.0}, 'push: expected'),
-            ({'do': 'push', 'input': True}, 'push: expected'),
+            ({'do': 'push', 'input': 0.0}, 'push: input cannot be'),
+            ({'do': 'push', 'input': True}, 'push: input cannot be'),
             ({'do': 'speed', 'value': 1e9}, 'speed: expected'),
             ({'do': 'nonsense'}, 'unknown command'),
         ):
