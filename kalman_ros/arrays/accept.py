@@ -79,7 +79,7 @@ def numbers(name: str, value: Any) -> Array:
     refuse_complex(name, value)
     try:
         return np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(
             f'{name}: expected real numbers, in rows of one length, got {got(value)}'
         ) from None
@@ -185,6 +185,22 @@ def shifted(A: Any, given: tuple[Any, ...]) -> tuple[Any, ...]:
     return given
 
 
+def sample_time(found: Plant, dt: Any) -> float | None:
+    """Return the sample time of a system, or that which is given; None for continuous time.
+
+    Raises
+    ------
+    ValueError
+        If the system has another one than ``dt``.
+    """
+    if dt is None:
+        return found.dt
+    seconds = duration('dt', dt)
+    if found.dt is not None and abs(seconds - found.dt) > 1e-9 * found.dt:
+        raise ValueError(f'dt: the system has samples of {found.dt:g} s, got {seconds:g}')
+    return seconds
+
+
 def refuse_continuous(name: str, value: Any) -> None:
     """Raise ValueError for a whole system that is certainly in continuous time."""
     continuous = isinstance(value, Model) and not isinstance(value, DiscreteModel)
@@ -216,9 +232,11 @@ def number(name: str, value: Any, what: str = 'a number') -> float:
     """Return one number."""
     refuse_complex(name, value)
     try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f'{name}: expected {what}, got {got(value)}') from None
+        if not isinstance(value, (str, bytes, bytearray)):
+            return float(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ValueError(f'{name}: expected {what}, got {got(value)}')
 
 
 def whole(name: str, value: Any, least: int = 0) -> int:

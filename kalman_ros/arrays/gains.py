@@ -30,6 +30,7 @@ from .accept import (
     plant,
     refuse_continuous,
     rows,
+    sample_time,
     shifted,
     square,
     weight,
@@ -71,12 +72,12 @@ def lqr(
     B, Q, R, N = shifted(A, (B, Q, R, N))
     found = plant(A, B)
     weights = _cost(found, Q, R, N)
+    dt = sample_time(found, dt)
     with _named():
         if found.dt is not None:
             return _optimal(found, regulation.dlqr(found.A, found.B, weights))
         if dt is None:
             return _optimal(found, regulation.lqr(found.A, found.B, weights))
-        dt = duration('dt', dt)
         step = found.system.sampled(dt)
         design = regulation.sampled_lqr(found.system, weights, dt)
         return _optimal(replace(found, A=step.F, B=step.G, dt=dt), design)
@@ -89,17 +90,17 @@ def dlqr(
     R: ArrayLike | None = None,
     N: ArrayLike | None = None,
     *,
-    dt: float = 1.0,
+    dt: float | None = None,
 ) -> StateFeedback:
     """Return the gain that minimises the sum of x'Q x + 2 x'N u + u'R u along x' = F x + G u.
 
-    Parameters and errors are those of `lqr`; ``dt``, the sample time in seconds, affects only
-    the delay margin and frequencies.
+    Parameters and errors are those of `lqr`; ``dt``, the sample time in seconds, 1 by default,
+    affects only the delay margin and frequencies.
     """
     refuse_continuous('F', F)
     G, Q, R, N = shifted(F, (G, Q, R, N))
     found = plant(F, G)
-    found = replace(found, dt=found.dt or duration('dt', dt))
+    found = replace(found, dt=sample_time(found, dt) or 1.0)
     with _named():
         return _optimal(found, regulation.dlqr(found.A, found.B, _cost(found, Q, R, N)))
 
@@ -136,8 +137,9 @@ def place(
 ) -> StateFeedback:  # fmt: skip
     """Return the gain with the eigenvalues of A - B K at ``poles``: ``place(A, B, poles)``.
 
-    With ``dt`` the input is held for ``dt`` seconds, and a pole s, in 1/s, becomes exp(s dt). For
-    an observer pass A' and C', and transpose the result.
+    With ``dt`` the input is held for ``dt`` seconds, and a pole s, in 1/s, becomes exp(s dt); a
+    system that is in discrete time has poles z, and refuses another ``dt`` than its own. For an
+    observer pass A' and C', and transpose the result.
 
     Raises
     ------
@@ -150,10 +152,10 @@ def place(
     found = plant(A, B)
     if poles is None:
         raise ValueError(f'poles: expected {len(found.A)} numbers, one a state, got nothing')
+    dt = sample_time(found, dt)
     if dt is None or found.dt is not None:
         design = placement.place(found.A, found.B, poles)
         return StateFeedback(found, design.gain, design.poles)
-    dt = duration('dt', dt)
     step = found.system.sampled(dt)
     design = placement.sampled_place(found.system.A, found.system.B, poles, dt)
     return StateFeedback(replace(found, A=step.F, B=step.G, dt=dt), design.gain, design.poles)
@@ -169,8 +171,9 @@ def margins(
 ) -> Margins | LoopMargins:
     """Return the margins of a loop L = C (s I - A)^-1 B + D, closed by u = -L u.
 
-    ``margins(A, B, K)`` for a state feedback, ``margins(gain)`` for a result of `lqr` or `place`,
-    ``margins(loop)`` for an object with A, B, C and D, such as python-control's ``H * P``.
+    ``margins(A, B, K)`` or ``margins(model, K)`` for a state feedback, ``margins(gain)`` for a
+    result of `lqr` or `place`, ``margins(loop)`` for an object with A, B, C and D, such as
+    python-control's ``H * P``.
 
     Returns
     -------
@@ -186,17 +189,22 @@ def margins(
         If the closed loop is not stable.
     """
     if isinstance(A, StateFeedback):
+        if any(given is not None for given in (B, C, D, dt)):
+            raise ValueError('B: expected nothing beside a gain, which has its loop')
         found = A.margins
         return found[0] if len(found) == 1 else found
-    system = None if isinstance(A, Model) else read_system('A', A)
-    if system is not None:
-        dt = system.dt or dt
-        A, B, C, D = system.A, system.B, system.C, system.D
     loop = plant(A, B)
+    if isinstance(A, Model):
+        B, C, D = shifted(A, (B, C, D))
+    elif (system := read_system('A', A)) is not None:
+        if any(given is not None for given in (B, C, D)):
+            raise ValueError('B: expected nothing beside a loop, which has its matrices')
+        C, D = system.C, system.D
+    dt = sample_time(loop, dt)
     C = rows('C', C, len(loop.A))
     if len(C) != loop.B.shape[1]:
         raise ValueError(f'C: expected a row for each of {loop.B.shape[1]} inputs, got {len(C)}')
-    each = LoopMargins.of(state_space(loop.A, loop.B, C, D, loop.dt or dt))
+    each = LoopMargins.of(state_space(loop.A, loop.B, C, D, dt))
     return each[0] if len(each) == 1 else each
 
 
@@ -226,5 +234,9 @@ def discretize(
         n = len(square('A', A))
         B = np.zeros((n, 0)) if B is None else B
     found, seconds = plant(A, B), duration('dt', dt)
+    if found.dt is not None:
+        raise ValueError(
+            f'A: expected a system in continuous time, got one with samples of {found.dt:g} s'
+        )
     density = np.zeros(found.A.shape) if W is None else weight('W', W, len(found.A))
     return Sampled(*Discretization(found.A, found.B, density)(seconds), seconds)

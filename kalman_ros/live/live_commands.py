@@ -24,8 +24,16 @@ from .streams import Streams
 
 #: Seconds that a push lasts, and its largest share of the usual input.
 _PUSH, _MOST = 0.2, 10.0
+#: The largest part of a pole, in 1/s.
+_FASTEST = 1e9
 #: Which node has what can be chosen.
 _OWNERS = {'filter': 'estimator', 'law': 'controller'}
+
+
+def answer(board: Board, command: Command, error: str, arrival: float) -> None:
+    """Show what became of a command that arrived at a monotonic time."""
+    taken = round(1e3 * (monotonic() - arrival), 1)
+    board.add({'answer': {'n': command.number, 'error': error, 'ms': taken}})
 
 
 class LiveCommands:
@@ -95,8 +103,7 @@ class LiveCommands:
             raise
         except Exception as reason:
             error = one_line(str(reason)) or type(reason).__name__
-        taken = round(1e3 * (monotonic() - arrival), 1)
-        self._board.add({'answer': {'n': command.number, 'error': error, 'ms': taken}})
+        answer(self._board, command, error, arrival)
 
     def end_push(self) -> None:
         """End the disturbance when its time is over."""
@@ -156,10 +163,10 @@ class LiveCommands:
 
     def _poles(self, command: Mapping[str, Any], _: float) -> None:
         """Place the poles of the regulator, or those of a Luenberger observer."""
-        poles = np.asarray(command.get('poles'), dtype=float)
-        if poles.ndim != 2 or poles.shape[1] != 2 or not np.isfinite(poles).all():
-            raise ValueError('poles: expected pairs of finite numbers')
-        real, imaginary = poles.T.tolist()
+        pairs = command.get('poles') or []
+        if not pairs or not all(map(_is_pole, pairs)):
+            raise ValueError('poles: expected pairs of finite numbers up to 1e9')
+        real, imaginary = ([float(part) for part in parts] for parts in zip(*pairs))
         if command.get('of') == 'estimator':
             values = {'observer_poles': real, 'observer_frequencies': imaginary}
             if self._adjustments.value('estimator', 'filter') == 'luenberger':
@@ -244,3 +251,12 @@ class LiveCommands:
     def _restart(self, _: Mapping[str, Any], __: float) -> None:
         """Restart the nodes from the initial state."""
         self.carried, self.restart = None, True
+
+
+def _is_pole(pair: Any) -> bool:
+    """Return whether a value is a list of a real and an imaginary part."""
+    return (
+        isinstance(pair, list)
+        and len(pair) == 2
+        and all(type(part) in (int, float) and abs(part) <= _FASTEST for part in pair)
+    )

@@ -18,7 +18,7 @@ from kalman_ros.scenario.regulator import price
 from .adjustments import Adjustments
 from .board import Board
 from .controls import controls
-from .live_commands import LiveCommands
+from .live_commands import LiveCommands, answer
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
 from .page_command import Command
@@ -29,6 +29,8 @@ from .theory_worker import TheoryWorker
 
 #: Seconds between two frames, two status reports, and two updates of theory and shared file.
 _FRAME, _STATUS, _CHANGES = 0.05, 0.5, 0.1
+#: The most commands that wait.
+_WAITING = 200
 
 
 class LiveLoop:
@@ -69,7 +71,10 @@ class LiveLoop:
 
     def command(self, command: Command, arrival: float) -> None:
         """Queue a command from a tab; any thread may call this."""
-        self._queue.put((command, arrival))
+        if self._queue.qsize() >= _WAITING:
+            answer(self._board, command, 'too many commands are waiting', arrival)
+        else:
+            self._queue.put((command, arrival))
 
     def run(self) -> None:
         """Run the nodes until a signal; one that dies is reported, and all restart on request.
@@ -163,10 +168,12 @@ class LiveLoop:
         """Wait for a person's request to start again."""
         while True:
             try:
-                command, _ = self._queue.get(timeout=0.2)
+                command, arrival = self._queue.get(timeout=0.2)
             except Empty:  # a signal is delivered between two waits
                 continue
-            if command.do == 'restart':
+            restart = command.do == 'restart'
+            answer(self._board, command, '' if restart else 'a node has ended: restart', arrival)
+            if restart:
                 return
 
     def _follow(self) -> None:

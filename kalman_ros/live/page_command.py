@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
+from sys import float_info
 from typing import Any
 
 _NUMBER = (int, float)
@@ -73,11 +74,12 @@ def _has(kind: type | tuple[type, ...], wanted: type) -> bool:
     return wanted in (kind if isinstance(kind, tuple) else (kind,))
 
 
-def _finite(text: str) -> float:
+def _finite(text: str) -> float | None:
+    """Return a number that ROS can read: None if it is not finite, 0 if it is subnormal."""
     value = float(text)
     if not isfinite(value):
-        raise ValueError(f'{text} is not a finite number')
-    return value
+        return None
+    return value if abs(value) >= float_info.min else 0.0
 
 
 def _shown(value: object) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import Path
+from sys import float_info
 from typing import Any, NamedTuple
 
 import yaml
@@ -65,6 +67,36 @@ class _Loader(Composer, CParser, SafeConstructor, Resolver):  # type: ignore[mis
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """Return a mapping by names, which are texts as they stand."""
+        values = (self.construct_object(value, deep=deep) for _, value in node.value)
+        return dict(zip(_names(node), values))
+
+    def construct_number(self, node: Any) -> Any:
+        """Return a number, or the text of one that C cannot represent, as ROS does."""
+        text = node.value
+        if node.tag.endswith('int') and len(text) < 30:
+            whole = self.construct_yaml_int(node)
+            return whole if -(2**63) <= whole < 2**63 else float(whole)
+        value = self.construct_yaml_float(node)
+        mantissa = text.lower().partition('e')[0]
+        if not any(digit in '123456789' for digit in mantissa):  # 0, inf or nan
+            return value
+        return value if isfinite(value) and abs(value) >= float_info.min else text
+
+
+def _names(node: Any) -> list[str]:
+    """Return the names in a mapping; ComposerError if one is no text, or stands twice."""
+    names: dict[str, None] = {}
+    for key, _ in node.value:
+        why = '' if isinstance(key, yaml.ScalarNode) else 'expected a name'
+        if not why and key.value in names:
+            why = f"'{key.value}' stands twice"
+        if why:
+            raise yaml.composer.ComposerError(None, None, why, key.start_mark)
+        names[key.value] = None
+    return [*names]
 
 
 def _load(text: str) -> Any:
@@ -135,7 +167,8 @@ _WORDS = (
     ('tag:yaml.org,2002:int', r'[-+]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)', '-+0123456789'),
     (
         'tag:yaml.org,2002:float',
-        r'[-+]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|\.?(inf|Inf|INF)|\.?(nan|NaN|NAN))',
+        r'[-+]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|\.?(inf|Inf|INF)|nan|NaN|NAN)'
+        r'|\.(nan|NaN|NAN)',
         '-+.0123456789iInN',
     ),
     ('tag:yaml.org,2002:null', '', ['']),
@@ -144,6 +177,8 @@ _Loader.yaml_implicit_resolvers = {}
 for _tag, _pattern, _first in _WORDS:
     _Loader.add_implicit_resolver(_tag, re.compile(f'^(?:{_pattern})$'), list(_first))
 _Loader.add_constructor('!bare', lambda loader, node: _Bare(node.value))
+for _tag in ('int', 'float'):
+    _Loader.add_constructor(f'tag:yaml.org,2002:{_tag}', _Loader.construct_number)
 
 
 def from_file(path: Path | None, *nodes: str) -> dict[str, Any]:
@@ -315,8 +350,8 @@ def _lined(loader: _Loader, node: Any) -> Lined:
     line = node.start_mark.line + 1
     if not isinstance(node, yaml.MappingNode):
         return Lined(loader.construct_document(node), line)
-    pairs = [(loader.construct_document(key), value) for key, value in node.value]
+    names = _names(node)
     # the line of a value that begins on a later one is that of its name
-    lines = {str(key): entry[0].start_mark.line + 1 for (key, _), entry in zip(pairs, node.value)}
-    found = {str(key): _lined(loader, value) for key, value in pairs}
+    lines = {name: key.start_mark.line + 1 for name, (key, _) in zip(names, node.value)}
+    found = {name: _lined(loader, value) for name, (_, value) in zip(names, node.value)}
     return Lined({key: each._replace(line=lines[key]) for key, each in found.items()}, line)

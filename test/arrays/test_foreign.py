@@ -194,3 +194,38 @@ def test_complex_numbers_are_refused_by_name(name, call):
 
 def test_poles_may_be_complex():
     assert kr.place(A, B, [-1 + 1j, -1 - 1j]).gain.dtype == float
+
+
+STEP = signal.dlti([[1, 0.1], [-0.2, 0.95]], B, C, D, dt=0.1)
+
+
+@pytest.mark.parametrize(
+    ('call', 'reason'),
+    [
+        (lambda: kr.discretize(STEP, 0.1), 'A: expected a system in continuous time, got one'),
+        (lambda: kr.lqr(STEP, 1, 1, dt=0.5), 'dt: the system has samples of 0.1 s, got 0.5'),
+        (lambda: kr.dlqr(STEP, 1, 1, dt=0.7), 'dt: the system has samples of 0.1 s, got 0.7'),
+        (lambda: kr.place(STEP, [-1, -2], dt=0.5), 'dt: the system has samples of 0.1 s, got'),
+        (lambda: kr.margins(STEP, dt=0.5), 'dt: the system has samples of 0.1 s, got 0.5'),
+        (lambda: kr.margins(STEP, [1, 1]), 'B: expected nothing beside a loop'),
+        (lambda: kr.margins(signal.lti(A, B, C, D), None, [[9, 9]]), 'B: expected nothing beside'),
+        (lambda: kr.margins(kr.lqr(A, B, 1, 1), [1, 2]), 'B: expected nothing beside a gain'),
+        (
+            lambda: kr.margins(kr.continuous_model(A, B, W), [1, 1], [1, 1], [0]),
+            'B: expected none',
+        ),
+        *(
+            (lambda dt=dt: kr.margins(A, B, [1, 1], dt=dt), 'dt: expected ')
+            for dt in ('x', '1', [1], {}, 1j, b'1', np.inf, np.nan, 0.0, -1.0)
+        ),
+    ],
+)
+def test_nothing_given_is_ignored(call, reason):
+    with pytest.raises(ValueError, match=f'^{reason}'):
+        call()
+
+
+def test_the_sample_time_of_a_system_may_be_repeated():
+    np.testing.assert_array_equal(kr.lqr(STEP, 1, 1, dt=0.1).gain, kr.lqr(STEP, 1, 1).gain)
+    gain = kr.lqr(A, B, 1, 1)
+    assert kr.margins(kr.continuous_model(A, B, W), gain) == kr.margins(gain)

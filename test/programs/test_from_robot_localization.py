@@ -274,7 +274,7 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
         ),
         ('odom0: odom\nodom0_config: F\n', 'expected a flag that is true, got none'),
         ('odom0: odom\nodom0_config: C\nfrequency: -3.0\n', 'publish_rate: expected'),
-        ('odom0: odom\nodom0_config: C\nfrequency: 1' + 400 * '0', 'of at most 64 bits'),
+        ('odom0: odom\nodom0_config: C\nfrequency: 1' + 400 * '0', 'frequency: expected a number'),
         ('odom0: odom\nodom0_config: C\nworld_frame: base_link\n', 'another than frame'),
         ('odom0: odom\nodom0_config: C\nworld_frame: /\n', 'without a leading slash'),
         (

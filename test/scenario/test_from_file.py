@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameter files that would take long to read are refused at once, with a reason."""
 
+import re
 import time
 
 import pytest
@@ -63,7 +64,8 @@ def test_a_deviation_without_a_square_is_refused():
 WORDS = (
     '1:2:3', '1_000', '0b1', '0o17', '2001-01-01', '1e3', '1.', '.5', '-.5e-3', '0x1F', '017',
     '08', '089.5', '.inf', '-.inf', '.nan', 'inf', 'nan', '~', 'null', 'yes', 'on', 'oN', '+5',
-    '-0', '1e', '1.2.3', '=', '0x', '<<',
+    '-0', '1e', '1.2.3', '=', '0x', '<<', '1e-310', '1e400', '1e-400', '0e-400', '-.nan', '+.inf',
+    '9223372036854775807', '9223372036854775808', '0xffffffffffffffff', '2.3e-308',
 )  # fmt: skip
 
 
@@ -106,3 +108,28 @@ def test_a_merge_is_a_name_like_any_other(tmp_path):
     path = tmp_path / 'mine.yaml'
     path.write_text('/**:\n  ros__parameters:\n    <<: {rate: 1.0}\n')
     assert from_file(path) == {'<<.rate': 1.0}
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        (
+            '/**:\n  ros__parameters: {a: 1}\n/**:\n  ros__parameters: {b: 1}\n',
+            "'/**' stands twice",
+        ),
+        ('/**:\n  ros__parameters: {a: 1, a: 2}\n', "'a' stands twice in line 2"),
+        ('/**:\n  ros__parameters: {[a]: 1}\n', 'expected a name in line 2'),
+    ],
+)
+def test_a_name_stands_once(tmp_path, text, reason):
+    """The parser of ROS merges some of these and takes the first or the last of others."""
+    path = tmp_path / 'mine.yaml'
+    path.write_text(text)
+    with pytest.raises(ValueError, match=re.escape(reason)):
+        from_file(path)
+
+
+def test_names_are_texts_as_they_stand(tmp_path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text('/**:\n  ros__parameters: {no: 1, 010: 2, 1e5: 3, y: 4}\n')
+    assert from_file(path) == {'no': 1, '010': 2, '1e5': 3, 'y': 4}
