@@ -116,12 +116,32 @@ class SqliteFile:
             return
         if not isinstance(first, int) or not isinstance(last, int):
             raise ValueError('expected the times of messages as whole numbers')
+        self._divide(file, first, last, count, budget)
+
+    def _divide(
+        self, file: sqlite3.Connection, first: int, last: int, count: int, budget: Budget
+    ) -> None:
+        """Add blocks of equal duration, and divide those that hold many messages again.
+
+        Otherwise one message from before the clock was set would leave all others in one block.
+        """
         slices = min(max(1, count // _SLICE), _MOST_SLICES)
         width = (last - first) // slices + 1
-        for start in range(first, last + 1, width):
+        counts: dict[int, int] = {}
+        if slices > 1:
+            shares = file.execute(
+                'SELECT CAST((timestamp - ?) / ? AS INTEGER), count(*) FROM messages '
+                'WHERE timestamp BETWEEN ? AND ? GROUP BY 1',
+                (first, float(width), first, last),
+            )
+            counts = dict(shares.fetchall())
+        for number, start in enumerate(range(first, last + 1, width)):
             budget.note()
-            end = start + width - 1
-            self.blocks.append(Block(start, end, partial(self._read, start, end)))
+            end = min(start + width - 1, last)
+            if counts.get(number, 0) > 4 * _SLICE and width > 1:
+                self._divide(file, start, end, counts[number], budget)
+            else:
+                self.blocks.append(Block(start, end, partial(self._read, start, end)))
 
     def _read(
         self, start: int, end: int, topics: Collection[str], budget: Budget

@@ -340,6 +340,17 @@ def test_a_query_may_do_nothing_else(tmp_path, query):
         file.execute(query)
 
 
+@pytest.mark.parametrize('before', [[5], [-(2**63)], [5, 2**63 - 1], [-(2**63), 2**63 - 1]])
+def test_a_message_from_before_the_clock_was_set_leaves_small_parts(tmp_path, monkeypatch, before):
+    monkeypatch.setattr(sqlite_reader, '_SLICE', 10)
+    times = sorted([*before, *(1_700_000_000_000_000_000 + 50_000_000 * k for k in range(2000))])
+    path = hostile.write_sqlite(tmp_path / 'a.db3', [(1, time, b'x') for time in times])
+    assert count(path) == len(times)
+    file = SqliteFile(path, Budget(10**6))
+    largest = max(sum(block.start <= time <= block.end for time in times) for block in file.blocks)
+    assert largest <= 40
+
+
 def test_the_steps_of_sqlite_are_work(tmp_path, monkeypatch):
     """Without an index, all rows are looked at for each slice."""
     monkeypatch.setattr(budget, 'FREE_RECORDS', 100_000)
