@@ -142,3 +142,10 @@ def test_the_units_of_the_states_cost_no_digits(spread):
         F, G, Q = Discretization(A * column / t, B * column, W * across)(0.5)
         for found, exact in zip((F / column * t, G / column, Q / across), expected):
             np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())
+
+
+def test_a_mode_without_noise_that_grows_beyond_all_numbers_is_refused():
+    with pytest.raises(np.linalg.LinAlgError, match='grows beyond all numbers within a step of 1'):
+        flow(np.array([[800.0]]), np.zeros((1, 1)), 1.0)
+    F, Q = flow(np.array([[700.0]]), np.zeros((1, 1)), 1.0)
+    np.testing.assert_allclose([F.item(), Q.item()], [np.exp(700.0), 0.0])

@@ -95,3 +95,20 @@ def test_nothing_is_lost_where_the_angle_wraps(filter):
 
 def nis_bounds(run):
     return chi_square_bounds(1.0, 1.0 / len(run.innovations[JOINTS].nis), 1e-3)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.4, -1.1, np.pi])
+def test_the_noise_is_that_of_a_random_force_and_torque(angle):
+    """Through the inverse of the mass matrix, whose first column is that of the input."""
+    cart, pole, inertia, length, force, torque = 0.5, 0.2, 0.006, 0.3, 0.07, 0.02
+    model = CartPole(force_noise=force, torque_noise=torque)
+    x = np.array([0.3, -0.2, angle, 0.5])
+    B = model.input_jacobian(x, np.zeros(1))[[1, 3], 0]
+    coupling = pole * length * np.cos(angle)
+    masses = np.array([[cart + pole, coupling], [coupling, inertia + pole * length**2]])
+    G = np.linalg.inv(masses)
+    if B[1] * G[1, 0] < 0.0:  # the other way of counting the angle
+        G[0, 1] = G[1, 0] = -G[1, 0]
+    np.testing.assert_allclose(G[:, 0], B)
+    W = model.noise_density(x)[np.ix_([1, 3], [1, 3])]
+    np.testing.assert_allclose(W, G @ np.diag([force, torque]) @ G.T, rtol=1e-9, atol=1e-12)

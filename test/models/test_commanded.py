@@ -82,3 +82,11 @@ def test_a_change_of_the_inputs_while_it_runs_is_refused():
     changed = {**full, 'model_parameters.command_time': 0.2}
     with pytest.raises(ValueError, match=r'expected a model of 0 inputs, got 2: restart'):
         scenario.rebuild(built, changed, ['model_parameters.command_time'])
+
+
+@pytest.mark.parametrize(('command_time', 'longest'), [(0.02, 0.01), (5.0, None)])
+def test_no_lag_makes_a_step_longer_than_that_of_the_unicycle(command_time, longest):
+    usual = scenario.build({'model': 'diff_drive'}).model.max_step
+    parameters = {'model_parameters.command_time': command_time}
+    found = scenario.build({'model': 'diff_drive', **parameters}).model.max_step
+    assert found == (usual if longest is None else longest)

@@ -7,6 +7,7 @@ import pytest
 from kalman_ros import scenario
 from kalman_ros.core import numerical_jacobian
 from kalman_ros.estimators import build_filter
+from kalman_ros.scenario.biased_model import BiasedModel
 
 STD, DENSITY = 0.3, 0.01
 
@@ -112,3 +113,9 @@ def test_a_bias_is_found_between_two_sensors():
 def test_wrong_biases_are_refused(values, words):
     with pytest.raises(ValueError, match=words):
         scenario.build(values)
+
+
+def test_a_model_with_bias_states_takes_steps_as_short_as_the_model():
+    model = scenario.build({'model': 'cart_pole'}).model
+    model.max_step = 0.003
+    assert BiasedModel(model, ['bias'], ['m'], np.eye(1)).max_step == 0.003
