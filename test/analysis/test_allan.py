@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from kalman_ros.analysis.allan import allan, overlapping_variance
+from kalman_ros.analysis.allan import Allan, Parameter, allan, overlapping_variance
 
 
 def published():
@@ -104,3 +104,17 @@ def test_an_exact_deviation_gives_back_its_parameters(monkeypatch, N, B, K):
     np.testing.assert_allclose(
         [each.value for each in parameters], [N, B, K], rtol=1e-4, atol=1e-6
     )
+
+
+@pytest.mark.parametrize(
+    ('low', 'high', 'times'),
+    [(1.0, 2.9, 1.0), (1.0, 9.0, 4.0), (1.0, 27.0, 9.0), (1.0, 1e3, 10.0), (0.0, 1.0, 10.0)],
+)
+def test_degrees_of_freedom_grow_with_the_duration(low, high, times):
+    """So the logarithm of the interval shrinks with its square root."""
+    nothing = np.zeros(0)
+    parameter = Parameter(2.0, low, high, 10.0)
+    found = Allan(
+        nothing, nothing, nothing, nothing, nothing, parameter, parameter, parameter, 60.0
+    )
+    assert found.needed() == pytest.approx(60.0 * times)

@@ -6,6 +6,9 @@ import pytest
 
 from kalman_ros import scenario
 from kalman_ros.core import is_due, period, ratio
+from kalman_ros.simulation.faults import options_of_sensors
+from kalman_ros.simulation.faults.body import BodyOptions
+from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.noise import NoiseSource
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
@@ -92,3 +95,19 @@ def test_noise_may_be_zero_in_some_directions():
     draws = np.array([NoiseSource(seed, 'a').draw(np.diag([0.0, 1.0])) for seed in range(50)])
     np.testing.assert_array_equal(draws[:, 0], 0.0)
     assert draws[:, 1].std() > 0.5
+
+
+def test_a_disturbance_and_a_fault_of_the_body_push_together():
+    built = scenario.build({})
+    timed = {name: source.timed for name, source in built.sensors.items()}
+    states = []
+    for push, fault in ((0.0, 0.0), (3.0, 0.0), (0.0, 2.0), (3.0, 2.0)):
+        plant = SimulatedPlant(built.model, timed, built.rate, built.initial_state, 1)
+        settings = {option.name: option.default for option in options_of_sensors(timed)}
+        body = BodyOptions(disturbance_constant=[fault, 0.0], actuator_delay=0.0)
+        plant.adopt(PlantFaults(timed, 2, body, settings))
+        plant.step(np.zeros(2), np.array([push, 0.0]))
+        states.append(plant.state)
+    still, pushed, faulty, both = states
+    assert abs(pushed - still).max() > 1e-3 < abs(faulty - still).max()
+    np.testing.assert_allclose(both - still, pushed - still + faulty - still, atol=1e-12)
