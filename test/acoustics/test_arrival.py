@@ -67,6 +67,7 @@ def least_variance(decibel):
     return 1.0 / np.sum(2.0 * k**2 * 0.5 * RADIUS**2 * s**2 / (1.0 + s))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('decibel', first_fast([0.0, -9.0, 20.0, 10.0, -6.0], 2))
 def test_bearings_are_as_good_as_they_say(decibel):
     errors, variances, evidence = found(decibel)

@@ -97,6 +97,7 @@ def spring():
     return K, weight, np.array(errors[-5:]), np.array(joints[-5:]), gains[-5:]
 
 
+@pytest.mark.slow
 def test_the_spring_is_as_worked_out_by_brute_force(spring):
     K, weight, errors, joints, gains = spring
     found = report(build())

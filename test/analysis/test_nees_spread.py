@@ -101,6 +101,7 @@ def test_the_window_knows_what_is_no_covariance():
         assert not window.inside()
 
 
+@pytest.mark.slow
 def test_the_demo_of_the_bearing_tracker_shows_the_convergence():
     path = CONFIG / 'bearing_tracker.yaml'
     own = demo_section(path)

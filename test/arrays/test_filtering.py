@@ -158,6 +158,7 @@ def test_a_scenario_has_sensors_and_a_first_belief():
     assert found.mean.shape == (2, 4)
 
 
+@pytest.mark.slow
 def test_functions_that_take_one_state_at_a_time():
     def one(x, u):
         return np.array([x[1], u[0] - np.sin(x[0])])
@@ -203,6 +204,7 @@ def test_pictures(tmp_path):
         assert labels == {'reading', 'truth', 'smoothed' if each.smoothed else 'filtered'}
 
 
+@pytest.mark.slow
 def test_consistency():
     rng = np.random.default_rng(0)
     estimates, truths = [], []

@@ -35,6 +35,7 @@ def test_a_reference_is_held(law):
     np.testing.assert_allclose(late[places], [1.0, -0.5], atol=0.25)
 
 
+@pytest.mark.slow
 def test_lqi_leaves_no_error_where_lqr_does(tmp_path):
     """With a spring of the plant that is stiffer than believed."""
     path = tmp_path / 'stiff.yaml'

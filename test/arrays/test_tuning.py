@@ -161,6 +161,7 @@ def test_an_input_that_never_acts_determines_no_gain():
     assert found.values['gain'] == 1.0
 
 
+@pytest.mark.slow
 def test_noise_that_shrinks_until_it_no_longer_shows_does_not_return_to_its_start():
     """Of a level that is read exactly: any small enough noise is as likely, the start is not."""
     y = np.cumsum(np.random.default_rng(6).normal(0.0, 1.0, 300))
@@ -254,6 +255,7 @@ def test_an_ascent_ends_at_a_known_maximum_once_it_is_near():
     assert past.top.value > whole.top.value - 1e-3
 
 
+@pytest.mark.slow
 def test_ascents_in_step_lead_where_each_leads_alone():
     spring = replace(COVERED[0], fitted=['mass', 'damping', 'stiffness'], seconds=4.0)
     surface = likelihood(spring, recorded(spring, 0))

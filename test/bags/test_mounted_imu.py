@@ -66,6 +66,7 @@ def straight(tmp_path_factory):
     return replay(recorded(tmp_path_factory.mktemp('bag') / 'straight'), DRIVE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'mount', first_fast([((0.0, QUARTER, 0.0),), ((QUARTER, 0.0, 0.0),), ((0.4, -1.2, 3.0),)], 1)
 )

@@ -70,6 +70,7 @@ def test_large_messages_without_a_tick_do_not_fill_the_memory(monkeypatch):
     assert without_ticks.read < 30
 
 
+@pytest.mark.slow
 def test_a_whole_recording_needs_ticks_only_where_it_begins():
     rest = without_ticks(10 * budget.MOST_WAITING)
     passed = iter(Steps(chain(messages(), rest), '/tick'))

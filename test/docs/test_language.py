@@ -116,6 +116,7 @@ def found():
     return [finding for path in files() for finding in findings(path)]
 
 
+@pytest.mark.slow
 def test_no_file_holds_a_phrase_to_avoid(found):
     wrong = [
         f'{n}:{at}: "{text}": {to}' for n, at, text, to in found if not allowed((n, at, text))

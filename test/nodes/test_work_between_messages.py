@@ -11,6 +11,7 @@ from kalman_ros.nodes import estimator_intake
 from kalman_ros.nodes.estimator import EstimatorNode
 
 
+@pytest.mark.slow
 def test_diagnostics_do_not_follow_the_path_that_messages_have_paid_for(pair, monkeypatch):
     monkeypatch.setattr(estimator_intake, '_PAUSE', 0.0)
     found = pair(EstimatorNode, model='robot_3d', sensors="['odometry', 'imu']")

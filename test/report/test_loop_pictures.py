@@ -43,6 +43,7 @@ def grown(built, P):
     return step.F @ P @ step.F.T + step.Q
 
 
+@pytest.mark.slow
 def test_the_start_shows_the_prediction_and_the_update_of_each_step(loop, tmp_path):
     built, run = loop
     axes = gains(built, run, tmp_path / 'gains.png')
@@ -53,6 +54,7 @@ def test_the_start_shows_the_prediction_and_the_update_of_each_step(loop, tmp_pa
     assert std[9] > std[10]
 
 
+@pytest.mark.slow
 def test_the_gain_is_that_of_the_filter(loop, tmp_path):
     """K S = P- C', for the only sensor that has a reading at its time."""
     built, run = loop
@@ -168,6 +170,7 @@ def test_a_state_that_is_not_relative_has_no_observer(loop):
     assert observer(plain, loop[1]) is None
 
 
+@pytest.mark.slow
 def test_the_last_of_an_odd_number_of_states_has_its_row_alone(tmp_path):
     built = scenario.build({'model': 'diff_drive'})
     run = closed_loop.run(built, None, 0.2, 0)

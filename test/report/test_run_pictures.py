@@ -44,6 +44,7 @@ def test_no_band_at_best_is_outside_of_that_of_a_filter_that_is_as_good_as_it_sa
     np.testing.assert_allclose(drawn_at_best(built, run, tmp_path), np.minimum(bound, std))
 
 
+@pytest.mark.slow
 def test_a_filter_that_claims_too_much_does_not_move_the_band_at_best(tracked, tmp_path):
     built, run = tracked
     bound = posterior_cramer_rao(built, run.truth, run.input, run.readings)
@@ -65,6 +66,7 @@ def test_the_axes_hold_truth_and_estimate(tracked, tmp_path):
         assert low < run.truth[:, index].min() < run.truth[:, index].max() < high
 
 
+@pytest.mark.slow
 def test_a_heading_beyond_half_a_turn_is_one_line_with_its_readings(tmp_path):
     built = scenario.build({'model': 'gnss_imu'})
     run = closed_loop.run(built, None, 2.0, 0)
@@ -81,6 +83,7 @@ def test_a_heading_beyond_half_a_turn_is_one_line_with_its_readings(tmp_path):
     np.testing.assert_allclose(lines['estimate'], turning + 0.1, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_close_up_shows_some_readings_from_the_start(tracked, tmp_path):
     built, run = tracked
     axes = states(built, run, tmp_path / 'states.png')

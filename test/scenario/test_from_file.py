@@ -21,6 +21,7 @@ def bomb():
     return '\n'.join(lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('text', 'says'),
     [

@@ -25,6 +25,7 @@ def test_a_target_that_passes_close_by_is_not_lost(name, seed):
     assert failures(name, seed) == []
 
 
+@pytest.mark.slow
 def test_the_survey_finds_a_wrong_belief():
     assert failures('level', 0) == []
     assert failures('level', 0, initial_std=[1e-3]) != []
