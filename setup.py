@@ -17,7 +17,7 @@ setup(
     name=PACKAGE,
     version='0.1.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed', 'nodes/*.xml', 'live/page/*']},
+    package_data={PACKAGE: ['py.typed', 'compiled/*.c', 'nodes/*.xml', 'live/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -29,6 +29,7 @@ setup(
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'filterpy', 'rosbags'],
         'docs': ['sphinx', 'myst-parser'],
         'bags': ['rosbags'],
+        'compiled': ['casadi>=3.7'],
         'dask': ['distributed'],
         'live': ['websockets>=13'],
         'view': ['foxglove-sdk>=0.30'],

@@ -16,15 +16,23 @@ BELOW = {
     'core': {'linear'},
     **{
         library: {'linear', 'core'}
-        for library in ('models', 'acoustics', 'sensors', 'estimators', 'control', 'codecs')
+        for library in (
+            'models',
+            'acoustics',
+            'sensors',
+            'compiled',
+            'estimators',
+            'control',
+            'codecs',
+        )
     },
 }
 BELOW['scenario'] = {'linear', 'core', 'models', 'sensors', 'estimators', 'control'}
 BELOW['simulation'] = {*BELOW['scenario'], 'scenario', 'acoustics'}
 BELOW['analysis'] = {*BELOW['simulation'], 'simulation'}
 BELOW['report'] = {*BELOW['analysis'], 'analysis'}
-BELOW['arrays'] = {*BELOW['report'], 'report'}
-BELOW['pipeline'] = {*BELOW['analysis'], 'analysis', 'codecs'}
+BELOW['arrays'] = {*BELOW['report'], 'report', 'compiled'}
+BELOW['pipeline'] = {*BELOW['analysis'], 'analysis', 'codecs', 'compiled'}
 BELOW['bags'] = {*BELOW['pipeline'], 'pipeline'}
 BELOW['nodes'] = {*BELOW['pipeline'], 'pipeline'}
 BELOW['harness'] = {*BELOW['nodes'], 'nodes', 'bags'}

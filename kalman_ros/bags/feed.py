@@ -64,7 +64,8 @@ class Feed:
         self.settings = settings = settings.in_lockstep(self.lockstep)
         learn_layouts(on=settings.options.learn_layouts)
         scenario = settings.scenario
-        self.online = settings.estimator()
+        found = settings.fusion()
+        self.online = settings.estimator(found)
         self.origin = settings.origin()
         #: Sentences on what the recording lacks.
         self.notes: list[str] = []
@@ -77,7 +78,9 @@ class Feed:
         }
         input = InputReader(scenario.input, own, note)
         timeout = settings.input_timeout()
-        self.fuser = Fuser(scenario, self.online, channels, input, lambda _: None, timeout)
+        self.fuser = Fuser(
+            scenario, self.online, channels, input, lambda _: None, timeout, found.arithmetic
+        )
         self._intake = Intake(lambda _: None)
         self._intake.longest = settings.options.max_message_size
         self._read_pose = PoseReader(scenario)
@@ -147,8 +150,7 @@ class Feed:
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now."""
         found = fusion(scenario, self.settings.options, self.settings.extra)
-        self.online.configure(found.filter, found.sensors, found.policy)
-        self.fuser.configure(scenario)
+        self.fuser.configure(scenario, found)
 
     def __call__(self, message: Message) -> None:
         """Take the next message."""

@@ -183,21 +183,27 @@ class Model(ABC):
 
         A negative ``dt`` integrates backwards.
         """
-        return self.state.wrap(self._integrated(x, like(u, x), dt)[0])
+        u = like(u, x)
+        count = self.substeps(dt)
+        h = dt / count
+        for _ in range(count):
+            x = self.substep(x, u, h)
+        return self.state.wrap(x)
 
-    def _integrated(self, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
-        """Return the state after ``dt`` seconds, not wrapped, and the derivative at ``x``."""
-        substeps = max(1, ceil(min(abs(dt) / self.max_step, MOST_SUBSTEPS)))
-        h = dt / substeps
-        first = k1 = self.derivative(x, u)
-        for left in range(substeps - 1, -1, -1):
-            k2 = self._rate(x, 0.5 * h * k1, u)
-            k3 = self._rate(x, 0.5 * h * k2, u)
-            k4 = self._rate(x, h * k3, u)
-            x = self.state.reached(x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4), x)
-            if left:
-                k1 = self.derivative(x, u)
-        return x, first
+    def substeps(self, dt: float) -> int:
+        """Return the number of integration steps in ``dt`` seconds."""
+        return max(1, ceil(min(abs(dt) / self.max_step, MOST_SUBSTEPS)))
+
+    def substep(self, x: Array, u: Array, h: float) -> Array:
+        """Return the state (..., n), not wrapped, after one integration step of ``h`` seconds.
+
+        The classical method of Runge and Kutta, of fourth order; on rotations that of Munthe-Kaas.
+        """
+        k1 = self.derivative(x, u)
+        k2 = self._rate(x, 0.5 * h * k1, u)
+        k3 = self._rate(x, 0.5 * h * k2, u)
+        k4 = self._rate(x, h * k3, u)
+        return self.state.reached(x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4), x)
 
     def _rate(self, x: Array, d: Array, u: Array) -> Array:
         """Return the rate of change of ``d``, the difference from ``x``."""
@@ -235,17 +241,14 @@ class Model(ABC):
     def differenced_step(self, x: Array, u: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return the state x' (..., n) after a step, F = d x' / d x and A, both (..., n, n).
 
-        One integration of the points about x (..., n) gives all three.
+        They are those of the points about x (..., n).
         """
         differences = Differences.about(x, _DIFFERENCE_OF_STEPS, self.state)
         points = differences.points
-        if type(self).step is Model.step:
-            moved, slope = self._integrated(points, like(u, points), dt)
-        else:
-            moved, slope = self.step(points, u, dt), self.derivative(points, like(u, points))
+        moved, slope = self.step(points, u, dt), self.derivative(points, like(u, points))
         F = differences.jacobian(moved, self.state.subtract)
         A = self.state.of_errors(differences.jacobian(slope), slope[0])
-        return self.state.wrap(moved[0]), F, A
+        return moved[0], F, A
 
     def differenced_slope(self, x: Array, u: Array) -> Array:
         """Return the A (..., n, n) of `differenced_step` alone."""

@@ -80,11 +80,12 @@ def rotate_back(r: Array, v: Array) -> Array:
 
 def shortest(r: Array) -> Array:
     """Return the same rotations (..., 3) by angles of at most pi; those that are, unchanged."""
-    angle = np.asarray(_angle(*_parts(r)))[..., np.newaxis]
-    if not (angle > pi).any():
+    angle = np.asanyarray(_angle(*_parts(r)))[..., np.newaxis]
+    beyond = angle > pi
+    if beyond.dtype == bool and not beyond.any():
         return r
     share = 2.0 * pi * np.round(angle / (2.0 * pi)) / np.maximum(angle, pi)
-    return np.asarray(np.where(angle > pi, r - share * r, r))
+    return np.asanyarray(np.where(beyond, r - share * r, r))
 
 
 def left_jacobian(r: Array) -> Array:

@@ -153,7 +153,7 @@ class Space:
     def wrap(self, x: Array) -> Array:
         """Return ``x`` (..., n) with angles in [-pi, pi), and rotations by at most pi."""
         if self._wrapped:
-            x = np.array(x, float)
+            x = 1.0 * x
             for index in self._wrapped:
                 x[..., index] = (x[..., index] + np.pi) % (2.0 * np.pi) - np.pi
         return self._each(so3.shortest, x) if self._turned else x

@@ -14,14 +14,14 @@ from .filter import Filter, Plan
 #: The filters, each a module with ``build(plan)``; imported on demand.
 FILTERS = ('kf', 'ekf', 'ukf', 'gaussian_sum', 'steady_state', 'luenberger')
 #: Implementations: our own code, or filterpy's for the filters that it has.
-IMPLEMENTATIONS = ('native', 'filterpy')
+NATIVE, FILTERPY = IMPLEMENTATIONS = ('native', 'filterpy')
 
 
 def _builder(name: str, implementation: str) -> Callable[..., Any]:
     refuse_unknown([name], FILTERS, 'filter')
     refuse_unknown([implementation], IMPLEMENTATIONS, 'implementation')
     builder: Callable[..., Any] = import_module(f'{__name__}.{name}').build
-    if implementation == 'filterpy':
+    if implementation == FILTERPY:
         try:
             peers = import_module(f'{__name__}.peers').BUILDERS
         except ModuleNotFoundError:
@@ -31,7 +31,7 @@ def _builder(name: str, implementation: str) -> Callable[..., Any]:
     return builder
 
 
-def filter_options(name: str, implementation: str = 'native') -> tuple[Option, ...]:
+def filter_options(name: str, implementation: str = NATIVE) -> tuple[Option, ...]:
     """Return the options of a filter; ValueError if there is no such filter."""
     return options_of(_builder(name, implementation))
 
@@ -40,7 +40,7 @@ def build_filter(
     name: str,
     plan: Plan,
     options: Mapping[str, Value] | None = None,
-    implementation: str = 'native',
+    implementation: str = NATIVE,
 ) -> Filter:
     """Return the filter ``name`` for a plan.
 

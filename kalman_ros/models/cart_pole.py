@@ -95,11 +95,10 @@ class CartPole(Model):
         """Return the velocity changes by the random force and torque."""
         J, c, M = self._compliance(np.cos(x[..., 2]))
         force, torque = self._noise
-        W = np.zeros((4, 4, *x.shape[:-1]))
-        W[1, 1] = J * J * force + c * c * torque
-        W[1, 3] = W[3, 1] = c * (J * force + M * torque)
-        W[3, 3] = c * c * force + M * M * torque
-        return entries_last(W)
+        o, both = 0.0 * c, c * (J * force + M * torque)
+        v, omega = J * J * force + c * c * torque, c * c * force + M * M * torque
+        W = [[o, o, o, o], [o, v, o, both], [o, o, o, o], [o, both, o, omega]]
+        return entries_last(np.array(W))
 
 
 MODEL = CartPole

@@ -19,6 +19,7 @@ from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
 
 from . import runtime
+from .changeover import Changeover
 from .channel import InputChannel, SensorChannel
 from .diagnostics import Report
 from .estimate_publisher import EstimatePublisher
@@ -46,7 +47,8 @@ class EstimatorNode(runtime.ScenarioNode):
             expected = f'0 or at least {_SLOWEST:g} Hz'
             raise ValueError(f'publish_rate: expected {expected}, got {options.publish_rate:g}')
         settings = Settings(scenario, options, self.extra)
-        self._online, origin = settings.estimator(), settings.origin()
+        found, origin = settings.fusion(wait=options.lockstep), settings.origin()
+        self._online = settings.estimator(found)
         seen = observability(scenario)
         self._publish = EstimatePublisher(self, scenario, options, origin)
         tf = options.publish_tf
@@ -62,8 +64,16 @@ class EstimatorNode(runtime.ScenarioNode):
         own, warn = (options.frame, options.child_frame), self.get_logger().warning
         input = InputChannel(scenario.input, own, warn)
         self._fuser = Fuser(
-            scenario, self._online, channels, input, warn, settings.input_timeout()
+            scenario,
+            self._online,
+            channels,
+            input,
+            warn,
+            settings.input_timeout(),
+            found.arithmetic,
         )
+        self._changeover = Changeover(self, lambda: self._use(self._fuser.scenario))
+        self._changeover.when_compiled(found.pending)
         mounts.on_mounted = self._use
         self._health = Health(self._fuser, self._latency, warn)
         self.get_logger().info(str(seen))  # after all checks
@@ -126,20 +136,20 @@ class EstimatorNode(runtime.ScenarioNode):
         if scenario is not self.scenario:
             observability(scenario)  # what no filter can follow is refused
         mounted = self._mounts.applied(scenario)
-        found = fusion(mounted, options, extra)
+        found = fusion(mounted, options, extra, wait=options.lockstep)
 
         def apply() -> None:
-            self._online.configure(found.filter, found.sensors, found.policy)
-            self._fuser.configure(mounted)
+            self._fuser.configure(mounted, found)
             self._mounts.configure(scenario)
+            self._changeover.when_compiled(found.pending)
 
         return apply
 
     def _use(self, scenario: Scenario) -> None:
-        """Continue with a sensor whose mounting is known now."""
-        found = fusion(scenario, self.options, self.extra)
-        self._online.configure(found.filter, found.sensors, found.policy)
-        self._fuser.configure(scenario)
+        """Continue with a sensor whose mounting is known now, or with what is compiled now."""
+        found = fusion(scenario, self.options, self.extra, wait=self.options.lockstep)
+        self._fuser.configure(scenario, found)
+        self._changeover.when_compiled(found.pending)
 
     def _on_static(self, data: bytes) -> None:
         self.intake(TOPIC, self._mounts.on_static, data)

@@ -58,6 +58,7 @@ class Health:
             values[f'{name}: bias'] = ', '.join(
                 f'{mean:.4g} +- {std:.2g}' for mean, std in zip(bias.mean, bias.std)
             )
+        values['arithmetic'] = fuser.arithmetic
         values['resets'] = fuser.resets
         values['restarts'] = online.restarts
         if online.restarts > self._restarts:

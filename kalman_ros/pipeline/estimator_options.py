@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+from kalman_ros.compiled.parts import COMPILED
 from kalman_ros.core import About
 
 from .intake import LONGEST
@@ -55,6 +56,9 @@ class EstimatorOptions:
     learn_layouts: Learn = True
     realtime_priority: Priority = 20
     implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
+    arithmetic: Annotated[
+        str, About("of models and sensors: 'compiled' where they can be, or 'numpy'")
+    ] = COMPILED
     lockstep: Lockstep = False
     publish_rate: Annotated[
         float,

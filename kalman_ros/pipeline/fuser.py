@@ -12,6 +12,7 @@ import numpy as np
 
 from kalman_ros.analysis.local_observability import ObservabilityMeter
 from kalman_ros.codecs.layout import Sample
+from kalman_ros.compiled.parts import NUMPY
 from kalman_ros.core import Array, Gaussian
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.online import OnlineEstimator
@@ -19,6 +20,7 @@ from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario import Scenario
 
+from .fusion import Fusion
 from .input_timeout import InputTimeout
 from .reading_reader import InputReader, OtherFrameError, Reading, SensorReader
 from .throttle import Throttle
@@ -64,6 +66,8 @@ class Fuser:
         Logs a warning.
     timeout
         Ends inputs that are not renewed; none by default.
+    arithmetic
+        What computes the model and the sensors.
     """
 
     def __init__(
@@ -74,6 +78,7 @@ class Fuser:
         input: Any,
         warn: Callable[[str], object],
         timeout: InputTimeout | None = None,
+        arithmetic: str = NUMPY,
     ) -> None:
         self.online = online
         self.timeout = timeout or InputTimeout(0.0, np.empty(0))
@@ -86,15 +91,18 @@ class Fuser:
         #: Logs a warning, at a limited rate.
         self.warn = Throttle(warn)
         self.scenario = scenario
+        #: What computes the model and the sensors.
+        self.arithmetic = arithmetic
         self._judged = online.restarts
         #: How often a person or a program has asked for another belief.
         self.resets = 0
         #: The stamp of the newest reading that moved the estimate, in nanoseconds.
         self.fused_at: int | None = None
 
-    def configure(self, scenario: Scenario) -> None:
+    def configure(self, scenario: Scenario, found: Fusion) -> None:
         """Use a scenario that was changed live; its names and topics are the same."""
-        self.scenario = scenario
+        self.online.configure(found.filter, found.sensors, found.policy)
+        self.scenario, self.arithmetic = scenario, found.arithmetic
         self.observability.configure(scenario)
 
     def fuse(self, received: Iterable[Received], now: int | None = None) -> list[Fused]:

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kalman_ros.compiled.parts import NUMPY, parts
 from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
-from kalman_ros.estimators import build_filter
+from kalman_ros.estimators import NATIVE, build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
@@ -20,15 +21,35 @@ from .estimator_options import EstimatorOptions
 
 @dataclass(frozen=True)
 class Fusion:
-    """A filter, its sensors by name, and how to treat late, doubtful or missing data."""
+    """A filter, its sensors by name, and how to treat late, doubtful or missing data.
+
+    Parameters
+    ----------
+    filter, sensors, policy
+        What an `OnlineEstimator` takes.
+    arithmetic
+        What computes the model and the sensors, in words.
+    pending
+        What is still to be compiled, for `compiled.library.load`.
+    """
 
     filter: Filter
     sensors: Mapping[str, Sensor]
     policy: Policy
+    arithmetic: str
+    pending: Sequence[str] = ()
 
 
-def fusion(scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Value]) -> Fusion:
+def fusion(
+    scenario: Scenario,
+    options: EstimatorOptions,
+    extra: Mapping[str, Value],
+    *,
+    wait: bool = True,
+) -> Fusion:
     """Return the filter that the ``options``, and its own ``extra`` ones, describe.
+
+    Without ``wait``, what was not compiled before is `Fusion.pending`.
 
     Raises
     ------
@@ -53,18 +74,22 @@ def fusion(scenario: Scenario, options: EstimatorOptions, extra: Mapping[str, Va
         from_reading=options.initialize == 'reading',
         rest_until_input=rests,
     )
-    plan = scenario.believed_plan
+    believed, plan = scenario.believed, scenario.believed_plan
+    chosen = options.arithmetic if options.implementation == NATIVE else NUMPY
+    fast = parts(believed.model, believed.sensors, chosen, wait=wait)
+    timed = {name: replace(each, sensor=fast.sensors[name]) for name, each in plan.sensors.items()}
+    plan = replace(plan, model=fast.model, sensors=timed)
     filter = build_filter(scenario.filter, plan, extra, options.implementation)
-    return Fusion(filter, scenario.believed.sensors, policy)
+    return Fusion(filter, fast.sensors, policy, fast.arithmetic, fast.pending)
 
 
-def check_start(filter: Filter, scenario: Scenario) -> None:
+def check_start(found: Fusion, scenario: Scenario) -> None:
     """Raise ValueError if no reading could ever correct the initial belief.
 
     Its numbers may be finite, but too large to compute with; or the model makes them so in a step.
     """
-    belief, every = scenario.believed.initial, scenario.believed.sensors
-    sensors = [every[name] for name in scenario.enabled]
+    belief, filter = scenario.believed.initial, found.filter
+    sensors = [found.sensors[name] for name in scenario.enabled]
     zero = np.zeros(scenario.model.input.size)
 
     def starts(first: Gaussian) -> bool:

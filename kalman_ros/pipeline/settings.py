@@ -17,7 +17,7 @@ from kalman_ros.scenario import Scenario
 from . import names
 from .datum_file import read_datum
 from .estimator_options import EstimatorOptions
-from .fusion import check_start, fusion
+from .fusion import Fusion, check_start, fusion
 from .idle import idle_input
 from .input_timeout import InputTimeout
 
@@ -118,17 +118,22 @@ class Settings:
         """Return what ends inputs that are not renewed."""
         return InputTimeout(self.options.input_timeout, self.idle())
 
-    def estimator(self) -> OnlineEstimator:
-        """Return a new estimator.
+    def fusion(self, *, wait: bool = True) -> Fusion:
+        """Return the filter, the sensors and the policy of an estimator, which can start.
 
         Raises
         ------
         ValueError
             If the filter cannot serve the scenario.
         """
-        found = fusion(self.scenario, self.options, self.extra)
+        found = fusion(self.scenario, self.options, self.extra, wait=wait)
         # this also imports the modules of the first step, which takes longer than a step
-        check_start(found.filter, self.scenario)
+        check_start(found, self.scenario)
+        return found
+
+    def estimator(self, found: Fusion | None = None) -> OnlineEstimator:
+        """Return a new estimator, of a `fusion` that is known or a new one."""
+        found = found or self.fusion()
         initial = self.scenario.believed.initial
         return OnlineEstimator(found.filter, found.sensors, initial, self.idle(), found.policy)
 

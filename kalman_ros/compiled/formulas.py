@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The formulas of a model, a sensor and a space: what a filter calls in each step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+
+from kalman_ros.core import Array, Model, Sensor, Space
+from kalman_ros.core.model import MOST_SUBSTEPS
+
+from .free_parameters import Parameters
+from .symbols import UntraceableError
+from .tracing import Trace, agree, trace
+
+#: A Jacobian that is coded by hand, or numerical, may differ this much from the exact one.
+_CLOSE = 1e-5
+_SEED = 0
+
+
+class ModelFormulas(NamedTuple):
+    """What `Model.step` and `Model.linearized_step` are made of, for numbers p of the model.
+
+    Parameters
+    ----------
+    substep
+        x' of x, u, h and p.
+    wrap
+        The state x with its angles and rotations as they are stored.
+    jacobian
+        A of x, u and p.
+    density
+        W of x and p.
+    slope
+        The F of a substep, of x, u, h and p; only for a model without a Jacobian, whose F is the
+        derivative of its step.
+    most
+        The most substeps of a step.
+    """
+
+    substep: Trace
+    wrap: Trace
+    jacobian: Trace
+    density: Trace
+    slope: Trace | None
+    most: int
+
+    @property
+    def traces(self) -> dict[str, Trace]:
+        """The functions by name."""
+        return {name: each for name, each in self._asdict().items() if isinstance(each, Trace)}
+
+
+class SensorFormulas(NamedTuple):
+    """What a sensor is made of: the reading, and H, of x and p."""
+
+    measure: Trace
+    jacobian: Trace
+
+
+class SpaceFormulas(NamedTuple):
+    """What a space with rotations is made of.
+
+    Parameters
+    ----------
+    arrived
+        The mean, and behind it the covariance, of total, origin and P (n * n,).
+    difference
+        A - b, of a and b.
+    """
+
+    arrived: Trace
+    difference: Trace
+
+
+def _points(center: Array, scale: float = 0.3, count: int = 3) -> Array:
+    """Return points (count, n) about one, without symmetry."""
+    return center + scale * np.random.default_rng(_SEED).standard_normal((count, len(center)))
+
+
+def points_about(model: Model) -> tuple[Array, Array]:
+    """Return states (3, n) and inputs (3, m) about the equilibrium of a model."""
+    rest = model.equilibrium
+    return _points(rest.state), _points(rest.input)
+
+
+def of_model(model: Model, parameters: Parameters) -> ModelFormulas:
+    """Return the formulas of a model in continuous time.
+
+    Raises
+    ------
+    UntraceableError
+        If a function cannot be traced, or its own Jacobian is not the derivative.
+    """
+    space, given = model.state, parameters.applied
+    n, p, e = space.size, parameters.values, np.zeros(space.size)
+    states, inputs = points_about(model)
+    steps = np.array([[0.01], [0.002], [-0.001]])
+    probes = [(x, u, h, p) for x, u, h in zip(states, inputs, steps)]
+    substep, most = _of_steps(model, given, probes)
+    rates = trace(
+        lambda x, u, p, e: given(p).derivative(space.reached(x + e, x), u),
+        *((x, u, p, e) for x, u in zip(states, inputs)),
+    )
+    turned = trace(
+        lambda slope, rate: space.of_errors(slope.reshape(n, n), rate), (np.zeros(n * n), e)
+    )
+    by_state = rates.slope(3, np.zeros(n))
+    rate = rates.at(3, np.zeros(n)).result
+    jacobian = turned.at(1, rate).at(0, casadi.vec(casadi.densify(by_state.result).T))
+    jacobian = Trace(by_state.variables, jacobian.result)
+    agree(
+        jacobian,
+        lambda x, u, p: given(p).state_jacobian(x, u),
+        [(x, u, p) for x, u in zip(states, inputs)],
+        _CLOSE,
+        'its state_jacobian is not that of its derivative',
+    )
+    density = trace(lambda x, p: given(p).noise_density(x), *((x, p) for x in states))
+    wrap = trace(space.wrap, *((4.0 * x,) for x in states))
+    slope = None if model.analytic else _slope(space, substep)
+    return ModelFormulas(substep, wrap, jacobian, density, slope, most)
+
+
+def _of_steps(
+    model: Model, given: Callable[[Any], Model], probes: Sequence[Sequence[Array]]
+) -> tuple[Trace, int]:
+    """Return the formula of a substep, not wrapped, and the most of them in a step.
+
+    A model with a step of its own has one in each.
+    """
+    substep = trace(lambda x, u, h, p: given(p).substep(x, u, h[0]), *probes)
+    x, u, _, p = probes[0]
+    longer = 2.5 * min(model.max_step, 0.1)
+    h, most = longer / model.substeps(longer), MOST_SUBSTEPS
+    evaluated = substep.function('f')
+    moved = x
+    for _ in range(model.substeps(longer)):
+        moved = np.array(evaluated(moved, u, h, p))[:, 0]
+    if np.allclose(model.state.wrap(moved), model.step(x, u, longer), rtol=_CLOSE, atol=_CLOSE):
+        return substep, most
+    return trace(lambda x, u, h, p: given(p).step(x, u, h[0]), *probes), 1
+
+
+def _slope(space: Space, substep: Trace) -> Trace:
+    """Return the derivative of a substep by the error of its start."""
+    n = space.size
+    apart = trace(
+        lambda x, e, y, y_0: np.concatenate((space.reached(x + e, x), space.subtract(y, y_0))),
+        (np.full(n, 0.3), np.zeros(n), np.full(n, 0.2), np.full(n, 0.2)),
+    )
+    x, e, y, y_0 = apart.variables
+    disturbed, change = casadi.vertsplit(casadi.densify(apart.result), [0, n, 2 * n])
+    v, *rest = substep.variables
+    (start,) = casadi.substitute([disturbed], [x], [v])
+    (end,) = casadi.substitute([substep.result], [v], [start])
+    (error,) = casadi.substitute([change], [y, y_0], [end, substep.result])
+    return Trace([v, e, *rest], error).slope(1, np.zeros(n))
+
+
+def of_sensor(sensor: Sensor, space: Space, parameters: Parameters) -> SensorFormulas:
+    """Return the formulas of a sensor of states in a space.
+
+    Raises
+    ------
+    UntraceableError
+        If a function cannot be traced, or its own Jacobian is not the derivative.
+    """
+    given, output, p = parameters.applied, sensor.output, parameters.values
+    n, k = space.size, output.size
+    states = _points(np.full(n, 0.5))
+    measure = trace(lambda x, p: given(p).measure(x), *((x, p) for x in states))
+    changes = trace(
+        lambda x, p, e, y: output.subtract(given(p).measure(space.reached(x + e, x)), y),
+        *((x, p, np.zeros(n), np.zeros(k)) for x in states),
+    )
+    slope = changes.slope(2, np.zeros(n))
+    jacobian = slope.at(
+        2, casadi.substitute([measure.result], measure.variables, slope.variables[:2])[0]
+    )
+    agree(
+        jacobian,
+        lambda x, p: given(p).jacobian(x),
+        [(x, p) for x in states],
+        _CLOSE,
+        'its jacobian is not that of what it measures',
+    )
+    return SensorFormulas(measure, jacobian)
+
+
+def of_space(space: Space) -> SpaceFormulas:
+    """Return the formulas of a space.
+
+    Raises
+    ------
+    UntraceableError
+        If they cannot be traced.
+    """
+    n = space.size
+    a, b, P = (_points(np.zeros(size)) for size in (n, n, n * n))
+
+    def arrived(total: Array, origin: Array, P: Array) -> Array:
+        mean, covariance = space.arrived(total, origin, P.reshape(n, n))
+        return np.concatenate((mean, covariance.ravel()))
+
+    return SpaceFormulas(trace(arrived, *zip(a, b, P)), trace(space.subtract, *zip(a, b)))
+
+
+def verify_model(original: Model, found: Model) -> None:
+    """Raise UntraceableError where steps of a compiled model are not those of the original."""
+    for x, u in zip(*points_about(original)):
+        _verify(original.linearized_step, found.linearized_step, x, u, 0.01)
+
+
+def verify_sensor(original: Sensor, found: Sensor, state: Space) -> None:
+    """Raise UntraceableError where a compiled sensor of a state is not the original."""
+    for x in _points(np.full(state.size, 0.5)):
+        _verify(
+            lambda at: (original.measure(at), original.jacobian(at)),
+            lambda at: (found.measure(at), found.jacobian(at)),
+            x,
+        )
+
+
+def _verify(
+    original: Callable[..., Iterable[Array]], found: Callable[..., Iterable[Array]], *at: Any
+) -> None:
+    with np.errstate(all='ignore'):
+        pairs = [*zip(found(*at), original(*at))]
+    for mine, theirs in pairs:
+        close = _CLOSE * np.abs(theirs).max(initial=0.0)
+        if not np.allclose(mine, theirs, rtol=_CLOSE, atol=close, equal_nan=True):
+            raise UntraceableError('its compiled functions are not what it computes')

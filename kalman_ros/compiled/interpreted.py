@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Models and sensors whose formulas CasADi evaluates: for machines without a C compiler."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, LinearizedStep, Model, Sensor, Space
+from kalman_ros.linear.discretize import flow, noise_integral
+
+from .derived import derive
+from .formulas import of_model, of_sensor
+from .free_parameters import Parameters
+from .tracing import Trace
+
+_memory: Callable[[Any], Any] = memoryview
+
+
+class Evaluation:
+    """A traced function of vectors, with its arguments and result in memory of its own."""
+
+    def __init__(self, trace: Trace) -> None:
+        function = trace.function('f')
+        self._buffer, self._run = function.buffer()
+        self._arguments = [np.zeros(each.numel()) for each in trace.variables]
+        for index, argument in enumerate(self._arguments):
+            self._buffer.set_arg(index, _memory(argument))
+        rows, columns = trace.result.sparsity().get_triplet()
+        self._shape, self._places = trace.result.shape, (rows, columns)
+        self._numbers = np.zeros(len(rows))
+        self._buffer.set_res(0, _memory(self._numbers))
+        self._lock = Lock()
+
+    def __call__(self, *vectors: Array | float) -> Array:
+        """Return the result as a matrix (n, m)."""
+        result = np.zeros(self._shape)
+        with self._lock:
+            for argument, vector in zip(self._arguments, vectors):
+                argument[:] = vector
+            self._run()
+            result[self._places] = self._numbers
+        return result
+
+
+class InterpretedModel(Model):
+    """What CasADi computes of a model, for one state; all else is the model's."""
+
+    arithmetic = 'CasADi'
+    _substep: Evaluation
+    _wrap: Evaluation
+    _jacobian: Evaluation
+    _density: Evaluation
+    _slope: Evaluation | None = None
+    _most: int
+    _numbers: Array
+
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
+        return super().step(x, u, dt) if x.ndim > 1 else self._moved(x, u, dt)[0]
+
+    def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
+        """Return the state after a step from x (n,) with u (m,), with the step's F and Q."""
+        A, W = self._jacobian(x, u, self._numbers), self._density(x, self._numbers)
+        F, Q = flow(A, W, dt)
+        moved, of_step = self._moved(x, u, dt, self._slope)
+        return LinearizedStep(moved, F if of_step is None else of_step, Q)
+
+    def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
+        """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
+        A, W = self._jacobian(x, u, self._numbers), self._density(x, self._numbers)
+        return noise_integral(A, W, dt)
+
+    def _moved(
+        self, x: Array, u: Array, dt: float, slope: Evaluation | None = None
+    ) -> tuple[Array, Array | None]:
+        """Return the state after a step, and the product of the slopes of its substeps."""
+        count = min(self.substeps(dt), self._most)
+        h, F = dt / count, None
+        for _ in range(count):
+            if slope is not None:
+                F_1 = slope(x, u, h, self._numbers)
+                F = F_1 if F is None else F_1 @ F
+            x = self._substep(x, u, h, self._numbers)[:, 0]
+        return self._wrap(x)[:, 0], F
+
+
+class InterpretedSensor(Sensor):
+    """What CasADi computes of a sensor, for one state; all else is the sensor's."""
+
+    arithmetic = 'CasADi'
+    _measure: Evaluation
+    _jacobian: Evaluation
+    _numbers: Array
+
+    def measure(self, x: Array) -> Array:
+        """Return the noise-free reading (..., k)."""
+        if x.ndim > 1:
+            return super().measure(x)  # type: ignore[safe-super]
+        return self._measure(x, self._numbers)[:, 0]
+
+    def jacobian(self, x: Array) -> Array:
+        """Return d measure / d x (k, n) at ``x`` (n,)."""
+        return super().jacobian(x) if x.ndim > 1 else self._jacobian(x, self._numbers)
+
+
+def interpreted_model(model: Model) -> Model:
+    """Return a model in continuous time whose steps are evaluated as formulas.
+
+    Raises
+    ------
+    UntraceableError
+        If a function cannot be traced.
+    """
+    parameters = Parameters(model)
+    formulas = of_model(model, parameters)
+    found: Model = derive(
+        InterpretedModel,
+        model,
+        interpreted_model,
+        _numbers=parameters.values,
+        _most=formulas.most,
+        **_evaluations(formulas.traces),
+    )
+    return found
+
+
+def interpreted_sensor(sensor: Sensor, state: Space) -> Sensor:
+    """Return a sensor of states in a space whose reading and Jacobian are evaluated as formulas.
+
+    Raises
+    ------
+    UntraceableError
+        If a function cannot be traced.
+    """
+    parameters = Parameters(sensor)
+    formulas = of_sensor(sensor, state, parameters)
+    found: Sensor = derive(
+        InterpretedSensor,
+        sensor,
+        interpreted_sensor,
+        state,
+        _numbers=parameters.values,
+        **_evaluations(formulas._asdict()),
+    )
+    return found
+
+
+def _evaluations(traces: Mapping[str, Trace]) -> dict[str, Evaluation]:
+    return {f'_{name}': Evaluation(each) for name, each in traces.items()}

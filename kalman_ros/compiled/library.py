@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiles C, once for each source and compiler, and loads what results.
+
+What is loaded is run, so it is taken only from a folder that nobody else can write to.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shlex
+import shutil
+import stat
+import subprocess
+import tempfile
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from time import time
+
+_FLAGS = ('-O2', '-ftree-vectorize', '-ffp-contract=off', '-fPIC', '-shared', '-w')
+#: A compiler that takes longer, in seconds, is given up.
+_PATIENCE = 60.0
+
+
+#: What an interrupted compilation left behind is removed after this long, in seconds.
+_STALE = 3600.0
+
+
+class CompilerError(RuntimeError):
+    """A source that is not compiled here, with the reason.
+
+    Parameters
+    ----------
+    reason
+        In one line.
+    pending
+        The source, if a compiler has not tried yet.
+    """
+
+    def __init__(self, reason: str, pending: str = '') -> None:
+        super().__init__(reason)
+        self.pending = pending
+
+
+@lru_cache(maxsize=1)
+def compiler() -> tuple[str, ...]:
+    """Return the command of the C compiler: ``CC``, cc, gcc or clang; none if there is none."""
+    wanted = shlex.split(os.environ.get('CC', ''))
+    for command in (wanted, ['cc'], ['gcc'], ['clang']):
+        if command and shutil.which(command[0]):
+            return tuple(command)
+    return ()
+
+
+@lru_cache(maxsize=1)
+def _version(command: tuple[str, ...]) -> str:
+    found = subprocess.run(
+        [*command, '--version'], capture_output=True, text=True, timeout=_PATIENCE, check=True
+    )
+    return found.stdout
+
+
+def folder() -> Path | None:
+    """Return the private folder of what is compiled; None if there cannot be one.
+
+    It is ``kalman_ros`` in ``XDG_CACHE_HOME``, or in ``~/.cache``.
+    """
+    base = os.environ.get('XDG_CACHE_HOME', '')
+    try:
+        path = (Path(base) if Path(base).is_absolute() else Path.home() / '.cache') / 'kalman_ros'
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return path if _is_private(path.lstat(), stat.S_ISDIR) else None
+    except (OSError, RuntimeError):
+        return None
+
+
+def _is_private(status: os.stat_result, kind: object) -> bool:
+    """Return whether a file of a kind is ours, and nobody else can write to it."""
+    assert callable(kind)
+    ours = status.st_uid == os.geteuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return bool(kind(status.st_mode)) and ours
+
+
+#: What was loaded by this process, or why it could not be.
+_known: dict[str, ctypes.CDLL | CompilerError] = {}
+
+
+def load(source: str, *, wait: bool = True) -> ctypes.CDLL:
+    """Return the library of a source, from the cache or compiled.
+
+    Raises
+    ------
+    CompilerError
+        If there is no compiler, it fails, or it is not to be waited for.
+    """
+    command = compiler()
+    if not command:
+        raise CompilerError('no C compiler was found')
+    try:
+        key = '\0'.join((source, *command, *_FLAGS, _version(command)))
+        name = f'{sha256(key.encode()).hexdigest()}.so'
+        found = _known.get(name) or _cached(name)
+        if found is None and not wait:
+            raise CompilerError('it is being compiled', source)
+        found = found or _anywhere(command, source, name)
+    except (OSError, subprocess.SubprocessError) as error:
+        found = CompilerError(f'the C compiler failed: {_reason(error)}')
+    _known[name] = found
+    if isinstance(found, CompilerError):
+        raise found
+    return found
+
+
+def _cached(name: str) -> ctypes.CDLL | None:
+    """Return what an earlier process compiled; None if that is not there, or not safe."""
+    cache = folder()
+    try:
+        if cache is not None and _is_private((cache / name).lstat(), stat.S_ISREG):
+            return ctypes.CDLL(str(cache / name))
+    except OSError:
+        pass  # there is none, or it cannot be loaded
+    return None
+
+
+def _anywhere(command: tuple[str, ...], source: str, name: str) -> ctypes.CDLL:
+    """Compile in the cache, or in a temporary folder where that has no room."""
+    cache = folder()
+    if cache is not None:
+        try:
+            _remove_stale(cache)
+            return _compiled(command, source, cache, name)
+        except (OSError, subprocess.CalledProcessError):
+            pass  # the disk is full, or cannot be written to, or runs nothing
+    with tempfile.TemporaryDirectory() as temporary:
+        return _compiled(command, source, Path(temporary), name)
+
+
+def _remove_stale(cache: Path) -> None:
+    for left in cache.glob('.*'):
+        if time() - left.lstat().st_mtime > _STALE:
+            shutil.rmtree(left, ignore_errors=True)
+
+
+def _compiled(command: tuple[str, ...], source: str, folder: Path, name: str) -> ctypes.CDLL:
+    """Compile into a folder, whole or not at all, and load."""
+    with tempfile.TemporaryDirectory(dir=folder, prefix='.') as own:
+        text, library = Path(own) / 'source.c', Path(own) / name
+        text.write_text(source)
+        subprocess.run(
+            [*command, *_FLAGS, '-o', str(library), str(text), '-lm'],
+            capture_output=True,
+            text=True,
+            timeout=_PATIENCE,
+            check=True,
+            stdin=subprocess.DEVNULL,
+        )
+        library.chmod(0o700)
+        with library.open('rb') as written:
+            os.fsync(written.fileno())
+        library.replace(folder / name)
+    return ctypes.CDLL(str(folder / name))
+
+
+def _reason(error: Exception) -> str:
+    output = getattr(error, 'stderr', None) or str(error)
+    return str(output).strip().partition('\n')[0]

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a filter computes with: a model and its sensors, compiled where they can be."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from kalman_ros.core import Model, Sensor
+
+from . import Outcome, attempt
+
+COMPILED, NUMPY = 'compiled', 'numpy'
+#: An environment variable: what it names is used, whatever is chosen.
+VARIABLE = 'KALMAN_ROS_ARITHMETIC'
+
+
+class Parts(NamedTuple):
+    """A model and its sensors, with what computes each.
+
+    Parameters
+    ----------
+    model, sensors
+        Compiled where possible.
+    outcomes
+        By name, the model's being 'model'; without what is linear.
+    """
+
+    model: Model
+    sensors: dict[str, Sensor]
+    outcomes: dict[str, Outcome]
+
+    @property
+    def pending(self) -> list[str]:
+        """What a C compiler has yet to do, for `library.load`."""
+        return [each.pending for each in self.outcomes.values() if each.pending]
+
+    @property
+    def arithmetic(self) -> str:
+        """What computes, and why it is not C: ``'C'``, ``'C; radar: numpy (...)'``."""
+        groups: dict[tuple[str, str], list[str]] = {}
+        for name, each in self.outcomes.items():
+            groups.setdefault((each.arithmetic, each.reason), []).append(name)
+        words = []
+        for (arithmetic, reason), names in groups.items():
+            owner = f'{", ".join(names)}: ' if len(groups) > 1 else ''
+            words.append(f'{owner}{arithmetic}' + (f' ({reason})' if reason else ''))
+        return '; '.join(words) or NUMPY
+
+
+def parts(
+    model: Model, sensors: Mapping[str, Sensor], arithmetic: str = COMPILED, *, wait: bool = True
+) -> Parts:
+    """Return a model and its sensors, compiled if that is chosen and possible.
+
+    Parameters
+    ----------
+    model, sensors
+        The originals, which stay as they are.
+    arithmetic
+        ``'compiled'`` or ``'numpy'``, unless the environment variable says which.
+    wait
+        Whether to wait for a C compiler.
+
+    Raises
+    ------
+    ValueError
+        If the arithmetic is unknown.
+    """
+    arithmetic = os.environ.get(VARIABLE) or arithmetic
+    if arithmetic not in (COMPILED, NUMPY):
+        raise ValueError(f"arithmetic: expected {COMPILED} or {NUMPY}, got '{arithmetic}'")
+    if arithmetic == NUMPY:
+        return Parts(model, {**sensors}, {})
+    tried = {'model': attempt(model, wait=wait)}
+    tried.update({name: attempt(each, model.state, wait=wait) for name, each in sensors.items()})
+    return Parts(
+        tried['model'].result,
+        {name: tried[name].result for name in sensors},
+        {name: each for name, each in tried.items() if each.arithmetic != NUMPY or each.reason},
+    )

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arrays of numbers that are not known yet: numpy computes with them, and formulas result.
+
+An element is a `Symbol`, which holds an expression of CasADi (J. Andersson et al., CasADi: a
+software framework for nonlinear optimization and optimal control, Mathematical Programming
+Computation 11, 2019). `Symbols` are arrays of them, so that code written for numbers, with any
+leading axes, takes them as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi
+import numpy as np
+
+#: The least number under a root: its derivative at zero is then finite.
+_LEAST = 1e-300
+
+
+class UntraceableError(ValueError):
+    """A function whose formulas cannot be recorded, with the reason."""
+
+
+class Symbol:
+    """A number that is not known yet."""
+
+    __slots__ = ('formula',)
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, formula: Any) -> None:
+        self.formula = formula
+
+    def __float__(self) -> float:
+        raise UntraceableError('it stores what depends on the state in an array of plain numbers')
+
+    def __bool__(self) -> bool:
+        raise UntraceableError('it decides by the value of the state: if, max, any')
+
+    def __neg__(self) -> Symbol:
+        return Symbol(-self.formula)
+
+    def __abs__(self) -> Symbol:
+        return Symbol(casadi.fabs(self.formula))
+
+    def __mod__(self, other: Any) -> Symbol:
+        """Return the remainder that has the sign of the divisor, as Python's does."""
+        divisor = formula(other)
+        return Symbol(self.formula - divisor * casadi.floor(self.formula / divisor))
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        return getattr(ufunc, method)(*map(_array, inputs), **options)
+
+    def __array_function__(self, function: Any, types: Any, inputs: Any, options: Any) -> Any:
+        return function(*map(_array, inputs), **options)
+
+
+def formula(value: Any) -> Any:
+    """Return the expression of a symbol, or of a number."""
+    if isinstance(value, Symbols):
+        value = value.item()
+    return value.formula if isinstance(value, Symbol) else casadi.SX(float(value))
+
+
+def _array(value: Any) -> Any:
+    """Return the symbols in a value, or in a list of values, as arrays."""
+    if isinstance(value, Symbol):
+        whole = np.empty((), dtype=object)
+        whole[()] = value
+        return whole.view(Symbols)
+    if isinstance(value, (list, tuple)):
+        return type(value)(map(_array, value))
+    return value
+
+
+def _arithmetic(name: str) -> Callable[[Symbol, Any], Any]:
+    def apply(self: Symbol, other: Any) -> Any:
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        return Symbol(getattr(self.formula, name)(formula(other)))
+
+    return apply
+
+
+for _name in ('add', 'sub', 'mul', 'truediv', 'pow', 'lt', 'le', 'gt', 'ge', 'eq', 'ne'):
+    setattr(Symbol, f'__{_name}__', _arithmetic(f'__{_name}__'))
+    if _name in ('add', 'sub', 'mul', 'truediv', 'pow'):
+        setattr(Symbol, f'__r{_name}__', _arithmetic(f'__r{_name}__'))
+
+
+def _sinc(x: Any) -> Any:
+    y = casadi.pi * x
+    return casadi.if_else(y == 0, 1.0, casadi.sin(y) / casadi.if_else(y == 0, 1.0, y))
+
+
+def _sqrt(x: Any) -> Any:
+    return casadi.sqrt(casadi.fmax(x, _LEAST))
+
+
+#: What CasADi has under another name than numpy, or not at all.
+_FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.sqrt: _sqrt,
+    np.hypot: lambda x, y: _sqrt(x * x + y * y),
+    np.absolute: casadi.fabs,
+    np.maximum: casadi.fmax,
+    np.minimum: casadi.fmin,
+    np.square: lambda x: x * x,
+    np.reciprocal: lambda x: 1.0 / x,
+    np.deg2rad: lambda x: x * (np.pi / 180.0),
+    np.radians: lambda x: x * (np.pi / 180.0),
+    np.rad2deg: lambda x: x * (180.0 / np.pi),
+    np.degrees: lambda x: x * (180.0 / np.pi),
+    np.where: casadi.if_else,
+    np.sinc: _sinc,
+    np.rint: lambda x: casadi.floor(x + 0.5),
+    np.round: lambda x: casadi.floor(x + 0.5),
+    np.clip: lambda x, low, high: casadi.fmin(casadi.fmax(x, low), high),
+    **{
+        getattr(np, name): getattr(casadi, name)
+        for name in ('sin', 'cos', 'tan', 'arcsin', 'arccos', 'arctan', 'arctan2', 'sinh', 'cosh',
+                     'tanh', 'arcsinh', 'arccosh', 'arctanh', 'exp', 'expm1', 'log', 'log1p',
+                     'log10', 'floor', 'ceil', 'fabs', 'sign')
+    },
+}  # fmt: skip
+_COMPARISONS = (np.less, np.less_equal, np.greater, np.greater_equal, np.equal, np.not_equal)
+
+
+def _elementwise(function: Callable[..., Any], inputs: Any) -> Symbols:
+    """Apply a function of expressions to each element of arrays that broadcast."""
+    plain = [np.asarray(each, dtype=object) for each in inputs]
+    broadcast = np.broadcast_arrays(*plain)
+    whole = np.empty(broadcast[0].shape, dtype=object)
+    for at in np.ndindex(whole.shape):
+        whole[at] = Symbol(function(*(formula(each[at]) for each in broadcast)))
+    return whole.view(Symbols)
+
+
+class Symbols(np.ndarray[Any, Any]):
+    """An array with ``dtype=object``, of symbols and numbers, which stays one in every formula."""
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        where, out = options.pop('where', None), options.pop('out', (None,))
+        if method == '__call__' and ufunc in _FUNCTIONS:
+            found: Any = _elementwise(_FUNCTIONS[ufunc], inputs)
+        else:
+            if ufunc in _COMPARISONS:
+                options['dtype'] = object
+            found = getattr(ufunc, method)(*map(np.asarray, inputs), **options)
+        if where is not None:
+            found = _elementwise(casadi.if_else, (where, found, out[0]))
+        return np.asarray(found, dtype=object).view(Symbols)
+
+    def __array_function__(self, function: Any, types: Any, inputs: Any, options: Any) -> Any:
+        if function in _FUNCTIONS:
+            return _elementwise(_FUNCTIONS[function], inputs)
+        return super().__array_function__(function, (), inputs, options)
+
+
+def symbols(count: int) -> tuple[Any, Symbols]:
+    """Return a vector of variables of CasADi, and the same as an array (count,)."""
+    variables = casadi.SX.sym('v', count)
+    whole = np.empty(count, dtype=object)
+    whole[:] = [Symbol(each) for each in variables.elements()]
+    return variables, whole.view(Symbols)

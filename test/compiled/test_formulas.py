@@ -1,0 +1,446 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled models and sensors compute what numpy does, with exact derivatives."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from kalman_ros import scenario
+from kalman_ros.core import DiscreteLinearSystem, DiscreteModel, Model, Sensor, Space
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file
+
+pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not installed')
+from kalman_ros.compiled import attempt, compiled  # noqa: E402
+from kalman_ros.compiled.interpreted import interpreted_model, interpreted_sensor  # noqa: E402
+from kalman_ros.compiled.symbols import UntraceableError  # noqa: E402
+
+C = pytest.mark.slow  # the compiler is another process
+NONLINEAR = (
+    'bearing_tracker', 'cart_pole', 'constant_velocity', 'diff_drive', 'gnss_imu', 'inertial',
+    'navsat', 'robot_2d', 'robot_3d', 'submersible', 'turn_rate', 'two_bearings',
+)  # fmt: skip
+#: A few that hold all kinds of functions, for what is slower or said of each arithmetic.
+FEW = ('cart_pole', 'inertial', 'navsat')
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _own_cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
+        yield
+
+
+def believed(name, **changes):
+    values = {**from_file(shipped.file(name), 'estimator'), **changes}
+    return scenario.build(values, with_law=False).believed
+
+
+def points(model, count=20, seed=3):
+    """Return states and inputs, with rotations and angles of any size."""
+    rng, rest = np.random.default_rng(seed), model.equilibrium
+    x = rest.state + rng.standard_normal((count, model.state.size))
+    return x, rest.input + rng.standard_normal((count, model.input.size))
+
+
+def assert_same(mine, theirs, close=1e-12):
+    scale = max(1.0, np.abs(theirs).max(initial=0.0))
+    np.testing.assert_allclose(mine, theirs, rtol=close, atol=close * scale)
+
+
+def exact_jacobian(function, x, h=1e-5):
+    """Return d function / d x in extended precision, by differences of fourth order."""
+    x = np.asarray(x, np.longdouble)
+    moves = h * np.eye(x.size, dtype=np.longdouble)
+    return np.stack(
+        [
+            (8 * (function(x + d) - function(x - d)) - function(x + 2 * d) + function(x - 2 * d))
+            / (12 * np.longdouble(h))
+            for d in moves
+        ],
+        axis=-1,
+    )
+
+
+def arithmetics(names):
+    yield from (pytest.param(name, 'C', marks=C, id=f'{name}-C') for name in names)
+    yield from (pytest.param(name, 'CasADi', id=f'{name}-CasADi') for name in FEW)
+
+
+def fast(part, state, arithmetic):
+    """Return a model or sensor computed by one arithmetic."""
+    if arithmetic == 'C':
+        found = attempt(part, state)
+        assert (found.arithmetic, found.reason) == ('C', '')
+        return found.result
+    return (
+        interpreted_model(part) if isinstance(part, Model) else interpreted_sensor(part, state)
+    )
+
+
+@pytest.mark.parametrize(('name', 'arithmetic'), arithmetics(NONLINEAR))
+def test_every_shipped_model_steps_as_in_numpy(name, arithmetic):
+    model = believed(name).model
+    if attempt(model).arithmetic == 'numpy':
+        pytest.skip('the model is linear')
+    found = fast(model, None, arithmetic)
+    dt = 0.013
+    for x, u in zip(*points(model)):
+        for mine, theirs in zip(found.linearized_step(x, u, dt), model.linearized_step(x, u, dt)):
+            assert_same(mine, theirs)
+        assert_same(found.step(x, u, dt), model.step(x, u, dt))
+        Q = model.noise_covariance(x, u, dt)
+        np.testing.assert_allclose(found.noise_covariance(x, u, dt), Q, atol=1e-12 * Q.max())
+
+
+@pytest.mark.parametrize(('name', 'arithmetic'), arithmetics(NONLINEAR))
+def test_every_shipped_sensor_reads_as_in_numpy_and_its_jacobian_is_exact(name, arithmetic):
+    parts = believed(name)
+    x, _ = points(parts.model)
+    for sensor in parts.sensors.values():
+        if sensor.linear:
+            continue
+        found = fast(sensor, parts.model.state, arithmetic)
+        for each in x:
+            assert_same(found.measure(each), sensor.measure(each))
+            numerical = type(sensor).jacobian is Sensor.jacobian or 'gnss' in sensor.name
+            assert_same(found.jacobian(each), sensor.jacobian(each), 1e-8 if numerical else 1e-12)
+        assert_same(found.measure(x), sensor.measure(x))
+        assert_same(found.measure(x[:, None]), sensor.measure(x[:, None]))
+
+
+def test_numerical_jacobians_become_exact():
+    parts = believed('inertial')
+    sensor = parts.sensors['barometer']
+    found = interpreted_sensor(sensor, parts.model.state)
+    x = np.zeros(parts.model.state.size)
+    x[2] = 300.0
+    exact = exact_jacobian(sensor.measure, x)
+    error = np.abs(found.jacobian(x) - exact).max()
+    assert error < 1e-12 * np.abs(exact).max()
+    assert error < 0.1 * np.abs(sensor.jacobian(x) - exact).max()
+
+
+@C
+@pytest.mark.parametrize('name', ['inertial', 'robot_3d'])
+def test_rotations_move_as_in_numpy(name):
+    space = believed(name).model.state
+    found = compiled(believed(name).model).state
+    assert found == space
+    assert space == found
+    assert hash(found) == hash(space)
+    rng = np.random.default_rng(5)
+    for scale in (0.0, 1e-9, 0.1, 1.0, 3.0):
+        a, b = scale * rng.standard_normal((2, space.size))
+        P = rng.standard_normal((space.size, space.size))
+        P = P @ P.T
+        assert_same(found.subtract(a, b), space.subtract(a, b))
+        for mine, theirs in zip(found.arrived(a, b, P), space.arrived(a, b, P)):
+            assert_same(mine, theirs)
+    a, b = rng.standard_normal((2, 7, space.size))
+    assert_same(found.subtract(a, b), space.subtract(a, b))
+
+
+@C
+def test_biases_and_lever_arms_that_a_scenario_adds_are_compiled():
+    parts = believed('navsat', **{'imu.bias_std': [0.01], 'imu.bias_noise': [1e-6]})
+    found = attempt(parts.model)
+    assert found.arithmetic == 'C'
+    for x, u in zip(*points(parts.model)):
+        for mine, theirs in zip(
+            found.result.linearized_step(x, u, 0.01), parts.model.linearized_step(x, u, 0.01)
+        ):
+            assert_same(mine, theirs)
+    gnss = parts.sensors['gnss']
+    assert attempt(gnss, parts.model.state).arithmetic == 'C'
+
+
+# --- models of users ----------------------------------------------------------------------------
+
+
+class Pendulum(Model):
+    """As in the README: no Jacobian."""
+
+    state = Space('angle rate', ('rad', 'rad/s'), angles='angle')
+    input = Space('torque')
+
+    def __init__(self, length=1.3, damping=0.1):
+        self.length, self.damping = length, damping
+        self.gains = np.array([1.0, 0.5])
+
+    def derivative(self, x, u):
+        angle, rate = x[..., 0], x[..., 1]
+        pull = -9.81 / self.length * np.sin(angle) - self.damping * rate
+        return np.stack((rate, pull + self.gains[1] * u[..., 0]), axis=-1)
+
+    def noise_density(self, x):
+        return np.diag([0.0, 0.02])
+
+
+class Slow(Pendulum):
+    max_step = 0.01
+
+
+class Turning(Model):
+    """A rotation without a Jacobian."""
+
+    state = Space('rx ry rz', rotations=('rx ry rz',))
+    input = Space('wx wy wz')
+
+    def derivative(self, x, u):
+        return u + 0.1 * np.sin(x)
+
+    def noise_density(self, x):
+        return 0.01 * np.eye(3)
+
+
+ARITHMETICS = ('CasADi', pytest.param('C', marks=C))
+
+
+@pytest.mark.parametrize('arithmetic', ARITHMETICS)
+@pytest.mark.parametrize('kind', [Pendulum, Slow, Turning])
+def test_without_a_jacobian_f_is_the_exact_derivative_of_the_step(kind, arithmetic):
+    model = kind()
+    found = fast(model, None, arithmetic)
+    space, dt = model.state, 0.057
+    for x, u in zip(*points(model, 6)):
+        mine, theirs = found.linearized_step(x, u, dt), model.linearized_step(x, u, dt)
+        assert_same(mine.state, theirs.state)
+        assert_same(mine.F, theirs.F, 1e-8)
+        np.testing.assert_allclose(mine.Q, theirs.Q, atol=1e-7 * theirs.Q.max())
+        if not space.rotations:
+            exact = exact_jacobian(lambda at, u=u: model.step(at, u, dt), x)
+            assert np.abs(mine.F - exact).max() < 1e-12
+
+
+@C
+def test_other_numbers_use_the_same_library_and_no_number_is_forgotten():
+    first, second = Pendulum(1.3, 0.1), Pendulum(0.7, 0.4)
+    second.gains = np.array([3.0, 2.0])
+    one, two = compiled(first), compiled(second)
+    assert one._steps._name if hasattr(one._steps, '_name') else True
+    x, u = np.array([0.4, -1.0]), np.array([2.0])
+    for model, found in ((first, one), (second, two)):
+        assert_same(found.step(x, u, 0.02), model.step(x, u, 0.02))
+    assert not np.allclose(one.step(x, u, 0.02), two.step(x, u, 0.02))
+
+
+@C
+def test_it_is_the_same_model_to_all_else():
+    model = Pendulum()
+    found = compiled(model)
+    assert isinstance(found, Pendulum)
+    assert type(found).__name__ == 'Pendulum'
+    assert repr(found) == repr(model)
+    assert found.length == model.length
+    assert type(model) is Pendulum  # which stays as it is
+    assert compiled(found) is found
+    x, u = np.array([0.4, -1.0]), np.array([2.0])
+    for other in (copy.copy(found), copy.deepcopy(found), pickle.loads(pickle.dumps(found))):
+        assert type(other) is type(found)
+        assert np.array_equal(other.step(x, u, 0.02), found.step(x, u, 0.02))
+
+
+@C
+def test_a_sensor_with_another_covariance_still_reads():
+    parts = believed('two_bearings')
+    sensor = compiled(parts.sensors['west'], parts.model.state)
+    other = sensor.with_covariance(np.array([[4.0]]))
+    x = np.ones(parts.model.state.size)
+    assert other.covariance == 4.0
+    assert np.array_equal(other.measure(x), sensor.measure(x))
+    del sensor
+    assert np.isfinite(other.jacobian(x)).all()
+
+
+@pytest.mark.parametrize('arithmetic', ARITHMETICS)
+def test_whatever_the_shape_of_the_arguments_the_result_is_that_of_numpy(arithmetic):
+    model = Slow()
+    found = fast(model, None, arithmetic)
+    rng = np.random.default_rng(2)
+    for x_shape, u_shape in (
+        ((2,), (1,)), ((4, 2), (1,)), ((4, 2), (4, 1)), ((3, 4, 2), (4, 1)), ((3, 4, 2), (3, 4, 1)),
+        ((1, 2), (5, 1)), ((0, 2), (1,)), ((2,), (5, 1)),
+    ):  # fmt: skip
+        x, u = rng.standard_normal(x_shape), rng.standard_normal(u_shape)
+        assert_same(found.step(x, u, 0.033), model.step(x, u, 0.033))
+    x = np.asfortranarray(rng.standard_normal((5, 2)))[::2]
+    assert_same(found.step(x, np.ones(1), 0.01), model.step(x, np.ones(1), 0.01))
+    assert_same(
+        found.linearized_step(np.array([1, 2]), np.array([1]), 0.01).F,
+        model.linearized_step(np.array([1.0, 2.0]), np.array([1.0]), 0.01).F,
+        1e-8,
+    )
+    for x, u in ((np.zeros(1), np.zeros(1)), (np.zeros(2), np.zeros(0))):
+        for part in (model, found):  # none reads what is not there
+            with pytest.raises((IndexError, ValueError)):
+                part.step(x, u, 0.01)
+
+
+@C
+@pytest.mark.parametrize('dt', [0.0, -0.05, 1e-9, 3.0, 1e6])
+def test_steps_of_any_length(dt):
+    model = Slow()
+    found = compiled(model)
+    x, u = np.array([0.4, -1.0]), np.array([2.0])
+    with np.errstate(all='ignore'):
+        assert_same(found.step(x, u, dt), model.step(x, u, dt), 1e-9)
+
+
+@C
+@pytest.mark.filterwarnings('ignore')
+@pytest.mark.parametrize('bad', [np.nan, np.inf, 1e300])
+def test_what_is_not_finite_fails_as_in_numpy(bad):
+    model = believed('cart_pole').model
+    found = compiled(model)
+    x, u = np.zeros(4), np.zeros(1)
+    x[3] = bad
+    with pytest.raises(np.linalg.LinAlgError) as expected, np.errstate(all='ignore'):
+        model.linearized_step(x, u, 0.01)
+    with pytest.raises(np.linalg.LinAlgError) as raised, np.errstate(all='ignore'):
+        found.linearized_step(x, u, 0.01)
+    assert str(raised.value) == str(expected.value)
+
+
+# --- what cannot be traced ----------------------------------------------------------------------
+
+
+class Branching(Pendulum):
+    def derivative(self, x, u):
+        if x[..., 0].max() > 1.0:
+            u = 0.0 * u
+        return super().derivative(x, u)
+
+
+class Storing(Pendulum):
+    def derivative(self, x, u):
+        found = np.zeros(x.shape)
+        found[..., 0] = x[..., 1]
+        return found
+
+
+class Foreign(Pendulum):
+    def derivative(self, x, u):
+        from scipy.special import erf
+
+        return np.stack((x[..., 1], erf(x[..., 0])), axis=-1)
+
+
+class Wrong(Pendulum):
+    def state_jacobian(self, x, u):
+        return np.array([[0.0, 1.0], [1.0, 0.0]])
+
+
+class OtherTransition(Pendulum):
+    def transition(self, x, u, dt):
+        return super().transition(x, u, 2.0 * dt)
+
+
+class Random(Pendulum):
+    def derivative(self, x, u):
+        return super().derivative(x, u) + np.random.default_rng().standard_normal(2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('kind', 'reason'),
+    [
+        (Branching, 'it decides by the value of the state: if, max, any'),
+        (Storing, 'it stores what depends on the state in an array of plain numbers'),
+        (Foreign, 'TypeError'),
+        (Wrong, 'its state_jacobian is not that of its derivative'),
+        (OtherTransition, 'its compiled functions are not what it computes'),
+        (Random, 'its formulas are not what it returns'),
+    ],
+)
+def test_what_cannot_be_traced_stays_numpy_with_the_reason(kind, reason):
+    model = kind()
+    found = attempt(model)
+    assert found.arithmetic == 'numpy'
+    assert found.reason.startswith(reason)
+    assert '\n' not in found.reason
+    assert found.result is model
+
+
+class OwnStep(Pendulum):
+    def step(self, x, u, dt):
+        return self.state.wrap(x + dt * self.derivative(x, u))
+
+
+@C
+def test_a_step_of_ones_own_is_compiled_as_it_is():
+    model = OwnStep()
+    found = attempt(model)
+    assert found.arithmetic == 'C'
+    x, u = np.array([0.4, -1.0]), np.array([2.0])
+    for mine, theirs in zip(
+        found.result.linearized_step(x, u, 0.1), model.linearized_step(x, u, 0.1)
+    ):
+        assert_same(mine, theirs, 1e-8)
+
+
+class Counter(DiscreteModel):
+    state, input = Space('count'), Space('')
+
+    def next(self, x, u):
+        return x + 1.0
+
+    def noise(self, x):
+        return np.eye(1)
+
+
+def test_where_nothing_is_gained_the_object_is_the_same():
+    linear = DiscreteLinearSystem([[1.0]], [[0.0]], [[1.0]], Space('x'), Space('u'))
+    for model, reason in (
+        (linear, 'it is in discrete time'),
+        (Counter(), 'it is in discrete time'),
+        (believed('mass_spring_damper').model, ''),
+    ):
+        found = attempt(model)
+        assert found.result is model
+        assert (found.arithmetic, found.reason) == ('numpy', reason)
+
+
+# --- functions of numpy -------------------------------------------------------------------------
+
+FUNCTIONS = {
+    'arithmetic': lambda x: x * 2.0 + 1.0 / (3.0 + x) - 0.5 * x**2 + 2.0**x - (-x),
+    'modulo': lambda x: (5.0 * x) % 2.0 - np.mod(x, 0.7),
+    'trigonometry': lambda x: np.sin(x) * np.cos(x) + np.tan(x) + np.arctan2(x, 1.0 + x * x),
+    'inverse': lambda x: np.arcsin(0.3 * x) + np.arccos(0.3 * x) + np.arctan(x),
+    'hyperbolic': lambda x: np.sinh(x) + np.cosh(x) * np.tanh(x) + np.arcsinh(x),
+    'exponential': lambda x: np.exp(x) + np.log(3.0 + x) + np.expm1(x) + np.log1p(x * x),
+    'roots': lambda x: np.sqrt(x * x + 1.0) + np.hypot(x, 2.0) + np.abs(x) + np.square(x),
+    'choice': lambda x: np.where(x > 0.1, x, -2.0 * x) + np.maximum(x, 0.2) + np.clip(x, -0.1, 0.3),
+    'rounding': lambda x: np.floor(3.0 * x) + np.ceil(3.0 * x) + np.sign(x) + np.rint(7.3 * x),
+    'sinc': lambda x: np.sinc(x),
+    'degrees': lambda x: np.deg2rad(x) + np.rad2deg(x),
+    'vectors': lambda x: np.concatenate((np.cross(x, [1.0, 2.0, 3.0]), [x @ x, np.sum(x * x)])),
+    'norm': lambda x: x / np.sqrt(np.sum(x * x)),
+    'linalg': lambda x: np.linalg.norm(x, axis=-1, keepdims=True) * x,
+    'matrices': lambda x: np.array([[x[0], 0.0, 1.0], [x[1], x[2], 0.0]]) @ x,
+    'einsum': lambda x: np.einsum('i,j->ij', x, x).ravel(),
+    'zeros': lambda x: np.stack([np.zeros_like(x[..., 0]), x[..., 1]], axis=-1),
+}
+
+
+@pytest.mark.parametrize('name', FUNCTIONS)
+def test_functions_of_numpy(name):
+    from kalman_ros.compiled.tracing import trace
+
+    function = FUNCTIONS[name]
+    x = np.array([0.31, -0.42, 0.77])
+    found = trace(function, (x,), (-x,), (np.array([0.9, 0.05, -0.6]),))
+    slope = found.slope(0, x).function('f')
+    values = np.array(slope()['o0'] if isinstance(slope(), dict) else slope())
+    if name not in ('rounding', 'modulo'):
+        assert_same(values, np.asarray(exact_jacobian(function, x), float), 1e-10)
+
+
+def test_only_numbers_are_decided_by():
+    from kalman_ros.compiled.tracing import trace
+
+    for function in (bool, lambda x: [x[0] if x[0] > 0 else 0.0], lambda x: max(x[0], x[1])):
+        with pytest.raises(UntraceableError):
+            trace(function, (np.array([0.3, 0.4]),))
