@@ -58,6 +58,8 @@ class Estimates(KnownNames):
         The name of the filter.
     smoothed
         Whether later readings are included.
+    arithmetic
+        What computed the model and the sensors: C, CasADi or numpy, with the reason.
     """
 
     state: Space
@@ -74,6 +76,7 @@ class Estimates(KnownNames):
     filter: str
     record: Record
     smoothed: bool = False
+    arithmetic: str = 'numpy'
 
     @property
     def std(self) -> Array:

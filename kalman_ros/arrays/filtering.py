@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.compiled.parts import COMPILED, parts
 from kalman_ros.core import ArrayLike, Model, TimedSensor, Value
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.smoother import smooth as smooth_steps
@@ -33,6 +34,7 @@ def filter(
     input_times: ArrayLike | None = None,
     gates: float | Mapping[str, float] | None = None,
     options: Mapping[str, Value] | None = None,
+    arithmetic: str = COMPILED,
 ) -> Estimates:
     """Return the estimates of a filter from readings: ``filter(model, sensor, times, readings)``.
 
@@ -64,13 +66,16 @@ def filter(
         name; others are rejected, and counted.
     options
         Of the filter: ``{'alpha': 0.5}``.
+    arithmetic
+        Of models and sensors: ``'compiled'`` where they can be (with CasADi, the extra
+        ``kalman_ros[compiled]``, and a C compiler), or ``'numpy'``.
 
     Raises
     ------
     ValueError
         If an argument is invalid; the message names it.
     """
-    task = _task(model, sensors, initial, filter.lower())
+    task = _task(model, sensors, initial, filter.lower(), arithmetic)
     rows = readings_of(times, readings, task.sensors, task.model)
     if not any(len(each.time) for each in rows.values()):
         raise ValueError('readings: expected at least one row, got none')
@@ -105,7 +110,7 @@ def smooth(estimates: Estimates) -> Estimates:
     )
 
 
-def _task(model: Any, sensors: Any, initial: Any, filter: str) -> Task:
+def _task(model: Any, sensors: Any, initial: Any, filter: str, arithmetic: str) -> Task:
     if isinstance(model, (str, Scenario)):
         scenario = load(model)
         model, filter = scenario.model, filter or scenario.filter
@@ -120,7 +125,8 @@ def _task(model: Any, sensors: Any, initial: Any, filter: str) -> Task:
     if not filter:
         plan = Plan(model, {name: TimedSensor(s, 1.0) for name, s in named.items()}, 1.0)
         filter = 'kf' if plan.linear else 'ekf'
-    return Task(model, named, belief_of(initial, model), filter)
+    belief, fast = belief_of(initial, model), parts(model, named, arithmetic)
+    return Task(fast.model, fast.sensors, belief, filter, fast.arithmetic)
 
 
 def _inputs(

@@ -33,6 +33,7 @@ class Task:
     sensors: Mapping[str, Sensor]
     initial: Gaussian
     filter: str
+    arithmetic: str = 'numpy'
 
 
 @dataclass
@@ -120,6 +121,7 @@ class Pass:
             counts={name: dict(counter) for name, counter in self.counts.items()},
             log_likelihood=likelihood,
             filter=self._task.filter,
+            arithmetic=self._task.arithmetic,
             record=Record(self._filter, steps, shown),
         )
 

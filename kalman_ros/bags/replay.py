@@ -187,6 +187,7 @@ def replay_bag(
         biases=believed.biases(feed.online.belief),
         truth=None if known is None else known.result(feed.start),
         notes=(*bag.damage, *feed.notes),
+        arithmetic=feed.fuser.arithmetic,
     )
 
 

@@ -95,6 +95,8 @@ class Replayed:
         If the recording has it and its topic was named.
     notes
         Sentences on what is missing or damaged.
+    arithmetic
+        What computed the model and the sensors: C, CasADi or numpy, with the reason.
     """
 
     scenario: Scenario
@@ -110,6 +112,7 @@ class Replayed:
     biases: Mapping[str, Gaussian]
     truth: Truth | None
     notes: tuple[str, ...]
+    arithmetic: str = 'numpy'
 
     def __repr__(self) -> str:
         rows = (f'{name}: {s.fused} of {len(s.nis)} fused' for name, s in self.sensors.items())

@@ -56,14 +56,19 @@ class InterpretedModel(Model):
     _density: Evaluation
     _slope: Evaluation | None = None
     _most: int
+    _shapes: tuple[tuple[int], tuple[int]]
     _numbers: Array
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
-        return super().step(x, u, dt) if x.ndim > 1 else self._moved(x, u, dt)[0]
+        if (x.shape, u.shape) != self._shapes:
+            return super().step(x, u, dt)
+        return self._moved(x, u, dt)[0]
 
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return the state after a step from x (n,) with u (m,), with the step's F and Q."""
+        if (x.shape, u.shape) != self._shapes:
+            return super().linearized_step(x, u, dt)
         A, W = self._jacobian(x, u, self._numbers), self._density(x, self._numbers)
         F, Q = flow(A, W, dt)
         moved, of_step = self._moved(x, u, dt, self._slope)
@@ -123,6 +128,7 @@ def interpreted_model(model: Model) -> Model:
         interpreted_model,
         _numbers=parameters.values,
         _most=formulas.most,
+        _shapes=((model.state.size,), (model.input.size,)),
         **_evaluations(formulas.traces),
     )
     return found

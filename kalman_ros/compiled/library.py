@@ -23,6 +23,8 @@ _FLAGS = ('-O2', '-ftree-vectorize', '-ffp-contract=off', '-fPIC', '-shared', '-
 _PATIENCE = 60.0
 
 
+#: A digest ends each file, which the loader of the system does not read.
+_SEAL = sha256().digest_size
 #: What an interrupted compilation left behind is removed after this long, in seconds.
 _STALE = 3600.0
 
@@ -117,7 +119,9 @@ def _cached(name: str) -> ctypes.CDLL | None:
     cache = folder()
     try:
         if cache is not None and _is_private((cache / name).lstat(), stat.S_ISREG):
-            return ctypes.CDLL(str(cache / name))
+            whole = (cache / name).read_bytes()
+            if sha256(whole[:-_SEAL]).digest() == whole[-_SEAL:]:
+                return ctypes.CDLL(str(cache / name))
     except OSError:
         pass  # there is none, or it cannot be loaded
     return None
@@ -156,8 +160,8 @@ def _compiled(command: tuple[str, ...], source: str, folder: Path, name: str) ->
             stdin=subprocess.DEVNULL,
         )
         library.chmod(0o700)
-        with library.open('rb') as written:
-            os.fsync(written.fileno())
+        with library.open('ab') as whole:  # a loader may crash on what a power cut left of it
+            whole.write(sha256(library.read_bytes()).digest())
         library.replace(folder / name)
     return ctypes.CDLL(str(folder / name))
 

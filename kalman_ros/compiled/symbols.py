@@ -136,25 +136,58 @@ def _elementwise(function: Callable[..., Any], inputs: Any) -> Symbols:
     return whole.view(Symbols)
 
 
+def _norm(x: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
+    if ord is not None:
+        raise UntraceableError('of the norms, only the Euclidean one is known')
+    return np.sqrt(np.sum(x * x, axis=axis, keepdims=keepdims))
+
+
+#: Functions of whole arrays that numpy computes in a way that symbols do not allow.
+_WHOLE: dict[Any, Callable[..., Any]] = {np.linalg.norm: _norm}
+_EXTREMES = (np.maximum, np.minimum)
+
+
 class Symbols(np.ndarray[Any, Any]):
     """An array with ``dtype=object``, of symbols and numbers, which stays one in every formula."""
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        where, out = options.pop('where', None), options.pop('out', (None,))
+        where, out = options.pop('where', True), options.pop('out', (None,))
         if method == '__call__' and ufunc in _FUNCTIONS:
             found: Any = _elementwise(_FUNCTIONS[ufunc], inputs)
+        elif method == 'reduce' and ufunc in _EXTREMES:
+            found = _extreme(ufunc, inputs[0], **options)
         else:
             if ufunc in _COMPARISONS:
                 options['dtype'] = object
             found = getattr(ufunc, method)(*map(np.asarray, inputs), **options)
-        if where is not None:
+        if where is not True:
+            if out[0] is None:
+                raise UntraceableError('it leaves numbers open: where= without out=')
             found = _elementwise(casadi.if_else, (where, found, out[0]))
-        return np.asarray(found, dtype=object).view(Symbols)
+        found = np.asarray(found, dtype=object).view(Symbols)
+        if out[0] is not None and where is True:
+            out[0][...] = found
+        return found
 
     def __array_function__(self, function: Any, types: Any, inputs: Any, options: Any) -> Any:
         if function in _FUNCTIONS:
             return _elementwise(_FUNCTIONS[function], inputs)
+        if function in _WHOLE:
+            return _WHOLE[function](*inputs, **options)
         return super().__array_function__(function, (), inputs, options)
+
+
+def _extreme(
+    ufunc: Any, x: Any, axis: Any = 0, dtype: Any = None, keepdims: bool = False, **_: Any
+) -> Any:
+    """Return the maxima or minima of an array along an axis, or of all of it."""
+    rows = np.asarray(x).reshape(-1) if axis is None else np.moveaxis(np.asarray(x), axis, 0)
+    found = rows[0]
+    for row in rows[1:]:
+        found = ufunc(_array(row) if isinstance(row, Symbol) else row.view(Symbols), found)
+    if not keepdims:
+        return found
+    return np.reshape(found, (1,) * np.ndim(x)) if axis is None else np.expand_dims(found, axis)
 
 
 def symbols(count: int) -> tuple[Any, Symbols]:

@@ -21,10 +21,10 @@ from kalman_ros.core import (
 
 def blocks(first: Array, second: Array) -> Array:
     """Return the matrices (..., n, m) and (k, k) as the blocks of (..., n + k, m + k)."""
-    (n, m), k = first.shape[-2:], len(second)
-    found = np.zeros((*first.shape[:-2], n + k, m + k))
-    found[..., :n, :m], found[..., n:, m:] = first, second
-    return found
+    lead, (n, m), k = first.shape[:-2], first.shape[-2:], len(second)
+    upper = np.concatenate((first, np.zeros((*lead, n, k))), -1)
+    lower = np.concatenate((np.zeros((k, m)), second), -1)
+    return np.concatenate((upper, np.broadcast_to(lower, (*lead, *lower.shape))), -2)
 
 
 def longer(first: Array, rest: Array) -> Array:

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One prediction and one update, ours against filterpy's own classes, on one linear system."""
+"""One prediction and one update, ours against filterpy's own classes.
+
+First on one linear system for both; then ours of robots with 15 states and rotations, as nodes
+compute them, against an extended filter of filterpy with 4 states and formulas that cost nothing.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +23,9 @@ from filterpy.kalman import (
 from kalman_ros.core import Array, Gaussian, LinearSystem, Space, TimedSensor
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.filter import Plan
+from kalman_ros.pipeline.settings import settings
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.sensors.states import States
 
 from .benchmark import Benchmark, Timing
@@ -26,6 +33,7 @@ from .benchmark import Benchmark, Timing
 #: Steps per measurement.
 _STEPS = 300
 _DT = 0.01
+_ROBOTS = ('robot_3d', 'inertial')
 #: Filter, states, readings, and the acceptable share of filterpy's time.
 _CASES = (('kf', 4, 2, 0.5), ('ekf', 4, 2, 0.5), ('ukf', 4, 2, 0.2), ('ukf', 15, 6, 0.125))
 
@@ -33,18 +41,53 @@ _CASES = (('kf', 4, 2, 0.5), ('ekf', 4, 2, 0.5), ('ukf', 4, 2, 0.2), ('ukf', 15,
 @contextmanager
 def benchmarks() -> Iterator[list[Benchmark]]:
     """Yield one benchmark per filter and size."""
-    yield [_benchmark(*case) for case in _CASES]
+    robots = [row for name in _ROBOTS for row in _robot(name)]
+    yield [_benchmark(*case) for case in _CASES] + robots
 
 
 def _benchmark(kind: str, n: int, k: int, goal: float) -> Benchmark:
+    system, sensor, y = _system(n, k)
+    name = f'{kind} step, {n} states, {k} readings / filterpy'
+    return Benchmark(name, goal, _ours(kind, system, sensor, y), _peer(kind, system, sensor, y))
+
+
+def _system(n: int, k: int) -> tuple[LinearSystem, States, Array]:
+    """Return a linear system, a sensor of some of its states, and a reading."""
     rng = np.random.default_rng(0)
     space = Space(tuple(f'x{index}' for index in range(n)), ('',) * n)
     A = 0.3 * rng.normal(size=(n, n)) - np.eye(n)
     system = LinearSystem(A, np.ones((n, 1)), 0.1 * np.eye(n), space, Space(('u',), ('',)))
-    sensor = States(space, [0.5] * k, space.names[:k])
-    name = f'{kind} step, {n} states, {k} readings / filterpy'
-    y = np.ones(k)
-    return Benchmark(name, goal, _ours(kind, system, sensor, y), _peer(kind, system, sensor, y))
+    return system, States(space, [0.5] * k, space.names[:k]), np.ones(k)
+
+
+def _robot(name: str) -> Iterator[Benchmark]:
+    """Yield a prediction of a robot, and a correction by each of its sensors."""
+    values = {**from_file(shipped.file(name), 'estimator'), 'filter': 'ekf'}
+    found, peer = settings(values).fusion(), _of_filterpy()
+    assert found.arithmetic == 'C', found.arithmetic
+    filter: Any = found.filter
+    rest, state = filter.model.equilibrium, filter.model.state
+    belief = Gaussian(rest.state + 0.1, 0.01 * np.eye(state.size))
+    what = f'{name}, ekf, {state.size} states'
+    yield Benchmark(
+        f'a prediction of {what} / an EKF step of filterpy with 4 states',
+        1.0,
+        _timed(lambda: filter.predict(belief, rest.input, _DT)),
+        peer,
+    )
+    for each in found.sensors.values():
+        y = each.measure(belief.mean)
+        yield Benchmark(
+            f'a correction of {what}, by {each.name} / the same of filterpy',
+            1.0,
+            _timed(lambda y=y, each=each: filter.correct(belief, y, each)),  # type: ignore[misc]
+            peer,
+        )
+
+
+def _of_filterpy() -> Timing:
+    kind, n, k, _ = _CASES[1]
+    return _peer(kind, *_system(n, k))
 
 
 def _timed(step: Callable[[], None]) -> Timing:

@@ -128,7 +128,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     ratio = found.duration / wall if wall > 0.0 else inf
     console.print(
         f'{found.duration:.4g} s, {len(found.beliefs.time)} estimates, replayed in {wall:.2f} s, '
-        f'{ratio:.3g} times real time'
+        f'{ratio:.3g} times real time; arithmetic: {found.arithmetic}'
     )
     # the summary last: where it is, all is whole
     with deferred():

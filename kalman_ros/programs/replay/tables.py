@@ -105,6 +105,7 @@ def summary(
         },
         'checks': checks_json(checks),
         'notes': list(replayed.notes),
+        'arithmetic': replayed.arithmetic,
     }
     if errors is not None:
         names = replayed.scenario.model.state.names
