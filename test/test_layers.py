@@ -28,7 +28,7 @@ BELOW = {
     },
 }
 BELOW['scenario'] = {'linear', 'core', 'models', 'sensors', 'estimators', 'control'}
-BELOW['simulation'] = {*BELOW['scenario'], 'scenario', 'acoustics'}
+BELOW['simulation'] = {*BELOW['scenario'], 'scenario', 'acoustics', 'compiled'}
 BELOW['analysis'] = {*BELOW['simulation'], 'simulation'}
 BELOW['report'] = {*BELOW['analysis'], 'analysis'}
 BELOW['arrays'] = {*BELOW['report'], 'report', 'compiled'}

@@ -13,6 +13,7 @@ import numpy as np
 from kalman_ros.analysis.tuning.candidate import Candidate
 from kalman_ros.analysis.tuning.free_parameter import FreeParameter
 from kalman_ros.analysis.tuning.named_parameters import LONGEST_DELAY, NamedParameters
+from kalman_ros.compiled.parts import parts
 from kalman_ros.core import DiscreteModel, Space, TimedSensor, refuse_unknown
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.filter import Plan
@@ -144,7 +145,9 @@ class FunctionProblem:
             for name in self._biases
         }
         delays = {name: values[f'{name}.delay'] for name in self._delays}
-        return Candidate(build_filter(kind, plan), model, sensors, belief, biases, delays)
+        fast = parts(model, sensors, one_of_many=True)
+        filter = build_filter(kind, plan.computed_by(fast.model, fast.sensors))
+        return Candidate(filter, fast.model, fast.sensors, belief, biases, delays)
 
 
 def _bias_names(name: str, output: Space) -> list[str]:

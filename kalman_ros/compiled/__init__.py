@@ -65,10 +65,17 @@ def compiled(original: T, state: Space | None = None) -> T:
     return result
 
 
-def attempt(original: Model | Sensor, state: Space | None = None, *, wait: bool = True) -> Outcome:
+def attempt(
+    original: Model | Sensor,
+    state: Space | None = None,
+    *,
+    wait: bool = True,
+    one_of_many: bool = False,
+) -> Outcome:
     """Return what `compiled` does, with the arithmetic and the reason for it.
 
-    Without ``wait``, what no earlier start has compiled is left to CasADi.
+    Without ``wait``, what no earlier start has compiled is left to CasADi. An object that is
+    ``one_of_many`` stays as it is if others like it had to be traced again.
     """
     if isinstance(original, LinearSystem) or (
         isinstance(original, Sensor) and original.linear and not original.output.rotations
@@ -79,10 +86,13 @@ def attempt(original: Model | Sensor, state: Space | None = None, *, wait: bool 
     if not is_available():
         return Outcome(original, 'numpy', 'CasADi is not installed')
     from .derived import Derived
+    from .free_parameters import Parameters
     from .symbols import UntraceableError
 
     if isinstance(original, Derived):
         return Outcome(original, original.arithmetic)
+    if one_of_many and not Parameters(original).comparable:
+        return Outcome(original, 'numpy', 'it has attributes that cannot be compared')
     try:
         if isinstance(original, Model):
             return _model(original, wait)

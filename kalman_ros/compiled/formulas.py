@@ -26,6 +26,8 @@ class ModelFormulas(NamedTuple):
 
     Parameters
     ----------
+    derivative
+        dx/dt of x, u and p.
     substep
         x' of x, u, h and p.
     wrap
@@ -41,6 +43,7 @@ class ModelFormulas(NamedTuple):
         The most substeps of a step.
     """
 
+    derivative: Trace
     substep: Trace
     wrap: Trace
     jacobian: Trace
@@ -109,8 +112,8 @@ def of_model(model: Model, parameters: Parameters) -> ModelFormulas:
         lambda slope, rate: space.of_errors(slope.reshape(n, n), rate), (np.zeros(n * n), e)
     )
     by_state = rates.slope(3, np.zeros(n))
-    rate = rates.at(3, np.zeros(n)).result
-    jacobian = turned.at(1, rate).at(0, casadi.vec(casadi.densify(by_state.result).T))
+    derivative = rates.at(3, np.zeros(n))
+    jacobian = turned.at(1, derivative.result).at(0, casadi.vec(casadi.densify(by_state.result).T))
     jacobian = Trace(by_state.variables, jacobian.result)
     agree(
         jacobian,
@@ -122,7 +125,7 @@ def of_model(model: Model, parameters: Parameters) -> ModelFormulas:
     density = trace(lambda x, p: given(p).noise_density(x), *((x, p) for x in states))
     wrap = trace(space.wrap, *((4.0 * x,) for x in states))
     slope = None if model.analytic else _slope(space, substep)
-    return ModelFormulas(substep, wrap, jacobian, density, slope, most)
+    return ModelFormulas(derivative, substep, wrap, jacobian, density, slope, most)
 
 
 def _of_steps(

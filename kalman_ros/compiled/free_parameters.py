@@ -33,9 +33,14 @@ class Parameters:
         #: The numbers, in the order of the attributes (p,).
         self.values: Array = np.array([value for value in found if isinstance(value, float)])
         #: Equal for objects that compute by the same formulas.
-        self.signature: Hashable = tuple(
+        self.signature: tuple[Hashable, ...] = tuple(
             float if isinstance(value, float) else value for value in found
         )
+
+    @property
+    def comparable(self) -> bool:
+        """Whether another object that is built in the same way has the same signature."""
+        return not any(isinstance(each, _Same) for each in self.signature)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Parameters) and other.signature == self.signature
@@ -59,9 +64,14 @@ def _numbers(value: Any) -> Iterator[Any]:
         yield value.shape
         for each in value.ravel().tolist():
             yield each or None
-    elif isinstance(value, tuple):
-        yield len(value)
+    elif isinstance(value, (tuple, list)):
+        yield type(value), len(value)
         for each in value:
+            yield from _numbers(each)
+    elif isinstance(value, dict):
+        yield dict, len(value)
+        for name, each in value.items():
+            yield name
             yield from _numbers(each)
     elif isinstance(value, float):
         yield value or None
@@ -81,6 +91,10 @@ def _replaced(value: Any, numbers: Iterator[Any]) -> Any:
         whole[:] = flat
         plain = all(isinstance(each, float) for each in flat)
         return (whole.astype(float) if plain else whole).reshape(value.shape)
+    if isinstance(value, dict):
+        return {name: _replaced(each, numbers) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_replaced(each, numbers) for each in value]
     if isinstance(value, tuple):
         each = (_replaced(each, numbers) for each in value)
         return type(value)(*each) if hasattr(value, '_fields') else tuple(each)

@@ -18,7 +18,7 @@ from hashlib import sha256
 from pathlib import Path
 from time import time
 
-_FLAGS = ('-O2', '-ftree-vectorize', '-ffp-contract=off', '-fPIC', '-shared', '-w')
+_FLAGS = ('-O3', '-ffp-contract=off', '-fPIC', '-shared', '-w')
 #: A compiler that takes longer, in seconds, is given up.
 _PATIENCE = 60.0
 

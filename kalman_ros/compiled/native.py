@@ -8,7 +8,8 @@ is shared, so that threads may share the objects.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from functools import lru_cache
 from typing import Any
 
@@ -32,38 +33,102 @@ class NativeModel(Model):
     """What a compiled model computes in C; all else is the model's."""
 
     arithmetic = 'C'
-    _linearized: Callable[[int, float, float, int], int]
-    _steps: Callable[[int, int, float, float, int], None]
+    #: `linearized_step` takes leading axes.
+    leading = True
+    _library: Any
     _shapes: tuple[tuple[int], tuple[int]]
     _numbers: Array
     _p: int
+    #: How many sets of numbers there are, for as many members in turn.
+    _sets = 1
+
+    def merged_with(self, others: Sequence[Model]) -> Model | None:
+        """Return one model for states (..., p, n) of p models; None if their formulas differ."""
+        every = [self, *others]
+        if not all(isinstance(each, NativeModel) and _alike(self, each) for each in every):
+            return None
+        if any(each.max_step != self.max_step for each in every):
+            return None
+        whole: Model = _merged(every)
+        return whole
+
+    def _called(
+        self,
+        function: Callable[..., Any],
+        x: Array,
+        u: Array,
+        size: int,
+        *arguments: float,
+        behind: Array | None = None,
+    ) -> Array | None:
+        """Return ``size`` numbers for each of states (..., n); None if that is not their size.
+
+        ``behind`` x and u may be further numbers.
+        """
+        if (x.shape[-1:], u.shape[-1:]) != self._shapes:
+            return None
+        if x.shape[:-1] != u.shape[:-1]:
+            x, u = (np.broadcast_to(each, (*_lead(x, u), each.shape[-1])) for each in (x, u))
+        first, count = x.size, x.size // x.shape[-1]
+        middle = first + u.size
+        last = middle + (0 if behind is None else behind.size)
+        v = np.empty(last + count * size + 1)
+        v[:first], v[first:middle] = x.ravel(), u.ravel()
+        if behind is not None:
+            v[middle:last] = behind.ravel()
+        function(_address(_memory(v)), count, *arguments, self._p, self._sets)
+        return v[last:-1]
+
+    def predicted(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
+        """Return means (..., n) and covariances (..., n, n) after a linearised step."""
+        n, u = x.shape[-1], like(u, x)
+        covariances = np.broadcast_to(P, (*x.shape, n))
+        step = self._library.predictions
+        found = self._called(step, x, u, n + n * n, dt, self.max_step, behind=covariances)
+        if found is None:
+            raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
+        return found[: x.size].reshape(x.shape), found[x.size :].reshape(covariances.shape)
+
+    def derivative(self, x: Array, u: Array) -> Array:
+        """Return dx/dt (..., n)."""
+        found = self._called(self._library.rates, x, u, x.shape[-1])
+        if found is None:
+            return super().derivative(x, u)  # type: ignore[safe-super]
+        return found.reshape(*_lead(x, u), x.shape[-1])
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
-        u = like(u, x)
-        if x.shape[:-1] != u.shape[:-1] or (x.shape[-1:], u.shape[-1:]) != self._shapes:
-            return super().step(x, u, dt)  # which broadcasts, or says what is wrong
-        first = x.size
-        last = first + u.size
-        v = np.empty(last + first + 1)
-        v[:first], v[first:last] = x.ravel(), u.ravel()
-        count = first // x.shape[-1]
-        self._steps(_address(_memory(v)), count, dt, self.max_step, self._p)
-        return v[last:-1].reshape(x.shape)
+        u, n = like(u, x), x.shape[-1]
+        found = self._called(self._library.steps, x, u, n, dt, self.max_step)
+        if found is None:
+            return super().step(x, u, dt)  # which says what is wrong
+        return found.reshape(*_lead(x, u), n)
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
-        """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
+        """Return Q (..., n, n), what the noise adds in a step of length ``dt`` from x (..., n)."""
         return self.linearized_step(x, u, dt).Q
 
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
-        """Return the state after a step from x (n,) with u (m,), with the step's F and Q."""
+        """Return the state (..., n) after a step with u (..., m), with the step's F and Q."""
+        n = x.shape[-1]
+        if x.ndim > 1:
+            u = like(u, x)
+            step = self._library.linearized_steps
+            found = self._called(step, x, u, n + 2 * n * n, dt, self.max_step)
+            if found is None:
+                raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
+            count, shape = x.size // n, (*x.shape, n)
+            F, Q = count * n, count * n * (1 + n)
+            return LinearizedStep(
+                found[:F].reshape(x.shape), found[F:Q].reshape(shape), found[Q:].reshape(shape)
+            )
         if (x.shape, u.shape) != self._shapes:
             return super().linearized_step(x, u, dt)
-        n, moved = x.size, x.size + u.size
+        moved = n + u.size
         F, Q = moved + n, moved + n + n * n
         v = np.empty(Q + n * n)
         v[:n], v[n:moved] = x, u
-        if self._linearized(_address(_memory(v)), dt, self.max_step, self._p):
+        if self._library.linearized_step(_address(_memory(v)), dt, self.max_step, self._p):
             return super().linearized_step(x, u, dt)  # which finds out what is wrong
         return LinearizedStep(v[moved:F], v[F:Q].reshape(n, n), v[Q:].reshape(n, n).T)
 
@@ -72,34 +137,69 @@ class NativeSensor(Sensor):
     """What a compiled sensor computes in C; all else is the sensor's."""
 
     arithmetic = 'C'
-    _readings: Callable[[int, int, int], None]
-    _slope: Callable[[int, int], None]
+    #: `jacobian` takes leading axes.
+    leading = True
+    _library: Any
     _size: int
     _numbers: Array
     _p: int
+    #: How many sets of numbers there are, for as many members in turn.
+    _sets = 1
+
+    def merged_with(self, others: Sequence[Sensor]) -> Sensor | None:
+        """Return one sensor for states (..., p, n) of p sensors; None if their formulas differ."""
+        every = [self, *others]
+        if not all(isinstance(each, NativeSensor) and _alike(self, each) for each in every):
+            return None
+        whole: Sensor = _merged(every)
+        return whole
+
+    def _called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
+        """Return ``size`` numbers for each of states (..., n); None if that is not their size."""
+        if x.shape[-1] != self._size:
+            return None
+        last, count = x.size, x.size // self._size
+        v = np.empty(last + count * size + 1)
+        v[:last] = x.ravel()
+        function(_address(_memory(v)), count, self._p, self._sets)
+        return v[last:-1]
 
     def measure(self, x: Array) -> Array:
         """Return the noise-free reading (..., k)."""
-        n, k = self._size, self.output.size
-        if x.shape[-1] != n:
+        k = self.output.size
+        found = self._called(self._library.readings, x, k)
+        if found is None:
             return super().measure(x)  # type: ignore[safe-super]
-        size, count = x.size, x.size // n
-        v = np.empty(size + count * k + 1)
-        v[:size] = x.ravel()
-        self._readings(_address(_memory(v)), count, self._p)
-        found: Array = v[size:-1].reshape(*x.shape[:-1], k)
-        return found
+        return found.reshape(*x.shape[:-1], k)
 
     def jacobian(self, x: Array) -> Array:
-        """Return d measure / d x (k, n) at ``x`` (n,)."""
+        """Return d measure / d x (..., k, n) at ``x`` (..., n)."""
         n, k = self._size, self.output.size
-        if x.shape != (n,):
+        found = self._called(self._library.slopes, x, n * k)
+        if found is None:
             return super().jacobian(x)
-        v = np.empty(n + n * k)
-        v[:n] = x
-        self._slope(_address(_memory(v)), self._p)
-        H: Array = v[n:].reshape(n, k).T
+        H: Array = found.reshape(*x.shape[:-1], n, k).swapaxes(-1, -2)
         return H
+
+
+def _lead(x: Array, u: Array) -> tuple[int, ...]:
+    """Return the leading axes of vectors that broadcast."""
+    if x.ndim == u.ndim == 1:
+        return ()
+    return np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
+
+
+def _alike(a: Any, b: Any) -> bool:
+    return b._library is a._library and b._sets == 1
+
+
+def _merged(every: Sequence[Any]) -> Any:
+    """Return the first of several objects with the numbers of all, one set after the other."""
+    whole = copy(every[0])
+    sets = [each._numbers[:-1] for each in every]
+    if any(not np.array_equal(each, sets[0]) for each in sets):
+        vars(whole).update(_pointed(np.concatenate(sets)), _sets=len(every))
+    return whole
 
 
 class NativeSpace(Space):
@@ -153,15 +253,16 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
     library = load(_model_source(parameters), wait=wait)
     library.linearized_step.argtypes = [_POINTER, _NUMBER, _NUMBER, _POINTER]
     library.linearized_step.restype = ctypes.c_int
-    library.steps.argtypes = [_POINTER, ctypes.c_long, _NUMBER, _NUMBER, _POINTER]
-    library.steps.restype = None
+    _declare(library.rates)
+    _declare(library.steps, _NUMBER, _NUMBER)
+    _declare(library.linearized_steps, _NUMBER, _NUMBER)
+    _declare(library.predictions, _NUMBER, _NUMBER)
     found: Model = derive(
         NativeModel,
         model,
         native_model,
         state=native_space(model.state, wait=wait),
-        _linearized=library.linearized_step,
-        _steps=library.steps,
+        _library=library,
         _shapes=((model.state.size,), (model.input.size,)),
         **_pointed(parameters.values),
     )
@@ -180,17 +281,15 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
     """
     parameters = Parameters(sensor)
     library = load(_sensor_source(parameters, state), wait=wait)
-    library.readings.argtypes = [_POINTER, ctypes.c_long, _POINTER]
-    library.slope.argtypes = [_POINTER, _POINTER]
-    library.readings.restype = library.slope.restype = None
+    _declare(library.readings)
+    _declare(library.slopes)
     found: Sensor = derive(
         NativeSensor,
         sensor,
         native_sensor,
         state,
         output=native_space(sensor.output, wait=wait),
-        _readings=library.readings,
-        _slope=library.slope,
+        _library=library,
         _size=state.size,
         **_pointed(parameters.values),
     )
@@ -210,11 +309,22 @@ def native_space(space: Space, *, wait: bool = True) -> Space:
     return found
 
 
+def _declare(function: Any, *arguments: Any) -> None:
+    """Declare a function of an array, a number of members, arguments, numbers and their sets."""
+    function.argtypes = [_POINTER, ctypes.c_long, *arguments, _POINTER, ctypes.c_long]
+    function.restype = None
+
+
 @lru_cache(maxsize=32)
 def _model_source(parameters: Parameters) -> str:
     model: Any = parameters.original
     formulas = of_model(model, parameters)
-    constants = {'N': model.state.size, 'M': model.input.size, 'MOST_SUBSTEPS': formulas.most}
+    constants = {
+        'N': model.state.size,
+        'M': model.input.size,
+        'COUNT': len(parameters.values),
+        'MOST_SUBSTEPS': formulas.most,
+    }
     sparse = {'A': formulas.jacobian, 'W': formulas.density}
     if formulas.slope is not None:
         constants['SLOPE'], sparse['F'] = 1, formulas.slope
@@ -225,7 +335,7 @@ def _model_source(parameters: Parameters) -> str:
 def _sensor_source(parameters: Parameters, state: Space) -> str:
     sensor: Any = parameters.original
     formulas = of_sensor(sensor, state, parameters)
-    sizes = {'N': state.size, 'K': sensor.output.size}
+    sizes = {'N': state.size, 'K': sensor.output.size, 'COUNT': len(parameters.values)}
     return source('sensor.c', sizes, formulas._asdict(), {'H': formulas.jacobian})
 
 

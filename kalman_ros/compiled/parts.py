@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from kalman_ros.core import Model, Sensor
+from kalman_ros.core import Model, Sensor, Space
 
 from . import Outcome, attempt
 
@@ -50,7 +50,12 @@ class Parts(NamedTuple):
 
 
 def parts(
-    model: Model, sensors: Mapping[str, Sensor], arithmetic: str = COMPILED, *, wait: bool = True
+    model: Model,
+    sensors: Mapping[str, Sensor],
+    arithmetic: str = COMPILED,
+    *,
+    wait: bool = True,
+    one_of_many: bool = False,
 ) -> Parts:
     """Return a model and its sensors, compiled if that is chosen and possible.
 
@@ -62,6 +67,8 @@ def parts(
         ``'compiled'`` or ``'numpy'``, unless the environment variable says which.
     wait
         Whether to wait for a C compiler.
+    one_of_many
+        Whether there are many that differ in numbers.
 
     Raises
     ------
@@ -73,8 +80,12 @@ def parts(
         raise ValueError(f"arithmetic: expected {COMPILED} or {NUMPY}, got '{arithmetic}'")
     if arithmetic == NUMPY:
         return Parts(model, {**sensors}, {})
-    tried = {'model': attempt(model, wait=wait)}
-    tried.update({name: attempt(each, model.state, wait=wait) for name, each in sensors.items()})
+    state: Space | None = model.state
+    every: dict[str, Model | Sensor] = {'model': model, **sensors}
+    tried = {
+        name: attempt(each, state, wait=wait, one_of_many=one_of_many)
+        for name, each in every.items()
+    }
     return Parts(
         tried['model'].result,
         {name: tried[name].result for name in sensors},

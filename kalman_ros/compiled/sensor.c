@@ -1,22 +1,36 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * What a sensor reads, and how that changes with the state: N states, K numbers of a
- * reading; p are the numbers of the sensor.
+ * reading, COUNT numbers of the sensor.
+ *
+ * v holds count states, and receives the results behind them; each member has the next of sets
+ * of numbers.
  */
 
-/* v holds count states, and receives their readings behind them */
-void readings(double *v, long count, const double *p)
+#define EACH(k, count) \
+    for (long k = 0; k < count; k++, x += N, p = k % sets ? p + COUNT : first)
+
+void readings(double *v, long count, const double *first, long sets)
 {
-    for (long k = 0; k < count; k++)
-        measure(v + k * N, p, v + count * N + k * K);
+    const double *x = v, *p = first;
+    double *y = v + count * N;
+    EACH(k, count) {
+        measure(x, p, y);
+        y += K;
+    }
 }
 
-/* v holds x, and receives H behind it, column by column */
-void slope(double *v, const double *p)
+/* each H column by column */
+void slopes(double *v, long count, const double *first, long sets)
 {
-    double h[H_COUNT + 1], *H = v + N;
-    jacobian(v, p, h);
-    memset(H, 0, N * K * sizeof *H);
-    for (int k = 0; k < H_COUNT; k++)
-        H[H_COLUMN[k] * K + H_ROW[k]] = h[k];
+    const double *x = v, *p = first;
+    double *H = v + count * N;
+    memset(H, 0, count * N * K * sizeof *H);
+    EACH(k, count) {
+        double h[H_COUNT + 1];
+        jacobian(x, p, h);
+        for (int i = 0; i < H_COUNT; i++)
+            H[H_COLUMN[i] * K + H_ROW[i]] = h[i];
+        H += N * K;
+    }
 }

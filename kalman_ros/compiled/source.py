@@ -11,12 +11,25 @@ import casadi
 
 from .tracing import Trace
 
-_HEAD = '#include <math.h>\n#include <string.h>\n'
+_HEAD = """#include <math.h>
+#include <string.h>
+/* the processor of this machine may have wider registers than all of its kind */
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+#define FAST __attribute__((target_clones("avx2", "default")))
+#define INLINE static inline __attribute__((always_inline))
+#else
+#define FAST
+#define INLINE static inline
+#endif
+"""
 
 
 def places(name: str, result: Any) -> str:
-    """Return the rows and columns of the numbers of a matrix that are not zero, as C."""
-    rows, columns = result.sparsity().get_triplet()
+    """Return the rows and columns of the numbers of a matrix that are not zero, as C.
+
+    CasADi has them column by column; here they are row by row, as those of the transpose.
+    """
+    columns, rows = result.T.sparsity().get_triplet()
     text = f'enum {{ {name}_COUNT = {len(rows)} }};\n'
     for kind, values in (('ROW', rows), ('COLUMN', columns)):
         listed = ', '.join(map(str, values)) or '0'
@@ -46,7 +59,9 @@ def source(
     generator = casadi.CodeGenerator('generated.c', {'with_header': False})
     wrappers = []
     for name, trace in traces.items():
-        function = trace.function(f'generated_{name}')
+        by_rows = any(trace is each for each in sparse.values())
+        stored = Trace(trace.variables, trace.result.T) if by_rows else trace
+        function = stored.function(f'generated_{name}')
         generator.add(function)
         arguments = ', '.join(f'v{k}' for k in range(function.n_in()))
         parameters = ', '.join(f'const double *v{k}' for k in range(function.n_in()))

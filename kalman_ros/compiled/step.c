@@ -3,28 +3,31 @@
  * One step of a model, and its linearisation: `core.Model.step` and `linear.discretize.flow` for
  * one state, with the same operations in the same order.
  *
- * What comes before this text is generated from the model: N states, M inputs and MOST_SUBSTEPS;
- * the functions substep, wrap, jacobian and density; the places A_ROW, A_COLUMN of the A_COUNT
+ * What comes before this text is generated from the model: N states, M inputs, COUNT numbers and
+ * MOST_SUBSTEPS; the functions derivative, substep, wrap, jacobian and density; the places A_ROW, A_COLUMN of the A_COUNT
  * numbers of the Jacobian that are not zero, and W_ROW, W_COLUMN, W_COUNT of the density; with
  * SLOPE also the function slope and F_ROW, F_COLUMN, F_COUNT of the F of a substep, whose product
  * is that of the step. p are the numbers of the model. Matrices are row by row.
  */
 
 #define TERMS 18
-#define NEGLIGIBLE 1e-15
+#define NEGLIGIBLE 1e-16
 
 enum { DONE = 0, INFINITE_JACOBIAN = 1, OVERFLOW_WITHIN = 2 };
 
-/* C = factor A B, with A given by its count numbers a that are not zero */
-static void product(int count, const int *rows, const int *columns, const double *a,
+/* C = factor A B, with A given by its count numbers a that are not zero, row by row */
+INLINE void product(int count, const int *rows, const int *columns, const double *a,
                     double factor, const double *B, double *C)
 {
-    memset(C, 0, N * N * sizeof *C);
-    for (int k = 0; k < count; k++) {
-        const double share = factor * a[k], *row = B + columns[k] * N;
-        double *sum = C + rows[k] * N;
-        for (int j = 0; j < N; j++)
-            sum[j] += share * row[j];
+    int k = 0;
+    for (int i = 0; i < N; i++) {
+        double sum[N] = {0.0};
+        for (; k < count && rows[k] == i; k++) {
+            const double share = factor * a[k], *row = B + columns[k] * N;
+            for (int j = 0; j < N; j++)
+                sum[j] += share * row[j];
+        }
+        memcpy(C + i * N, sum, sizeof sum);
     }
 }
 
@@ -52,7 +55,7 @@ static void advance(const double *x, const double *u, double dt, double max_step
 }
 
 /* C = A B */
-static void dense_product(const double *A, const double *B, double *C)
+INLINE void dense_product(const double *A, const double *B, double *C)
 {
     memset(C, 0, N * N * sizeof *C);
     for (int i = 0; i < N; i++)
@@ -69,15 +72,13 @@ static int all_finite(const double *A)
     return 1;
 }
 
-static int flow(const double *x, const double *u, double dt, const double *p, double *F,
+FAST static int flow(const double *x, const double *u, double dt, const double *p, double *F,
                 double *Q)
 {
-    static const double zero[N * N];
-    double a[A_COUNT + 1], w[W_COUNT + 1], sums[N] = {0.0};
-    double F_term[N * N], term[N * N], half[N * N];
+    double a[A_COUNT + 1], w[W_COUNT + 1], sums[N] = {0.0}, norm = 0.0;
+    double F_term[N * N] = {0.0}, term[N * N] = {0.0}, half[N * N];
     jacobian(x, u, p, a);
     density(x, p, w);
-    double norm = 0.0;
     for (int k = 0; k < A_COUNT; k++)
         sums[A_COLUMN[k]] += fabs(a[k]);
     for (int j = 0; j < N; j++)
@@ -87,31 +88,40 @@ static int flow(const double *x, const double *u, double dt, const double *p, do
         return INFINITE_JACOBIAN;
     int halvings = reach > 1.0 ? (int)ceil(log2(reach)) : 0;
     double h = ldexp(dt, -halvings);
-    double bound = reach = ldexp(reach, -halvings);
 
-    memcpy(F_term, zero, sizeof zero);
-    memcpy(term, zero, sizeof zero);
     for (int k = 0; k < A_COUNT; k++)
         F_term[A_ROW[k] * N + A_COLUMN[k]] = a[k] *= h;
     for (int k = 0; k < W_COUNT; k++)
         term[W_ROW[k] * N + W_COLUMN[k]] = w[k] * h;
-    memcpy(F, F_term, sizeof zero);
-    memcpy(Q, term, sizeof zero);
+    memcpy(F, F_term, sizeof F_term);
+    memcpy(Q, term, sizeof term);
     for (int i = 0; i < N; i++)
         F[i * N + i] += 1.0;
-    for (int k = 2; k <= TERMS && bound >= NEGLIGIBLE; k++) {
+    /* a series ends where its term is negligible in every entry: those that are zero stay so */
+    int F_grows = 1, Q_grows = 1;
+    for (int k = 2; k <= TERMS && Q_grows; k++) {
         product(A_COUNT, A_ROW, A_COLUMN, a, 1.0 / k, term, half);
+        Q_grows = 0;
         for (int i = 0; i < N; i++)
-            for (int j = 0; j < N; j++)
-                term[i * N + j] = half[i * N + j] + half[j * N + i];
-        for (int i = 0; i < N * N; i++)
-            Q[i] += term[i];
-        product(A_COUNT, A_ROW, A_COLUMN, a, 1.0 / k, F_term, half);
-        memcpy(F_term, half, sizeof zero);
-        for (int i = 0; i < N * N; i++)
-            F[i] += F_term[i];
-        bound *= reach / k;
+            for (int j = 0; j <= i; j++) {
+                double sum = Q[i * N + j];
+                term[i * N + j] = term[j * N + i] = half[i * N + j] + half[j * N + i];
+                Q[i * N + j] += term[i * N + j];
+                Q_grows |= !(fabs(term[i * N + j]) <= NEGLIGIBLE * fabs(sum));
+            }
     }
+    for (int k = 2; k <= TERMS && F_grows; k++) {
+        product(A_COUNT, A_ROW, A_COLUMN, a, 1.0 / k, F_term, half);
+        F_grows = 0;
+        for (int i = 0; i < N * N; i++) {
+            double sum = F[i];
+            F[i] += F_term[i] = half[i];
+            F_grows |= !(fabs(half[i]) <= NEGLIGIBLE * fabs(sum));
+        }
+    }
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < i; j++)
+            Q[j * N + i] = Q[i * N + j];
     for (int k = 0; k < halvings; k++) {
         for (int i = 0; i < N; i++)
             for (int j = 0; j < N; j++)
@@ -122,7 +132,7 @@ static int flow(const double *x, const double *u, double dt, const double *p, do
             for (int j = 0; j <= i; j++)
                 Q[i * N + j] = Q[j * N + i] += 0.5 * (term[i * N + j] + term[j * N + i]);
         dense_product(F, F, half);
-        memcpy(F, half, sizeof zero);
+        memcpy(F, half, sizeof half);
     }
     return all_finite(Q) && (!halvings || all_finite(F)) ? DONE : OVERFLOW_WITHIN;
 }
@@ -149,10 +159,61 @@ int linearized_step(double *v, double dt, double max_step, const double *p)
     return linearize(v, u, dt, max_step, p, moved, moved + N, moved + N + N * N);
 }
 
-/* v holds an x and a u for each of count members, and receives their x' behind them */
-void steps(double *v, long count, double dt, double max_step, const double *p)
+/* The following do the same of count members, each with the next of sets of numbers, COUNT in each:
+ * v holds an x and a u of each member, first all x, and receives the results in the same way.
+ */
+#define EACH(k, count) \
+    for (long k = 0; k < count; k++, x += N, u += M, p = k % sets ? p + COUNT : first)
+
+void linearized_steps(double *v, long count, double dt, double max_step, const double *first,
+                      long sets)
 {
-    double *u = v + count * N, *moved = u + count * M;
-    for (long k = 0; k < count; k++)
-        advance(v + k * N, u + k * M, dt, max_step, p, moved + k * N, 0);
+    const double *x = v, *u = x + count * N, *p = first;
+    double *moved = v + count * (N + M), *F = moved + count * N, *Q = F + count * N * N;
+    EACH(k, count) {
+        if (linearize(x, u, dt, max_step, p, moved, F, Q))
+            for (int i = 0; i < N * N; i++)
+                F[i] = Q[i] = NAN;
+        moved += N, F += N * N, Q += N * N;
+    }
+}
+
+/* here v holds a covariance of each member, too, and receives x' and F P F' + Q */
+FAST void predictions(double *v, long count, double dt, double max_step, const double *first, long sets)
+{
+    const double *x = v, *u = x + count * N, *p = first, *P = u + count * M;
+    double *moved = v + count * (N + M + N * N), *out = moved + count * N;
+    double F[N * N], Q[N * N], FP[N * N];
+    EACH(k, count) {
+        int failed = linearize(x, u, dt, max_step, p, moved, F, Q);
+        dense_product(F, P, FP);
+        for (int i = 0; i < N; i++)
+            for (int j = 0; j <= i; j++) {
+                double sum = 0.5 * (Q[i * N + j] + Q[j * N + i]);
+                for (int l = 0; l < N; l++)
+                    sum += FP[i * N + l] * F[j * N + l];
+                out[i * N + j] = out[j * N + i] = failed ? NAN : sum;
+            }
+        moved += N, P += N * N, out += N * N;
+    }
+}
+
+void steps(double *v, long count, double dt, double max_step, const double *first, long sets)
+{
+    const double *x = v, *u = x + count * N, *p = first;
+    double *moved = v + count * (N + M);
+    EACH(k, count) {
+        advance(x, u, dt, max_step, p, moved, 0);
+        moved += N;
+    }
+}
+
+void rates(double *v, long count, const double *first, long sets)
+{
+    const double *x = v, *u = x + count * N, *p = first;
+    double *rate = v + count * (N + M);
+    EACH(k, count) {
+        derivative(x, u, p, rate);
+        rate += N;
+    }
 }

@@ -50,9 +50,13 @@ def merged(objects: Sequence[T]) -> T | None:
     """Return one object whose numbers are arrays (p,) of those of p objects; None if impossible.
 
     A formula that accepts leading axes then computes with the parameters of all p at once, on
-    vectors (..., p, n). Whether it does is for the caller to compare.
+    vectors (..., p, n). Whether it does is for the caller to compare. An object with a method
+    ``merged_with`` knows itself.
     """
-    first = objects[0]
+    first: Any = objects[0]
+    if hasattr(first, 'merged_with'):
+        whole: T | None = first.merged_with(objects[1:])
+        return whole
     if any(type(each) is not type(first) for each in objects):
         return None
     whole = copy(first)

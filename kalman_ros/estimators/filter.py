@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from math import ceil
@@ -99,6 +99,11 @@ class Plan:
         """Whether the model and every sensor are linear."""
         sensors_are = all(timed.sensor.linear for timed in self.sensors.values())
         return isinstance(self.model, (LinearSystem, DiscreteLinearSystem)) and sensors_are
+
+    def computed_by(self, model: Model, sensors: Mapping[str, Sensor]) -> Plan:
+        """Return the same plan with a model and sensors that compute the same."""
+        timed = {name: replace(each, sensor=sensors[name]) for name, each in self.sensors.items()}
+        return Plan(model, timed, self.rate)
 
     @property
     def dt(self) -> float:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -77,8 +77,7 @@ def fusion(
     believed, plan = scenario.believed, scenario.believed_plan
     chosen = options.arithmetic if options.implementation == NATIVE else NUMPY
     fast = parts(believed.model, believed.sensors, chosen, wait=wait)
-    timed = {name: replace(each, sensor=fast.sensors[name]) for name, each in plan.sensors.items()}
-    plan = replace(plan, model=fast.model, sensors=timed)
+    plan = plan.computed_by(fast.model, fast.sensors)
     filter = build_filter(scenario.filter, plan, extra, options.implementation)
     return Fusion(filter, fast.sensors, policy, fast.arithmetic, fast.pending)
 

@@ -15,6 +15,7 @@ from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
 
+from .computed import computed
 from .faults.links import Links
 from .faults.plant_faults import PlantFaults
 from .simulated_plant import SimulatedPlant
@@ -71,7 +72,9 @@ def run(
     faults
         Of the plant.
     """
-    believed = believed or scenario
+    real = scenario
+    scenario = computed(real)
+    believed = scenario if believed is None or believed is real else computed(believed)
     timed = {name: source.timed for name, source in scenario.sensors.items()}
     plant = SimulatedPlant(scenario.model, timed, scenario.rate, scenario.initial_state, seed)
     links = Links(seed)

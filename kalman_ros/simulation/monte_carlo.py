@@ -8,7 +8,7 @@ the runs are divided.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from kalman_ros.estimators.batch.gain_schedule import GainSchedule
 
 from . import closed_loop
 from .batch_loop import Loop, run_batch
+from .computed import computed
 from .linear_runs import LinearRuns, is_linear
 from .run_statistics import Outcomes, RunStatistics, outcomes_of
 from .spread import spread
@@ -56,6 +57,13 @@ class Experiment:
     loop: Loop
     weight: Array | None
     first: int
+
+    def computed(self) -> Experiment:
+        """Return the same experiment with models and sensors that are compiled."""
+        loop = self.loop
+        real = computed(loop.scenario)
+        believed = real if loop.believed is loop.scenario else computed(loop.believed)
+        return replace(self, loop=replace(loop, scenario=real, believed=believed))
 
     def outcomes(self, seeds: Sequence[int]) -> Outcomes:
         """Return the outcomes of the runs with these seeds.
@@ -131,6 +139,7 @@ def monte_carlo(
     ValueError
         If a worker ends before its runs do.
     """
+    experiment = experiment.computed()
     size = chunk or (_SENT if dask else min(MOST, -(-len(seeds) // workers)))
     parts = [seeds[start : start + size] for start in range(0, len(seeds), size)]
     found: dict[int, Outcomes] = {}

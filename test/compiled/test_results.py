@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever computes, results are the same but for rounding, and name the arithmetic."""
 
+from dataclasses import asdict, replace
+
 import numpy as np
 import pytest
+from tuned_cases import COVERED, likelihood, recorded
 
 import kalman_ros as kr
 from kalman_ros import scenario
 from kalman_ros.compiled import Outcome
+from kalman_ros.compiled.derived import Derived
 from kalman_ros.compiled.parts import VARIABLE, Parts, parts
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
@@ -58,6 +62,37 @@ def test_estimates_and_smoothed_ones_are_those_of_numpy(name, filter):
     assert fast.counts == plain.counts
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures('with_casadi')
+@pytest.mark.parametrize('name', ['cart_pole', 'robot_2d', 'robot_3d'])
+def test_many_runs_are_those_of_numpy(name, monkeypatch):
+    fast = kr.monte_carlo(name, runs=3, seconds=2.0)
+    monkeypatch.setenv(VARIABLE, 'numpy')
+    plain = kr.monte_carlo(name, runs=3, seconds=2.0)
+    for mine, theirs in zip(compared(fast), compared(plain)):
+        np.testing.assert_allclose(mine, theirs, rtol=1e-9, atol=1e-9)
+    assert any(np.any(mine != theirs) for mine, theirs in zip(compared(fast), compared(plain)))
+
+
+def compared(runs):
+    return runs.step_rms, runs.step_std, runs.step_anees
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures('with_casadi')
+@pytest.mark.parametrize('case', COVERED[1:], ids=lambda case: case.name)
+def test_likelihoods_of_many_sets_of_numbers_are_those_of_numpy(case, monkeypatch):
+    """With gradient and information: members have different numbers, which C is given."""
+    data = recorded(replace(case, seconds=2.0), 3)
+    fast = likelihood(case, data)
+    assert isinstance(fast.candidate(fast.start).filter.model, Derived)
+    monkeypatch.setenv(VARIABLE, 'numpy')
+    plain = likelihood(case, data)
+    mine, theirs = (asdict(each.expand(each.start)) for each in (fast, plain))
+    for name, value in theirs.items():
+        np.testing.assert_allclose(mine[name], value, rtol=1e-6, atol=1e-6 * np.abs(value).max())
+
+
 def test_the_environment_has_the_last_word(monkeypatch):
     monkeypatch.setenv(VARIABLE, 'numpy')
     assert estimates('cart_pole', arithmetic='compiled').arithmetic == 'numpy'
@@ -67,9 +102,10 @@ def test_the_environment_has_the_last_word(monkeypatch):
 
 
 def test_an_unknown_arithmetic_is_refused(monkeypatch):
+    built = kr.load('cart_pole')
     monkeypatch.delenv(VARIABLE, raising=False)
     with pytest.raises(ValueError, match=r"^arithmetic: expected compiled or numpy, got 'C'$"):
-        estimates('cart_pole', arithmetic='C')
+        kr.filter(built, None, [0.0], [[0.0, 0.0]], arithmetic='C')
 
 
 def test_without_casadi_numpy_computes_and_it_is_said_why(monkeypatch):

@@ -228,14 +228,17 @@ def test_a_few_that_agree_by_chance_do_not_vouch(agreeing, contradicting, vouche
     assert not found.enough
 
 
-@pytest.mark.parametrize(('own', 'other', 'enough'), [(500, 9, False), (10, 10, True)])
-def test_none_counts_for_more_than_half(own, other, enough):
+@pytest.mark.parametrize(
+    ('own', 'other', 'needed', 'enough'),
+    [(500, 9, 20, False), (10, 10, 20, True), (500, 9, 21, False), (11, 10, 21, True)],
+)
+def test_none_counts_for_more_than_half(own, other, needed, enough):
     records = [
         Record(SECOND, SECOND // 10, agrees=False, rejections=own),
         Record(SECOND, SECOND // 10, agrees=False, rejections=other),
     ]
     seen = np.ones((2, 1), dtype=bool)
-    assert judge(records, seen, 0, 20).enough is enough
+    assert judge(records, seen, 0, needed).enough is enough
 
 
 def test_how_long_a_sensor_counts():

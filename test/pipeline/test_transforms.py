@@ -39,6 +39,10 @@ def test_an_odometry_is_interpolated_between_its_stamps():
     np.testing.assert_allclose(middle.position, [0.5, 0.0, 0.0])
     turned = Rotation.from_rotvec(middle.rotation).as_euler('xyz')[2]
     assert turned == pytest.approx(3.1)
+    # a quarter of the way from the second to the third
+    assert history.at(5 * SECOND // 4, 0.1).position == pytest.approx([1.25, 0.0, 0.0])
+    assert history.at(-(10**8), 0.1).position[0] == 0.0
+    assert history.at(-2 * 10**8, 0.1) is None
     assert history.at(2 * SECOND + 10**8, 0.1).position[0] == 2.0
     assert history.at(2 * SECOND + 2 * 10**8, 0.1) is None
     history.add(0, Pose(np.zeros(3), np.zeros(3)))  # the clock went back

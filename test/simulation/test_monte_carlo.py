@@ -2,6 +2,7 @@
 """Many runs together are the runs one by one, however they are divided."""
 
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from kalman_ros.scenario.regulator import price
 from kalman_ros.simulation.batch_loop import Loop
 from kalman_ros.simulation.linear_runs import is_linear
 from kalman_ros.simulation.monte_carlo import Experiment, monte_carlo, spawned
-from kalman_ros.simulation.run_statistics import Outcomes
+from kalman_ros.simulation.run_statistics import Outcomes, RunStatistics
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 NAMES = sorted(path.stem for path in shipped.folder().glob('*.yaml'))
@@ -212,3 +213,28 @@ def test_single_runs_are_those_of_the_plant_and_its_noise():
         plant.step(np.zeros(2))
     found = monte_carlo(Experiment(loop, None, 0), [11])
     np.testing.assert_allclose(found.final_state[0], plant.state, rtol=1e-12)
+
+
+@pytest.mark.parametrize('alike', [True, False])
+@pytest.mark.parametrize('lost', [False, True])
+def test_a_run_that_is_not_finite_counts_in_no_sum_over_runs(lost, alike):
+    """Of three runs, with one covariance for all of them or one each."""
+    loop = experiment_of('mass_spring_damper', steps=1).loop
+    rng = np.random.default_rng(8)
+    truth, estimate = rng.normal(size=(2, 3, 2))
+    P = np.eye(2) if alike else np.array([1.0, 4.0, 9.0])[:, None, None] * np.eye(2)
+    if lost:
+        truth[1, 0] = np.nan
+    estimator = SimpleNamespace(
+        belief=(estimate, P), whitened=lambda e: e / np.sqrt(P.diagonal(axis1=-2, axis2=-1))
+    )
+    statistics = RunStatistics(loop, 3, None, 0)
+    statistics.step(estimator, truth, np.zeros(1))
+    found = statistics.outcomes(0)
+    kept = [0, 2] if lost else [0, 1, 2]
+    squares = (truth - estimate)[kept] ** 2
+    variance = np.array([1.0, 1.0, 1.0] if alike else [1.0, 4.0, 9.0])[kept]
+    assert found.count[0] == len(kept)
+    np.testing.assert_allclose(found.step_squares[0], squares.sum(axis=0))
+    np.testing.assert_allclose(found.step_variance[0], variance.sum())
+    assert found.step_nees[0] == pytest.approx((squares / variance[:, None]).sum())

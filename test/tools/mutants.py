@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Share of random mutants that the quick tests kill: small changes of the code that must fail.
+"""Share of random mutants that the tests that decide kill: small changes that must fail.
 
     .venv/bin/pip install -r .ci/mutants.txt
     source install/setup.bash
@@ -7,13 +7,16 @@
 
 The changes are those of cosmic-ray: a number by one, a comparison, a sign, an operator. Each is
 made in a copy of the checkout, one at a time. The quick tests of the folder that mirrors the layer
-run first, and the contracts after them. A mutant that takes longer than the limit is killed too.
-A survivor is either equivalent, or shows what no quick test holds. The exit code is 1 if a smaller
-share than ``--least`` is killed.
+run first, and the contracts after them. What survives these meets the other tests that decide and
+execute its line: quick ones of any folder, and slow ones outside ``test/scenarios``. Which tests
+execute a line is recorded once, in ``out/mutants.coverage``; remove it to record anew. A mutant
+that takes longer than the limit is killed too. A survivor is either equivalent, or shows what no
+test holds. The exit code is 1 if a smaller share than ``--least`` is killed.
 """
 
 import argparse
 import ast
+import json
 import os
 import resource
 import shutil
@@ -22,18 +25,23 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from importlib.util import cache_from_source
+from itertools import accumulate, chain
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
+import coverage
+import pytest
 from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 
 ROOT = Path(__file__).parents[2]
-LAYERS = ('linear', 'core', 'models', 'sensors', 'estimators', 'control', 'scenario',
-          'simulation', 'analysis', 'codecs', 'pipeline', 'bags')  # fmt: skip
+LAYERS = ('linear', 'core', 'models', 'acoustics', 'sensors', 'compiled', 'estimators', 'control',
+          'scenario', 'simulation', 'analysis', 'arrays', 'codecs', 'pipeline', 'bags', 'nodes',
+          'harness')  # fmt: skip
 #: Without those that give a TypeError wherever they are applied, as a bitwise operator does.
 OPERATORS = [
     'NumberReplacer', 'AddNot', 'ReplaceAndWithOr', 'ReplaceOrWithAnd', 'ReplaceTrueWithFalse',
@@ -45,8 +53,14 @@ OPERATORS = [
       ('Lt_LtE', 'LtE_Lt', 'Gt_GtE', 'GtE_Gt', 'Lt_GtE', 'Gt_LtE', 'Eq_NotEq', 'NotEq_Eq',
        'Is_IsNot', 'IsNot_Is')),
 ]  # fmt: skip
-PYTEST = ('-m', 'pytest', '-x', '-q', '-p', 'no:cacheprovider', '--hypothesis-profile=fixed',
-          '-m', 'not slow and not thorough and not real_time')  # fmt: skip
+PYTEST = ('-m', 'pytest', '-x', '-q', '-p', 'no:cacheprovider', '--hypothesis-profile=fixed')
+DECIDE = 'not thorough and not real_time'
+#: Which test executes which line, and in how many seconds each test ends.
+RECORD = ROOT / 'out' / 'mutants.coverage'
+SECONDS = RECORD.with_suffix('.json')
+DURATIONS = Counter()
+#: In seconds, what the tests of other folders may take for one mutant; the quickest run first.
+OTHERS = 90.0
 #: The largest number that is changed by one: the effect on a larger one is below any tolerance.
 MOST = 1e6
 #: In bytes; a mutant must not take the memory of the machine.
@@ -99,11 +113,12 @@ def write(path, source):
     Path(cache_from_source(str(path))).unlink(missing_ok=True)
 
 
-def passes(copy, tests, limit):
+def passes(copy, tests, limit, marks=f'not slow and {DECIDE}'):
     """Return whether tests pass in a copy of the checkout, within a limit in seconds."""
     process = subprocess.Popen(
-        [sys.executable, *PYTEST, *tests],
+        [sys.executable, *PYTEST, '-m', marks, *tests],
         cwd=copy,
+        env={**os.environ, 'PYTHONPATH': f'{copy}:{os.environ.get("PYTHONPATH", "")}'},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -127,6 +142,46 @@ def mirroring(mutant, copy):
     return [str(test.relative_to(copy)) for test in (*named, folder)]
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_logstart(nodeid):
+    """Name the test that executes the lines from now on: while recording, this is a plugin."""
+    coverage.Coverage.current().switch_context(nodeid)
+
+
+def pytest_runtest_logreport(report):
+    """Add up how long each test takes, with its fixtures."""
+    DURATIONS[report.nodeid] += report.duration
+
+
+def pytest_sessionfinish():
+    """Write these."""
+    SECONDS.write_text(json.dumps(DURATIONS))
+
+
+def record():
+    """Run the tests that decide outside ``test/scenarios``, and record what they execute."""
+    RECORD.parent.mkdir(exist_ok=True)
+    command = [sys.executable, '-m', 'coverage', 'run', '--source=kalman_ros', *PYTEST]
+    command += ['-m', DECIDE, '-p', 'mutants', '--ignore=test/scenarios', 'test']
+    command.remove('-x')
+    path = f'{Path(__file__).parent}:{os.environ.get("PYTHONPATH", "")}'
+    env = {**os.environ, 'PYTHONPATH': path, 'COVERAGE_FILE': str(RECORD)}
+    subprocess.run(command, cwd=ROOT, env=env)
+
+
+def executing(mutant, data, seconds):
+    """Return the tests that execute the line of a mutant, the quickest first."""
+    contexts = data.contexts_by_lineno(str(ROOT / mutant.path))
+    # a statement of several lines may be recorded by its first alone
+    line = max((line for line in contexts if line <= mutant.line), default=0)
+    tests = set(contexts.get(line, ())) - {''}
+    if not tests:  # what runs at import; it concerns all that use the module
+        tests = set(chain(*contexts.values())) - {''}
+    tests = sorted((test for test in tests if test in seconds), key=seconds.get)
+    total = accumulate(map(seconds.get, tests))
+    return [test for test, end in zip(tests, total) if end < OTHERS]
+
+
 def change(before, after):
     """Return the lines that differ, in one line."""
     pairs = zip(before.splitlines(), after.splitlines())
@@ -148,6 +203,11 @@ def main():
     mutants = [m for path in sorted(files) for m in mutants_of(path.relative_to(ROOT))]
     sample = Random(options.seed).sample(mutants, min(options.count, len(mutants)))
     killed = 0
+    if not RECORD.exists():
+        record()
+    data = coverage.CoverageData(str(RECORD))
+    data.read()
+    seconds = json.loads(SECONDS.read_text())
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / ROOT.name
         left_out = shutil.ignore_patterns('.git', '.venv*', 'build', 'install', 'log', 'out')
@@ -166,8 +226,11 @@ def main():
             operator = get_operator(f'core/{mutant.operator}')()
             after = mutate_code(before, operator, mutant.occurrence)
             write(path, after)
-            survived = passes(copy, tests, limits[tests[-1]]) and passes(
-                copy, ['test/contracts'], limits['test/contracts']
+            others = executing(mutant, data, seconds)
+            survived = (
+                passes(copy, tests, limits[tests[-1]])
+                and passes(copy, ['test/contracts'], limits['test/contracts'])
+                and (not others or passes(copy, others, 60.0 + 4.0 * OTHERS, DECIDE))
             )
             write(path, before)
             killed += not survived

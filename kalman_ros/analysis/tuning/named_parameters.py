@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.compiled.parts import parts
 from kalman_ros.core import Option, refuse_unknown
 from kalman_ros.estimators import build_filter
 from kalman_ros.scenario import Scenario, build, options
@@ -280,6 +281,8 @@ def candidate_of(
     """Return the candidate of a scenario."""
     kind = _FITTED_AS.get(built.filter, built.filter)
     chosen = filter_options if kind == built.filter else {}
-    filter, believed = build_filter(kind, built.believed_plan, chosen), built.believed
+    believed, plan = built.believed, built.believed_plan
     sensors = {name: believed.sensors[name] for name in built.enabled}
-    return Candidate(filter, believed.model, sensors, believed.initial, biases, delays)
+    fast = parts(believed.model, sensors, one_of_many=True)
+    filter = build_filter(kind, plan.computed_by(fast.model, fast.sensors), chosen)
+    return Candidate(filter, fast.model, fast.sensors, believed.initial, biases, delays)

@@ -80,8 +80,7 @@ class BatchLinearUpdate:
         x, P = belief
         count = parts(self.dynamics.model, dt)
         for _ in range(count):
-            x, F, Q = self.dynamics.linearized_step(x, u, dt / count)
-            P = sandwich(F, P, Q)
+            x, P = self.dynamics.predicted(x, P, u, dt / count)
         return unchecked((x, symmetric(P)))
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> BatchCorrection:

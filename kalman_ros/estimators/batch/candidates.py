@@ -8,6 +8,7 @@ if its formulas then give what each gives alone; else each is called in turn.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -152,13 +153,18 @@ def candidate_sensor(sensors: Sequence[Sensor]) -> Sensor:
 
     Its covariance is (p, k, k) if the sensors differ in theirs.
     """
-    first = sensors[0]
     R = np.stack([each.covariance for each in sensors])
+    base = _together(sensors)
     shared = all(np.array_equal(each, R[0]) for each in R)
+    return base if shared else base.with_covariance(R)
+
+
+def _together(sensors: Sequence[Sensor]) -> Sensor:
+    first: Any = sensors[0]
+    if hasattr(first, 'merged_with'):
+        return first.merged_with(sensors[1:]) or _EachSensor(sensors)
     others = [{k: v for k, v in vars(each).items() if k != 'covariance'} for each in sensors]
-    same = all(_equal(each, others[0]) for each in others)
-    base = first if same else _EachSensor(sensors)
-    return base if shared and same else base.with_covariance(R[0] if shared else R)
+    return first if all(_equal(each, others[0]) for each in others) else _EachSensor(sensors)
 
 
 def _equal(a: dict[str, object], b: dict[str, object]) -> bool:

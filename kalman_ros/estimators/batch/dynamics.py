@@ -36,7 +36,7 @@ class Dynamics:
         self.model = model
         n, m = model.state.size, model.input.size
         self.linear = isinstance(model, (LinearSystem, DiscreteLinearSystem))
-        if self.linear:
+        if self.linear or self._leading:
             return
         if isinstance(model, DiscreteModel):
             self._noise = vectorized(model.noise, n)
@@ -45,6 +45,11 @@ class Dynamics:
         self._noise = vectorized(model.noise_density, n)
         if model.analytic:
             self._jacobian = _of_both(model.state_jacobian, n, m)
+
+    @property
+    def _leading(self) -> bool:
+        """Whether `linearized_step` of the model takes leading axes."""
+        return getattr(self.model, 'leading', False)
 
     @staticmethod
     def _next_jacobian(model: DiscreteModel) -> Callable[[Array, Array], Array]:
@@ -73,6 +78,8 @@ class Dynamics:
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return the states (..., n) after a step, F and Q, (..., n, n) or the same for all."""
         model = self.model
+        if self._leading:
+            return model.linearized_step(x, like(u, x), dt)
         if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
             sampled = model.sampled(dt)
             return LinearizedStep(self.step(x, u, dt), sampled.F, sampled.Q)
@@ -85,12 +92,20 @@ class Dynamics:
         (Q,) = _guarded(_noise_alone, A, self._noise(x), dt)
         return LinearizedStep(moved, F, Q)
 
+    def predicted(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
+        """Return x' (..., n) and F P F' + Q after a step."""
+        if self._leading:
+            found: tuple[Array, Array] = self.model.predicted(x, P, u, dt)  # type: ignore[attr-defined]
+            return found
+        moved, F, Q = self.linearized_step(x, u, dt)
+        return moved, sandwich(F, P, Q)
+
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (..., n, n) of a step, or the same (n, n) for all."""
         model = self.model
         if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
             return model.sampled(dt).Q
-        if isinstance(model, DiscreteModel) or model.analytic:
+        if isinstance(model, DiscreteModel) or model.analytic or self._leading:
             return self.linearized_step(x, u, dt).Q
         A = model.state_jacobian(x, u)
         return _guarded(_noise_alone, A, self._noise(x), dt)[0]
@@ -98,7 +113,7 @@ class Dynamics:
     def step_noise(self, x: Array, u: Array, dt: float) -> Array:
         """Return the Q of `linearized_step`, (..., n, n) or the same (n, n) for all."""
         model = self.model
-        if self.linear or isinstance(model, DiscreteModel):
+        if self.linear or isinstance(model, DiscreteModel) or self._leading:
             return self.noise_covariance(x, u, dt)
         A = self._jacobian(x, like(u, x)) if model.analytic else model.differenced_slope(x, u)
         return _guarded(_noise_alone, A, self._noise(x), dt)[0]
