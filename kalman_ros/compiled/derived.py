@@ -35,7 +35,7 @@ class Derived:
 def derive(
     part: type, original: Any, again: Callable[..., Any], *rest: Any, **attributes: Any
 ) -> Any:
-    """Return a copy of an object with the class ``part`` in front of its own.
+    """Return a copy of an object with the class ``part`` in front of its class.
 
     Parameters
     ----------

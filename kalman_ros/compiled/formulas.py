@@ -133,7 +133,7 @@ def _of_steps(
 ) -> tuple[Trace, int]:
     """Return the formula of a substep, not wrapped, and the most of them in a step.
 
-    A model with a step of its own has one in each.
+    A model that overrides ``step`` has one in each.
     """
     substep = trace(lambda x, u, h, p: given(p).substep(x, u, h[0]), *probes)
     x, u, _, p = probes[0]
@@ -189,7 +189,7 @@ def of_sensor(sensor: Sensor, space: Space, parameters: Parameters) -> SensorFor
         lambda x, p: given(p).jacobian(x),
         [(x, p) for x in states],
         _CLOSE,
-        'its jacobian is not that of what it measures',
+        'its jacobian is not that of its measure',
     )
     return SensorFormulas(measure, jacobian)
 
@@ -213,19 +213,28 @@ def of_space(space: Space) -> SpaceFormulas:
 
 
 def verify_model(original: Model, found: Model) -> None:
-    """Raise UntraceableError where steps of a compiled model are not those of the original."""
-    for x, u in zip(*points_about(original)):
+    """Raise UntraceableError where a compiled model does not do what the original does."""
+    states, inputs = points_about(original)
+    for x, u in zip(states, inputs):
         _verify(original.linearized_step, found.linearized_step, x, u, 0.01)
+    _verify(
+        lambda x, u: (original.derivative(x, u), original.step(x, u, 0.01)),
+        lambda x, u: (found.derivative(x, u), found.step(x, u, 0.01)),
+        states,
+        inputs,
+    )
 
 
 def verify_sensor(original: Sensor, found: Sensor, state: Space) -> None:
     """Raise UntraceableError where a compiled sensor of a state is not the original."""
-    for x in _points(np.full(state.size, 0.5)):
+    states = _points(np.full(state.size, 0.5))
+    for x in states:
         _verify(
             lambda at: (original.measure(at), original.jacobian(at)),
             lambda at: (found.measure(at), found.jacobian(at)),
             x,
         )
+    _verify(lambda at: (original.measure(at),), lambda at: (found.measure(at),), states)
 
 
 def _verify(

@@ -21,7 +21,7 @@ _memory: Callable[[Any], Any] = memoryview
 
 
 class Evaluation:
-    """A traced function of vectors, with its arguments and result in memory of its own."""
+    """A traced function of vectors, with its arguments and result in private memory."""
 
     def __init__(self, trace: Trace) -> None:
         function = trace.function('f')
@@ -76,6 +76,8 @@ class InterpretedModel(Model):
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
+        if (x.shape, u.shape) != self._shapes:
+            return super().noise_covariance(x, u, dt)
         A, W = self._jacobian(x, u, self._numbers), self._density(x, self._numbers)
         return noise_integral(A, W, dt)
 
@@ -99,17 +101,20 @@ class InterpretedSensor(Sensor):
     arithmetic = 'CasADi'
     _measure: Evaluation
     _jacobian: Evaluation
+    _shape: tuple[int]
     _numbers: Array
 
     def measure(self, x: Array) -> Array:
         """Return the noise-free reading (..., k)."""
-        if x.ndim > 1:
+        if x.shape != self._shape:
             return super().measure(x)  # type: ignore[safe-super]
         return self._measure(x, self._numbers)[:, 0]
 
     def jacobian(self, x: Array) -> Array:
         """Return d measure / d x (k, n) at ``x`` (n,)."""
-        return super().jacobian(x) if x.ndim > 1 else self._jacobian(x, self._numbers)
+        if x.shape != self._shape:
+            return super().jacobian(x)
+        return self._jacobian(x, self._numbers)
 
 
 def interpreted_model(model: Model) -> Model:
@@ -149,6 +154,7 @@ def interpreted_sensor(sensor: Sensor, state: Space) -> Sensor:
         sensor,
         interpreted_sensor,
         state,
+        _shape=(state.size,),
         _numbers=parameters.values,
         **_evaluations(formulas._asdict()),
     )

@@ -64,7 +64,7 @@ def _version(command: tuple[str, ...]) -> str:
 
 
 def folder() -> Path | None:
-    """Return the private folder of what is compiled; None if there cannot be one.
+    """Return the private folder of compiled libraries; None if there cannot be one.
 
     It is ``kalman_ros`` in ``XDG_CACHE_HOME``, or in ``~/.cache``.
     """

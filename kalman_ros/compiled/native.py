@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Models, sensors and spaces whose functions are compiled C.
 
-Each call writes its arguments into an array of its own, behind which C puts the results: no state
+Each call writes its arguments into a new array, behind which C puts the results: no state
 is shared, so that threads may share the objects.
 """
 

@@ -60,8 +60,9 @@ def source(
     wrappers = []
     for name, trace in traces.items():
         by_rows = any(trace is each for each in sparse.values())
-        stored = Trace(trace.variables, trace.result.T) if by_rows else trace
-        function = stored.function(f'generated_{name}')
+        # a number that is always zero is left out by CasADi, but has its place in a vector
+        stored = trace.result.T if by_rows else casadi.densify(trace.result)
+        function = Trace(trace.variables, stored).function(f'generated_{name}')
         generator.add(function)
         arguments = ', '.join(f'v{k}' for k in range(function.n_in()))
         parameters = ', '.join(f'const double *v{k}' for k in range(function.n_in()))

@@ -56,9 +56,7 @@ class EstimatorOptions:
     learn_layouts: Learn = True
     realtime_priority: Priority = 20
     implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
-    arithmetic: Annotated[
-        str, About("of models and sensors: 'compiled' where they can be, or 'numpy'")
-    ] = COMPILED
+    arithmetic: Annotated[str, About("'compiled' where possible, or 'numpy'")] = COMPILED
     lockstep: Lockstep = False
     publish_rate: Annotated[
         float,
@@ -89,7 +87,7 @@ class EstimatorOptions:
     restart_after: Annotated[
         int,
         About(
-            'readings in a row older than the window that mean the clock went back; 0: never',
+            'readings in a row too old: the clock went back; 0: never',
             minimum=0,
             live=True,
         ),

@@ -10,6 +10,7 @@ import pytest
 from kalman_ros import scenario
 from kalman_ros.core import DiscreteLinearSystem, DiscreteModel, LinearSystem, Model, Sensor, Space
 from kalman_ros.core import rotations as so3
+from kalman_ros.estimators.batch.dynamics import Dynamics
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -94,6 +95,29 @@ def test_every_shipped_model_steps_as_in_numpy(name, arithmetic):
         assert_same(found.step(x, u, dt), model.step(x, u, dt))
         Q = model.noise_covariance(x, u, dt)
         np.testing.assert_allclose(found.noise_covariance(x, u, dt), Q, atol=1e-12 * Q.max())
+        assert_same(found.derivative(x, u), model.derivative(x, u))
+
+
+@C
+@pytest.mark.parametrize('name', NONLINEAR)
+def test_every_shipped_model_moves_any_number_of_states(name):
+    model = believed(name).model
+    if isinstance(model, LinearSystem):
+        pytest.skip('the model is linear')
+    fast, plain = Dynamics(compiled(model)), Dynamics(model)
+    x, u = points(model)
+    x, u, dt = np.stack((x, x[::-1]), axis=1), np.stack((u, u[::-1]), axis=1), 0.013
+    P = np.random.default_rng(3).standard_normal((*x.shape, x.shape[-1]))
+    P = P @ P.swapaxes(-1, -2)
+    for mine, theirs in (
+        ([fast.derivative(x, u)], [plain.derivative(x, u)]),
+        ([fast.step(x, u, dt)], [plain.step(x, u, dt)]),
+        (fast.linearized_step(x, u, dt), plain.linearized_step(x, u, dt)),
+        (fast.predicted(x, P, u, dt), plain.predicted(x, P, u, dt)),
+        ([fast.step_noise(x, u, 1e-6)], [plain.step_noise(x, u, 1e-6)]),
+    ):
+        for one, other in zip(mine, theirs):
+            assert_same(one, np.broadcast_to(other, one.shape))
 
 
 @pytest.mark.parametrize(('name', 'arithmetic'), kinds(NONLINEAR))
@@ -214,6 +238,25 @@ def test_without_a_jacobian_f_is_the_exact_derivative_of_the_step(kind, arithmet
         if not space.rotations:
             exact = exact_jacobian(lambda at, u=u: model.step(at, u, dt), x)
             assert np.abs(mine.F - exact).max() < 1e-12
+
+
+class Height(Sensor):
+    """Beside a reading that is always zero: on a floor, a robot says so."""
+
+    output = Space('zero angle', ('m', 'rad'))
+    covariance = np.eye(2)
+
+    def measure(self, x):
+        return np.stack((np.zeros_like(x[..., 0]), np.sin(x[..., 0])), axis=-1)
+
+
+@pytest.mark.parametrize('arithmetic', KINDS)
+def test_what_is_always_zero_has_its_place(arithmetic):
+    sensor, found = Height(), fast(Height(), Pendulum.state, arithmetic)
+    x = np.array([[0.4, -1.0], [0.2, 3.0]])
+    assert_same(found.measure(x), sensor.measure(x))
+    assert_same(found.measure(x[0]), sensor.measure(x[0]))
+    assert_same(found.jacobian(x[0]), sensor.jacobian(x[0]), 1e-8)
 
 
 @C
