@@ -8,6 +8,8 @@ any but `Run` and `replay`. Names load lazily, so the import itself takes no tim
 - models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
   `DiscreteModel`, `Sensor`; `Space` names coordinates
 - estimation: `filter`, `smooth`, `consistency`, `Gaussian`; `tune` fits parameters
+- a loop of your own: `KalmanFilter`, `ExtendedKalmanFilter`, `UnscentedKalmanFilter`,
+  `OnlineEstimator`, `Regulator`, `Correction`; `compile` makes a model fast
 - whole loops: `make_scenario`, `load`, `design`, `simulate`, `monte_carlo` for many runs at once,
   and `Run`, on the real nodes
 - recordings: `replay`
@@ -32,12 +34,18 @@ if TYPE_CHECKING:
     from .arrays.many_runs import monte_carlo as monte_carlo
     from .arrays.observers import dlqe as dlqe
     from .arrays.observers import lqe as lqe
+    from .arrays.own_loop import OnlineEstimator as OnlineEstimator
+    from .arrays.own_loop import Regulator as Regulator
+    from .arrays.problems import compile as compile
     from .arrays.problems import continuous_model as continuous_model
     from .arrays.problems import discrete_model as discrete_model
     from .arrays.problems import sensor as sensor
     from .arrays.scenarios import load as load
     from .arrays.scenarios import make_scenario as make_scenario
     from .arrays.simulating import simulate as simulate
+    from .arrays.stepwise import ExtendedKalmanFilter as ExtendedKalmanFilter
+    from .arrays.stepwise import KalmanFilter as KalmanFilter
+    from .arrays.stepwise import UnscentedKalmanFilter as UnscentedKalmanFilter
     from .bags.replay import replay as replay
     from .core import DesignError as DesignError
     from .core import DiscreteModel as DiscreteModel
@@ -45,6 +53,7 @@ if TYPE_CHECKING:
     from .core import Model as Model
     from .core import Sensor as Sensor
     from .core import Space as Space
+    from .estimators.correction import Correction as Correction
     from .harness import Run as Run
 
 #: The module of each name; a test compares this list with the one above.
@@ -56,18 +65,20 @@ _WHERE = {
     'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),
     'arrays.many_runs': ('monte_carlo',),
     'arrays.observers': ('dlqe', 'lqe'),
-    'arrays.problems': ('continuous_model', 'discrete_model', 'sensor'),
+    'arrays.own_loop': ('OnlineEstimator', 'Regulator'),
+    'arrays.problems': ('compile', 'continuous_model', 'discrete_model', 'sensor'),
     'arrays.scenarios': ('load', 'make_scenario'),
     'arrays.simulating': ('simulate',),
+    'arrays.stepwise': ('ExtendedKalmanFilter', 'KalmanFilter', 'UnscentedKalmanFilter'),
     'bags.replay': ('replay',),
     'core': ('DesignError', 'DiscreteModel', 'Gaussian', 'Model', 'Sensor', 'Space'),
+    'estimators.correction': ('Correction',),
     'harness': ('Run',),
 }
 #: What other packages call the same.
 _ELSEWHERE = {
-    'KalmanFilter': 'filter',
-    'ExtendedKalmanFilter': 'filter',
-    'UnscentedKalmanFilter': 'filter',
+    'EKF': 'ExtendedKalmanFilter',
+    'UKF': 'UnscentedKalmanFilter',
     'rts_smoother': 'smooth',
     'acker': 'place',
     'c2d': 'discretize',

@@ -214,18 +214,18 @@ def refuse_continuous(name: str, value: Any) -> None:
         )
 
 
-def belief_of(initial: Any, model: Model) -> Gaussian:
+def belief_of(initial: Any, model: Model, name: str = 'initial') -> Gaussian:
     """Return a checked belief about the state of a model, from a pair or a Gaussian."""
     n = model.state.size
     if isinstance(initial, (list, np.ndarray)) and len(initial) == 2 and np.size(initial[0]) == n:
         initial = tuple(initial)
     if not isinstance(initial, tuple) or len(initial) < 2:
         raise ValueError(
-            f'initial: expected a Gaussian or a pair of mean and covariance at the first time, '
-            f'got {got(initial)}'
+            f'{name}: expected a Gaussian or a pair of mean and covariance'
+            f'{" at the first time" if name == "initial" else ""}, got {got(initial)}'
         )
-    mean = vector('initial mean', np.ravel(numbers('initial mean', initial[0])), n)
-    return Gaussian(mean, weight('initial covariance', initial[1], n))
+    mean = vector(f'{name} mean', np.ravel(numbers(f'{name} mean', initial[0])), n)
+    return Gaussian(mean, weight(f'{name} covariance', initial[1], n))
 
 
 def number(name: str, value: Any, what: str = 'a number') -> float:

@@ -22,7 +22,7 @@ from . import text
 from .accept import number
 from .filtering import _inputs
 from .known_names import KnownNames
-from .passing import _limits
+from .passing import gate_limits
 from .rows import Rows, readings_of
 from .tuned_problems import FunctionProblem, ScenarioProblem
 
@@ -180,7 +180,7 @@ def tune(
         raise ValueError('readings: expected at least one finite number, got none')
     acts = _inputs(task.model, inputs, input_times, times, rows)
     observations = _observations(rows, acts)
-    limits = _limits(gates, task.sensors, {name: name for name in task.sensors})
+    limits = gate_limits(gates, task.sensors, {name: name for name in task.sensors})
     policy = Policy(window=0.0, max_gap=0.0, restart_after=0, gates=limits)
     until = observations.until(1.0 - share) if share else None
     likelihood = Likelihood(

@@ -41,6 +41,15 @@ def loop_of(
     return Loop(real, believed, seconds, law, faults=faults), law
 
 
+def law_of(scenario: Any, overrides: Mapping[str, Any] | None, given: Given) -> Law:
+    """Return the law of a scenario; ValueError without an input."""
+    real, believed, values, _ = _parts(scenario, overrides)
+    law = _law(real, believed, values, given)
+    if law is None:
+        raise ValueError('model: it has no input, so there is nothing to regulate')
+    return law
+
+
 def _law(
     real: Scenario, believed: Scenario, values: Mapping[str, Any], given: Given
 ) -> Law | None:

@@ -85,7 +85,7 @@ class Pass:
         self._shown = {stamp for each in rows.values() for stamp in each.stamps}
         self._filter = build_filter(task.filter, _plan(task, rows), options)
         before = np.zeros(task.model.input.size)
-        limits = _limits(gates, known, owners)
+        limits = gate_limits(gates, known, owners)
         policy = Policy(window=0.0, max_gap=0.0, restart_after=0, gates=limits)
         self._online = OnlineEstimator(self._filter, known, task.initial, before, policy)
         self._input = before
@@ -164,7 +164,7 @@ def _plan(task: Task, rows: Mapping[str, Rows]) -> Plan:
     return Plan(task.model, timed, max(rates.values()))
 
 
-def _limits(
+def gate_limits(
     gates: Any, known: Mapping[str, Sensor], owners: Mapping[str, str]
 ) -> dict[str, float]:
     """Return the largest accepted NIS of each sensor, and of parts of it."""

@@ -8,6 +8,7 @@ from typing import Any, Union
 
 import numpy as np
 
+from kalman_ros.compiled import attempt
 from kalman_ros.core import (
     ArrayLike,
     DiscreteLinearSystem,
@@ -18,7 +19,7 @@ from kalman_ros.core import (
     Space,
 )
 
-from .accept import columns, duration, numbers, rows, space, square, weight
+from .accept import columns, duration, got, numbers, rows, space, square, weight
 from .foreign import read_system
 from .functions import (
     DiscreteFunctionModel,
@@ -220,3 +221,34 @@ def _spaces(
         inputs = 0
     state = _named('states', states, n, 'x', angles)
     return state, space('inputs', inputs if inputs is not None else 0, 'u')
+
+
+def compile(part: Model | Sensor, state: Space | None = None) -> Any:
+    """Return a model or a sensor whose functions are C: the same results, some ten times as fast.
+
+    The original stays as it is, and the result has the numbers that it has now. Jacobians become
+    exact. Without CasADi (the extra ``kalman_ros[compiled]``) or a C compiler, and where a
+    function is no formula, the result is slower, or the original: its ``arithmetic`` is ``'C'``,
+    ``'CasADi'``, or missing.
+
+    Parameters
+    ----------
+    part
+        A model, or a sensor.
+    state
+        The space of the states that a sensor measures; only for a sensor.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a sensor without the space of its states.
+    """
+    if isinstance(part, Sensor):
+        if not isinstance(state, Space):
+            raise ValueError(
+                f'state: expected the space of the states that the sensor measures, such as '
+                f'model.state, got {got(state)}'
+            )
+    elif not isinstance(part, Model):
+        raise ValueError(f'part: expected a model or a sensor, got {got(part)}')
+    return attempt(part, state).result

@@ -53,6 +53,13 @@ class Correction:
             self._nis = weighed(self.innovation_covariance, self.innovation)
         return self._nis
 
+    def __repr__(self) -> str:
+        """Return innovation and NIS, and the mean of the posterior."""
+        shown = (np.array2string(a, precision=4) for a in (self.innovation, self.posterior.mean))
+        innovation, mean = shown
+        k = self.innovation.size
+        return f'Correction(innovation {innovation}, NIS {self.nis:.4g} of {k}, mean {mean})'
+
 
 @dataclass(frozen=True)
 class LinearUpdate:

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Union
 
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback, Regulator
 from kalman_ros.control.limiter import Limiter, Limits
+from kalman_ros.control.tracking import FeedForward
 from kalman_ros.core import Array, ArrayLike, OperatingPoint, vector
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
@@ -61,7 +63,6 @@ class Answer:
         self._last: int | None = None
         self._wanted: Array | None = None
         if law.reference is not None:
-            self._equilibria = regulators.tracking(scenario)
             self.follow(0.0)
 
     def __call__(self, time: int, x: Array) -> Array:
@@ -85,6 +86,22 @@ class Answer:
         """The state (n,) that is held."""
         return self._regulator.target[0]
 
+    def hold(self, reference: Reference) -> None:
+        """Hold another reference from now on; None: the equilibrium.
+
+        Raises
+        ------
+        ValueError
+            If it is no state of the model, or no input holds the system there; the last one stays.
+        """
+        now = 0.0 if self._last is None else self._last * 1e-9
+        before, self._reference = self._reference, reference
+        try:
+            self.follow(now)
+        except ValueError:
+            self._reference = before
+            raise
+
     def follow(self, time: float) -> None:
         """Hold the reference of a time in seconds; nothing changes while it stays the same."""
         given = self._reference(time) if callable(self._reference) else self._reference
@@ -93,11 +110,17 @@ class Answer:
             self._wanted = wanted
             self._regulator.target = self._target(wanted)
 
+    @cached_property
+    def _equilibria(self) -> FeedForward:
+        return regulators.tracking(self._scenario)
+
     def _target(self, wanted: Array) -> OperatingPoint:
         return regulators.target(self._scenario, self._equilibria, wanted)
 
     def _state(self, given: Any) -> Array:
         space, rest = self._scenario.model.state, self._scenario.model.equilibrium.state
+        if given is None:
+            return rest
         if not isinstance(given, Mapping):
             return vector('reference', given, space.size)
         wanted: Array = rest.copy()

@@ -142,9 +142,9 @@ HELPED = [
     (lambda: kr.consistency(FOUND, [READINGS, READINGS]), 'truth: expected shape (20, 2)'),
     (lambda: kr.Gaussian([0, 0], [1, 1]), 'covariance: expected 2 x 2 for a mean of 2 numbers'),
     (lambda: kr.filters, "no attribute 'filters'; did you mean 'filter'?"),
-    (lambda: kr.KalmanFilter, "no attribute 'KalmanFilter'; did you mean 'filter'?"),
+    (lambda: kr.EKF, "no attribute 'EKF'; did you mean 'ExtendedKalmanFilter'?"),
     (lambda: kr.c2d, "did you mean 'discretize'?"),
-    (lambda: kr.UKF, "no attribute 'UKF'; known are DesignError, "),
+    (lambda: kr.QQQ, "no attribute 'QQQ'; known are Correction, "),
 ]  # fmt: skip
 
 

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The filters for a loop of your own: one step, one reading at a time.
+
+The mathematics is that of `kalman_ros.estimators`; what stands here converts and checks arguments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, ArrayLike, DiscreteModel, Gaussian, Model, Sensor, vector
+from kalman_ros.estimators import ekf, kf, ukf
+from kalman_ros.estimators.correction import Correction
+
+from .accept import belief_of, got, number, numbers
+from .rows import sensors_of
+
+
+class _Checked:
+    """Conversion of arguments in front of a filter: no belief that is invalid goes in."""
+
+    model: Any
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.model, Model):
+            raise ValueError(f'model: expected a model, got {got(self.model)}')
+        later = getattr(super(), '__post_init__', None)
+        if later is not None:
+            later()
+
+    def predict(
+        self, belief: Gaussian, u: ArrayLike | None = None, dt: float | None = None
+    ) -> Gaussian:
+        """Return the belief ``dt`` seconds later, with the input ``u`` held.
+
+        Parameters
+        ----------
+        belief
+            A `Gaussian`, or a pair of mean (n,) and covariance (n, n), a diagonal or a number.
+        u
+            (m,); zero by default.
+        dt
+            In seconds; by default the period of a model in discrete time.
+
+        Raises
+        ------
+        ValueError
+            If an argument is invalid; the message names it.
+        """
+        lower: Any = super()
+        found: Gaussian = lower.predict(self._belief(belief), self._input(u), self._seconds(dt))
+        return found
+
+    def correct(self, belief: Gaussian, y: ArrayLike, sensor: Sensor) -> Correction:
+        """Return what the reading ``y`` (k,) of a sensor makes of a belief.
+
+        Parameters
+        ----------
+        belief
+            As for `predict`.
+        y
+            The numbers of the reading (k,); skip a reading that is missing.
+        sensor
+            A `Sensor`, or a pair (H, R).
+
+        Returns
+        -------
+        Correction
+            Its ``posterior`` is the belief after the reading; ``innovation`` and ``nis`` show how
+            well the reading agrees.
+
+        Raises
+        ------
+        ValueError
+            If an argument is invalid; the message names it.
+        numpy.linalg.LinAlgError
+            If the covariance of the innovation is not positive definite.
+        """
+        if not isinstance(sensor, Sensor):
+            (sensor,) = sensors_of(sensor, self.model).values()
+        if isinstance(self, kf.KalmanFilter) and not sensor.linear:
+            raise ValueError(
+                f'sensor: a Kalman filter needs a linear one, and {type(sensor).__name__} is not '
+                'declared linear; ExtendedKalmanFilter and UnscentedKalmanFilter take any'
+            )
+        lower: Any = super()
+        reading = _finite('y', y, sensor.output.size)
+        found: Correction = lower.correct(self._belief(belief), reading, sensor)
+        return found
+
+    def _belief(self, given: Any) -> Gaussian:
+        n = self.model.state.size
+        if type(given) is Gaussian and given.mean.shape == (n,):
+            return given
+        return belief_of(given, self.model, 'belief')
+
+    def _input(self, u: ArrayLike | None) -> Array:
+        if u is None:
+            return np.zeros(self.model.input.size)
+        return _finite('u', u, self.model.input.size)
+
+    def _seconds(self, dt: float | None) -> float:
+        if dt is None and isinstance(self.model, DiscreteModel):
+            return self.model.period
+        seconds = number('dt', dt, 'a number of seconds')
+        if not 0.0 <= seconds < np.inf:
+            raise ValueError(f'dt: expected a number of seconds from 0, got {seconds:g}')
+        return seconds
+
+
+def _finite(name: str, value: Any, size: int) -> Array:
+    found = vector(name, np.ravel(numbers(name, value)), size)
+    if not np.isfinite(found).all():
+        raise ValueError(f'{name}: expected finite numbers, got {found.tolist()}')
+    return found
+
+
+@dataclass(frozen=True)
+class KalmanFilter(_Checked, kf.KalmanFilter):
+    """The optimal estimator of a linear system with Gaussian noise.
+
+    Steps are discretised exactly for their length, so readings may be irregular.
+
+    Parameters
+    ----------
+    model
+        A linear one: of `continuous_model` or `discrete_model`.
+
+    Raises
+    ------
+    ValueError
+        If the model is not linear.
+
+    References
+    ----------
+    R. E. Kalman, A New Approach to Linear Filtering and Prediction Problems, 1960.
+    """
+
+
+@dataclass(frozen=True)
+class ExtendedKalmanFilter(_Checked, ekf.ExtendedKalmanFilter):
+    """A Kalman filter of a model and sensors that are linearised about the estimate.
+
+    Parameters
+    ----------
+    model
+        Any `Model`; a compiled one is some ten times as fast.
+
+    References
+    ----------
+    Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation
+    (2001), section 10.3.
+    """
+
+
+@dataclass(frozen=True)
+class UnscentedKalmanFilter(_Checked, ukf.UnscentedKalmanFilter):
+    """A Kalman filter that passes 2n + 1 points through a model and its sensors.
+
+    Parameters
+    ----------
+    model
+        Any `Model`.
+    alpha, beta, kappa
+        Spread, knowledge of the distribution, and second spread of the points. With the defaults
+        no weight is negative.
+
+    Raises
+    ------
+    ValueError
+        If n + kappa is not positive.
+
+    References
+    ----------
+    R. van der Merwe, Sigma-Point Kalman Filters for Probabilistic Inference in Dynamic
+    State-Space Models (2004), section 3.2.
+    """
