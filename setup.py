@@ -8,9 +8,8 @@ from setuptools import find_packages, setup
 PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor', 'markers', 'microphone_array')
 COMMANDS = (
-    'allan', 'bench', 'compare', 'demo', 'design', 'doctor', 'faults',
-    'from_robot_localization', 'fuzz', 'live', 'record', 'replay', 'soak', 'study', 'sweep',
-    'tune', 'view',
+    'allan', 'demo', 'design', 'doctor', 'from_robot_localization', 'live', 'record', 'replay',
+    'study', 'sweep', 'tune', 'view',
 )  # fmt: skip
 
 setup(

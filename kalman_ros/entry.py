@@ -52,12 +52,12 @@ def _require_address_space(name: str) -> None:
         sys.exit(f'{name}: expected {needs}: raise the limit (ulimit -v)')
 
 
-def _program(name: str, module: str = '') -> None:
-    """Run a program of `kalman_ros.programs`; exit 128 + N if a signal N interrupts it."""
+def run(name: str, module: str) -> None:
+    """Run a program by its module's ``main``; exit 128 + N if a signal N interrupts it."""
     for number in _SIGNALS:
         signal.signal(number, lambda number, _: os._exit(128 + number))
     _require_address_space(name)
-    main = import_module(f'kalman_ros.programs.{module or name}').main
+    main = import_module(module).main
     try:
         for number in _SIGNALS:
             signal.signal(number, lambda number, _: sys.exit(128 + number))
@@ -76,6 +76,10 @@ def _program(name: str, module: str = '') -> None:
             signal.signal(number, signal.SIG_IGN)
 
 
+def _program(name: str, module: str = '') -> None:
+    run(name, f'kalman_ros.programs.{module or name}')
+
+
 plant = partial(_node, 'plant')
 estimator = partial(_node, 'estimator')
 controller = partial(_node, 'controller')
@@ -84,20 +88,15 @@ markers = partial(_node, 'markers')
 microphone_array = partial(_node, 'microphone_array')
 
 allan = partial(_program, 'allan', 'allan.program')
-bench = partial(_program, 'bench', 'bench.program')
-compare = partial(_program, 'compare', 'compare.program')
 demo = partial(_program, 'demo')
 design = partial(_program, 'design')
 doctor = partial(_program, 'doctor', 'doctor.program')
-faults = partial(_program, 'faults', 'faults.program')
 from_robot_localization = partial(
     _program, 'from_robot_localization', 'from_robot_localization.program'
 )
-fuzz = partial(_program, 'fuzz', 'fuzz.program')
 live = partial(_program, 'live')
 record = partial(_program, 'record')
 replay = partial(_program, 'replay', 'replay.program')
-soak = partial(_program, 'soak', 'soak.program')
 study = partial(_program, 'study', 'studies.program')
 sweep = partial(_program, 'sweep', 'sweep.program')
 tune = partial(_program, 'tune', 'tune.program')

@@ -12,7 +12,8 @@ from kalman_ros import entry
 def run_command(name, *arguments):
     """Return exit code, standard output and standard error of a program."""
     # as the executable does, but for the handlers of signals
-    module = getattr(entry, name).args[-1]
+    program = getattr(entry, name, None)
+    module = f'kalman_ros.programs.{program.args[-1]}' if program else f'tools.{name}.program'
     with (
         TemporaryFile('w+') as out,  # which has a descriptor, as the streams of a process have
         TemporaryFile('w+') as err,
@@ -20,7 +21,7 @@ def run_command(name, *arguments):
         redirect_stderr(err),
     ):
         try:
-            import_module(f'kalman_ros.programs.{module}').main([*map(str, arguments)])
+            import_module(module).main([*map(str, arguments)])
             code = 0
         except SystemExit as ended:
             code = ended.code or 0

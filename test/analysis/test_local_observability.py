@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tools.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
 
 from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.analysis.local_observability import ObservabilityMeter
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import Gaussian
-from kalman_ros.programs.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
 from kalman_ros.simulation import closed_loop
 
 #: The first belief that the readings are compared with.

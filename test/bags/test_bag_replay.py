@@ -12,6 +12,7 @@ pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.serialization import serialize_message
+from tools.bench.replays import parameters, record
 
 import kalman_ros as kr
 from kalman_ros.bags import columns
@@ -20,7 +21,6 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.bags.replay import estimator_settings, replay, replay_bag
 from kalman_ros.codecs.signal_codec import SignalCodec
-from kalman_ros.programs.bench.replays import parameters, record
 from kalman_ros.programs.replay import statistics, tables
 
 GYRO = ['angular_velocity.x', 'angular_velocity.y']

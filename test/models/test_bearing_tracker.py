@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tools.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
+from tools.compare.cases import CASES
+from tools.compare.comparison import measured
 
 from kalman_ros import scenario
 from kalman_ros.analysis.bounds import posterior_cramer_rao
-from kalman_ros.programs.compare.bearings_only import STEP, STEPS, drawn, manoeuvre, moderate
-from kalman_ros.programs.compare.cases import CASES
-from kalman_ros.programs.compare.comparison import measured
 from kalman_ros.scenario.regulator import regulator
 from kalman_ros.simulation import closed_loop
 

@@ -4,8 +4,7 @@
 import json
 
 import pytest
-
-from kalman_ros.programs.compare import program as compare
+from tools.compare import program as compare
 
 
 @pytest.mark.slow

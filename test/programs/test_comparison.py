@@ -3,10 +3,10 @@
 
 import numpy as np
 import pytest
+from tools.compare.cases import CASES
+from tools.compare.comparison import measured
 
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
-from kalman_ros.programs.compare.cases import CASES
-from kalman_ros.programs.compare.comparison import measured
 from kalman_ros.simulation.noise import stream
 
 RUNS = 60

@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 from thorough import mostly_thorough
+from tools.fuzz.engine import _SHARES, BrokenPromiseError, Episode
 
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators import FILTERS, online
-from kalman_ros.programs.fuzz.engine import _SHARES, BrokenPromiseError, Episode
 
 SEEDS = range(100_000, 100_040)
 

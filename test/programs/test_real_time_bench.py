@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.programs.bench import real_time
+from tools.bench import real_time
 
 pytestmark = [pytest.mark.slow, pytest.mark.real_time]
 

@@ -19,9 +19,9 @@ from time import monotonic
 from geometry_msgs.msg import TwistWithCovarianceStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from terminals import Terminals
+from tools.soak.machine import Withheld
 
 from kalman_ros.codecs.messages import nanoseconds
-from kalman_ros.programs.soak.machine import Withheld
 
 #: The topic by which each node is watched, and the nodes without which it is silent.
 NODES = {

@@ -10,10 +10,11 @@ from commands import run_command
 
 pytest.importorskip('rclpy')
 
+from tools.faults.cases import CASES, SHORT
+from tools.faults.fault_settings import SETTINGS
+from tools.faults.matrix import FaultMatrix
+
 from kalman_ros.harness import Run
-from kalman_ros.programs.faults.cases import CASES, SHORT
-from kalman_ros.programs.faults.fault_settings import SETTINGS
-from kalman_ros.programs.faults.matrix import FaultMatrix
 
 FILTERS = ('kf', 'ekf', 'ukf')
 NODES = ('estimator', 'controller', 'plant')

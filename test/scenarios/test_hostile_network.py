@@ -16,10 +16,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from tools.soak.machine import usage
 
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.harness import NodeError, Run
-from kalman_ros.programs.soak.machine import usage
 
 pytestmark = pytest.mark.real_time
 

@@ -12,10 +12,10 @@ pytest.importorskip('rclpy')
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
+from tools.soak.machine import Withheld
 
 from kalman_ros.codecs.messages import nanoseconds
 from kalman_ros.harness import Run
-from kalman_ros.programs.soak.machine import Withheld
 
 pytestmark = pytest.mark.real_time
 

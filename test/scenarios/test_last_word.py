@@ -28,13 +28,13 @@ from geometry_msgs.msg import (
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool
+from tools.soak.machine import Withheld
 
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.harness import NodeError, Run, executables
 from kalman_ros.nodes.interruption import WATCHER
-from kalman_ros.programs.soak.machine import Withheld
 
 FLOOD = Path(__file__).with_name('estimate_flood.py')
 LIMIT = 20.0  # N/s

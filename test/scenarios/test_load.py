@@ -12,8 +12,9 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from tools.soak.machine import Withheld
+
 from kalman_ros.harness import Run
-from kalman_ros.programs.soak.machine import Withheld
 
 pytestmark = pytest.mark.real_time
 

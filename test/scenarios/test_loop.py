@@ -10,14 +10,14 @@ pytest.importorskip('rclpy')
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
+from tools.bench.ring import Ring
+from tools.soak.machine import Withheld
 
 from kalman_ros.analysis import checks as verdicts
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness.executables import executable
 from kalman_ros.harness.process import NodeProcess, isolated
-from kalman_ros.programs.bench.ring import Ring
-from kalman_ros.programs.soak.machine import Withheld
 from kalman_ros.simulation import closed_loop
 
 SECONDS = 2.0

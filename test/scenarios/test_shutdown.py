@@ -120,7 +120,7 @@ def test_a_signal_during_a_step(lockstep, number):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize('command', ['demo', 'study', 'bench', 'design'])
+@pytest.mark.parametrize('command', ['demo', 'study', 'replay', 'design'])
 def test_a_command_that_is_interrupted_while_it_loads_says_nothing(command):
     rng = random.Random(command)
     for _ in range(4):

@@ -3,8 +3,7 @@
 
 import numpy as np
 import pytest
-
-from kalman_ros.programs.soak.findings import Delivery, Soak
+from tools.soak.findings import Delivery, Soak
 
 
 def soak(seconds, growth, deliveries=()):

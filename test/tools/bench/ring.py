@@ -19,6 +19,7 @@ from nav_msgs.msg import Odometry
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from tools.paths import with_tools
 
 from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.harness.process import NodeProcess
@@ -53,7 +54,7 @@ def start_relay(number: int, context: IsolatedContext, folder: str) -> NodeProce
     """Start the relay of hop ``number`` as a process; its output goes to the ``folder``."""
     command = [sys.executable, '-m', __spec__.name, str(number)]
     log = Path(folder) / f'relay{number}.log'
-    return NodeProcess(f'relay{number}', command, context.environment, log)
+    return NodeProcess(f'relay{number}', command, with_tools(context.environment), log)
 
 
 class Ring:

@@ -4,8 +4,7 @@
 from io import StringIO
 
 from rich.console import Console
-
-from kalman_ros.programs.bench.program import Result, results_table
+from tools.bench.program import Result, results_table
 
 
 def test_no_number_is_cut_at_80_columns():
