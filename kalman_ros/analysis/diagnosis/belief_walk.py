@@ -7,7 +7,7 @@ from math import isfinite
 
 import numpy as np
 
-from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Model
+from kalman_ros.core import Array, Gaussian, Model
 from kalman_ros.estimators.filter import parts
 from kalman_ros.linear.kernels import sandwich, scaled
 from kalman_ros.linear.matrices import identity
@@ -16,16 +16,13 @@ from .evidence import Evidence
 
 #: A step is as long as the model allows if it is longer only by the rounding of stamps.
 _ROUNDING = 1e-6
-#: Steps of nonlinear models up to this (s) are taken by their linearisation.
-_SHORT = 0.02
 
 
 class Walk:
     """The belief on its way through time from a first one, with the inputs held in between."""
 
-    def __init__(self, evidence: Evidence, first: Gaussian) -> None:
-        self._model = evidence.scenario.model
-        self._exact = is_linear(self._model)
+    def __init__(self, model: Model, evidence: Evidence, first: Gaussian) -> None:
+        self._model = model
         self.x, self.P = first
         inputs = evidence.inputs
         order = np.argsort(inputs.stamp, kind='stable')
@@ -63,8 +60,7 @@ class Walk:
         if isfinite(dt) and dt > 0.0 and not self._resting:
             count = parts(self._model, dt * (1.0 - _ROUNDING))
             for _ in range(count):
-                A, W = transition(self._model, self.x, self.u, dt / count)
-                self.x = self._stepped(A, dt / count)
+                self.x, A, W = self._model.linearized_step(self.x, self.u, dt / count)
                 self.P = sandwich(A, self.P, W)
                 if F is None or Q is None:
                     F, Q = A, W
@@ -72,41 +68,3 @@ class Walk:
                     F, Q = scaled(A, F), sandwich(A, Q, W)
         self._time = max(self._time, time)
         return F, Q
-
-    def _stepped(self, F: Array, dt: float) -> Array:
-        """Return the state after a step; a short one by F, x + (I + F) f(x) dt / 2.
-
-        It is right to the second order in dt, as F is, and takes a quarter of the evaluations.
-        Where rotations turn, the midpoint rule is that.
-        """
-        model = self._model
-        if self._exact or dt > _SHORT:
-            return model.step(self.x, self.u, dt)
-        if model.state.rotations:
-            middle = model.state.add(self.x, 0.5 * dt * model.derivative(self.x, self.u))
-            return model.state.add(self.x, dt * model.derivative(middle, self.u))
-        moved = (0.5 * dt) * model.derivative(self.x, self.u)
-        return model.state.wrap(self.x + moved + F.dot(moved))
-
-
-def is_linear(model: Model) -> bool:
-    """Return whether steps of a model are linear, or known in no other way."""
-    return isinstance(model, (LinearSystem, DiscreteLinearSystem)) or not hasattr(
-        model, 'derivative'
-    )
-
-
-def transition(model: Model, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
-    """Return F and Q (n, n) of a short step: exact where linear, else to second order in dt."""
-    if is_linear(model):
-        step = model.transition(x, u, dt)
-        return step.F, step.Q
-    A, W = dt * model.state_jacobian(x, u), dt * model.noise_density(x)
-    F = 0.5 * A.dot(A)
-    F += A
-    F += identity(len(A))
-    half = 0.5 * A.dot(W)
-    half += A.dot((half + half.T) / 3.0)
-    W += half
-    W += half.T
-    return F, W

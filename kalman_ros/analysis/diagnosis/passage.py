@@ -20,6 +20,7 @@ import numpy as np
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array, Gaussian, is_finite
 from kalman_ros.linear.kernels import corrected, gain, joseph, weighed, whitening
+from kalman_ros.simulation.computed import computed
 
 from .beginning import likeliest
 from .belief_walk import Walk
@@ -158,9 +159,9 @@ def _followed(
     gate: tuple[str, float, list[int]] | None = None,
 ) -> Iterator[tuple[Event, Array]]:
     """Yield the events of a pass from the ``first`` belief, and their whitened innovations."""
-    scenario = evidence.scenario
+    scenario = computed(evidence.scenario)
     sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-    walk = Walk(evidence, first)
+    walk = Walk(scenario.model, evidence, first)
     for time, name, index in _in_order(evidence, until):
         F, Q, dt = walk.to(time)
         sensor, record = sensors[name], evidence.sensors[name]
