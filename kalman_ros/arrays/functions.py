@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from inspect import signature
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,13 @@ def _of_both(f: Function) -> Function:
 def _real(what: str, value: ArrayLike) -> Array:
     """Return what a function returned as an array."""
     refuse_complex(what, value)
+    found: Any = np.asarray(value)
+    if found.dtype == object:
+        flat = [each.item() if isinstance(each, np.ndarray) else each for each in found.flat]
+        if any(hasattr(each, 'formula') for each in flat):  # formulas are being recorded
+            found.flat = flat
+            whole: Array = found
+            return whole
     return np.asarray(value, dtype=float)
 
 

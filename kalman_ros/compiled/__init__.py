@@ -86,44 +86,69 @@ def attempt(
     if not is_available():
         return Outcome(original, 'numpy', 'CasADi is not installed')
     from .derived import Derived
-    from .free_parameters import Parameters
-    from .symbols import UntraceableError
 
     if isinstance(original, Derived):
         return Outcome(original, original.arithmetic)
-    if one_of_many and not Parameters(original).comparable:
-        return Outcome(original, 'numpy', 'it has attributes that cannot be compared')
     try:
-        if isinstance(original, Model):
-            return _model(original, wait)
-        return _sensor(original, state or original.state, wait)
+        from .symbols import UntraceableError
+    except Exception as error:
+        return Outcome(original, 'numpy', f'CasADi cannot be used: {_in_a_line(error)}')
+    try:
+        return _verified(original, state, wait, one_of_many)
     except UntraceableError as error:
         return Outcome(original, 'numpy', str(error))
+    except Exception as error:  # functions of a user, CasADi and compilers fail in any way
+        return Outcome(original, 'numpy', _in_a_line(error))
 
 
-def _model(original: Model, wait: bool) -> Outcome:
-    from .formulas import verify_model
+def _verified(original: Any, state: Space | None, wait: bool, one_of_many: bool) -> Outcome:
+    """Return a compiled part that does what the original does."""
+    from . import formulas, native
+    from .free_parameters import Parameters
+    from .symbols import UntraceableError
+
+    if one_of_many and not Parameters(original).comparable:
+        raise UntraceableError('it has attributes that cannot be compared')
+    make = _model if isinstance(original, Model) else _sensor
+    space = state or original.state
+    found = make(original, space, wait)
+    try:
+        formulas.verify(original, found.result, space)
+    except UntraceableError:
+        # what has the same attributes may compute by other formulas than before
+        native.forget_formulas()
+        found = make(original, space, wait)
+        formulas.verify(original, found.result, space)
+    return found
+
+
+def _in_a_line(error: Exception) -> str:
+    return f'{type(error).__name__}: {error}'.partition('\n')[0]
+
+
+def _model(original: Any, _: Space, wait: bool) -> Outcome:
     from .interpreted import interpreted_model
-    from .library import CompilerError
     from .native import native_model
 
     try:
-        found = Outcome(native_model(original, wait=wait), 'C')
-    except CompilerError as error:
-        found = Outcome(interpreted_model(original), 'CasADi', str(error), error.pending)
-    verify_model(original, found.result)
-    return found
+        return Outcome(native_model(original, wait=wait), 'C')
+    except Exception as error:
+        return _by_casadi(interpreted_model(original), error)
 
 
-def _sensor(original: Sensor, state: Space, wait: bool) -> Outcome:
-    from .formulas import verify_sensor
+def _sensor(original: Any, state: Space, wait: bool) -> Outcome:
     from .interpreted import interpreted_sensor
-    from .library import CompilerError
     from .native import native_sensor
 
     try:
-        found = Outcome(native_sensor(original, state, wait=wait), 'C')
-    except CompilerError as error:
-        found = Outcome(interpreted_sensor(original, state), 'CasADi', str(error), error.pending)
-    verify_sensor(original, found.result, state)
-    return found
+        return Outcome(native_sensor(original, state, wait=wait), 'C')
+    except Exception as error:
+        return _by_casadi(interpreted_sensor(original, state), error)
+
+
+def _by_casadi(found: Any, error: Exception) -> Outcome:
+    from .library import CompilerError
+
+    if isinstance(error, CompilerError):
+        return Outcome(found, 'CasADi', str(error), error.pending)
+    return Outcome(found, 'CasADi', _in_a_line(error))

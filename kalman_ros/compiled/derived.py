@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import lru_cache
 from typing import Any
 
@@ -19,7 +20,7 @@ class Derived:
 
     #: What computes.
     arithmetic: Any
-    _again: tuple[Callable[..., Any], tuple[Any, ...]]
+    _c_again: tuple[Callable[..., Any], tuple[Any, ...]]
 
     def __copy__(self) -> Any:
         """Return another object with the same functions."""
@@ -28,8 +29,13 @@ class Derived:
         return other
 
     def __reduce__(self) -> Any:
-        """Return how to compile the original."""
-        return self._again
+        """Return how to compile the original, as it is now."""
+        again, (original, *rest) = self._c_again
+        now = copy(original)
+        for name, value in vars(self).items():
+            if name in vars(original) and not isinstance(value, Derived):
+                vars(now)[name] = value
+        return again, (now, *rest)
 
 
 def derive(
@@ -50,5 +56,5 @@ def derive(
     """
     kind: Any = type(original)
     found: Any = object.__new__(_class(part, kind))
-    vars(found).update(vars(original), _again=(again, (original, *rest)), **attributes)
+    vars(found).update(vars(original), _c_again=(again, (original, *rest)), **attributes)
     return found

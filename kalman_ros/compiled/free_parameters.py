@@ -53,6 +53,13 @@ class Parameters:
         return _replaced(self.original, iter(values))
 
 
+class _Zero:
+    """What stands for a number that is zero, and for nothing else."""
+
+
+_ZERO = _Zero()
+
+
 def _numbers(value: Any) -> Iterator[Any]:
     """Yield the numbers that are no zeros as floats, and all else as what can be compared."""
     if isinstance(value, (Model, Sensor)):
@@ -63,7 +70,7 @@ def _numbers(value: Any) -> Iterator[Any]:
     elif isinstance(value, np.ndarray) and value.dtype == float:
         yield value.shape
         for each in value.ravel().tolist():
-            yield each or None
+            yield each or _ZERO
     elif isinstance(value, (tuple, list)):
         yield type(value), len(value)
         for each in value:
@@ -74,7 +81,7 @@ def _numbers(value: Any) -> Iterator[Any]:
             yield name
             yield from _numbers(each)
     elif isinstance(value, float):
-        yield value or None
+        yield value or _ZERO
     else:
         yield value if _is_hashable(value) else _Same(value)
 

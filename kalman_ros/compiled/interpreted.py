@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, LinearizedStep, Model, Sensor, Space
+from kalman_ros.core import Array, LinearizedStep, Model, Sensor, Space, is_finite
 from kalman_ros.linear.discretize import flow, noise_integral
 
 from .derived import derive
@@ -50,71 +50,76 @@ class InterpretedModel(Model):
     """What CasADi computes of a model, for one state; all else is the model's."""
 
     arithmetic = 'CasADi'
-    _substep: Evaluation
-    _wrap: Evaluation
-    _jacobian: Evaluation
-    _density: Evaluation
-    _slope: Evaluation | None = None
-    _most: int
-    _shapes: tuple[tuple[int], tuple[int]]
-    _numbers: Array
+    _c_substep: Evaluation
+    _c_wrap: Evaluation
+    _c_jacobian: Evaluation
+    _c_density: Evaluation
+    _c_slope: Evaluation | None = None
+    _c_most: int
+    _c_shapes: tuple[tuple[int], tuple[int]]
+    _c_numbers: Array
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
-        if (x.shape, u.shape) != self._shapes:
+        if (x.shape, u.shape) != self._c_shapes:
             return super().step(x, u, dt)
-        return self._moved(x, u, dt)[0]
+        return self._c_moved(x, u, dt)[0]
 
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return the state after a step from x (n,) with u (m,), with the step's F and Q."""
-        if (x.shape, u.shape) != self._shapes:
+        if (x.shape, u.shape) != self._c_shapes:
             return super().linearized_step(x, u, dt)
-        A, W = self._jacobian(x, u, self._numbers), self._density(x, self._numbers)
+        A, W = self._c_jacobian(x, u, self._c_numbers), self._c_density(x, self._c_numbers)
+        if not (is_finite(A) and is_finite(W)):  # there is no exact derivative
+            return super().linearized_step(x, u, dt)
         F, Q = flow(A, W, dt)
-        moved, of_step = self._moved(x, u, dt, self._slope)
+        moved, of_step = self._c_moved(x, u, dt, self._c_slope)
         return LinearizedStep(moved, F if of_step is None else of_step, Q)
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
-        if (x.shape, u.shape) != self._shapes:
+        if (x.shape, u.shape) != self._c_shapes:
             return super().noise_covariance(x, u, dt)
-        A, W = self._jacobian(x, u, self._numbers), self._density(x, self._numbers)
+        A, W = self._c_jacobian(x, u, self._c_numbers), self._c_density(x, self._c_numbers)
+        if not (is_finite(A) and is_finite(W)):
+            return super().noise_covariance(x, u, dt)
         return noise_integral(A, W, dt)
 
-    def _moved(
+    def _c_moved(
         self, x: Array, u: Array, dt: float, slope: Evaluation | None = None
     ) -> tuple[Array, Array | None]:
         """Return the state after a step, and the product of the slopes of its substeps."""
-        count = min(self.substeps(dt), self._most)
+        count = min(self.substeps(dt), self._c_most)
         h, F = dt / count, None
         for _ in range(count):
             if slope is not None:
-                F_1 = slope(x, u, h, self._numbers)
+                F_1 = slope(x, u, h, self._c_numbers)
                 F = F_1 if F is None else F_1 @ F
-            x = self._substep(x, u, h, self._numbers)[:, 0]
-        return self._wrap(x)[:, 0], F
+            x = self._c_substep(x, u, h, self._c_numbers)[:, 0]
+        return self._c_wrap(x)[:, 0], F
 
 
 class InterpretedSensor(Sensor):
     """What CasADi computes of a sensor, for one state; all else is the sensor's."""
 
     arithmetic = 'CasADi'
-    _measure: Evaluation
-    _jacobian: Evaluation
-    _shape: tuple[int]
-    _numbers: Array
+    _c_measure: Evaluation
+    _c_jacobian: Evaluation
+    _c_shape: tuple[int]
+    _c_numbers: Array
 
     def measure(self, x: Array) -> Array:
         """Return the noise-free reading (..., k)."""
-        if x.shape != self._shape:
+        if x.shape != self._c_shape:
             return super().measure(x)  # type: ignore[safe-super]
-        return self._measure(x, self._numbers)[:, 0]
+        return self._c_measure(x, self._c_numbers)[:, 0]
 
     def jacobian(self, x: Array) -> Array:
         """Return d measure / d x (k, n) at ``x`` (n,)."""
-        if x.shape != self._shape:
+        if x.shape != self._c_shape:
             return super().jacobian(x)
-        return self._jacobian(x, self._numbers)
+        H = self._c_jacobian(x, self._c_numbers)
+        return H if is_finite(H) else super().jacobian(x)
 
 
 def interpreted_model(model: Model) -> Model:
@@ -131,9 +136,9 @@ def interpreted_model(model: Model) -> Model:
         InterpretedModel,
         model,
         interpreted_model,
-        _numbers=parameters.values,
-        _most=formulas.most,
-        _shapes=((model.state.size,), (model.input.size,)),
+        _c_numbers=parameters.values,
+        _c_most=formulas.most,
+        _c_shapes=((model.state.size,), (model.input.size,)),
         **_evaluations(formulas.traces),
     )
     return found
@@ -154,12 +159,12 @@ def interpreted_sensor(sensor: Sensor, state: Space) -> Sensor:
         sensor,
         interpreted_sensor,
         state,
-        _shape=(state.size,),
-        _numbers=parameters.values,
+        _c_shape=(state.size,),
+        _c_numbers=parameters.values,
         **_evaluations(formulas._asdict()),
     )
     return found
 
 
 def _evaluations(traces: Mapping[str, Trace]) -> dict[str, Evaluation]:
-    return {f'_{name}': Evaluation(each) for name, each in traces.items()}
+    return {f'_c_{name}': Evaluation(each) for name, each in traces.items()}

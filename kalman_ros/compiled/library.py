@@ -6,21 +6,27 @@ What is loaded is run, so it is taken only from a folder that nobody else can wr
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import os
 import shlex
 import shutil
+import signal
 import stat
 import subprocess
 import tempfile
+from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
+from threading import Lock
 from time import time
 
 _FLAGS = ('-O3', '-ffp-contract=off', '-fPIC', '-shared', '-w')
 #: A compiler that takes longer, in seconds, is given up.
 _PATIENCE = 60.0
+#: Its version is known within this many seconds.
+_SOON = 5.0
 
 
 #: A digest ends each file, which the loader of the system does not read.
@@ -57,10 +63,46 @@ def compiler() -> tuple[str, ...]:
 
 @lru_cache(maxsize=1)
 def _version(command: tuple[str, ...]) -> str:
-    found = subprocess.run(
-        [*command, '--version'], capture_output=True, text=True, timeout=_PATIENCE, check=True
-    )
-    return found.stdout
+    return _run([*command, '--version'], _SOON)
+
+
+#: The compiler that runs, with all that it started; one in a process.
+_running: list[subprocess.Popen[str]] = []
+_one_at_a_time = Lock()
+
+
+def _run(command: list[str], seconds: float) -> str:
+    """Return the output of a command; none of its processes outlives its time or this one."""
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        encoding='utf-8', errors='replace', start_new_session=True,
+    )  # fmt: skip
+    _running.append(process)
+    try:
+        output, errors = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        _kill(process)
+        raise subprocess.TimeoutExpired(command[0], seconds) from None
+    except BaseException:
+        _kill(process)
+        raise
+    finally:
+        _running.remove(process)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command[0], output, errors)
+    return output
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+@atexit.register
+def stop() -> None:
+    """End the compilers of this process."""
+    for process in [*_running]:
+        _kill(process)
 
 
 def folder() -> Path | None:
@@ -101,17 +143,27 @@ def load(source: str, *, wait: bool = True) -> ctypes.CDLL:
         raise CompilerError('no C compiler was found')
     try:
         key = '\0'.join((source, *command, *_FLAGS, _version(command)))
-        name = f'{sha256(key.encode()).hexdigest()}.so'
-        found = _known.get(name) or _cached(name)
-        if found is None and not wait:
-            raise CompilerError('it is being compiled', source)
-        found = found or _anywhere(command, source, name)
     except (OSError, subprocess.SubprocessError) as error:
-        found = CompilerError(f'the C compiler failed: {_reason(error)}')
+        raise CompilerError(f'the C compiler failed: {_reason(error)}') from None
+    name = f'{sha256(key.encode()).hexdigest()}.so'
+    found = _known.get(name) or _cached(name)
+    if found is None and not wait:
+        raise CompilerError('it is being compiled', source)
+    if found is None:
+        with _one_at_a_time:
+            found = _known.get(name) or _cached(name) or _made(command, source, name)
     _known[name] = found
     if isinstance(found, CompilerError):
         raise found
     return found
+
+
+def _made(command: tuple[str, ...], source: str, name: str) -> ctypes.CDLL | CompilerError:
+    """Return what a compiler makes of a source, or why there is none."""
+    try:
+        return _anywhere(command, source, name)
+    except (OSError, subprocess.SubprocessError) as error:
+        return CompilerError(f'the C compiler failed: {_reason(error)}')
 
 
 def _cached(name: str) -> ctypes.CDLL | None:
@@ -151,14 +203,7 @@ def _compiled(command: tuple[str, ...], source: str, folder: Path, name: str) ->
     with tempfile.TemporaryDirectory(dir=folder, prefix='.') as own:
         text, library = Path(own) / 'source.c', Path(own) / name
         text.write_text(source)
-        subprocess.run(
-            [*command, *_FLAGS, '-o', str(library), str(text), '-lm'],
-            capture_output=True,
-            text=True,
-            timeout=_PATIENCE,
-            check=True,
-            stdin=subprocess.DEVNULL,
-        )
+        _run([*command, *_FLAGS, '-o', str(library), '-x', 'c', str(text), '-lm'], _PATIENCE)
         library.chmod(0o700)
         with library.open('ab') as whole:  # a loader may crash on what a power cut left of it
             whole.write(sha256(library.read_bytes()).digest())

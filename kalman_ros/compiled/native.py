@@ -8,14 +8,14 @@ is shared, so that threads may share the objects.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, LinearizedStep, Model, Sensor, Space
+from kalman_ros.core import Array, LinearizedStep, Model, Sensor, Space, is_finite
 from kalman_ros.core.model import like
 
 from .derived import derive
@@ -34,15 +34,16 @@ class NativeModel(Model):
 
     arithmetic = 'C'
     #: `linearized_step` takes leading axes.
-    leading = True
-    _library: Any
-    _shapes: tuple[tuple[int], tuple[int]]
-    _numbers: Array
-    _p: int
-    #: How many sets of numbers there are, for as many members in turn.
-    _sets = 1
+    takes_leading_axes = True
+    _c_library: Any
+    _c_shapes: tuple[tuple[int], tuple[int]]
+    _c_numbers: Array
+    _c_p: int
+    #: How many sets of numbers there are, for as many members in turn, and whose they are.
+    _c_sets = 1
+    _c_members: Sequence[Any] = ()
 
-    def merged_with(self, others: Sequence[Model]) -> Model | None:
+    def merged_numbers(self, others: Sequence[Model]) -> Model | None:
         """Return one model for states (..., p, n) of p models; None if their formulas differ."""
         every = [self, *others]
         if not all(isinstance(each, NativeModel) and _alike(self, each) for each in every):
@@ -52,7 +53,7 @@ class NativeModel(Model):
         whole: Model = _merged(every)
         return whole
 
-    def _called(
+    def _c_called(
         self,
         function: Callable[..., Any],
         x: Array,
@@ -65,7 +66,7 @@ class NativeModel(Model):
 
         ``behind`` x and u may be further numbers.
         """
-        if (x.shape[-1:], u.shape[-1:]) != self._shapes:
+        if (x.shape[-1:], u.shape[-1:]) != self._c_shapes:
             return None
         if x.shape[:-1] != u.shape[:-1]:
             x, u = (np.broadcast_to(each, (*_lead(x, u), each.shape[-1])) for each in (x, u))
@@ -76,22 +77,39 @@ class NativeModel(Model):
         v[:first], v[first:middle] = x.ravel(), u.ravel()
         if behind is not None:
             v[middle:last] = behind.ravel()
-        function(_address(_memory(v)), count, *arguments, self._p, self._sets)
+        function(_address(_memory(v)), count, *arguments, self._c_p, self._c_sets)
         return v[last:-1]
 
-    def predicted(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
+    def predicted_moments(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
         """Return means (..., n) and covariances (..., n, n) after a linearised step."""
         n, u = x.shape[-1], like(u, x)
         covariances = np.broadcast_to(P, (*x.shape, n))
-        step = self._library.predictions
-        found = self._called(step, x, u, n + n * n, dt, self.max_step, behind=covariances)
+        step = self._c_library.predictions
+        found = self._c_called(step, x, u, n + n * n, dt, self.max_step, behind=covariances)
         if found is None:
             raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
-        return found[: x.size].reshape(x.shape), found[x.size :].reshape(covariances.shape)
+        mean, covariance = found[: x.size], found[x.size :].reshape(-1, n, n)
+        if not is_finite(found):
+            points, before = x.reshape(-1, n), covariances.reshape(-1, n, n)
+            for k, original in self._c_lost(covariance):
+                F, Q = _linearized(original, points[k], u.reshape(len(points), -1)[k], dt)
+                covariance[k] = F @ before[k] @ F.T + Q
+        return mean.reshape(x.shape), covariance.reshape(covariances.shape)
+
+    def _c_lost(self, found: Array) -> Iterator[tuple[int, Any]]:
+        """Yield the members whose results (members, ...) are not finite, with their originals.
+
+        An exact derivative may not exist where a formula that looks at its numbers has one.
+        """
+        for k in np.flatnonzero(~np.isfinite(found.reshape(len(found), -1)).all(axis=1)).tolist():
+            yield (
+                k,
+                super(NativeModel, self._c_members[k % self._c_sets] if self._c_members else self),
+            )
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return dx/dt (..., n)."""
-        found = self._called(self._library.rates, x, u, x.shape[-1])
+        found = self._c_called(self._c_library.rates, x, u, x.shape[-1])
         if found is None:
             return super().derivative(x, u)  # type: ignore[safe-super]
         return found.reshape(*_lead(x, u), x.shape[-1])
@@ -99,7 +117,7 @@ class NativeModel(Model):
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
         u, n = like(u, x), x.shape[-1]
-        found = self._called(self._library.steps, x, u, n, dt, self.max_step)
+        found = self._c_called(self._c_library.steps, x, u, n, dt, self.max_step)
         if found is None:
             return super().step(x, u, dt)  # which says what is wrong
         return found.reshape(*_lead(x, u), n)
@@ -113,22 +131,25 @@ class NativeModel(Model):
         n = x.shape[-1]
         if x.ndim > 1:
             u = like(u, x)
-            step = self._library.linearized_steps
-            found = self._called(step, x, u, n + 2 * n * n, dt, self.max_step)
+            step = self._c_library.linearized_steps
+            found = self._c_called(step, x, u, n + 2 * n * n, dt, self.max_step)
             if found is None:
                 raise ValueError(f'x, u: expected (..., n) and (..., m), got {x.shape}, {u.shape}')
             count, shape = x.size // n, (*x.shape, n)
-            F, Q = count * n, count * n * (1 + n)
-            return LinearizedStep(
-                found[:F].reshape(x.shape), found[F:Q].reshape(shape), found[Q:].reshape(shape)
-            )
-        if (x.shape, u.shape) != self._shapes:
+            both = found[count * n :].reshape(2, count, n, n)
+            if not is_finite(found):
+                for k, original in self._c_lost(both.swapaxes(0, 1)):
+                    at = x.reshape(count, n)[k], u.reshape(count, -1)[k]
+                    both[:, k] = _linearized(original, *at, dt)
+            F, Q = both.reshape(2, *shape)
+            return LinearizedStep(found[: count * n].reshape(x.shape), F, Q)
+        if (x.shape, u.shape) != self._c_shapes:
             return super().linearized_step(x, u, dt)
         moved = n + u.size
         F, Q = moved + n, moved + n + n * n
         v = np.empty(Q + n * n)
         v[:n], v[n:moved] = x, u
-        if self._library.linearized_step(_address(_memory(v)), dt, self.max_step, self._p):
+        if self._c_library.linearized_step(_address(_memory(v)), dt, self.max_step, self._c_p):
             return super().linearized_step(x, u, dt)  # which finds out what is wrong
         return LinearizedStep(v[moved:F], v[F:Q].reshape(n, n), v[Q:].reshape(n, n).T)
 
@@ -138,15 +159,16 @@ class NativeSensor(Sensor):
 
     arithmetic = 'C'
     #: `jacobian` takes leading axes.
-    leading = True
-    _library: Any
-    _size: int
-    _numbers: Array
-    _p: int
-    #: How many sets of numbers there are, for as many members in turn.
-    _sets = 1
+    takes_leading_axes = True
+    _c_library: Any
+    _c_size: int
+    _c_numbers: Array
+    _c_p: int
+    #: How many sets of numbers there are, for as many members in turn, and whose they are.
+    _c_sets = 1
+    _c_members: Sequence[Any] = ()
 
-    def merged_with(self, others: Sequence[Sensor]) -> Sensor | None:
+    def merged_numbers(self, others: Sequence[Sensor]) -> Sensor | None:
         """Return one sensor for states (..., p, n) of p sensors; None if their formulas differ."""
         every = [self, *others]
         if not all(isinstance(each, NativeSensor) and _alike(self, each) for each in every):
@@ -154,32 +176,49 @@ class NativeSensor(Sensor):
         whole: Sensor = _merged(every)
         return whole
 
-    def _called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
+    def _c_called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
         """Return ``size`` numbers for each of states (..., n); None if that is not their size."""
-        if x.shape[-1] != self._size:
+        if x.shape[-1] != self._c_size:
             return None
-        last, count = x.size, x.size // self._size
+        last, count = x.size, x.size // self._c_size
         v = np.empty(last + count * size + 1)
         v[:last] = x.ravel()
-        function(_address(_memory(v)), count, self._p, self._sets)
+        function(_address(_memory(v)), count, self._c_p, self._c_sets)
         return v[last:-1]
 
     def measure(self, x: Array) -> Array:
         """Return the noise-free reading (..., k)."""
         k = self.output.size
-        found = self._called(self._library.readings, x, k)
-        if found is None:
+        found = self._c_called(self._c_library.readings, x, k)
+        if found is None or (x.ndim == 1 and not is_finite(found)):
             return super().measure(x)  # type: ignore[safe-super]
         return found.reshape(*x.shape[:-1], k)
 
     def jacobian(self, x: Array) -> Array:
         """Return d measure / d x (..., k, n) at ``x`` (..., n)."""
-        n, k = self._size, self.output.size
-        found = self._called(self._library.slopes, x, n * k)
+        n, k = self._c_size, self.output.size
+        found = self._c_called(self._c_library.slopes, x, n * k)
         if found is None:
             return super().jacobian(x)
-        H: Array = found.reshape(*x.shape[:-1], n, k).swapaxes(-1, -2)
-        return H
+        H: Array = found.reshape(-1, n, k).swapaxes(-1, -2)
+        if not is_finite(found):
+            # an exact derivative may not exist where the sensor's own looks at its numbers
+            points = x.reshape(-1, n)
+            for at in np.flatnonzero(~np.isfinite(H).all(axis=(1, 2))).tolist():
+                member = self._c_members[at % self._c_sets] if self._c_members else self
+                original: Any = super(NativeSensor, member)
+                H[at] = original.jacobian(points[at])
+        return H.reshape(*x.shape[:-1], k, n)
+
+
+def _linearized(original: Any, x: Array, u: Array, dt: float) -> tuple[Array, Array]:
+    """Return F and Q of the original functions of a model; NaN where these fail, too."""
+    try:
+        with np.errstate(all='ignore'):
+            _, F, Q = original.linearized_step(x, u, dt)
+    except np.linalg.LinAlgError:
+        F = Q = np.full((x.size, x.size), np.nan)
+    return F, Q
 
 
 def _lead(x: Array, u: Array) -> tuple[int, ...]:
@@ -190,23 +229,23 @@ def _lead(x: Array, u: Array) -> tuple[int, ...]:
 
 
 def _alike(a: Any, b: Any) -> bool:
-    return b._library is a._library and b._sets == 1
+    return b._c_library is a._c_library and b._c_sets == 1
 
 
 def _merged(every: Sequence[Any]) -> Any:
     """Return the first of several objects with the numbers of all, one set after the other."""
     whole = copy(every[0])
-    sets = [each._numbers[:-1] for each in every]
+    sets = [each._c_numbers[:-1] for each in every]
     if any(not np.array_equal(each, sets[0]) for each in sets):
-        vars(whole).update(_pointed(np.concatenate(sets)), _sets=len(every))
+        vars(whole).update(_pointed(np.concatenate(sets)), _c_sets=len(every), _c_members=every)
     return whole
 
 
 class NativeSpace(Space):
     """A space with rotations whose differences are compiled, equal to the same one without."""
 
-    _arrive: Callable[[int], None]
-    _subtract: Callable[[int], None]
+    _c_arrive: Callable[[int], None]
+    _c_subtract: Callable[[int], None]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Space) and _fields(self) == _fields(other)
@@ -221,7 +260,7 @@ class NativeSpace(Space):
         mean, end = 2 * n + n * n, 3 * n + n * n
         v = np.empty(end + n * n)
         v[:n], v[n : 2 * n], v[2 * n : mean] = total, origin, P.ravel()
-        self._arrive(_address(_memory(v)))
+        self._c_arrive(_address(_memory(v)))
         return v[mean:end], v[end:].reshape(n, n)
 
     def subtract(self, a: Array, b: Array) -> Array:
@@ -231,7 +270,7 @@ class NativeSpace(Space):
             return super().subtract(a, b)
         v = np.empty(3 * n)
         v[:n], v[n : 2 * n] = a, b
-        self._subtract(_address(_memory(v)))
+        self._c_subtract(_address(_memory(v)))
         return v[2 * n :]
 
 
@@ -262,8 +301,8 @@ def native_model(model: Model, *, wait: bool = True) -> Model:
         model,
         native_model,
         state=native_space(model.state, wait=wait),
-        _library=library,
-        _shapes=((model.state.size,), (model.input.size,)),
+        _c_library=library,
+        _c_shapes=((model.state.size,), (model.input.size,)),
         **_pointed(parameters.values),
     )
     return found
@@ -289,8 +328,8 @@ def native_sensor(sensor: Sensor, state: Space, *, wait: bool = True) -> Sensor:
         native_sensor,
         state,
         output=native_space(sensor.output, wait=wait),
-        _library=library,
-        _size=state.size,
+        _c_library=library,
+        _c_size=state.size,
         **_pointed(parameters.values),
     )
     return found
@@ -304,7 +343,7 @@ def native_space(space: Space, *, wait: bool = True) -> Space:
     for function in (library.arrive, library.subtract):
         function.argtypes, function.restype = [_POINTER], None
     found: Space = derive(
-        NativeSpace, space, native_space, _arrive=library.arrive, _subtract=library.subtract
+        NativeSpace, space, native_space, _c_arrive=library.arrive, _c_subtract=library.subtract
     )
     return found
 
@@ -344,7 +383,13 @@ def _space_source(space: Space) -> str:
     return source('space.c', {'N': space.size}, of_space(space)._asdict(), {})
 
 
+def forget_formulas() -> None:
+    """Trace again what looks like something known."""
+    _model_source.cache_clear()
+    _sensor_source.cache_clear()
+
+
 def _pointed(numbers: Array) -> dict[str, Any]:
     """Return numbers, kept in memory, and their address."""
     kept = np.append(numbers, 0.0)  # none have no address
-    return {'_numbers': kept, '_p': _address(_memory(kept))}
+    return {'_c_numbers': kept, '_c_p': _address(_memory(kept))}

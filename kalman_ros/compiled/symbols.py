@@ -19,8 +19,11 @@ import numpy as np
 _LEAST = 1e-300
 
 
-class UntraceableError(ValueError):
-    """A function whose formulas cannot be recorded, with the reason."""
+class UntraceableError(BaseException):
+    """A function whose formulas cannot be recorded, with the reason.
+
+    Not an `Exception`, which a function may catch to go on with other formulas.
+    """
 
 
 class Symbol:
@@ -78,11 +81,34 @@ def _arithmetic(name: str) -> Callable[[Symbol, Any], Any]:
     def apply(self: Symbol, other: Any) -> Any:
         if isinstance(other, np.ndarray):
             return NotImplemented
-        return Symbol(getattr(self.formula, name)(formula(other)))
+        found = Symbol if name in _COUNTING else Truth
+        if found is Symbol and isinstance(self, Truth) and isinstance(other, (Truth, bool)):
+            raise UntraceableError('it computes with truths as if they were numbers')
+        return found(getattr(self.formula, name)(formula(other)))
 
     return apply
 
 
+class Truth(Symbol):
+    """Whether something holds, as 1 or 0; of several, numpy has other sums than of numbers."""
+
+    __slots__ = ()
+
+    def __and__(self, other: Any) -> Truth:
+        return Truth(casadi.logic_and(self.formula, formula(other)))
+
+    def __or__(self, other: Any) -> Truth:
+        return Truth(casadi.logic_or(self.formula, formula(other)))
+
+    def __invert__(self) -> Truth:
+        return Truth(casadi.logic_not(self.formula))
+
+    __rand__, __ror__ = __and__, __or__
+
+
+_COUNTING = {
+    f'__{r}{name}__' for name in ('add', 'sub', 'mul', 'truediv', 'pow') for r in ('', 'r')
+}
 for _name in ('add', 'sub', 'mul', 'truediv', 'pow', 'lt', 'le', 'gt', 'ge', 'eq', 'ne'):
     setattr(Symbol, f'__{_name}__', _arithmetic(f'__{_name}__'))
     if _name in ('add', 'sub', 'mul', 'truediv', 'pow'):
@@ -95,7 +121,24 @@ def _sinc(x: Any) -> Any:
 
 
 def _sqrt(x: Any) -> Any:
-    return casadi.sqrt(casadi.fmax(x, _LEAST))
+    """Return the root, exact and NaN as numpy's, with the derivative 0 at 0."""
+    at_most_zero = casadi.if_else(x >= 0.0, 0.0, casadi.SX.nan())
+    return casadi.if_else(x > 0.0, casadi.sqrt(casadi.fmax(x, _LEAST)), at_most_zero)
+
+
+def _rounded(x: Any) -> Any:
+    """Return the nearest whole number, of two the even one."""
+    below = casadi.floor(x)
+    over, half = x - below, 0.5 * below
+    tie = below + casadi.if_else(half == casadi.floor(half), 0.0, 1.0)
+    return casadi.if_else(over == 0.5, tie, below + casadi.if_else(over > 0.5, 1.0, 0.0))
+
+
+def _refused(what: str) -> Callable[..., Any]:
+    def refuse(*_: Any, **__: Any) -> Any:
+        raise UntraceableError(f'{what} has no formula here')
+
+    return refuse
 
 
 #: What CasADi has under another name than numpy, or not at all.
@@ -112,9 +155,13 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.rad2deg: lambda x: x * (180.0 / np.pi),
     np.degrees: lambda x: x * (180.0 / np.pi),
     np.where: casadi.if_else,
+    np.logical_and: casadi.logic_and,
+    np.logical_or: casadi.logic_or,
+    np.logical_not: casadi.logic_not,
     np.sinc: _sinc,
-    np.rint: lambda x: casadi.floor(x + 0.5),
-    np.round: lambda x: casadi.floor(x + 0.5),
+    np.rint: _rounded,
+    np.round: _rounded,
+    np.nan_to_num: _refused('np.nan_to_num'),
     np.clip: lambda x, low, high: casadi.fmin(casadi.fmax(x, low), high),
     **{
         getattr(np, name): getattr(casadi, name)
@@ -165,12 +212,14 @@ class Symbols(np.ndarray[Any, Any]):
                 raise UntraceableError('it leaves numbers open: where= without out=')
             found = _elementwise(casadi.if_else, (where, found, out[0]))
         found = np.asarray(found, dtype=object).view(Symbols)
-        if out[0] is not None and where is True:
+        if out[0] is not None:
             out[0][...] = found
         return found
 
     def __array_function__(self, function: Any, types: Any, inputs: Any, options: Any) -> Any:
         if function in _FUNCTIONS:
+            if options:
+                raise UntraceableError(f'np.{function.__name__} with {", ".join(options)}')
             return _elementwise(_FUNCTIONS[function], inputs)
         if function in _WHOLE:
             return _WHOLE[function](*inputs, **options)
@@ -178,9 +227,16 @@ class Symbols(np.ndarray[Any, Any]):
 
 
 def _extreme(
-    ufunc: Any, x: Any, axis: Any = 0, dtype: Any = None, keepdims: bool = False, **_: Any
+    ufunc: Any,
+    x: Any,
+    axis: Any = 0,
+    dtype: Any = None,
+    keepdims: bool = False,
+    initial: Any = np._NoValue,
 ) -> Any:
     """Return the maxima or minima of an array along an axis, or of all of it."""
+    if initial not in (np._NoValue, None):
+        raise UntraceableError('a maximum or minimum with initial=')
     rows = np.asarray(x).reshape(-1) if axis is None else np.moveaxis(np.asarray(x), axis, 0)
     found = rows[0]
     for row in rows[1:]:

@@ -51,11 +51,11 @@ def merged(objects: Sequence[T]) -> T | None:
 
     A formula that accepts leading axes then computes with the parameters of all p at once, on
     vectors (..., p, n). Whether it does is for the caller to compare. An object with a method
-    ``merged_with`` knows itself.
+    ``merged_numbers`` knows itself.
     """
     first: Any = objects[0]
-    if hasattr(first, 'merged_with'):
-        whole: T | None = first.merged_with(objects[1:])
+    if hasattr(first, 'merged_numbers'):
+        whole: T | None = first.merged_numbers(objects[1:])
         return whole
     if any(type(each) is not type(first) for each in objects):
         return None

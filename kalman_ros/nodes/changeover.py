@@ -6,13 +6,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from threading import Thread
+from threading import Thread, get_native_id
 from typing import Any
 
 from kalman_ros.compiled.library import CompilerError, load
 
 #: How often a node looks whether all is compiled, in seconds.
 _PERIOD = 0.1
+#: How nice a compiler is to the node.
+_NICE = 10
 
 
 class Changeover:
@@ -50,5 +52,6 @@ def _compile(sources: Sequence[str]) -> None:
     for source in sources:
         with suppress(AttributeError, OSError):  # not before the work of the node
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+            os.setpriority(os.PRIO_PROCESS, get_native_id(), _NICE)
         with suppress(CompilerError):  # which the next attempt reports
             load(source)

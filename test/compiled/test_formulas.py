@@ -18,6 +18,7 @@ pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not inst
 from kalman_ros.compiled import attempt, compiled
 from kalman_ros.compiled.interpreted import interpreted_model, interpreted_sensor
 from kalman_ros.compiled.symbols import UntraceableError
+from kalman_ros.compiled.tracing import trace
 
 C = pytest.mark.slow  # the compiler is another process
 NONLINEAR = (
@@ -259,12 +260,162 @@ def test_what_is_always_zero_has_its_place(arithmetic):
     assert_same(found.jacobian(x[0]), sensor.jacobian(x[0]), 1e-8)
 
 
+class Bounded(Pendulum):
+    """A step of a user: nothing passes the stop."""
+
+    def step(self, x, u, dt):
+        return np.minimum(super().step(x, u, dt), 2.0)
+
+
+class Gapped(Pendulum):
+    """More noise after a gap."""
+
+    def noise_covariance(self, x, u, dt):
+        return super().noise_covariance(x, u, dt) * (100.0 if dt > 0.05 else 1.0)
+
+
+class Limited(Pendulum):
+    """A limit far from where the formulas are tried first."""
+
+    limit = 10.0
+
+    def derivative(self, x, u):
+        return np.clip(super().derivative(x, u), -self.limit, self.limit)
+
+
+@pytest.mark.parametrize('kind', [Bounded, Gapped])
+def test_a_step_of_a_user_is_not_replaced_by_ours(kind):
+    model = kind()
+    found = compiled(model)
+    for x in ([1.95, 9.0], [0.1, 0.2]):
+        for dt in (0.02, 0.2):
+            x, u = np.array(x), np.zeros(1)
+            assert_same(found.step(x, u, dt), model.step(x, u, dt))
+            Q = model.noise_covariance(x, u, dt)
+            assert_same(found.noise_covariance(x, u, dt), Q, 1e-6)
+
+
+@C
+def test_what_changes_without_an_attribute_is_noticed(monkeypatch):
+    x, u = np.array([0.3, 1.0]), np.array([60.0])
+    assert compiled(Limited()).derivative(x, u)[1] == 10.0
+    monkeypatch.setattr(Limited, 'limit', 5.0)
+    assert compiled(Limited()).derivative(x, u)[1] == 5.0
+
+
+class Guarded(Sensor):
+    """Formulas that look at their numbers where there is no derivative."""
+
+    output = Space('unit distance power angle round')
+    covariance = np.eye(5)
+
+    def measure(self, x):
+        r = np.sqrt(x[..., 0] ** 2 + x[..., 1] ** 2)
+        near = np.where(r == 0.0, 1.0, r)
+        unit = np.where(r > 0.0, x[..., 0] / near, 0.5)
+        angle = np.arccos(np.clip(x[..., 0], -1.0, 1.0))
+        power = (x[..., 0] ** 2 + x[..., 1] ** 2) ** 0.5
+        return np.stack((unit, r, power, angle, np.round(x[..., 1])), axis=-1)
+
+
+@pytest.mark.parametrize('arithmetic', KINDS)
+def test_where_there_is_no_derivative_the_original_computes(arithmetic):
+    sensor, found = Guarded(), fast(Guarded(), Pendulum.state, arithmetic)
+    x = np.array([[0.0, 0.0], [1.0, 0.5], [3.0, 1.5], [-2.0, 2.5], [0.3, 0.2]])
+    assert_same(found.measure(x), sensor.measure(x))
+    for each in x:
+        assert_same(found.measure(each), sensor.measure(each))
+        assert np.isfinite(found.jacobian(each)).all()
+    assert np.isfinite(found.jacobian(x)).all()
+    assert np.array_equal(found.jacobian(x[0]), sensor.jacobian(x[0]))
+
+
+@C
+def test_a_shipped_sensor_at_its_own_place_still_reads():
+    parts = believed('two_bearings')
+    sensor = parts.sensors['west']
+    x = np.zeros(parts.model.state.size)
+    x[[0, 1]] = -sensor.line_of_sight(x)  # where it stands
+    found = compiled(sensor, parts.model.state)
+    assert not sensor.line_of_sight(x).any()
+    assert np.array_equal(found.jacobian(x), sensor.jacobian(x))
+    assert np.array_equal(found.jacobian(np.stack((x, x)))[1], sensor.jacobian(x))
+
+
+class Clash(Pendulum):
+    """Attributes by names that are ours, too."""
+
+    def __init__(self):
+        super().__init__()
+        self._p, self._numbers, self._size, self._library = 1.5, [2.0], 3.0, 4.0
+        self.predicted, self.leading = 5.0, 6.0
+
+    def input_jacobian(self, x, u):
+        return np.array([[0.0], [self._numbers[0]]])
+
+
+@C
+def test_names_of_a_user_stay_his():
+    found, x, u = compiled(Clash()), np.array([0.4, -1.0]), np.array([2.0])
+    assert found.input_jacobian(x, u)[1, 0] == 2.0
+    assert (found._p, found._size, found._library) == (1.5, 3.0, 4.0)
+    assert_same(found.step(x, u, 0.02), Clash().step(x, u, 0.02))
+
+
+@C
+def test_a_copy_keeps_what_was_changed_after_it_was_compiled():
+    parts = believed('two_bearings')
+    sensor = compiled(parts.sensors['west'], parts.model.state)
+    other = sensor.with_covariance(np.array([[7.0]]))
+    assert pickle.loads(pickle.dumps(other)).covariance == 7.0
+    assert copy.deepcopy(other).covariance == 7.0
+
+
+class Broken(Pendulum):
+    def derivative(self, x, u):
+        if np.any(np.abs(x[..., 0]) < 3.0):
+            raise ArithmeticError('not within the earth')
+        return super().derivative(x, u)
+
+
+class Catching(Pendulum):
+    """It would go on with other formulas."""
+
+    def derivative(self, x, u):
+        try:
+            return float(x[0]) * np.ones(2)
+        except (TypeError, ValueError, ArithmeticError):
+            return super().derivative(x, u)
+
+
+@pytest.mark.parametrize('kind', [Broken, Catching])
+def test_a_model_that_fails_in_any_way_is_left_to_numpy(kind):
+    found = attempt(kind())
+    assert found.arithmetic == 'numpy'
+    assert found.reason
+
+
+@pytest.mark.parametrize(
+    'function',
+    [
+        lambda x: np.max(x, axis=-1, initial=5.0),
+        lambda x: (x[..., 0] > 5.0) + (x[..., 1] > 5.0),
+        lambda x: np.nan_to_num(x[..., 0], nan=1.0),
+        lambda x: np.clip(x[..., 0], -5.0, 5.0, out=np.zeros(())),
+        lambda x: np.round(x[..., 0], 1),
+    ],
+)
+def test_options_that_have_no_formula_are_refused(function):
+    with pytest.raises(UntraceableError):
+        trace(function, (np.array([0.3, 0.4]),))
+
+
 @C
 def test_other_numbers_use_the_same_library_and_no_number_is_forgotten():
     first, second = Pendulum(1.3, 0.1), Pendulum(0.7, 0.4)
     second.gains = np.array([3.0, 2.0])
     one, two = compiled(first), compiled(second)
-    assert one._library is two._library
+    assert one._c_library is two._c_library
     x, u = np.array([0.4, -1.0]), np.array([2.0])
     for model, found in ((first, one), (second, two)):
         assert_same(found.step(x, u, 0.02), model.step(x, u, 0.02))
@@ -405,7 +556,7 @@ class Random(Pendulum):
         (Storing, 'it stores what depends on the state in an array of plain numbers'),
         (Foreign, 'TypeError'),
         (Wrong, 'its state_jacobian is not that of its derivative'),
-        (OtherTransition, 'its compiled functions are not what it computes'),
+        (OtherTransition, 'its class defines transition'),
         (Random, 'its formulas are not what it returns'),
     ],
 )

@@ -93,6 +93,67 @@ def test_likelihoods_of_many_sets_of_numbers_are_those_of_numpy(case, monkeypatc
         np.testing.assert_allclose(mine[name], value, rtol=1e-6, atol=1e-6 * np.abs(value).max())
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures('with_casadi')
+@pytest.mark.parametrize(
+    'rate',
+    [
+        lambda x, u: [x[1], -9.81 * np.sin(x[0]) + u[0]],
+        lambda x, u: np.stack((x[..., 1], -9.81 * np.sin(x[..., 0]) + u[..., 0]), axis=-1),
+    ],
+)
+def test_plain_functions_are_compiled(rate):
+    model = kr.continuous_model(rate, [0.0, 0.1], states='angle rate', inputs='torque')
+    sensor = kr.sensor(lambda x: [np.sin(x[0])], 0.01)
+    t, y = np.arange(20) * 0.1, np.full(20, 0.2)
+    fast, plain = (
+        kr.filter(model, sensor, t, y, initial=([0.1, 0.0], 0.1), arithmetic=arithmetic)
+        for arithmetic in ('compiled', 'numpy')
+    )
+    assert fast.arithmetic == 'C'
+    np.testing.assert_allclose(fast.mean, plain.mean, atol=1e-7)
+
+
+class Drag(kr.Model):
+    """A body on a plane."""
+
+    state, input = kr.Space('p v'), kr.Space('f')
+
+    def __init__(self, c):
+        self.c = c
+
+    def derivative(self, x, u):
+        return np.stack((x[..., 1], u[..., 0] - self.c * x[..., 1]), axis=-1)
+
+    def noise_density(self, x):
+        return np.diag([0.0, 0.01])
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures('with_casadi')
+def test_members_whose_formulas_differ_are_fitted_as_in_numpy(monkeypatch):
+    """A parameter that begins at zero has no term there."""
+
+    def drag(c):
+        return Drag(c), kr.sensor([1.0, 0.0], 0.01)
+
+    rng, t = np.random.default_rng(4), np.arange(80) * 0.1
+    u, truth, y = np.sign(np.sin(t)), np.zeros(2), []
+    for each in u:
+        y.append(truth[0] + 0.1 * rng.standard_normal())
+        truth = drag(0.5)[0].step(truth, np.array([each]), 0.1)
+
+    def fitted():
+        return kr.tune(
+            drag, t, np.array(y), u, ([0.0, 0.0], 0.1), fit={'c': 0.0}, linear=['c']
+        ).values['c']
+
+    fast = fitted()
+    monkeypatch.setenv(VARIABLE, 'numpy')
+    assert fast == pytest.approx(fitted(), rel=1e-4)
+    assert 0.2 < fast < 0.8
+
+
 def test_the_environment_has_the_last_word(monkeypatch):
     monkeypatch.setenv(VARIABLE, 'numpy')
     assert estimates('cart_pole', arithmetic='compiled').arithmetic == 'numpy'

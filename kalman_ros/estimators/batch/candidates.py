@@ -25,7 +25,7 @@ from kalman_ros.core.model import like
 from kalman_ros.core.vectorized import merged, probes
 from kalman_ros.linear.batched import times
 
-from .dynamics import Dynamics, Readout
+from .dynamics import Dynamics, Readout, takes_leading_axes
 
 
 def candidate_dynamics(models: Sequence[Model]) -> Dynamics:
@@ -86,12 +86,15 @@ class _MergedCandidates(Dynamics):
     def __init__(self, whole: Model) -> None:
         self.model = whole
         self.linear = False
+        self._leading = takes_leading_axes(whole)
         self._noise = whole.noise_density
         self._jacobian = whole.state_jacobian
 
 
 class _EachCandidate(Dynamics):
     """Models called in turn."""
+
+    _leading = False  # of all together, whatever each takes
 
     def __init__(self, models: Sequence[Model]) -> None:
         self.model = models[0]
@@ -161,8 +164,8 @@ def candidate_sensor(sensors: Sequence[Sensor]) -> Sensor:
 
 def _together(sensors: Sequence[Sensor]) -> Sensor:
     first: Any = sensors[0]
-    if hasattr(first, 'merged_with'):
-        return first.merged_with(sensors[1:]) or _EachSensor(sensors)
+    if hasattr(first, 'merged_numbers'):
+        return first.merged_numbers(sensors[1:]) or _EachSensor(sensors)
     others = [{k: v for k, v in vars(each).items() if k != 'covariance'} for each in sensors]
     return first if all(_equal(each, others[0]) for each in others) else _EachSensor(sensors)
 
@@ -176,6 +179,8 @@ def _equal(a: dict[str, object], b: dict[str, object]) -> bool:
 
 class _EachSensor(Sensor):
     """Sensors called in turn."""
+
+    takes_leading_axes = True
 
     def __init__(self, sensors: Sequence[Sensor]) -> None:
         first = sensors[0]
@@ -193,8 +198,3 @@ class _EachSensor(Sensor):
         lead, n = x.shape[:-2], x.shape[-1]
         found = [each.jacobian(x[..., p, :]) for p, each in enumerate(self._each)]
         return np.stack([np.broadcast_to(H, (*lead, H.shape[-2], n)) for H in found], axis=-3)
-
-    @property
-    def leading(self) -> bool:
-        """Its `jacobian` takes leading axes, and only those."""
-        return True

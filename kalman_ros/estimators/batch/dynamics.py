@@ -35,6 +35,8 @@ class Dynamics:
     def __init__(self, model: Model) -> None:
         self.model = model
         n, m = model.state.size, model.input.size
+        #: Whether `linearized_step` of the model takes leading axes.
+        self._leading = takes_leading_axes(model)
         self.linear = isinstance(model, (LinearSystem, DiscreteLinearSystem))
         if self.linear or self._leading:
             return
@@ -45,11 +47,6 @@ class Dynamics:
         self._noise = vectorized(model.noise_density, n)
         if model.analytic:
             self._jacobian = _of_both(model.state_jacobian, n, m)
-
-    @property
-    def _leading(self) -> bool:
-        """Whether `linearized_step` of the model takes leading axes."""
-        return getattr(self.model, 'leading', False)
 
     @staticmethod
     def _next_jacobian(model: DiscreteModel) -> Callable[[Array, Array], Array]:
@@ -95,7 +92,7 @@ class Dynamics:
     def predicted(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
         """Return x' (..., n) and F P F' + Q after a step."""
         if self._leading:
-            found: tuple[Array, Array] = self.model.predicted(x, P, u, dt)  # type: ignore[attr-defined]
+            found: tuple[Array, Array] = self.model.predicted_moments(x, P, u, dt)  # type: ignore[attr-defined]
             return found
         moved, F, Q = self.linearized_step(x, u, dt)
         return moved, sandwich(F, P, Q)
@@ -140,10 +137,15 @@ class Readout:
     def jacobian(self, x: Array) -> Array:
         """Return d measure / d x (..., k, n), or the same (k, n) for all."""
         if self._known is None:
-            takes_any = not self._own or getattr(self.sensor, 'leading', False)
+            takes_any = not self._own or takes_leading_axes(self.sensor)
             jacobian = self.sensor.jacobian
             self._known = jacobian if takes_any else vectorized(jacobian, x.shape[-1])
         return self._known(x)
+
+
+def takes_leading_axes(part: Model | Sensor) -> bool:
+    """Return whether all functions of a model or a sensor take leading axes."""
+    return getattr(part, 'takes_leading_axes', False) is True
 
 
 def _of_both(
