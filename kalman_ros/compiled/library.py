@@ -19,7 +19,7 @@ from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from threading import Lock
+from threading import Event, Lock
 from time import time
 
 _FLAGS = ('-O3', '-ffp-contract=off', '-fPIC', '-shared', '-w')
@@ -62,22 +62,28 @@ def compiler() -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=1)
-def _version(command: tuple[str, ...]) -> str:
-    return _run([*command, '--version'], _SOON)
+def _version(command: tuple[str, ...]) -> str | CompilerError:
+    try:
+        return _run([*command, '--version'], _SOON)
+    except (OSError, subprocess.SubprocessError) as error:
+        return CompilerError(f'the C compiler failed: {_reason(error)}')
 
 
 #: The compiler that runs, with all that it started; one in a process.
 _running: list[subprocess.Popen[str]] = []
-_one_at_a_time = Lock()
+_one_at_a_time, _guard, _ended = Lock(), Lock(), Event()
 
 
 def _run(command: list[str], seconds: float) -> str:
     """Return the output of a command; none of its processes outlives its time or this one."""
-    process = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        encoding='utf-8', errors='replace', start_new_session=True,
-    )  # fmt: skip
-    _running.append(process)
+    with _guard:
+        if _ended.is_set():
+            raise subprocess.SubprocessError('this process ends')
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            encoding='utf-8', errors='replace', start_new_session=True,
+        )  # fmt: skip
+        _running.append(process)
     try:
         output, errors = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
@@ -100,9 +106,11 @@ def _kill(process: subprocess.Popen[str]) -> None:
 
 @atexit.register
 def stop() -> None:
-    """End the compilers of this process."""
-    for process in [*_running]:
-        _kill(process)
+    """End the compilers of this process, for good."""
+    with _guard:
+        _ended.set()
+        for process in _running:
+            _kill(process)
 
 
 def folder() -> Path | None:
@@ -141,10 +149,10 @@ def load(source: str, *, wait: bool = True) -> ctypes.CDLL:
     command = compiler()
     if not command:
         raise CompilerError('no C compiler was found')
-    try:
-        key = '\0'.join((source, *command, *_FLAGS, _version(command)))
-    except (OSError, subprocess.SubprocessError) as error:
-        raise CompilerError(f'the C compiler failed: {_reason(error)}') from None
+    version = _version(command)
+    if isinstance(version, CompilerError):
+        raise version
+    key = '\0'.join((source, *command, *_FLAGS, version))
     name = f'{sha256(key.encode()).hexdigest()}.so'
     found = _known.get(name) or _cached(name)
     if found is None and not wait:

@@ -3,6 +3,7 @@
 
 import ctypes
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -271,3 +272,67 @@ def test_threads_may_ask_for_the_same(cache):
         thread.join()
     assert found == [3] * 6
     assert isinstance(load(SOURCE % 3), ctypes.CDLL)
+
+
+def script(path, lines):
+    """Return a compiler that answers for its version and then does something else."""
+    path.write_text(f'#!/bin/sh\n[ "$1" = --version ] && {{ echo it; exit 0; }}\n{lines}\n')
+    path.chmod(0o700)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ('lines', 'reason'),
+    [
+        ("printf 'caf\\351\\n' >&2; exit 1", 'the C compiler failed: caf'),
+        ('kill -9 $$', 'the C compiler failed: '),
+        ('exit 0', 'the C compiler failed: '),
+    ],
+)
+def test_a_compiler_may_fail_in_any_way(monkeypatch, tmp_path, lines, reason):
+    monkeypatch.setenv('CC', script(tmp_path / 'compiler', lines))
+    with pytest.raises(CompilerError) as error:
+        answer(1)
+    assert str(error.value).startswith(reason)
+    assert '\n' not in str(error.value)
+
+
+def test_of_a_version_that_is_refused_there_is_one_line(monkeypatch, tmp_path):
+    (tmp_path / 'compiler').write_text('#!/bin/sh\nexit 1\n')
+    (tmp_path / 'compiler').chmod(0o700)
+    monkeypatch.setenv('CC', str(tmp_path / 'compiler'))
+    with pytest.raises(CompilerError, match=r'^the C compiler failed: '):
+        answer(1)
+
+
+def test_a_compiler_of_another_language_is_asked_for_c(monkeypatch):
+    if not shutil.which('g++'):
+        pytest.skip('there is no g++')
+    monkeypatch.setenv('CC', 'g++')
+    assert answer(1) == 1
+
+
+def test_one_compiler_runs_at_a_time_and_none_outlives_the_process(monkeypatch, tmp_path):
+    """It and what it started, as gcc starts others."""
+    marks = tmp_path / 'marks'
+    marks.mkdir()
+    slow = script(tmp_path / 'compiler', f'touch {marks}/$$; sleep 300 & wait')
+    monkeypatch.setenv('CC', slow)
+    monkeypatch.setattr(library, '_ended', threading.Event())
+    failures = []
+
+    def ask():
+        with pytest.raises(CompilerError):
+            answer(1)
+        failures.append(1)
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    while not [*marks.iterdir()]:
+        threads[0].join(0.01)
+    library.stop()  # at the exit of a process
+    for thread in threads:
+        thread.join()
+    assert len(failures) == 4
+    assert len([*marks.iterdir()]) == 1
