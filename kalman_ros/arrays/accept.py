@@ -248,6 +248,22 @@ def whole(name: str, value: Any, least: int = 0) -> int:
     return int(value)
 
 
+def finite(name: str, value: Any, size: int) -> Array:
+    """Return ``size`` finite numbers."""
+    array = vector(name, np.ravel(numbers(name, value)), size)
+    if not np.isfinite(array).all():
+        raise ValueError(f'{name}: expected finite numbers, got {array.tolist()}')
+    return array
+
+
+def seconds(name: str, value: Any) -> float:
+    """Return a finite number of seconds from 0 on."""
+    length = number(name, value, 'a number of seconds')
+    if not 0.0 <= length < np.inf:
+        raise ValueError(f'{name}: expected a number of seconds from 0, got {length:g}')
+    return length
+
+
 def duration(name: str, value: Any) -> float:
     """Return a positive, finite number of seconds."""
     seconds = number(name, value, 'a number of seconds')

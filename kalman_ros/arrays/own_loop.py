@@ -9,17 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, Gaussian, vector
+from kalman_ros.core import Array, ArrayLike, Gaussian
 from kalman_ros.estimators import online
 from kalman_ros.estimators.correction import Correction
-from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.loop_law import Answer, Reference
 
 from . import text
-from .accept import belief_of, duration, got, number, numbers, whole
+from .accept import belief_of, duration, finite, got, number, numbers, seconds, whole
 from .known_names import KnownNames
 from .loop_setup import Given, law_of
 from .passing import gate_limits
@@ -63,7 +62,7 @@ class OnlineEstimator(KnownNames):
 
     def __init__(
         self,
-        filter: Filter,
+        filter: Any,
         sensors: Any,
         initial: Any,
         *,
@@ -78,15 +77,14 @@ class OnlineEstimator(KnownNames):
             raise ValueError(
                 f'filter: expected one such as kr.ExtendedKalmanFilter(model), got {got(filter)}'
             )
-        model: Any = getattr(filter, 'model')  # noqa: B009  a protocol without it
-        self._model = model
+        self._model = model = filter.model
         self._sensors = sensors_of(sensors, model)
         before = np.zeros(model.input.size) if input is None else self._input(input)
         policy = Policy(
-            window=_seconds('window', window),
+            window=seconds('window', window),
             gates=gate_limits(gates, self._sensors, {name: name for name in self._sensors}),
             recover_after=whole('recover_after', recover_after),
-            max_gap=_seconds('max_gap', max_gap),
+            max_gap=seconds('max_gap', max_gap),
         )
         first = belief_of(initial, model)
         self._online = online.OnlineEstimator(filter, self._sensors, first, before, policy)
@@ -167,10 +165,7 @@ class OnlineEstimator(KnownNames):
         self._online.reset(belief_of(initial, self._model))
 
     def _input(self, u: ArrayLike) -> Array:
-        found = vector('input', np.ravel(numbers('input', u)), self._model.input.size)
-        if not np.isfinite(found).all():
-            raise ValueError(f'input: expected finite numbers, got {found.tolist()}')
-        return found
+        return finite('input', u, self._model.input.size)
 
     def __repr__(self) -> str:
         kind = type(self._online.filter).__name__
@@ -278,9 +273,7 @@ class Regulator(KnownNames):
             If the estimate is not a finite state; the input stays as it is.
         """
         given = estimate.mean if isinstance(estimate, Gaussian) else estimate
-        x = vector('estimate', numbers('estimate', given), len(self.target))
-        if not np.isfinite(x).all():
-            raise ValueError(f'estimate: expected finite numbers, got {x.tolist()}')
+        x = finite('estimate', given, len(self.target))
         self._time += round((self.dt if dt is None else duration('dt', dt)) * 1e9)
         self._input = self._answer(self._time, x)
         return self._input
@@ -294,17 +287,9 @@ class Regulator(KnownNames):
         return '\n'.join(lines)
 
 
-def _seconds(name: str, value: Any) -> float:
-    """Return a finite number of seconds from 0 on."""
-    seconds = number(name, value, 'a number of seconds')
-    if not 0.0 <= seconds < np.inf:
-        raise ValueError(f'{name}: expected a number of seconds from 0, got {seconds:g}')
-    return seconds
-
-
 def _stamp(time: Any) -> int:
     """Return a time in whole nanoseconds."""
-    seconds = number('time', time, 'a number of seconds')
-    if not abs(seconds) < 9e9:  # what a stamp can hold
-        raise ValueError(f'time: expected a number of seconds, got {seconds:g}')
-    return round(seconds * 1e9)
+    at = number('time', time, 'a number of seconds')
+    if not abs(at) < 9e9:  # a stamp holds no more
+        raise ValueError(f'time: expected a number of seconds, got {at:g}')
+    return round(at * 1e9)

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, DiscreteModel, Gaussian, Model, Sensor, vector
+from kalman_ros.core import Array, ArrayLike, DiscreteModel, Gaussian, Model, Sensor
 from kalman_ros.estimators import ekf, kf, ukf
 from kalman_ros.estimators.correction import Correction
 
-from .accept import belief_of, got, number, numbers
+from .accept import belief_of, finite, got, seconds
 from .rows import sensors_of
 
 
@@ -87,7 +87,7 @@ class _Checked:
                 'declared linear; ExtendedKalmanFilter and UnscentedKalmanFilter take any'
             )
         lower: Any = super()
-        reading = _finite('y', y, sensor.output.size)
+        reading = finite('y', y, sensor.output.size)
         found: Correction = lower.correct(self._belief(belief), reading, sensor)
         return found
 
@@ -100,22 +100,12 @@ class _Checked:
     def _input(self, u: ArrayLike | None) -> Array:
         if u is None:
             return np.zeros(self.model.input.size)
-        return _finite('u', u, self.model.input.size)
+        return finite('u', u, self.model.input.size)
 
     def _seconds(self, dt: float | None) -> float:
         if dt is None and isinstance(self.model, DiscreteModel):
             return self.model.period
-        seconds = number('dt', dt, 'a number of seconds')
-        if not 0.0 <= seconds < np.inf:
-            raise ValueError(f'dt: expected a number of seconds from 0, got {seconds:g}')
-        return seconds
-
-
-def _finite(name: str, value: Any, size: int) -> Array:
-    found = vector(name, np.ravel(numbers(name, value)), size)
-    if not np.isfinite(found).all():
-        raise ValueError(f'{name}: expected finite numbers, got {found.tolist()}')
-    return found
+        return seconds('dt', dt)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ _SHORT = 1e-9
 _PACKAGE = __name__.partition('.')[0]
 
 
-#: What a model computes from its derivative and noise, and C without asking the model.
+#: Functions of `Model` that compiled steps do not call.
 _OF_STEPS = ('substeps', 'transition', 'linearized_step', 'noise_covariance', 'differenced_step')
 
 

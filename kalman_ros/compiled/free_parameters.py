@@ -53,11 +53,8 @@ class Parameters:
         return _replaced(self.original, iter(values))
 
 
-class _Zero:
-    """What stands for a number that is zero, and for nothing else."""
-
-
-_ZERO = _Zero()
+#: The marker of a number that is zero.
+_ZERO = object()
 
 
 def _numbers(value: Any) -> Iterator[Any]:

@@ -29,29 +29,52 @@ _memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_double
 
 
-class NativeModel(Model):
-    """What a compiled model computes in C; all else is the model's."""
+class _Numbered:
+    """The numbers of a model or a sensor, for the formulas of its library; or those of several."""
 
     arithmetic = 'C'
-    #: `linearized_step` takes leading axes.
+    #: Functions take leading axes.
     takes_leading_axes = True
     _c_library: Any
-    _c_shapes: tuple[tuple[int], tuple[int]]
     _c_numbers: Array
     _c_p: int
     #: How many sets of numbers there are, for as many members in turn, and whose they are.
     _c_sets = 1
     _c_members: Sequence[Any] = ()
 
-    def merged_numbers(self, others: Sequence[Model]) -> Model | None:
-        """Return one model for states (..., p, n) of p models; None if their formulas differ."""
+    def merged_numbers(self, others: Sequence[Any]) -> Any:
+        """Return one object for states (..., p, n) of p objects; None if their formulas differ."""
         every = [self, *others]
-        if not all(isinstance(each, NativeModel) and _alike(self, each) for each in every):
+        if not all(map(self._c_alike, every)):
             return None
-        if any(each.max_step != self.max_step for each in every):
-            return None
-        whole: Model = _merged(every)
+        whole = copy(self)
+        sets = [each._c_numbers[:-1] for each in every]
+        if any(not np.array_equal(each, sets[0]) for each in sets):
+            vars(whole).update(_pointed(np.concatenate(sets)))
+            whole._c_sets, whole._c_members = len(every), every
         return whole
+
+    def _c_alike(self, other: Any) -> bool:
+        return getattr(other, '_c_library', None) is self._c_library and other._c_sets == 1
+
+    def _c_lost(self, found: Array, part: type) -> Iterator[tuple[int, Any]]:
+        """Yield the members whose results (members, ...) are not finite, with their originals.
+
+        The original functions are those behind a ``part`` of the class. An exact derivative may
+        not exist where a function that looks at its numbers has one.
+        """
+        members = self._c_members or [self]
+        for k in np.flatnonzero(~np.isfinite(found).all(axis=(*range(1, found.ndim),))).tolist():
+            yield k, super(part, members[k % self._c_sets])
+
+
+class NativeModel(_Numbered, Model):
+    """What a compiled model computes in C; all else is the model's."""
+
+    _c_shapes: tuple[tuple[int], tuple[int]]
+
+    def _c_alike(self, other: Any) -> bool:
+        return super()._c_alike(other) and bool(other.max_step == self.max_step)
 
     def _c_called(
         self,
@@ -91,21 +114,10 @@ class NativeModel(Model):
         mean, covariance = found[: x.size], found[x.size :].reshape(-1, n, n)
         if not is_finite(found):
             points, before = x.reshape(-1, n), covariances.reshape(-1, n, n)
-            for k, original in self._c_lost(covariance):
+            for k, original in self._c_lost(covariance, NativeModel):
                 F, Q = _linearized(original, points[k], u.reshape(len(points), -1)[k], dt)
                 covariance[k] = F @ before[k] @ F.T + Q
         return mean.reshape(x.shape), covariance.reshape(covariances.shape)
-
-    def _c_lost(self, found: Array) -> Iterator[tuple[int, Any]]:
-        """Yield the members whose results (members, ...) are not finite, with their originals.
-
-        An exact derivative may not exist where a formula that looks at its numbers has one.
-        """
-        for k in np.flatnonzero(~np.isfinite(found.reshape(len(found), -1)).all(axis=1)).tolist():
-            yield (
-                k,
-                super(NativeModel, self._c_members[k % self._c_sets] if self._c_members else self),
-            )
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return dx/dt (..., n)."""
@@ -138,7 +150,7 @@ class NativeModel(Model):
             count, shape = x.size // n, (*x.shape, n)
             both = found[count * n :].reshape(2, count, n, n)
             if not is_finite(found):
-                for k, original in self._c_lost(both.swapaxes(0, 1)):
+                for k, original in self._c_lost(both.swapaxes(0, 1), NativeModel):
                     at = x.reshape(count, n)[k], u.reshape(count, -1)[k]
                     both[:, k] = _linearized(original, *at, dt)
             F, Q = both.reshape(2, *shape)
@@ -154,27 +166,10 @@ class NativeModel(Model):
         return LinearizedStep(v[moved:F], v[F:Q].reshape(n, n), v[Q:].reshape(n, n).T)
 
 
-class NativeSensor(Sensor):
+class NativeSensor(_Numbered, Sensor):
     """What a compiled sensor computes in C; all else is the sensor's."""
 
-    arithmetic = 'C'
-    #: `jacobian` takes leading axes.
-    takes_leading_axes = True
-    _c_library: Any
     _c_size: int
-    _c_numbers: Array
-    _c_p: int
-    #: How many sets of numbers there are, for as many members in turn, and whose they are.
-    _c_sets = 1
-    _c_members: Sequence[Any] = ()
-
-    def merged_numbers(self, others: Sequence[Sensor]) -> Sensor | None:
-        """Return one sensor for states (..., p, n) of p sensors; None if their formulas differ."""
-        every = [self, *others]
-        if not all(isinstance(each, NativeSensor) and _alike(self, each) for each in every):
-            return None
-        whole: Sensor = _merged(every)
-        return whole
 
     def _c_called(self, function: Callable[..., Any], x: Array, size: int) -> Array | None:
         """Return ``size`` numbers for each of states (..., n); None if that is not their size."""
@@ -200,13 +195,10 @@ class NativeSensor(Sensor):
         found = self._c_called(self._c_library.slopes, x, n * k)
         if found is None:
             return super().jacobian(x)
-        H: Array = found.reshape(-1, n, k).swapaxes(-1, -2)
+        points = x.reshape(-1, n)
+        H: Array = found.reshape(len(points), n, k).swapaxes(-1, -2)
         if not is_finite(found):
-            # an exact derivative may not exist where the sensor's own looks at its numbers
-            points = x.reshape(-1, n)
-            for at in np.flatnonzero(~np.isfinite(H).all(axis=(1, 2))).tolist():
-                member = self._c_members[at % self._c_sets] if self._c_members else self
-                original: Any = super(NativeSensor, member)
+            for at, original in self._c_lost(H, NativeSensor):
                 H[at] = original.jacobian(points[at])
         return H.reshape(*x.shape[:-1], k, n)
 
@@ -226,19 +218,6 @@ def _lead(x: Array, u: Array) -> tuple[int, ...]:
     if x.ndim == u.ndim == 1:
         return ()
     return np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
-
-
-def _alike(a: Any, b: Any) -> bool:
-    return b._c_library is a._c_library and b._c_sets == 1
-
-
-def _merged(every: Sequence[Any]) -> Any:
-    """Return the first of several objects with the numbers of all, one set after the other."""
-    whole = copy(every[0])
-    sets = [each._c_numbers[:-1] for each in every]
-    if any(not np.array_equal(each, sets[0]) for each in sets):
-        vars(whole).update(_pointed(np.concatenate(sets)), _c_sets=len(every), _c_members=every)
-    return whole
 
 
 class NativeSpace(Space):

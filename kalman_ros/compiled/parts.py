@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from kalman_ros.core import Model, Sensor, Space
+from kalman_ros.core import Model, Sensor
 
 from . import Outcome, attempt
 
@@ -80,10 +80,9 @@ def parts(
         raise ValueError(f"arithmetic: expected {COMPILED} or {NUMPY}, got '{arithmetic}'")
     if arithmetic == NUMPY:
         return Parts(model, {**sensors}, {})
-    state: Space | None = model.state
     every: dict[str, Model | Sensor] = {'model': model, **sensors}
     tried = {
-        name: attempt(each, state, wait=wait, one_of_many=one_of_many)
+        name: attempt(each, model.state, wait=wait, one_of_many=one_of_many)
         for name, each in every.items()
     }
     return Parts(

@@ -5,5 +5,5 @@ import sys
 
 from kalman_ros import entry
 
-name, sys.argv[0:2] = sys.argv[1], [sys.argv[1]]
+name = sys.argv.pop(1)
 entry.run(name, f'tools.{name}.program')
