@@ -107,8 +107,8 @@ class Answer:
         given = self._reference(time) if callable(self._reference) else self._reference
         wanted = self._state(given)
         if self._wanted is None or not np.array_equal(wanted, self._wanted):
-            self._wanted = wanted
             self._regulator.target = self._target(wanted)
+            self._wanted = wanted
 
     @cached_property
     def _equilibria(self) -> FeedForward:

@@ -98,6 +98,8 @@ def test_a_reference_that_is_refused_leaves_the_last_one():
     law = kr.Regulator('cart_pole', reference={'x': 0.3})
     with pytest.raises(ValueError, match=r'^reference: no input holds the system at v = 1'):
         law.hold({'v': 1.0})
+    with pytest.raises(ValueError, match=r'^reference: no input holds the system at v = 1'):
+        law.hold(lambda time: {'v': 1.0})
     assert law.target[0] == pytest.approx(0.3)
     before = law.step(np.zeros(4))
     with pytest.raises(ValueError, match=r'^estimate: expected finite numbers, got \[nan'):
