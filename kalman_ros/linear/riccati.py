@@ -3,8 +3,8 @@
 
 A regulator and an estimator have the same equations, for (A, B, Q, R, N) and for their duals
 (A', C', W, V, N). All units are scaled away before scipy's solvers see them: inputs by the
-diagonal of R, states by what balances the Hamiltonian, and the solution by what balances its two
-off-diagonal blocks.
+diagonal of R, states by what balances the Hamiltonian, the solution by what balances its two
+off-diagonal blocks, and time by the size of all.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ _LOST = 1e-6
 #: A diagonal element below this, relative to the largest, may be rounding: a sum of squares has
 #: more correct digits than a solution of Lyapunov's equation.
 _ROUNDING = {True: 1e-15, False: 1e-8}
-#: The residual of the equation, relative to its largest term, that rounding may leave.
-_RESIDUAL = 1e-10
+#: The residual of the equation that rounding may leave, relative to what its terms are summed of.
+_RESIDUAL = 1e-12
 #: Doublings of a sum along a closed loop, enough for its slowest pole.
 _DOUBLINGS = 64
 
@@ -101,21 +101,29 @@ class _Problem:
         return self.A - self.B @ K, symmetric(self.Q + K.T @ self.R @ K - NK - NK.T)
 
     def residual(self, S: Array, K: Array, *, sampled: bool) -> float:
-        """Return by how much S is not the cost of the gain K, relative to the largest term."""
+        """Return by how much S is not the cost of the gain K.
+
+        It is relative to the largest of the terms before anything in them cancels: a closed loop
+        A - B K that is small is the difference of two that are not.
+        """
         closed, weight = self.closed(K)
         moved = S @ closed
         terms = (closed.T @ moved, -S, weight) if sampled else (moved, moved.T, weight)
-        largest = max(float(np.abs(term).max(initial=0.0)) for term in terms)
+        open_too = np.abs(self.A) + np.abs(self.B) @ np.abs(K)
+        summed = np.abs(S) @ open_too
+        sizes = [np.abs(weight), *((open_too.T @ summed, np.abs(S)) if sampled else (summed,))]
+        largest = max(float(size.max(initial=0.0)) for size in sizes)
         return float(np.abs(sum(terms)).max(initial=0.0)) / (largest or 1.0)
 
 
 @dataclass(frozen=True)
 class _Units:
-    """The units of the states (n,), of the inputs (m,) and of the cost in a scaled problem."""
+    """The units of a scaled problem: states (n,), inputs (m,), cost and, if continuous, rates."""
 
     states: Array
     inputs: Array
     cost: float
+    rate: float
 
     def restore(self, S: Array, K: Array) -> tuple[Array, Array]:
         """Return a solution and its gain in the units of the problem as it was given."""
@@ -194,7 +202,7 @@ def _solution(
     IEEE Trans. Automatic Control 13(1), 1968; G. Hewer, 16(4), 1971).
     """
     first, gain, refine = method
-    problem, units = _scaled(given, terms)
+    problem, units = _scaled(given, terms, sampled=sampled)
     S, K = np.zeros_like(problem.A), np.zeros_like(problem.B.T)
     settled = False
     try:
@@ -211,7 +219,7 @@ def _solution(
                     break
             K = gain(problem, S)
             settled = settled and problem.residual(S, K, sampled=sampled) <= _RESIDUAL
-            poles = eigenvalues(problem.A - problem.B @ K)
+            poles = units.rate * eigenvalues(problem.A - problem.B @ K)
             S, K = units.restore(_semidefinite(S), K)
     except (np.linalg.LinAlgError, ValueError):  # ValueError: not finite
         settled = False
@@ -246,7 +254,7 @@ def _change(before: Array, S: Array, rounding: float) -> float:
 
 
 def _scaled(
-    given: tuple[Array, Array, Array, Array, Array], terms: Terms
+    given: tuple[Array, Array, Array, Array, Array], terms: Terms, *, sampled: bool
 ) -> tuple[_Problem, _Units]:
     """Return the problem in units in which its numbers are of one size, and those units.
 
@@ -284,7 +292,16 @@ def _scaled(
         )
     size = float(np.sqrt(loaded / moved)) if loaded > 0.0 and moved > 0.0 else 1.0
     root = float(np.sqrt(size))
-    return _Problem(A, B * root, Q / size, R, N / root), _Units(states, units * root, size)
+    B, Q, N = B * root, Q / size, N / root
+    rate = 1.0 if sampled else _rate(A, Q)
+    B, N, root = B / rate**0.5, N / rate**0.5, root * rate**0.5
+    return _Problem(A / rate, B, Q / rate, R, N), _Units(states, units * root, size, rate)
+
+
+def _rate(A: Array, Q: Array) -> float:
+    """Return a power of four, the unit of time's inverse in which the Hamiltonian is near 1."""
+    size = max(float(np.linalg.norm(part)) for part in (A, Q))
+    return float(4.0 ** np.round(np.log2(size) / 2.0)) if size > 0.0 else 1.0
 
 
 def _state_units(A: Array, B: Array, Q: Array) -> Array:
@@ -320,7 +337,7 @@ def _reason(
     A mode is one of those only if it is in the units of the problem and of the user alike.
     """
     A, B, Q, R, N = given
-    pairs = (A, B), (problem.A, B / units.states[:, np.newaxis])
+    pairs = (A, B), (problem.A * units.rate, B / units.states[:, np.newaxis])
     stuck = min((unstable(uncontrollable_modes(*p), sampled=sampled) for p in pairs), key=len)
     if stuck.size:
         return f'{terms.out_of_reach} {describe(stuck)}'
