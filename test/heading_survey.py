@@ -21,7 +21,7 @@ from kalman_ros import sensors
 from kalman_ros.core import Gaussian, TimedSensor
 from kalman_ros.core import rotations as so3
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.batch.batch_filters import BATCHED, batched
+from kalman_ros.estimators.batch_estimator import for_many
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.models.inertial import Inertial
@@ -86,10 +86,10 @@ def scores(kind, driven, model=MODEL):
     gnss.name = 'gnss'
     filter = build_filter(kind, Plan(model, {'gnss': TimedSensor(gnss, 5.0)}, 1.0 / STEP))
     P = np.diag(np.where(np.arange(15) == 5, WRONG, STD) ** 2)
-    if kind in BATCHED:
+    if not filter.mixture:
         count = len(truth)
         start = Gaussian(np.tile(first_heading(), (count, 1)), np.tile(P, (count, 1, 1)))
-        mean, covariance = _last(batched(filter), start, driven, gnss)
+        mean, covariance = _last(for_many(filter), start, driven, gnss)
     else:
         every = (driven.of(which) for which in range(len(truth)))
         start = Gaussian(first_heading(), P)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, Space
-from kalman_ros.estimators.batch.batch_filters import batched
+from kalman_ros.estimators.batch_estimator import for_many
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.linear.factor import cholesky
@@ -108,7 +108,7 @@ def consistency(
     space, u, dt = scenario.model.state, scenario.model.equilibrium.input, 1.0 / scenario.rate
     drawn = truths(scenario, runs, steps) if drawn is None else drawn
     try:  # all runs at once, which gives the same
-        beliefs = [_Beliefs(batched(filter), scenario.initial_belief, drawn)]
+        beliefs = [_Beliefs(for_many(filter), scenario.initial_belief, drawn)]
     except ValueError:
         beliefs = [_Beliefs(filter, scenario.initial_belief, [moments]) for moments in drawn]
     for each in beliefs:

@@ -11,6 +11,7 @@ import numpy as np
 
 from kalman_ros.compiled.parts import COMPILED, parts
 from kalman_ros.core import ArrayLike, Model, TimedSensor, Value
+from kalman_ros.estimators import default_filter
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.smoother import smooth as smooth_steps
 from kalman_ros.scenario import Scenario
@@ -124,7 +125,7 @@ def _task(model: Any, sensors: Any, initial: Any, filter: str, arithmetic: str) 
     named = sensors_of(sensors, model)
     if not filter:
         plan = Plan(model, {name: TimedSensor(s, 1.0) for name, s in named.items()}, 1.0)
-        filter = 'kf' if plan.linear else 'ekf'
+        filter = default_filter(plan)
     belief, fast = belief_of(initial, model), parts(model, named, arithmetic)
     return Task(fast.model, fast.sensors, belief, filter, fast.arithmetic)
 

@@ -103,7 +103,7 @@ class Pass:
             steps.append(step)
             nis.append(sum(c.nis for c in corrections) if corrections else np.nan)
             degrees.append(sum(c.innovation.size for c in corrections))
-            likelihood += sum(map(log_likelihood, corrections))
+            likelihood += sum(c.log_likelihood for c in corrections)
         shown = [index for index, stamp in enumerate(stamps) if stamp in self._shown]
         return Estimates(
             state=self._task.model.state,
@@ -144,13 +144,6 @@ class Pass:
         belief = online.predicted(stamp)
         broken |= online.restarts > restarts
         return Filtered(stamp, belief, self._input, broken), fused
-
-
-def log_likelihood(correction: Correction) -> float:
-    """Return log N(innovation; 0, S)."""
-    S = correction.innovation_covariance
-    _, log_determinant = np.linalg.slogdet(2.0 * np.pi * S)
-    return -0.5 * (correction.nis + float(log_determinant))
 
 
 def _plan(task: Task, rows: Mapping[str, Rows]) -> Plan:

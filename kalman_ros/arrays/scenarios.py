@@ -22,6 +22,7 @@ from kalman_ros.core import (
     refuse_unknown,
     vector,
 )
+from kalman_ros.estimators import default_filter
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.scenario import Scenario, SensorSource, shipped
 from kalman_ros.scenario.model_checks import check_model
@@ -166,7 +167,7 @@ def make_scenario(
             raise ValueError(f'rates: {name}: {error}') from None
         timed = TimedSensor(sensor, own)
         sources[name] = SensorSource(timed, _NOWHERE, 'configuration', False, 1.0)
-    linear = Plan(model, {n: s.timed for n, s in sources.items()}, rate).linear
+    plan = Plan(model, {n: s.timed for n, s in sources.items()}, rate)
     options = dict(law_options or {})
     return Scenario(
         model=model,
@@ -180,7 +181,7 @@ def make_scenario(
         initial_belief=belief,
         state_cost=weight('Q', Q, n),
         input_cost=weight('R', R, m, definite=True) if m else np.zeros((0, 0)),
-        filter=filter or ('kf' if linear else 'ekf'),
+        filter=filter or default_filter(plan),
         law=law if m else '',
         law_options=options if m else {},
     )

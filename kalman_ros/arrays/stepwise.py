@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, DiscreteModel, Gaussian, Model, Sensor
-from kalman_ros.estimators import ekf, kf, ukf
 from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filters import ekf, kf, ukf
 
 from .accept import belief_of, finite, got, seconds
 from .rows import sensors_of

@@ -15,7 +15,7 @@ from kalman_ros.analysis.tuning.free_parameter import FreeParameter
 from kalman_ros.analysis.tuning.named_parameters import LONGEST_DELAY, NamedParameters
 from kalman_ros.compiled.parts import parts
 from kalman_ros.core import DiscreteModel, Space, TimedSensor, refuse_unknown
-from kalman_ros.estimators import build_filter
+from kalman_ros.estimators import build_filter, default_filter
 from kalman_ros.estimators.filter import Plan
 
 from .accept import belief_of, got, number
@@ -131,7 +131,7 @@ class FunctionProblem:
         first = found[2] if len(found) == 3 else self._initial
         belief = belief_of(first, model)
         plan = _plan(model, sensors)
-        return Task(model, sensors, belief, self._filter or ('kf' if plan.linear else 'ekf'))
+        return Task(model, sensors, belief, self._filter or default_filter(plan))
 
     def candidate(self, values: Mapping[str, float]) -> Candidate:
         """Return the candidate of some values."""
@@ -139,7 +139,7 @@ class FunctionProblem:
         sensors = sensors_of(given, model)
         belief = belief_of(rest[0] if rest else self._initial, model)
         plan = _plan(model, sensors)
-        kind = self._filter or ('kf' if plan.linear else 'ekf')
+        kind = self._filter or default_filter(plan)
         biases = {
             name: np.array([values[label] for label in _bias_names(name, sensors[name].output)])
             for name in self._biases

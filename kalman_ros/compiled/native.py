@@ -105,6 +105,8 @@ class NativeModel(_Numbered, Model):
 
     def predicted_moments(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
         """Return means (..., n) and covariances (..., n, n) after a linearised step."""
+        if x.ndim == 1:
+            return super().predicted_moments(x, P, u, dt)
         n, u = x.shape[-1], like(u, x)
         covariances = np.broadcast_to(P, (*x.shape, n))
         step = self._c_library.predictions

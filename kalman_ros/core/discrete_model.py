@@ -109,6 +109,8 @@ class DiscreteLinearSystem(DiscreteModel):
         the state has rotations, of which no motion is linear.
     """
 
+    linear = True
+
     def __init__(
         self,
         F: ArrayLike,

@@ -34,6 +34,8 @@ class LinearSystem(Model):
         the state has rotations, of which no motion is linear.
     """
 
+    linear = True
+
     def __init__(
         self, A: ArrayLike, B: ArrayLike, W: ArrayLike, state: Space, input: Space
     ) -> None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kalman_ros.linear.discretize import Discretization, noise_integral
+from kalman_ros.linear.kernels import kernels
 from kalman_ros.linear.matrices import Array
 from kalman_ros.linear.views import coordinates, entries_last
 
@@ -142,6 +143,8 @@ class Model(ABC):
     #: The longest step of the integrator, in seconds; `step` divides longer ones, into at most
     #: 10 000 parts, so that a wrong stamp cannot block it.
     max_step: float = inf
+    #: Whether a step is x' = F x + G u + w, whatever x and u are: see `LinearSystem.sampled`.
+    linear: bool = False
 
     @abstractmethod
     def derivative(self, x: Array, u: Array) -> Array:
@@ -237,6 +240,15 @@ class Model(ABC):
             return LinearizedStep(self.step(x, u, dt), transition.F, transition.Q)
         moved, F, A = self.differenced_step(x, u, dt)
         return LinearizedStep(moved, F, noise_integral(A, self.noise_density(x), dt))
+
+    def predicted_moments(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
+        """Return the state after a step, and F P F' + Q of its linearisation."""
+        moved, F, Q = self.linearized_step(x, u, dt)
+        return moved, kernels(x).sandwich(F, P, Q)
+
+    def step_noise(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the Q of `linearized_step`."""
+        return self.linearized_step(x, u, dt).Q
 
     def differenced_step(self, x: Array, u: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return the state x' (..., n) after a step, F = d x' / d x and A, both (..., n, n).

@@ -115,7 +115,7 @@ _FEW = 8
 
 def signature(function: Callable[..., Any]) -> inspect.Signature:
     """Return the signature of a callable; that of a function or a class is evaluated once."""
-    fixed = inspect.isfunction(function) or inspect.isclass(function)
+    fixed = inspect.isroutine(function) or inspect.isclass(function)
     return _evaluated(function) if fixed else inspect.signature(function, eval_str=True)
 
 

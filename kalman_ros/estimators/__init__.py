@@ -8,27 +8,47 @@ from importlib import import_module
 from typing import Any
 
 from kalman_ros.core import Option, Value, build_with, options_of, refuse_unknown
+from kalman_ros.core.registry import names
 
-from .filter import Filter, Plan
+from .filter import Filter, Plan, check_needs
 
-#: The filters, each a module with ``build(plan)``; imported on demand.
-FILTERS = ('kf', 'ekf', 'ukf', 'gaussian_sum', 'steady_state', 'luenberger')
+_FOLDER = f'{__name__}.filters'
+#: The names of the filters, each that of a module with a class ``FILTER``; imported on demand.
+#: The shortest, which are the best known, come first.
+FILTERS = tuple(sorted(names(_FOLDER), key=len))
 #: Implementations: our own code, or filterpy's for the filters that it has.
 NATIVE, FILTERPY = IMPLEMENTATIONS = ('native', 'filterpy')
 
 
-def _builder(name: str, implementation: str) -> Callable[..., Any]:
+def filter_class(name: str) -> type[Filter]:
+    """Return the class of a filter, with what is known of its kind.
+
+    Raises
+    ------
+    ValueError
+        If there is no such filter; the message lists those that there are.
+    """
     refuse_unknown([name], FILTERS, 'filter')
+    found: type[Filter] = import_module(f'{_FOLDER}.{name}').FILTER
+    return found
+
+
+def default_filter(plan: Plan) -> str:
+    """Return the simplest filter that is right for a plan: kf if all is linear, else ekf."""
+    return 'kf' if plan.linear else 'ekf'
+
+
+def _builder(name: str, implementation: str) -> Callable[..., Any]:
+    kind = filter_class(name)
     refuse_unknown([implementation], IMPLEMENTATIONS, 'implementation')
-    builder: Callable[..., Any] = import_module(f'{__name__}.{name}').build
     if implementation == FILTERPY:
         try:
-            peers = import_module(f'{__name__}.peers').BUILDERS
+            peers = import_module(f'{__name__}.peers').PEERS
         except ModuleNotFoundError:
             raise ValueError('implementation: filterpy is not installed') from None
         refuse_unknown([name], peers, 'filter of filterpy')
-        builder = peers[name]
-    return builder
+        kind = peers[name]
+    return kind.build
 
 
 def filter_options(name: str, implementation: str = NATIVE) -> tuple[Option, ...]:
@@ -50,5 +70,7 @@ def build_filter(
         If there is no such filter, or it does not support this model; DesignError if it has no
         solution.
     """
-    built: Filter = build_with(_builder(name, implementation), options or {}, plan)
+    build = _builder(name, implementation)
+    check_needs(name, filter_class(name), plan)
+    built: Filter = build_with(build, options or {}, plan)
     return built

@@ -1,57 +1,80 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter makes of a reading, and the update that KF and EKF share."""
+"""What a filter makes of a reading, and the update of filters that linearise a sensor."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor, is_finite, unchecked
 from kalman_ros.linear.factor import cholesky
-from kalman_ros.linear.kernels import corrected, gain, joseph, weighed
+from kalman_ros.linear.kernels import kernels
+
+from .filter import SmoothableFilter
 
 
 class Correction:
-    """A corrected belief with its innovation.
+    """A corrected belief with its innovation; with leading axes, many of them.
 
     Parameters
     ----------
     posterior
         The belief after the reading.
     innovation
-        The reading minus its prediction (k,).
+        The reading minus its prediction (..., k).
     innovation_covariance
-        S (k, k), what the innovation was expected to scatter by.
+        S (..., k, k), what the innovation was expected to scatter by.
+    gain
+        K (..., n, k), by which the innovation moved the mean; None for a mixture.
     nis
-        The normalised innovation squared where the forecast was not one Gaussian.
+        The normalised innovation squared, if it is known.
     """
 
-    __slots__ = ('_nis', 'innovation', 'innovation_covariance', 'posterior')
+    __slots__ = ('_nis', 'gain', 'innovation', 'innovation_covariance', 'posterior')
 
     def __init__(
         self,
         posterior: Gaussian,
         innovation: Array,
         innovation_covariance: Array,
-        nis: float | None = None,
+        gain: Array | None = None,
+        nis: Any = None,
     ) -> None:
         self.posterior = posterior
         self.innovation = innovation
         self.innovation_covariance = innovation_covariance
+        self.gain = gain
         self._nis = nis
 
     @property
-    def nis(self) -> float:
-        """The normalised innovation squared, innovation' S^-1 innovation.
+    def nis(self) -> Any:
+        """The normalised innovation squared, innovation' S^-1 innovation (...,).
 
         It is chi-square with k degrees of freedom if the filter is consistent (Bar-Shalom, Li
         and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4).
         Infinite if S is not positive definite.
         """
         if self._nis is None:
+            weighed = kernels(self.innovation).weighed
             self._nis = weighed(self.innovation_covariance, self.innovation)
         return self._nis
+
+    @property
+    def log_likelihood(self) -> Any:
+        """The log of the density of the reading (...,), by the prediction-error decomposition.
+
+        A. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter (1989),
+        section 3.4.
+        """
+        _, size = np.linalg.slogdet(2.0 * np.pi * self.innovation_covariance)
+        return -0.5 * (self.nis + size)
+
+    def with_posterior(self, posterior: Gaussian) -> Correction:
+        """Return the same correction with another belief after it."""
+        S, K = self.innovation_covariance, self.gain
+        return Correction(posterior, self.innovation, S, K, self._nis)
 
     def __repr__(self) -> str:
         """Return innovation and NIS, and the mean of the posterior."""
@@ -62,7 +85,7 @@ class Correction:
 
 
 @dataclass(frozen=True)
-class LinearUpdate:
+class LinearUpdate(SmoothableFilter):
     """What filters have in common that linearise a sensor about the mean.
 
     Parameters
@@ -76,11 +99,13 @@ class LinearUpdate:
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""
         x, P = belief
-        H, R = np.asfortranarray(sensor.jacobian(x)), sensor.covariance.T
+        k = kernels(x)
+        H, R = k.ordered(sensor.jacobian(x), sensor.covariance)
         innovation = sensor.output.subtract(y, sensor.measure(x))
-        K, S = gain(P, H, R)
-        moved = self.model.state.arrived(corrected(x, K, innovation), x, joseph(K, H, P, R))
-        return Correction(unchecked(moved), innovation, S)
+        K, S = k.gain(P, H, R)
+        mean, covariance = k.corrected(x, K, innovation), k.joseph(K, H, P, R)
+        moved = self.model.state.arrived(mean, x, covariance)
+        return Correction(unchecked(moved), innovation, S, K)
 
 
 def committed(belief: Gaussian) -> tuple[Gaussian, int]:

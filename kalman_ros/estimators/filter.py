@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The interface of filters: two functions from belief to belief; no clock, history or mutation."""
+"""The interface of filters: functions from belief to belief; no clock, history or mutation."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from math import ceil
-from typing import TYPE_CHECKING, Protocol, Union
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from kalman_ros.core import (
     Array,
-    DiscreteLinearSystem,
     Gaussian,
     LinearSystem,
     Model,
@@ -23,6 +23,7 @@ from kalman_ros.core import (
     ratio,
 )
 from kalman_ros.core.model import MOST_SUBSTEPS
+from kalman_ros.linear.kernels import kernels
 
 if TYPE_CHECKING:
     from .correction import Correction  # imports scipy, which a `Plan` does not need
@@ -48,7 +49,7 @@ def parts(model: Model, dt: float) -> int:
 
 
 def carried(model: Model, points: Array, u: Array, dt: float) -> tuple[Array, Array]:
-    """Return points (p, n) after ``dt`` seconds, and the noise covariance Q (n, n) of the step.
+    """Return points (p, ..., n) after ``dt`` seconds, and the noise covariance Q of the step.
 
     Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`, along
     the path of the first point.
@@ -58,23 +59,65 @@ def carried(model: Model, points: Array, u: Array, dt: float) -> tuple[Array, Ar
     Q = model.noise_covariance(points[0], u, h)
     points = model.step(points, u, h)
     for _ in range(1, count):
-        step = model.transition(points[0], u, h)
-        Q = step.F @ Q @ step.F.T + step.Q
+        step = model.linearized_step(points[0], u, h)
+        Q = kernels(points[0]).sandwich(step.F, Q, step.Q)
         points = model.step(points, u, h)
     return points, Q
 
 
-#: Models whose steps are x' = F x + G u + w, independent of x and u.
-SampledLinear = Union[LinearSystem, DiscreteLinearSystem]
+class Prediction(NamedTuple):
+    """A belief after a step in which errors moved by F (..., n, n) and noise added Q."""
+
+    belief: Gaussian
+    F: Array
+    Q: Array
 
 
-class Filter(Protocol):
-    """A recursive estimator of the state of a model."""
+class Filter(ABC):
+    """A recursive estimator of the state of a model.
 
+    Beliefs may have leading axes, means (..., n) and covariances (..., n, n), with inputs
+    (..., m) and readings (..., k), for a model and sensors that take them (`core.stacked`). A
+    covariance (n, n) that all members share stays one. A member that fails becomes NaN; for one
+    belief that is an error. What is known of a kind of filter are attributes of its class.
+    """
+
+    model: Model
+
+    #: Whether the model and the sensors have to be linear, and the model in continuous time.
+    needs_linear: ClassVar[bool] = False
+    needs_continuous: ClassVar[bool] = False
+    #: Whether no gain has a smaller error; for a fixed gain, in steady state. The theory of the
+    #: LQG loop holds for these.
+    optimal: ClassVar[bool] = True
+    #: Whether it has one gain for each sensor, by name in ``gains``.
+    fixed_gain: ClassVar[bool] = False
+    #: Whether beliefs are sums of Gaussians, which have no leading axes.
+    mixture: ClassVar[bool] = False
+
+    @classmethod
+    def build(cls, plan: Plan) -> Filter:
+        """Return the filter of a plan; further arguments of a class are its options.
+
+        Raises
+        ------
+        ValueError
+            If the plan does not suit; DesignError if there is no such filter.
+        """
+        found: Any = cls
+        made: Filter = found(plan.model)
+        return made
+
+    @classmethod
+    def placed_poles(cls, n: int, **options: Any) -> list[complex]:
+        """Return the n poles in 1/s that a gain is designed for; none if by other means."""
+        return []
+
+    @abstractmethod
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return the belief ``dt`` seconds later, with the input ``u`` (m,) held."""
-        ...
 
+    @abstractmethod
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return the belief corrected by the reading ``y`` (k,) of ``sensor``.
 
@@ -83,7 +126,14 @@ class Filter(Protocol):
         numpy.linalg.LinAlgError
             If the innovation covariance is not positive definite.
         """
-        ...
+
+
+class SmoothableFilter(Filter):
+    """A filter whose steps are linear in the error, so that beliefs can be smoothed."""
+
+    @abstractmethod
+    def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
+        """Return what `predict` does, with the F and Q of the whole step."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +147,7 @@ class Plan:
     @property
     def linear(self) -> bool:
         """Whether the model and every sensor are linear."""
-        sensors_are = all(timed.sensor.linear for timed in self.sensors.values())
-        return isinstance(self.model, (LinearSystem, DiscreteLinearSystem)) and sensors_are
+        return self.model.linear and all(timed.sensor.linear for timed in self.sensors.values())
 
     def computed_by(self, model: Model, sensors: Mapping[str, Sensor]) -> Plan:
         """Return the same plan with a model and sensors that compute the same."""
@@ -125,30 +174,21 @@ class Plan:
         return [name for name, share in self.shares.items() if is_due(step + self.period, share)]
 
 
-def linear_model(filter: str, model: Model) -> SampledLinear:
-    """Return the model; ValueError if it is not linear, as the ``filter`` needs."""
-    if not isinstance(model, (LinearSystem, DiscreteLinearSystem)):
-        kind = type(model).__name__
-        raise ValueError(f'filter: {filter} needs a linear model, got {kind}')
-    return model
+def check_linear(filter: str, model: Model) -> None:
+    """Raise ValueError if the model is not linear, as the ``filter`` needs."""
+    if not model.linear:
+        raise ValueError(f'filter: {filter} needs a linear model, got {type(model).__name__}')
 
 
-def sampled_system(filter: str, plan: Plan) -> SampledLinear:
-    """Return the model; ValueError if it or a sensor is not linear, as the ``filter`` needs."""
-    model = linear_model(filter, plan.model)
-    for name, timed in plan.sensors.items():
-        if not timed.sensor.linear:
-            kind = type(timed.sensor).__name__
-            raise ValueError(
-                f"filter: {filter} needs linear sensors, and the {kind} '{name}' is not "
-                'declared linear; ekf and ukf take any'
-            )
-    return model
-
-
-def linear_system(filter: str, plan: Plan) -> LinearSystem:
-    """Return the model as `sampled_system` does; ValueError also if it is discrete-time."""
-    model = sampled_system(filter, plan)
-    if not isinstance(model, LinearSystem):
-        raise ValueError(f'filter: {filter} needs a model in continuous time')
-    return model
+def check_needs(name: str, kind: type[Filter], plan: Plan) -> None:
+    """Raise ValueError if a plan is not as a kind of filter needs it."""
+    if kind.needs_linear:
+        check_linear(name, plan.model)
+        for sensor, timed in plan.sensors.items():
+            if not timed.sensor.linear:
+                raise ValueError(
+                    f'filter: {name} needs linear sensors, and the {type(timed.sensor).__name__} '
+                    f"'{sensor}' is not declared linear; ekf and ukf take any"
+                )
+    if kind.needs_continuous and not isinstance(plan.model, LinearSystem):
+        raise ValueError(f'filter: {name} needs a model in continuous time')

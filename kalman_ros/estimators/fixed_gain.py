@@ -10,34 +10,36 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from kalman_ros.core import Array, Gaussian, Sensor
-from kalman_ros.linear.kernels import joseph, sandwich
+from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Sensor, unchecked
+from kalman_ros.linear.kernels import kernels
 
 from .correction import Correction
-from .filter import SampledLinear
+from .filter import Filter
 
 
 @dataclass(frozen=True)
-class FixedGainObserver:
+class FixedGainObserver(Filter):
     """An observer of a linear system with one gain L (n, k) for each sensor, by name."""
 
-    system: SampledLinear
+    model: LinearSystem | DiscreteLinearSystem
     gains: Mapping[str, Array]
+    needs_linear = True
+    fixed_gain = True
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = F x + G u, P = F P F' + Q."""
-        step = self.system.sampled(dt)
-        F, G, Q = step.F, step.G, step.Q
-        x, P = belief
-        return Gaussian(F @ x + G @ u, sandwich(F, P, Q))
+        (x, P), k = belief, kernels(belief[0])
+        F, G, Q = self.model.sampled(dt)
+        return unchecked((k.affine(F, x, G, u), k.sandwich(F, P, Q)))
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading with the gain of its sensor."""
-        x, P = belief
+        (x, P), k = belief, kernels(belief[0])
         L, C, R = self.gain(sensor), sensor.jacobian(x), sensor.covariance
         innovation = sensor.output.subtract(y, sensor.measure(x))
-        mean = self.system.state.wrap(x + L @ innovation)
-        return Correction(Gaussian(mean, joseph(L, C, P, R)), innovation, sandwich(C, P, R))
+        mean = self.model.state.wrap(k.corrected(x, L, innovation))
+        posterior = unchecked((mean, k.joseph(L, C, P, R)))
+        return Correction(posterior, innovation, k.sandwich(C, P, R), L)
 
     def gain(self, sensor: Sensor) -> Array:
         """Return the gain L (n, k) of a sensor; ValueError if there is none."""

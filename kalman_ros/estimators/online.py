@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, is_finite
-from kalman_ros.linear.kernels import is_definite
+from kalman_ros.linear.single import is_definite
 
 from . import agreement
 from .correction import Correction, committed

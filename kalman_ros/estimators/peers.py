@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""filterpy's classes behind our protocol, as a cross-check."""
+"""filterpy's classes behind our interface, as a cross-check."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from filterpy.kalman import (
@@ -18,8 +18,8 @@ from filterpy.kalman import (
 from kalman_ros.core import Array, Gaussian, Model, Sensor, symmetric
 
 from .correction import Correction
-from .filter import Plan, carried, linear_system, parts
-from .ukf import Alpha, Beta, Kappa
+from .filter import Filter, Plan, carried, parts
+from .filters.ukf import Alpha, Beta, Kappa
 
 R = TypeVar('R')
 
@@ -43,12 +43,13 @@ def _sound(method: Callable[..., R]) -> Callable[..., R]:
     return sound
 
 
-class _Linearised:
-    """filterpy's Kalman filter, plain or extended."""
+class _Kalman(Filter):
+    """filterpy's Kalman filter."""
 
-    def __init__(self, plan: Plan, kind: Callable[..., Any]) -> None:
-        self._model: Model = plan.model
-        self._kind = kind
+    _kind: ClassVar[Callable[..., Any]] = KalmanFilter
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
 
     def _peer(self, belief: Gaussian, k: int) -> Any:
         peer = self._kind(dim_x=len(belief.mean), dim_z=k)
@@ -58,20 +59,20 @@ class _Linearised:
     @_sound
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Predict with filterpy, in steps as short as those of our own filters."""
-        count = 1 if self._kind is KalmanFilter else parts(self._model, dt)
+        count = 1 if self._kind is KalmanFilter else parts(self.model, dt)
         for _ in range(count):
             belief = self._moved(belief, u, dt / count)
         return belief
 
     def _moved(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
-        step = self._model.transition(belief.mean, u, dt)
+        step = self.model.transition(belief.mean, u, dt)
         peer = self._peer(belief, 1)
         peer.F, peer.Q, peer.B = step.F, step.Q, step.G
         peer.predict(u=u)
         mean = np.array(peer.x, dtype=float)
         if self._kind is ExtendedKalmanFilter:
             # filterpy leaves the nonlinear step to a subclass, and takes F x + G u without one
-            mean = self._model.step(belief.mean, u, dt)
+            mean = self.model.step(belief.mean, u, dt)
         return Gaussian(mean, symmetric(np.array(peer.P)))
 
     @_sound
@@ -86,20 +87,32 @@ class _Linearised:
             peer.update(y)
         else:
             peer.update(y, sensor.jacobian, sensor.measure, residual=space.subtract)
-        peer.x = self._model.state.wrap(peer.x)
+        peer.x = self.model.state.wrap(peer.x)
         return _correction(peer, innovation)
 
 
-class _Unscented:
+class _Extended(_Kalman):
+    """filterpy's extended Kalman filter."""
+
+    _kind = ExtendedKalmanFilter
+
+
+class _Unscented(Filter):
     """filterpy's unscented Kalman filter."""
 
-    def __init__(self, plan: Plan, alpha: float, beta: float, kappa: float) -> None:
-        self._model: Model = plan.model
-        state = plan.model.state
+    @classmethod
+    def build(
+        cls, plan: Plan, alpha: Alpha = 1.0, beta: Beta = 0.0, kappa: Kappa = 1.0
+    ) -> _Unscented:
+        """Return the filter of any model."""
+        return cls(plan.model, alpha, beta, kappa)
+
+    def __init__(self, model: Model, alpha: float, beta: float, kappa: float) -> None:
+        self.model, state = model, model.state
         self._points = MerweScaledSigmaPoints(state.size, alpha, beta, kappa, subtract=np.subtract)
 
     def _peer(self, belief: Gaussian, sensor: Sensor | None) -> Any:
-        state = self._model.state
+        state = self.model.state
         peer = UnscentedKalmanFilter(
             dim_x=state.size,
             dim_z=1 if sensor is None else sensor.output.size,
@@ -119,8 +132,8 @@ class _Unscented:
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Predict with filterpy."""
         peer = self._peer(belief, None)
-        _, peer.Q = carried(self._model, belief.mean[np.newaxis], u, dt)
-        peer.predict(dt=dt, fx=lambda x, dt: self._model.step(x, u, dt))
+        _, peer.Q = carried(self.model, belief.mean[np.newaxis], u, dt)
+        peer.predict(dt=dt, fx=lambda x, dt: self.model.step(x, u, dt))
         return Gaussian(np.array(peer.x), symmetric(np.array(peer.P)))
 
     @_sound
@@ -130,26 +143,8 @@ class _Unscented:
         peer.R = sensor.covariance
         peer.sigmas_f = self._points.sigma_points(peer.x, peer.P)
         peer.update(y)
-        peer.x = self._model.state.wrap(peer.x)
+        peer.x = self.model.state.wrap(peer.x)
         return _correction(peer, np.asarray(peer.y))
 
 
-def _kf(plan: Plan) -> _Linearised:
-    linear_system('kf', plan)
-    return _Linearised(plan, KalmanFilter)
-
-
-def _ekf(plan: Plan) -> _Linearised:
-    return _Linearised(plan, ExtendedKalmanFilter)
-
-
-def _ukf(
-    plan: Plan,
-    alpha: Alpha = 1.0,
-    beta: Beta = 0.0,
-    kappa: Kappa = 1.0,
-) -> _Unscented:
-    return _Unscented(plan, alpha, beta, kappa)
-
-
-BUILDERS: dict[str, Callable[..., Any]] = {'kf': _kf, 'ekf': _ekf, 'ukf': _ukf}
+PEERS: dict[str, type[Filter]] = {'kf': _Kalman, 'ekf': _Extended, 'ukf': _Unscented}

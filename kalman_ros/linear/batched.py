@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The named products of `kernels` for stacks of matrices: any leading axes, all at once.
+"""The named products of `single` for stacks of matrices: any leading axes, all at once.
 
 Matrices are (..., n, n), vectors (..., n); leading axes broadcast, so that what is the same for
 all members of a batch is computed once. Large batches are fastest with the batch last in memory,
@@ -12,7 +12,7 @@ import numpy as np
 
 from .factor import cholesky
 from .matrices import Array
-from .views import coordinates_last, entries_first, entries_last
+from .views import coordinates, coordinates_last, entries_first, entries_last
 
 #: From this size on, in numbers, `einsum` is faster than a call of BLAS for each matrix.
 MANY = 2000
@@ -57,6 +57,16 @@ def times(A: Array, x: Array) -> Array:
 def quadratic(x: Array, A: Array) -> Array:
     """Return x' A x (...,)."""
     return np.asarray(np.einsum('...i,...i->...', x, times(A, x)))
+
+
+def affine(F: Array, x: Array, G: Array, u: Array) -> Array:
+    """Return F x + G u (..., n)."""
+    return times(F, x) + times(G, u)
+
+
+def corrected(x: Array, K: Array, innovation: Array) -> Array:
+    """Return x + K innovation (..., n), with gains ``K`` (..., n, k)."""
+    return x + times(K, innovation)
 
 
 def sandwich(F: Array, P: Array, Q: Array) -> Array:
@@ -161,8 +171,24 @@ def _coordinates(parts: list[Array]) -> Array:
     return coordinates_last(np.array(np.broadcast_arrays(*parts)))
 
 
-def divided(C: Array, L: Array) -> Array:
-    """Return C' S^-1 (..., n, k), the gain from ``C`` (..., k, n) and the `factor` of S."""
+def ordered(H: Array, R: Array) -> tuple[Array, Array]:
+    """Return ``H`` and ``R``, in whatever order in memory."""
+    return H, R
+
+
+def gain(P: Array, H: Array, R: Array) -> tuple[Array, Array]:
+    """Return K = P H' S^-1 (..., n, k) and S = H P H' + R (..., k, k).
+
+    K is NaN where S is not positive definite.
+    """
+    HP = product(H, P)
+    S = symmetric(product_transposed(HP, H) + R)
+    return divided(HP, S), S
+
+
+def divided(C: Array, S: Array) -> Array:
+    """Return C' S^-1 (..., n, k), the gain from cross covariances ``C`` (..., k, n)."""
+    L = factor(S)
     if L.shape[-1] == 1:
         return np.asarray((C / (L * L)).swapaxes(-1, -2))
     if max(C.size, L.size) < MANY:
@@ -175,6 +201,56 @@ def joseph(K: Array, H: Array, P: Array, R: Array) -> Array:
     """Return (I - K H) P (I - K H)' + K R K' (..., n, n), symmetric, as `kernels.joseph` does."""
     I_KH: Array = np.eye(K.shape[-2]) - product(K, H)
     return symmetric(sandwich(I_KH, P, sandwich(K, R, np.zeros(()))))
+
+
+def scaled(L: Array, directions: Array) -> Array:
+    """Return L directions (..., n, p): points of standard Gaussians, in units of ``L``."""
+    return product(L, directions)
+
+
+def points_about(mean: Array, offsets: Array) -> Array:
+    """Return the points (p, ..., n) at ``mean`` (..., n) plus the columns of ``offsets``."""
+    if offsets.ndim == 2:
+        offsets = offsets.reshape(*(1,) * (mean.ndim - 1), *offsets.shape)
+    return coordinates(offsets) + mean
+
+
+def as_columns(points: Array) -> Array:
+    """Return the matrices (..., n, p) with the ``points`` (p, ..., n) as their columns."""
+    return coordinates_last(points)
+
+
+def moments(weighted: Array, d: Array, Q: Array | None = None) -> Array:
+    """Return the sum of W e d' + Q (..., k, n), over the columns of W e and ``d``."""
+    found = product_transposed(weighted, d)
+    return found if Q is None else found + Q
+
+
+def remainder(dx: Array, K: Array, dy: Array) -> Array:
+    """Return dx - K dy (..., n, p), the deviations after a reading."""
+    return dx - product(K, dy)
+
+
+def through_gain(K: Array, R: Array) -> Array:
+    """Return K R K' (..., n, n), the noise of a reading added through gains ``K``."""
+    return sandwich(K, R, np.zeros(()))
+
+
+def mirrored(P: Array) -> Array:
+    """Return the symmetric part of ``P``, which rounding may have left unsymmetric."""
+    return symmetric(P)
+
+
+def weighed(S: Array, z: Array) -> Array:
+    """Return z' S^-1 z (...,), infinite where ``S`` (..., k, k) is not positive definite."""
+    L = factor(S)
+    squares = squared(whitened(L, z))
+    return np.where(np.isfinite(L).all(axis=(-2, -1)), squares, np.inf)
+
+
+def squared(z: Array) -> Array:
+    """Return z' z (...,)."""
+    return np.asarray(np.einsum('...i,...i->...', z, z))
 
 
 def log_determinant(L: Array) -> Array:

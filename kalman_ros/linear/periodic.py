@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .errors import DesignError
-from .kernels import joseph, sandwich
 from .matrices import Array, solve, symmetric
+from .single import joseph, sandwich
 
 #: After this many periods without convergence the covariance is taken to grow without bound.
 _MOST_PERIODS = 100_000

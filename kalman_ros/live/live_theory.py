@@ -17,15 +17,12 @@ from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.margins import Margin
 from kalman_ros.control.separation import LqgLoop
 from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
-from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.luenberger import placed_poles
+from kalman_ros.estimators import build_filter, filter_class
 from kalman_ros.linear.periodic import Phase, periodic_filter
 from kalman_ros.linear.structure import continuous_poles, eigenvalues
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, price, regulator
 
-#: Filters whose gains do not change.
-_FIXED = ('luenberger', 'steady_state')
 #: The number of frequencies of a response.
 _POINTS = 160
 
@@ -100,7 +97,8 @@ def _estimator(believed: Scenario, filter_options: dict[str, Any]) -> dict[str, 
     step, phases = believed.model.transition(*point, dt), schedule(believed, point.state)
     n = len(step.F)
     found: dict[str, Any] = {}
-    if believed.filter in _FIXED:
+    kind = filter_class(believed.filter)
+    if kind.fixed_gain:
         fixed: Any = build_filter(believed.filter, plan, filter_options)
         none = np.empty((n, 0))
         gains = [
@@ -110,8 +108,9 @@ def _estimator(believed: Scenario, filter_options: dict[str, Any]) -> dict[str, 
         found['gains'] = {name: _rounded(L.ravel()) for name, L in fixed.gains.items()}
     else:
         gains = periodic_filter([Phase(step.F, step.Q, readings) for readings in phases]).gains
-    if believed.filter == 'luenberger':
-        found['placed'] = _pairs(placed_poles(n, **filter_options))
+    placed = kind.placed_poles(n, **filter_options)
+    if placed:
+        found['placed'] = _pairs(placed)
     over = np.eye(n)
     for readings, L in zip(phases, gains):
         over = (np.eye(n) - L @ readings.C) @ step.F @ over
@@ -124,7 +123,8 @@ def _loops(believed: Scenario, delay: float) -> list[dict[str, Any]]:
     law = feedback(believed)
     estimator = None
     point = believed.model.equilibrium
-    if believed.filter != 'luenberger' and observability(believed, point).detectable:
+    optimal = filter_class(believed.filter).optimal
+    if optimal and observability(believed, point).detectable:
         estimator = even_estimator(believed, point)
     found = []
     for at in input_loops(believed, law, estimator, min(delay, 100.0 / believed.rate)):

@@ -7,7 +7,7 @@ import numpy as np
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Array, Space, is_finite, one_each
-from kalman_ros.linear.kernels import is_definite
+from kalman_ros.linear.single import is_definite
 from kalman_ros.scenario import Scenario
 
 from .options import ControllerOptions

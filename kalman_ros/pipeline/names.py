@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Container, Iterable
 
+from kalman_ros.estimators import FILTERS, filter_options
+
 #: By the node or object that they are options of.
 NAMES = {
     'plant': (
@@ -38,7 +40,6 @@ NAMES = {
         'lockstep max_message_size microphone_noise microphones recording sample_rate seed '
         'sound_level speed_of_sound'
     ),
-    'filters': 'alpha beta hypotheses kappa observer_frequencies observer_poles',
     'laws': (
         'input_cost integral_cost law regulator_frequencies regulator_poles state_cost tracked'
     ),
@@ -50,12 +51,21 @@ FAULTS = (
 )
 
 
-def known(sensors: Iterable[str], *, driven: bool) -> set[str]:
-    """Return the names that any node has, with these ``sensors`` and, if ``driven``, an input."""
-    own = {
+def known(
+    sensors: Iterable[str], given: Iterable[str], options: Container[str], *, driven: bool
+) -> set[str]:
+    """Return the names that any node has, with these ``sensors`` and, if ``driven``, an input.
+
+    Those of the filters are among them if a name that is ``given`` is neither another one nor one
+    of the ``options``: their modules are imported only then.
+    """
+    found = {
         name for kind, names in NAMES.items() for name in names.split() if driven or kind != 'laws'
     }
-    return own | {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
+    found |= {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
+    if any(name not in found and name not in options for name in given):
+        found |= {option.name for kind in FILTERS for option in filter_options(kind)}
+    return found
 
 
 def refuse_unlisted(given: Iterable[str], known: Container[str], sensors: Collection[str]) -> None:

@@ -11,7 +11,7 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Array, Signal
 from kalman_ros.core import rotations as so3
 from kalman_ros.core.quantity import ANGLES, ATTITUDE, GLOBAL, PLACE, ROTATION, Quantity, quantity
-from kalman_ros.linear.kernels import is_definite
+from kalman_ros.linear.single import is_definite
 
 #: Poses further apart than this, in nanoseconds, are no velocity.
 _APART = 1_000_000_000

@@ -72,7 +72,7 @@ def choose(
     sensors = scenario.sensor_names(chosen['sensors'])
     names.check_kinds(shared, sensors)
     driven = 'input.topic' in shared
-    everything = {*known, *names.known(sensors, driven=driven)}
+    everything = {*known, *names.known(sensors, given, known, driven=driven)}
     names.refuse_unlisted(given, everything, sensors)
     refuse_unknown(given, everything, 'parameter')
     values = scenario.complete(given, known)

@@ -17,4 +17,5 @@ def refuse_unknown_parameters(values: Mapping[str, Any]) -> None:
     listed = known['sensors']
     sensors = scenario.sensor_names(listed.check(values.get('sensors', listed.default)))
     driven = 'input.topic' in known
-    refuse_unknown(values, {*known, *names.known(sensors, driven=driven)}, 'parameter')
+    every = {*known, *names.known(sensors, values, known, driven=driven)}
+    refuse_unknown(values, every, 'parameter')

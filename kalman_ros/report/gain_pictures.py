@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.estimators import filter_class
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -17,8 +18,6 @@ from .style import CURVES, log_ticks, picture, time_unit
 
 #: The number of gains of one sensor over a run, and the most curves of a panel.
 _GAINS, _CURVES = 400, len(CURVES)
-#: Filters whose gain follows from their covariance: of a UKF nearly, of a bank of filters not.
-_KALMAN = ('kf', 'ekf', 'ukf', 'steady_state')
 #: Curves whose sizes differ by more than this factor are drawn on a logarithmic axis.
 _WIDE = 30.0
 
@@ -34,7 +33,9 @@ def gains(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     """
     space, start = scenario.model.state, close_up(scenario, run)
     units = list(dict.fromkeys(space.units))
-    found = _gains(scenario, run, start) if scenario.filter in _KALMAN else {}
+    # the gain of an optimal filter follows from its covariance: of a UKF nearly
+    optimal = filter_class(scenario.filter).optimal
+    found = _gains(scenario, run, start) if optimal else {}
     rows = len(units) + len(found)
     with picture(path, rows, 2, (10.0, 1.5 * rows + 0.5)) as (_, axes):
         closely = _sawtooth(scenario, run, start)

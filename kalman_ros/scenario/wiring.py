@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any
 
 from kalman_ros import models
-from kalman_ros.core import LinearSystem, Model, SensorSetup, Signal, Space, System
+from kalman_ros.core import Model, SensorSetup, Signal, Space, System
 from kalman_ros.core.system import NO_INPUT
 
 from . import shipped
@@ -110,7 +110,7 @@ def by_name(build: Callable[..., Model], model: Model) -> System:
         input_cost=(1.0,) * m,
         initial_state=(0.0,) * n,
         initial_std=(1.0,) * n,
-        filter='kf' if isinstance(model, LinearSystem) else 'ekf',
+        filter='kf' if model.linear else 'ekf',
     )
 
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, unchecked
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.batch import BatchCorrection, BatchEstimator
-from kalman_ros.estimators.batch.gain_schedule import GainSchedule
+from kalman_ros.estimators.batch_estimator import BatchEstimator
 from kalman_ros.estimators.consistency import chi_square_gate
+from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.gain_schedule import GainSchedule
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
 
@@ -101,7 +102,7 @@ class Starts:
 class Observer(Protocol):
     """What looks at the loops while they run."""
 
-    def reading(self, name: str, y: Array, correction: BatchCorrection) -> None:
+    def reading(self, name: str, y: Array, correction: Correction) -> None:
         """Take the readings (runs, k) of a sensor, at this step."""
         ...
 

@@ -9,7 +9,7 @@ from math import ceil
 import numpy as np
 
 from kalman_ros.core import Array, Model, TimedSensor, is_due, ratio
-from kalman_ros.estimators.batch.dynamics import Dynamics
+from kalman_ros.core.stacked import stacked
 from kalman_ros.linear.batched import semidefinite_factor, times
 
 from .batch_faults import BatchInput, BatchLink
@@ -111,9 +111,9 @@ class BatchPlant:
         n = model.state.size
         #: The states (runs, n).
         self.state: Array = np.broadcast_to(initial_state, (len(seeds), n)).T.copy().T
-        self._dynamics = Dynamics(model)
+        self._stacked = stacked(model)
         factor = None
-        if self._dynamics.linear:
+        if model.linear:
             factor = root(model.noise_covariance(*model.equilibrium, self.dt))
         self._process_noise = BatchNoise(seeds, 'process', n, steps, factor)
         self._sensor_noise = {
@@ -157,10 +157,10 @@ class BatchPlant:
 
         A state that cannot be computed is NaN.
         """
-        x, dynamics = self.state, self._dynamics
+        x = self.state
         noise = self._process_noise.draw()
-        if not dynamics.linear:
-            Q = dynamics.step_noise(x, u, self.dt)
+        if not self.model.linear:
+            Q = self._stacked.step_noise(x, u, self.dt)
             noise = times(semidefinite_factor(Q), noise)
         moved = self.model.state.add(self._moved(x, u), noise)
         flat = moved.ravel('K')
@@ -174,7 +174,7 @@ class BatchPlant:
     def _moved(self, x: Array, u: Array) -> Array:
         """Return the states after a step, without noise."""
         if self._input is None:
-            return self._dynamics.step(x, u, self.dt)
+            return self._stacked.step(x, u, self.dt)
         for duration, acting in self._input(self.steps, u, self.dt):
-            x = self._dynamics.step(x, acting, duration)
+            x = self._stacked.step(x, acting, duration)
         return x

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from kalman_ros.core import Array
-from kalman_ros.estimators.batch import BatchCorrection, BatchEstimator
+from kalman_ros.estimators.batch_estimator import BatchEstimator
+from kalman_ros.estimators.correction import Correction
 
 from .batch_loop import Loop, Starts, run_batch
 from .trajectory import Innovations, Series, Trajectory
@@ -56,7 +57,7 @@ class Recorder:
         self._truth, self._estimate = np.empty((steps, runs, n)), np.empty((steps, runs, n))
         self._covariance = np.empty((steps, runs, n, n))
         self._input = np.empty((steps, runs, m))
-        self._read: dict[str, list[tuple[float, Array, BatchCorrection]]] = {
+        self._read: dict[str, list[tuple[float, Array, Correction]]] = {
             name: [] for name in self._names
         }
         self._k = 0
@@ -66,7 +67,7 @@ class Recorder:
         """The time of this step, rounded to nanoseconds as in a loop of one run."""
         return round(self._k * self._dt * 1e9) * 1e-9
 
-    def reading(self, name: str, y: Array, correction: BatchCorrection) -> None:
+    def reading(self, name: str, y: Array, correction: Correction) -> None:
         """Keep readings (runs, k) and their corrections."""
         self._read[name].append((self._time, y, correction))
 

@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, DiscreteLinearSystem, LinearSystem, Sensor, is_due, ratio
-from kalman_ros.estimators.batch.gain_schedule import GainSchedule
-from kalman_ros.estimators.filter import linear_model
+from kalman_ros.core import Array, Sensor, is_due, ratio
+from kalman_ros.estimators.gain_schedule import GainSchedule
 from kalman_ros.scenario import Scenario
 
 from .batch_loop import Loop
@@ -50,7 +49,7 @@ def is_linear(loop: Loop) -> bool:
 def _is_linear(scenario: Scenario) -> bool:
     model = scenario.model
     curved = model.state.turns or np.concatenate(model.equilibrium).any()
-    return isinstance(model, (LinearSystem, DiscreteLinearSystem)) and not curved
+    return model.linear and not curved
 
 
 def _is_proportional(sensor: Sensor, n: int) -> bool:
@@ -171,7 +170,7 @@ class LinearRuns:
         law = self.loop.answer
         K = law.feedback.gain if isinstance(law, Law) else np.zeros((real.model.input.size, n))
         u = -K @ x_hat
-        plant = linear_model('plant', real.model).sampled(dt)
+        plant = real.model.sampled(dt)  # type: ignore[attr-defined]
         filter = self.schedule.prediction(P, dt)
         error = x - x_hat
         price = [] if self.weight is None else [root(self.weight).T @ np.vstack((x, u))]

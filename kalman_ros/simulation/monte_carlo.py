@@ -14,9 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from kalman_ros.core import Array
-from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.batch.batch_filters import BATCHED
-from kalman_ros.estimators.batch.gain_schedule import GainSchedule
+from kalman_ros.estimators import build_filter, filter_class
+from kalman_ros.estimators.gain_schedule import GainSchedule
 
 from . import closed_loop
 from .batch_loop import Loop, run_batch
@@ -68,10 +67,10 @@ class Experiment:
     def outcomes(self, seeds: Sequence[int]) -> Outcomes:
         """Return the outcomes of the runs with these seeds.
 
-        A filter without a batched form, and readings that are late, run one loop after the other.
+        A filter of mixtures, and readings that are late, run one loop after the other.
         """
-        batched = (self.loop.filter or self.loop.believed.filter) in BATCHED
-        if not (batched and self.loop.in_order):
+        kind = filter_class(self.loop.filter or self.loop.believed.filter)
+        if kind.mixture or not self.loop.in_order:
             return Outcomes.joined([self.outcome(seed) for seed in seeds])
         if self._linear is not None:
             with np.errstate(all='ignore'):

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from kalman_ros.core import Array
-from kalman_ros.estimators.batch import BatchCorrection, BatchEstimator
+from kalman_ros.estimators.batch_estimator import BatchEstimator
+from kalman_ros.estimators.correction import Correction
 from kalman_ros.linear.batched import factor, whitened
 
 from .batch_loop import Loop
@@ -111,7 +112,7 @@ class RunStatistics:
         self._step_squares, self._step_variance = np.zeros((steps, n)), np.zeros((steps, n))
         self._step_nees = np.zeros(steps)
 
-    def reading(self, name: str, y: Array, correction: BatchCorrection) -> None:
+    def reading(self, name: str, y: Array, correction: Correction) -> None:
         """Add the innovations of a sensor; those that are not finite do not count."""
         if self._k < self._first:
             return

@@ -18,7 +18,7 @@ from kalman_ros.analysis.diagnosis.refilter import misfits
 from kalman_ros.analysis.diagnosis.responses import Responses, fitted
 from kalman_ros.analysis.diagnosis.stamps import slope
 from kalman_ros.analysis.records import InputRecord
-from kalman_ros.linear.kernels import gain
+from kalman_ros.linear.single import gain
 from kalman_ros.programs.doctor.recordings import Injection, recorded
 
 SCENARIO = 'mass_spring_damper'

@@ -10,7 +10,7 @@ import pytest
 from kalman_ros import scenario
 from kalman_ros.core import DiscreteLinearSystem, DiscreteModel, LinearSystem, Model, Sensor, Space
 from kalman_ros.core import rotations as so3
-from kalman_ros.estimators.batch.dynamics import Dynamics
+from kalman_ros.core.stacked import stacked
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -105,7 +105,7 @@ def test_every_shipped_model_moves_any_number_of_states(name):
     model = believed(name).model
     if isinstance(model, LinearSystem):
         pytest.skip('the model is linear')
-    fast, plain = Dynamics(compiled(model)), Dynamics(model)
+    fast, plain = stacked(compiled(model)), stacked(model)
     x, u = points(model)
     x, u, dt = np.stack((x, x[::-1]), axis=1), np.stack((u, u[::-1]), axis=1), 0.013
     P = np.random.default_rng(3).standard_normal((*x.shape, x.shape[-1]))
@@ -114,7 +114,7 @@ def test_every_shipped_model_moves_any_number_of_states(name):
         ([fast.derivative(x, u)], [plain.derivative(x, u)]),
         ([fast.step(x, u, dt)], [plain.step(x, u, dt)]),
         (fast.linearized_step(x, u, dt), plain.linearized_step(x, u, dt)),
-        (fast.predicted(x, P, u, dt), plain.predicted(x, P, u, dt)),
+        (fast.predicted_moments(x, P, u, dt), plain.predicted_moments(x, P, u, dt)),
         ([fast.step_noise(x, u, 1e-6)], [plain.step_noise(x, u, 1e-6)]),
     ):
         for one, other in zip(mine, theirs):

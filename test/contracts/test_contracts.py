@@ -13,7 +13,7 @@ from monte_carlo import consistency, truths
 from kalman_ros import models, scenario, sensors
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import Gaussian, Model, Sensor, numerical_jacobian
-from kalman_ros.estimators import FILTERS, build_filter
+from kalman_ros.estimators import FILTERS, build_filter, filter_class
 from kalman_ros.scenario import wiring
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -22,7 +22,7 @@ CONFIGS = sorted(CONFIG.glob('*.yaml'))
 MODELS = models.names()
 CASES = [(m, s) for m in MODELS for s in wiring.system(m).sensors]
 PAIRS = [(m, f) for m in MODELS for f in FILTERS]
-GENERAL = ('ekf', 'ukf', 'gaussian_sum')  # filters of any model and sensor
+GENERAL = [f for f in FILTERS if not filter_class(f).needs_linear]  # of any model and sensor
 
 
 def plan_of(name):

@@ -7,8 +7,8 @@ import pytest
 from kalman_ros.core import Gaussian, LinearSystem, Sensor, Space
 from kalman_ros.estimators.agreement import Record, judge, seen_states
 from kalman_ros.estimators.consistency import chi_square_gate
-from kalman_ros.estimators.ekf import ExtendedKalmanFilter
-from kalman_ros.estimators.kf import KalmanFilter
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
+from kalman_ros.estimators.filters.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy

@@ -5,17 +5,14 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from kalman_ros.analysis.tuning.candidate import candidate_filter
 from kalman_ros.arrays.scenarios import load
 from kalman_ros.core import Gaussian, Model, Space
-from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.batch import (
-    BatchEstimator,
-    batched,
-    batched_candidates,
-    candidate_sensor,
-)
+from kalman_ros.core.candidates import candidate_sensor
+from kalman_ros.estimators import FILTERS, build_filter, filter_class
+from kalman_ros.estimators.batch_estimator import BatchEstimator, for_many
 from kalman_ros.estimators.consistency import chi_square_gate
-from kalman_ros.estimators.ekf import ExtendedKalmanFilter
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import shipped
@@ -26,12 +23,11 @@ MEMBERS, STEPS = 3, 40
 
 
 def served(scenario):
-    kinds = ['ekf', 'ukf']
-    if scenario.plan.linear:
-        kinds.append('kf')
-        kinds.append('steady_state')
-        kinds.append('luenberger')
-    return kinds
+    kinds = {name: filter_class(name) for name in FILTERS}
+    linear = scenario.plan.linear
+    return [
+        name for name, kind in kinds.items() if not kind.mixture and linear >= kind.needs_linear
+    ]
 
 
 #: The scenarios whose single estimators take the longest.
@@ -141,7 +137,7 @@ def test_members_are_those_of_single_estimators(name, kind, gated):
 
 def test_a_covariance_that_all_share_stays_one_matrix():
     scenario = load('mass_spring_damper_2d')
-    filter = batched(build_filter('kf', scenario.plan))
+    filter = for_many(build_filter('kf', scenario.plan))
     belief = Gaussian(np.zeros((5, 4)), np.broadcast_to(np.eye(4), (5, 4, 4)))
     shared = belief._replace(covariance=np.eye(4))
     sensor = scenario.sensors['position'].sensor
@@ -172,8 +168,8 @@ def test_an_input_that_is_not_finite_leaves_that_of_its_member(bad, of_one):
 
 def test_no_batch_of_gaussian_sums():
     scenario = load('bearing_tracker')
-    with pytest.raises(ValueError, match='filter: expected kf, ekf'):
-        batched(build_filter('gaussian_sum', scenario.plan))
+    with pytest.raises(ValueError, match='filter: expected one with a single Gaussian'):
+        for_many(build_filter('gaussian_sum', scenario.plan))
 
 
 class OneByOne(Model):
@@ -200,7 +196,7 @@ def test_a_model_of_single_vectors_is_called_for_each():
     filter = ExtendedKalmanFilter(OneByOne(2.0, 0.1))
     rng = np.random.default_rng(3)
     x, u = rng.normal(size=(2, 4, 2)), np.ones((2, 4, 1))
-    found = batched(filter).predict(Gaussian(x, np.broadcast_to(np.eye(2), (2, 4, 2, 2))), u, 0.1)
+    found = for_many(filter).predict(Gaussian(x, np.broadcast_to(np.eye(2), (2, 4, 2, 2))), u, 0.1)
     for at in np.ndindex(2, 4):
         expected = filter.predict(Gaussian(x[at], np.eye(2)), np.ones(1), 0.1)
         np.testing.assert_allclose(found.mean[at], expected.mean, rtol=1e-12)
@@ -223,7 +219,7 @@ def test_candidates_are_their_single_filters_with_their_likelihoods(
     plain = load(name)
     scenarios = [load(name, {parameter: v, noise: [0.1 * v] * size}) for v in values]
     singles = [build_filter(kind, each.plan) for each in scenarios]
-    filter = batched_candidates(singles)
+    filter = candidate_filter(singles)
     sensor_name = noise.partition('.')[0]
     sensors = [each.sensors[sensor_name].sensor for each in scenarios]
     sensor = candidate_sensor(sensors)
@@ -258,7 +254,7 @@ def test_candidates_are_their_single_filters_with_their_likelihoods(
 
 def test_candidates_whose_formulas_refuse_arrays_are_called_in_turn():
     singles = [ExtendedKalmanFilter(OneByOne(mass, 0.1 * mass)) for mass in (1.0, 2.0)]
-    filter = batched_candidates(singles)
+    filter = candidate_filter(singles)
     rng = np.random.default_rng(4)
     x = rng.normal(size=(5, 2, 2))
     found = filter.predict(Gaussian(x, np.broadcast_to(np.eye(2), (5, 2, 2, 2))), np.ones(1), 0.1)
@@ -271,4 +267,4 @@ def test_candidates_whose_formulas_refuse_arrays_are_called_in_turn():
 def test_candidates_of_two_kinds_are_refused():
     plan = load('mass_spring_damper').plan
     with pytest.raises(ValueError, match='filter: expected several of one kind'):
-        batched_candidates([build_filter('kf', plan), build_filter('ekf', plan)])
+        candidate_filter([build_filter('kf', plan), build_filter('ekf', plan)])

@@ -19,10 +19,10 @@ from kalman_ros.core import (
     TimedSensor,
     variances,
 )
-from kalman_ros.estimators import FILTERS, build_filter
+from kalman_ros.estimators import FILTERS, build_filter, filter_class
 from kalman_ros.estimators.consistency import nees
 from kalman_ros.estimators.filter import Plan, parts
-from kalman_ros.estimators.ukf import UnscentedKalmanFilter
+from kalman_ros.estimators.filters.ukf import UnscentedKalmanFilter
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.models.turn_rate import TurnRate
 
@@ -73,7 +73,12 @@ def same_beliefs(ones, others, tolerance=1e-9):
         )
 
 
-@pytest.mark.parametrize('kind', ['ekf', 'ukf', 'gaussian_sum'])
+#: Filters of any model, and of linear ones alone.
+OF_ANY = [name for name in FILTERS if not filter_class(name).needs_linear]
+OF_LINEAR = [name for name in FILTERS if name not in OF_ANY]
+
+
+@pytest.mark.parametrize('kind', OF_ANY)
 @pytest.mark.parametrize('seed', range(8))
 def test_on_linear_systems_every_filter_is_the_kalman_filter(kind, seed):
     _, plan, sensor = random_plan(seed)
@@ -122,7 +127,7 @@ def test_however_matrices_lie_in_memory_they_are_read_and_left_alone(kind, laid_
     found = filter.correct(prior, y, sensor)
     posterior = found.posterior
     np.testing.assert_array_equal(filter.predict(prior, u, 0.1).covariance, before.covariance)
-    if kind not in ('luenberger', 'steady_state'):
+    if not filter_class(kind).fixed_gain:
         same_beliefs([posterior], [expected])
     np.testing.assert_array_equal(posterior.covariance, posterior.covariance.T)
     again = filter.correct(prior, y, sensor)
@@ -144,7 +149,7 @@ def test_native_equals_filterpy_on_a_nonlinear_system_with_angles(kind):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize('kind', ['ekf', 'ukf', 'gaussian_sum'])
+@pytest.mark.parametrize('kind', OF_ANY)
 def test_angles_that_turn_round_and_round_lose_nothing(kind):
     model, sensor = Unicycle(), Bearing()
     filter = build_filter(kind, unicycle_plan())
@@ -255,7 +260,7 @@ def test_an_observer_without_sensors_is_refused():
         build_filter('luenberger', Plan(system, {}, 10.0))
 
 
-@pytest.mark.parametrize('kind', ['kf', 'steady_state', 'luenberger'])
+@pytest.mark.parametrize('kind', OF_LINEAR)
 def test_linear_filters_refuse_other_models(kind):
     with pytest.raises(ValueError, match=f'filter: {kind} needs a linear model, got Unicycle'):
         build_filter(kind, unicycle_plan())

@@ -5,7 +5,7 @@ from random_systems import random_problem
 
 from kalman_ros import models
 from kalman_ros.core import Gaussian
-from kalman_ros.estimators.kf import KalmanFilter
+from kalman_ros.estimators.filters.kf import KalmanFilter
 from kalman_ros.sensors.states import States
 
 

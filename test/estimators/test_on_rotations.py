@@ -15,7 +15,7 @@ from kalman_ros.core import (
 )
 from kalman_ros.core import rotations as so3
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.batch.batch_filters import batched
+from kalman_ros.estimators.batch_estimator import for_many
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.mixture import pooled, turned_parts
@@ -136,7 +136,7 @@ def test_filters_agree_where_the_noise_is_small(kind):
 def test_a_batch_is_as_one_by_one(kind):
     plan = plan_of(0.1)
     filter, sensor = build_filter(kind, plan), plan.sensors['attitude'].sensor
-    many = batched(filter)
+    many = for_many(filter)
     rng = np.random.default_rng(2)
     means = TURN.add(START, 0.5 * rng.normal(size=(7, 6)))
     y = sensor.output.add(sensor.measure(means), 0.3 * rng.normal(size=(7, 6)))
@@ -162,7 +162,7 @@ def test_the_nees_of_a_rotation_walk_is_one(kind):
     runs, steps, dt, model = 400, 10, 0.2, Walk(0.3)
     rng = np.random.default_rng(5)
     plan = plan_of(0.2, model)
-    filter, sensor = batched(build_filter(kind, plan)), plan.sensors['attitude'].sensor
+    filter, sensor = for_many(build_filter(kind, plan)), plan.sensors['attitude'].sensor
     P = 0.05 * np.eye(6)
     truth = TURN.add(np.tile(START, (runs, 1)), rng.multivariate_normal(np.zeros(6), P, runs))
     belief = Gaussian(np.tile(START, (runs, 1)), np.broadcast_to(P, (runs, 6, 6)))

@@ -8,10 +8,10 @@ from scipy.stats import multivariate_normal
 from kalman_ros import scenario
 from kalman_ros.core import Gaussian, Sensor, Space
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.ekf import ExtendedKalmanFilter
-from kalman_ros.estimators.gaussian_sum import GaussianSumFilter, Mixture
-from kalman_ros.estimators.kf import KalmanFilter
-from kalman_ros.estimators.ukf import UnscentedKalmanFilter
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
+from kalman_ros.estimators.filters.gaussian_sum import GaussianSumFilter, Mixture
+from kalman_ros.estimators.filters.kf import KalmanFilter
+from kalman_ros.estimators.filters.ukf import UnscentedKalmanFilter
 
 SYSTEM = scenario.build({'model': 'mass_spring_damper'})
 PRIOR = Gaussian(np.array([0.7, -0.4]), np.array([[0.5, 0.2], [0.2, 0.3]]))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from kalman_ros.core import Gaussian, LinearSystem, Space
-from kalman_ros.estimators.kf import KalmanFilter
+from kalman_ros.estimators.filters.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy

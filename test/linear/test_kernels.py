@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from kalman_ros.linear import kernels, lapack
+from kalman_ros.linear import lapack, single
 
 N, K, POINTS = 4, 2, 9
 RNG = np.random.default_rng(0)
@@ -26,17 +26,17 @@ GAIN = P @ H.T @ np.linalg.inv(S)
 KEPT = np.eye(N) - G @ H
 
 CASES = {
-    'corrected': (kernels.corrected, (x, G, z), x + G @ z),
-    'sandwich': (kernels.sandwich, (H, P, R), S),
-    'divided': (kernels.divided, (H @ P, S), GAIN),
-    'joseph': (kernels.joseph, (G, H, P, R), KEPT @ P @ KEPT.T + G @ R @ G.T),
-    'mirrored': (kernels.mirrored, (np.triu(P),), P),
-    'scaled': (kernels.scaled, (F, D), F @ D),
-    'plus_each': (kernels.plus_each, (D, x, -1.0), D - x[:, np.newaxis]),
-    'moments': (kernels.moments, (D, D, Q), D @ D.T + Q),
-    'cross moments': (kernels.moments, (E, D), E @ D.T),
-    'through_gain': (kernels.through_gain, (G, R), G @ R @ G.T),
-    'weighed': (kernels.weighed, (R, z), z @ np.linalg.solve(R, z)),
+    'corrected': (single.corrected, (x, G, z), x + G @ z),
+    'sandwich': (single.sandwich, (H, P, R), S),
+    'divided': (single.divided, (H @ P, S), GAIN),
+    'joseph': (single.joseph, (G, H, P, R), KEPT @ P @ KEPT.T + G @ R @ G.T),
+    'mirrored': (single.mirrored, (np.triu(P),), P),
+    'scaled': (single.scaled, (F, D), F @ D),
+    'points_about': (single.points_about, (x, D), (D + x[:, np.newaxis]).T),
+    'moments': (single.moments, (D, D, Q), D @ D.T + Q),
+    'cross moments': (single.moments, (E, D), E @ D.T),
+    'through_gain': (single.through_gain, (G, R), G @ R @ G.T),
+    'weighed': (single.weighed, (R, z), z @ np.linalg.solve(R, z)),
 }
 
 
@@ -53,28 +53,28 @@ def test_a_kernel_is_its_formula(name, order):
 
 @pytest.mark.parametrize('order', ['C', 'F'])
 def test_what_is_written_into_is_the_last_term(order):
-    moved = kernels.affine(np.array(F, order=order), x, Q[0].copy())
-    np.testing.assert_allclose(moved, F @ x + Q[0])
-    found = kernels.remainder(np.array(D, order=order), GAIN, np.array(E, order=order))
+    moved = single.affine(np.array(F, order=order), x, Q, x)
+    np.testing.assert_allclose(moved, F @ x + Q @ x)
+    found = single.remainder(np.array(D, order=order), GAIN, np.array(E, order=order))
     np.testing.assert_allclose(found, D - GAIN @ E)
 
 
 def test_a_gain_comes_with_its_innovation_covariance():
-    gain, innovation_covariance = kernels.gain(P, H, R)
+    gain, innovation_covariance = single.gain(P, H, R)
     np.testing.assert_allclose(gain, GAIN)
     np.testing.assert_allclose(innovation_covariance, S)
 
 
 def test_a_covariance_is_symmetric_to_the_last_bit():
-    found = kernels.joseph(G, H, P, R)
+    found = single.joseph(G, H, P, R)
     np.testing.assert_array_equal(found, found.T)
 
 
 def test_what_is_not_definite_has_no_gain_and_no_weight():
     with pytest.raises(np.linalg.LinAlgError, match='not positive definite'):
-        kernels.divided(H @ P, -S)
-    assert kernels.weighed(-R, z) == np.inf
-    assert kernels.is_definite(P) and not kernels.is_definite(-P)
+        single.divided(H @ P, -S)
+    assert single.weighed(-R, z) == np.inf
+    assert single.is_definite(P) and not single.is_definite(-P)
 
 
 def test_without_the_private_modules_the_public_ones_serve(monkeypatch):

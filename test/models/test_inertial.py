@@ -9,7 +9,7 @@ from kalman_ros import sensors
 from kalman_ros.core import Gaussian, Model, Space, TimedSensor
 from kalman_ros.core import rotations as so3
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.batch.batch_filters import batched
+from kalman_ros.estimators.batch_estimator import for_many
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.models.inertial import Inertial
@@ -63,7 +63,7 @@ STD = np.repeat([0.5, 0.02, 0.3, 0.0005, 0.01], 3)
 def test_through_an_outage_of_a_minute_the_band_covers_the_error():
     gnss = sensors.build('states', SPACE, [0.5] * 3, {'measures': ['x', 'y', 'z']})
     plan = Plan(MODEL, {'gnss': TimedSensor(gnss, 5.0)}, 1.0 / DT)
-    filter = batched(build_filter('ekf', plan))
+    filter = for_many(build_filter('ekf', plan))
     belief = Gaussian(np.tile(START, (RUNS, 1)), np.tile(np.diag(STD**2), (RUNS, 1, 1)))
     scores, shares = {}, {}
     for k, (t, u, truth, fix) in enumerate(drives()):

@@ -33,8 +33,9 @@ def test_the_names_are_those_of_the_options(node):
 
 
 def test_the_names_of_filters_laws_and_faults_are_those_of_their_options():
-    found = {option.name for kind in FILTERS for option in filter_options(kind)}
-    assert names.NAMES['filters'].split() == sorted(found)
+    options = {option.name for kind in FILTERS for option in filter_options(kind)}
+    assert options and options <= names.known([], ['alpha'], (), driven=False)
+    assert not options & names.known([], ['rate'], ['rate'], driven=False)
     found = {option.name for law in LAWS for option in law_options(law)}
     with_law = {*scenario.options({})} - {*scenario.options({}, with_law=False)}
     assert names.NAMES['laws'].split() == sorted(found | with_law)
@@ -47,16 +48,18 @@ def test_a_kind_of_sensor_has_no_option_with_the_name_of_a_fault():
 
 
 def test_what_no_model_without_an_input_has_is_no_name_of_it():
-    assert 'state_cost' in names.known([], driven=True)
-    assert not {'state_cost', 'input_cost', 'law', 'tracked'} & names.known([], driven=False)
+    assert 'state_cost' in names.known([], (), (), driven=True)
+    assert not {'state_cost', 'input_cost', 'law', 'tracked'} & names.known(
+        [], (), (), driven=False
+    )
 
 
 @pytest.mark.parametrize(
     ('node', 'foreign'),
     [
         ('estimator', ['kalman_ros.simulation.faults', 'kalman_ros.control']),
-        ('controller', ['kalman_ros.simulation.faults', 'kalman_ros.estimators.ekf']),
-        ('plant', ['kalman_ros.control', 'kalman_ros.estimators.ekf']),
+        ('controller', ['kalman_ros.simulation.faults', 'kalman_ros.estimators.filters.ekf']),
+        ('plant', ['kalman_ros.control', 'kalman_ros.estimators.filters.ekf']),
     ],
 )  # fmt: skip
 @pytest.mark.slow

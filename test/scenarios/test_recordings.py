@@ -21,6 +21,8 @@ from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import replay
 from kalman_ros.codecs.messages import leading_stamp
+from kalman_ros.estimators import FILTERS as NAMES
+from kalman_ros.estimators import filter_class
 from kalman_ros.harness import Run, executables
 from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.programs import demo
@@ -30,12 +32,15 @@ from kalman_ros.programs.replay import program
 CONFIGS = sorted(path.stem for path in (Path(__file__).parents[2] / 'config').glob('*.yaml'))
 #: Filters, each on a scenario that it can serve and that has another one.
 FILTERS = {
-    'kf': ('mass_spring_damper', {}),
-    'ekf': ('mass_spring_damper', {}),
-    'ukf': ('cart_pole', {}),
-    'gaussian_sum': ('bearing_tracker', {}),
-    'steady_state': ('mass_spring_damper', {}),
-    'luenberger': ('mass_spring_damper', {'observer_poles': [-5.0, -6.0]}),
+    name: (
+        'bearing_tracker'
+        if filter_class(name).mixture
+        else 'mass_spring_damper'
+        if filter_class(name).needs_linear or name == 'ekf'
+        else 'cart_pole',
+        {'observer_poles': [-5.0, -6.0]} if filter_class(name).needs_continuous else {},
+    )
+    for name in NAMES
 }
 
 

@@ -9,7 +9,7 @@ from tools.fuzz.engine import _SHARES, BrokenPromiseError, Episode
 from kalman_ros.core import Gaussian
 from kalman_ros.estimators import FILTERS, online
 
-SEEDS = range(100_000, 100_040)
+SEEDS = range(100_000, 100_080)
 
 
 @pytest.mark.slow
@@ -35,7 +35,7 @@ def test_every_filter_is_tried():
 
 
 def test_robots_with_rotations_are_tried_with_the_filters_that_they_can_have():
-    episodes = [Episode(seed) for seed in range(100_000, 100_040)]
+    episodes = [Episode(seed) for seed in range(100_000, 100_080)]
     assert {each.model for each in episodes} == {'Robot3D', 'Inertial', '_Swing', 'LinearSystem'}
     tried = {(each.model, each.filter) for each in episodes}
     assert {(m, f) for m in ('Robot3D', 'Inertial') for f in ('ekf', 'ukf')} <= tried

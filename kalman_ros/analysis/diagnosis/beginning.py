@@ -10,7 +10,7 @@ from math import inf, log
 import numpy as np
 
 from kalman_ros.core import Gaussian, Space
-from kalman_ros.estimators.gaussian_sum import HYPOTHESES
+from kalman_ros.estimators.filters.gaussian_sum import HYPOTHESES
 from kalman_ros.estimators.mixture import turned_parts
 
 #: Parts whose misfit, -2 log likelihood, is worse by this are given up, looked at after each N

@@ -9,8 +9,8 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model
 from kalman_ros.estimators.filter import parts
-from kalman_ros.linear.kernels import sandwich, scaled
 from kalman_ros.linear.matrices import identity
+from kalman_ros.linear.single import sandwich, scaled
 
 from .evidence import Evidence
 

@@ -19,7 +19,8 @@ import numpy as np
 
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array, Gaussian, is_finite
-from kalman_ros.linear.kernels import corrected, gain, joseph, weighed, whitening
+from kalman_ros.estimators import filter_class
+from kalman_ros.linear.single import corrected, gain, joseph, weighed, whitening
 from kalman_ros.simulation.computed import computed
 
 from .beginning import likeliest
@@ -142,7 +143,7 @@ def _first(evidence: Evidence, until: float) -> Gaussian:
     Passes through the first seconds alone are many, and too short to choose one.
     """
     scenario = evidence.scenario
-    if scenario.filter != 'gaussian_sum' or until < inf:
+    if not filter_class(scenario.filter).mixture or until < inf:
         return scenario.initial_belief
 
     def follow(part: Gaussian) -> Iterator[float]:

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor
-from kalman_ros.estimators.filter import Filter
+from kalman_ros.core.candidates import candidate_model
+from kalman_ros.estimators.filter import Filter, SmoothableFilter
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,7 @@ class Candidate:
     Parameters
     ----------
     filter, model
-        The filter (kf, ekf or ukf), and its model.
+        The filter, a `SmoothableFilter`, and its model.
     sensors
         By name.
     initial
@@ -36,6 +38,28 @@ class Candidate:
     initial: Gaussian
     biases: Mapping[str, Array] = field(default_factory=dict)
     delays: Mapping[str, float] = field(default_factory=dict)
+
+
+def candidate_filter(filters: Sequence[Filter]) -> Filter:
+    """Return p filters, which differ by the parameters of their models, for beliefs (..., p, n).
+
+    Sensors that differ, by noise or otherwise, are those of `candidate_sensor`.
+
+    Raises
+    ------
+    ValueError
+        If they are not all of one kind, or of a kind without a likelihood.
+    """
+    first = filters[0]
+    kinds = {type(each) for each in filters}
+    if len(kinds) > 1 or not isinstance(first, SmoothableFilter):
+        raise ValueError(
+            'filter: expected several of one kind, such as kf, ekf or ukf, as candidates, '
+            f'got {", ".join(sorted(kind.__name__ for kind in kinds))}'
+        )
+    one: Any = first
+    whole: Filter = replace(one, model=candidate_model([each.model for each in filters]))
+    return whole
 
 
 #: Returns the candidate of the values of all parameters, by name.

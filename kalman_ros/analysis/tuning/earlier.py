@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, unchecked
-from kalman_ros.estimators.batch import BatchCorrection, BatchFilter
-from kalman_ros.estimators.batch.dynamics import Dynamics
+from kalman_ros.core import Array, Gaussian, Model, Sensor, unchecked
+from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Filter
 
 #: A time in seconds in which noise adds its density times the time.
 _SHORT = 1e-6
@@ -25,13 +24,13 @@ class Earlier(Sensor):
     ----------
     sensor
         For states (..., p, n).
-    dynamics
-        Of the p candidates.
+    model
+        That of the p candidates.
     """
 
-    def __init__(self, sensor: Sensor, dynamics: Dynamics) -> None:
+    def __init__(self, sensor: Sensor, model: Model) -> None:
         self.output, self.covariance, self.name = sensor.output, sensor.covariance, sensor.name
-        self._sensor, self._dynamics = sensor, dynamics
+        self._sensor, self._model = sensor, model
         # copies with another covariance share it
         self._now: dict[str, Any] = {}
 
@@ -41,7 +40,7 @@ class Earlier(Sensor):
 
     def measure(self, x: Array) -> Array:
         """Return the readings (..., p, k)."""
-        rate = self._dynamics.derivative(x, self._now['input'])
+        rate = self._model.derivative(x, self._now['input'])
         return self._sensor.measure(x - self._now['earlier'] * rate)
 
     def noise_between(self, x: Array, longest: float) -> Array:
@@ -49,13 +48,13 @@ class Earlier(Sensor):
 
         At most that of ``longest`` seconds.
         """
-        W = self._dynamics.noise_covariance(x, self._now['input'], _SHORT) / _SHORT
+        W = self._model.noise_covariance(x, self._now['input'], _SHORT) / _SHORT
         return np.asarray(np.minimum(self._now['earlier'], longest)[..., np.newaxis] * W)
 
 
 def corrected(
-    filter: BatchFilter, prior: Gaussian, y: Array, sensor: Sensor, noise: Array
-) -> BatchCorrection:
+    filter: Filter, prior: Gaussian, y: Array, sensor: Sensor, noise: Array
+) -> Correction:
     """Return beliefs (p, n) corrected by readings of states before ``noise`` (p, n, n) was added.
 
     With x = z + w, where the noise w is not in z, a reading of z corrects x by the gain for
@@ -63,4 +62,4 @@ def corrected(
     """
     found = filter.correct(unchecked((prior.mean, prior.covariance - noise)), y, sensor)
     x, P = found.posterior
-    return replace(found, posterior=unchecked((x, P + noise)))
+    return found.with_posterior(unchecked((x, P + noise)))

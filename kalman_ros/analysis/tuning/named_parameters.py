@@ -16,7 +16,8 @@ import numpy as np
 
 from kalman_ros.compiled.parts import parts
 from kalman_ros.core import Option, refuse_unknown
-from kalman_ros.estimators import build_filter
+from kalman_ros.estimators import build_filter, default_filter, filter_class
+from kalman_ros.estimators.filter import SmoothableFilter
 from kalman_ros.scenario import Scenario, build, options
 
 from .candidate import Candidate
@@ -30,7 +31,6 @@ _NOT = (
     'stamp_offset',  # fitted as a delay
 )  # fmt: skip
 #: What other filters are fitted as: the likelihood needs their own covariance.
-_FITTED_AS = {'steady_state': 'kf', 'luenberger': 'kf', 'gaussian_sum': 'ekf'}
 
 
 @dataclass(frozen=True)
@@ -279,9 +279,11 @@ def candidate_of(
     filter_options: Mapping[str, Any],
 ) -> Candidate:
     """Return the candidate of a scenario."""
-    kind = _FITTED_AS.get(built.filter, built.filter)
-    chosen = filter_options if kind == built.filter else {}
     believed, plan = built.believed, built.believed_plan
+    # a gain that is not optimal has no likelihood
+    has_likelihood = issubclass(filter_class(built.filter), SmoothableFilter)
+    kind = built.filter if has_likelihood else default_filter(plan)
+    chosen = filter_options if kind == built.filter else {}
     sensors = {name: believed.sensors[name] for name in built.enabled}
     fast = parts(believed.model, sensors, one_of_many=True)
     filter = build_filter(kind, plan.computed_by(fast.model, fast.sensors), chosen)

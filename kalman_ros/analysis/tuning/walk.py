@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, Space, unchecked
-from kalman_ros.estimators.batch import batched_candidates, candidate_sensor
-from kalman_ros.estimators.batch.candidates import candidate_dynamics
+from kalman_ros.core.candidates import candidate_model, candidate_sensor
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.start import match_reading
 
-from .candidate import Candidate, Part
+from .candidate import Candidate, Part, candidate_filter
 from .earlier import SAFE, Earlier, corrected
 from .observations import Event, Observations, Stamps
 
@@ -97,7 +96,7 @@ class Walk:
     ) -> None:
         self._observations, self._conditions = observations, conditions
         self._candidates, self._together = candidates, together
-        self._filter = batched_candidates([each.filter for each in candidates])
+        self._filter = candidate_filter([each.filter for each in candidates])
         self._names = list(observations.readings)
         policy = conditions.policy
         self._gates = [(policy.gates or {}).get(name) for name in self._names]
@@ -110,7 +109,7 @@ class Walk:
                          for name in self._names]  # fmt: skip
         delays = [np.array([c.delays.get(name, 0.0) for c in candidates]) for name in self._names]
         self._delayed = [each - each[0] for each in delays]
-        moving = candidate_dynamics([c.model for c in candidates]) if np.any(delays) else None
+        moving = candidate_model([c.model for c in candidates]) if np.any(delays) else None
         self._earlier = [
             Earlier(sensor, moving) if moving is not None and each.any() else None
             for sensor, each in zip(self._sensors, delays)

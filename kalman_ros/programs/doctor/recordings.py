@@ -14,7 +14,7 @@ from kalman_ros.analysis.diagnosis.array_replay import passed, replay
 from kalman_ros.analysis.diagnosis.evidence import Evidence
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.core import Array, Gaussian, linearize
-from kalman_ros.estimators.kf import KalmanFilter
+from kalman_ros.estimators.filters.kf import KalmanFilter
 from kalman_ros.scenario import Scenario, build, regulator, shipped
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.simulation.faults.body import BodyFaults, BodyOptions

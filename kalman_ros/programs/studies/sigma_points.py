@@ -16,8 +16,8 @@ import numpy as np
 
 from kalman_ros.analysis.checks import Check
 from kalman_ros.core import Array, Gaussian, LinearSystem, Sensor, Space
-from kalman_ros.estimators.ekf import ExtendedKalmanFilter
-from kalman_ros.estimators.ukf import UnscentedKalmanFilter
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
+from kalman_ros.estimators.filters.ukf import UnscentedKalmanFilter
 
 from . import Findings, between, close
 from .stationary import SIGMAS

@@ -15,6 +15,7 @@ from kalman_ros import scenario
 from kalman_ros.analysis import checks
 from kalman_ros.analysis.ensemble import ensemble
 from kalman_ros.core import DesignError
+from kalman_ros.estimators import filter_class
 from kalman_ros.report.run_tables import plain
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
@@ -23,9 +24,6 @@ from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.loop_law import Law
 
 from .ranges import LIMITS, Range
-
-#: Filters that are optimal in steady state, for which the theory of the LQG loop holds.
-_OPTIMAL = ('kf', 'ekf', 'ukf', 'steady_state')
 
 
 @dataclass(frozen=True)
@@ -170,7 +168,7 @@ class Grid:
         return same and all(each.plant == each.believed for each in self.ranges)
 
     def _theory(self, believed: Scenario) -> tuple[float | None, tuple[float, ...] | None]:
-        if not self.as_believed or not believed.law or believed.filter not in _OPTIMAL:
+        if not self.as_believed or not believed.law or not filter_class(believed.filter).optimal:
             return None, None
         try:
             found = checks.theory(believed)

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Space
-from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.batch.batch_filters import BATCHED
+from kalman_ros.estimators import build_filter, filter_class
 from kalman_ros.estimators.consistency import nees
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.batch_loop import Loop, Starts
@@ -105,7 +104,7 @@ def _runs(
     """Yield the run of each seed, all at once if the filter can, with the space of its state."""
     starts = [case.start(width, stream(seed, 'start')) for seed in seeds]
     space = starts[0].model.state
-    if filter not in BATCHED:
+    if filter_class(filter).mixture:
         for seed, built in zip(seeds, starts):
             run = closed_loop.run(
                 built, None, case.seconds, seed, filter=filter, command=case.command,

@@ -23,7 +23,7 @@ from kalman_ros.core import (
     Space,
     TimedSensor,
 )
-from kalman_ros.estimators import build_filter
+from kalman_ros.estimators import FILTERS, build_filter, filter_class
 from kalman_ros.estimators.filter import Filter, Plan
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
@@ -34,15 +34,16 @@ _ROBOTS, _SHARE_OF_ROBOTS = ('robot_3d', 'inertial'), 0.1
 #: Items per estimator.
 _ITEMS = 200
 _RATE = 50.0
-#: The frequency of each filter; the design of a fixed gain is slow.
-_SHARES = {
-    'kf': 0.3,
-    'ekf': 0.2,
-    'ukf': 0.3,
-    'gaussian_sum': 0.1,
-    'steady_state': 0.05,
-    'luenberger': 0.05,
-}
+
+
+def _weight(name: str) -> float:
+    """Return how often a filter is tried: the design of a fixed gain and a mixture are slow."""
+    kind = filter_class(name)
+    return 1.0 if kind.fixed_gain else 2.0 if kind.mixture else 5.0
+
+
+#: The frequency of each filter.
+_SHARES = {name: _weight(name) / sum(map(_weight, FILTERS)) for name in FILTERS}
 _HOSTILE = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e300, -1e300, 1e-300, 5e-324, 1e155)
 _SECOND = 1_000_000_000
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian, unchecked
-from kalman_ros.linear.kernels import sandwich
-
-from .correction import LinearUpdate
-from .filter import Plan, parts
+from kalman_ros.estimators.correction import LinearUpdate
+from kalman_ros.estimators.filter import Prediction, parts
+from kalman_ros.linear.kernels import kernels
 
 
 @dataclass(frozen=True)
@@ -27,13 +26,20 @@ class ExtendedKalmanFilter(LinearUpdate):
         """Return x = step(x, u), P = F P F' + Q, in steps of the model's ``max_step``."""
         x, P = belief
         model, count = self.model, parts(self.model, dt)
-        h = dt / count
         for _ in range(count):
-            x, F, Q = model.linearized_step(x, u, h)
-            P = sandwich(F, P, Q)
+            x, P = model.predicted_moments(x, P, u, dt / count)
         return unchecked((x, P))
 
+    def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
+        """Return what `predict` does, with F <- F_k F and Q <- F_k Q F_k' + Q_k of its steps."""
+        (x, P), k = belief, kernels(belief[0])
+        model, count = self.model, parts(self.model, dt)
+        x, F, Q = model.linearized_step(x, u, dt / count)
+        P = k.sandwich(F, P, Q)
+        for _ in range(count - 1):
+            x, F_k, Q_k = model.linearized_step(x, u, dt / count)
+            P, Q, F = k.sandwich(F_k, P, Q_k), k.sandwich(F_k, Q, Q_k), k.scaled(F_k, F)
+        return Prediction(unchecked((x, P)), F, Q)
 
-def build(plan: Plan) -> ExtendedKalmanFilter:
-    """Return the extended Kalman filter of any model."""
-    return ExtendedKalmanFilter(plan.model)
+
+FILTER = ExtendedKalmanFilter

@@ -6,10 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, unchecked
-from kalman_ros.linear.kernels import affine, sandwich
-
-from .correction import LinearUpdate
-from .filter import Plan, linear_model, sampled_system
+from kalman_ros.estimators.correction import LinearUpdate
+from kalman_ros.estimators.filter import Prediction, check_linear
+from kalman_ros.linear.kernels import kernels
 
 
 @dataclass(frozen=True)
@@ -21,24 +20,21 @@ class KalmanFilter(LinearUpdate):
     """
 
     model: LinearSystem | DiscreteLinearSystem
+    needs_linear = True
 
     def __post_init__(self) -> None:
-        linear_model('kf', self.model)
+        check_linear('kf', self.model)
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Return x = F x + G u, P = F P F' + Q."""
         x, P = belief
-        step = self.model.sampled(dt)
-        F, G, Q = step.F, step.G, step.Q
-        return unchecked((affine(F, x, G.dot(u)), sandwich(F, P, Q)))
+        k, (F, G, Q) = kernels(x), self.model.sampled(dt)
+        return unchecked((k.affine(F, x, G, u), k.sandwich(F, P, Q)))
+
+    def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
+        """Return what `predict` does, with the F and Q of the step."""
+        F, _, Q = self.model.sampled(dt)
+        return Prediction(self.predict(belief, u, dt), F, Q)
 
 
-def build(plan: Plan) -> KalmanFilter:
-    """Return the Kalman filter of a linear model.
-
-    Raises
-    ------
-    ValueError
-        If the model is not linear.
-    """
-    return KalmanFilter(sampled_system('kf', plan))
+FILTER = KalmanFilter

@@ -10,14 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Model, Sensor
-from kalman_ros.estimators.correction import committed
-from kalman_ros.estimators.ekf import ExtendedKalmanFilter
-from kalman_ros.estimators.filter import Filter, SampledLinear
-from kalman_ros.estimators.fixed_gain import FixedGainObserver
-from kalman_ros.estimators.kf import KalmanFilter
-from kalman_ros.linear import kernels
+from kalman_ros.core import Array, Gaussian, Sensor
 from kalman_ros.linear.batched import whitened
+
+from .correction import LinearUpdate, committed
+from .filter import Filter
+from .fixed_gain import FixedGainObserver
 
 #: More steps than this are forgotten; a schedule that has converged repeats itself.
 _MOST = 20_000
@@ -50,17 +48,11 @@ class GainSchedule:
     """
 
     def __init__(self, filter: Filter) -> None:
-        self._filter = filter
-        model: Model | None = None
-        if isinstance(filter, FixedGainObserver):
-            model = filter.system
-        elif isinstance(filter, (KalmanFilter, ExtendedKalmanFilter)):
-            model = filter.model
+        self._filter, self._model = filter, filter.model
         #: Whether the filter, its model and its space are linear.
-        self.applies = False
-        if isinstance(model, (LinearSystem, DiscreteLinearSystem)):
-            self.applies = True
-            self._model: SampledLinear = model
+        self.applies = filter.model.linear and isinstance(
+            filter, (LinearUpdate, FixedGainObserver)
+        )
         self._known: dict[tuple[bytes, float], ScheduledPrediction | ScheduledCorrection] = {}
         self._sensors: dict[int, Sensor] = {}
         self._roots: dict[bytes, Array] = {}
@@ -84,7 +76,7 @@ class GainSchedule:
         key = P.tobytes(), dt
         found = self._known.get(key)
         if not isinstance(found, ScheduledPrediction):
-            step = self._model.sampled(dt)
+            step = self._model.sampled(dt)  # type: ignore[attr-defined]
             n, m = step.G.shape
             moved, _ = committed(self._filter.predict(Gaussian(np.zeros(n), P), np.zeros(m), dt))
             found = ScheduledPrediction(step.F, step.G, moved.covariance)
@@ -122,10 +114,8 @@ class GainSchedule:
         x = np.zeros(len(P))
         at_rest = self._filter.correct(Gaussian(x, P), sensor.measure(x), sensor)
         S, posterior = at_rest.innovation_covariance, committed(at_rest.posterior)[0]
-        if isinstance(self._filter, FixedGainObserver):
-            K = self._filter.gain(sensor)
-        else:
-            K, _ = kernels.gain(P, np.asfortranarray(sensor.jacobian(x)), sensor.covariance.T)
+        K = at_rest.gain
+        assert K is not None
         return ScheduledCorrection(K, S, posterior.covariance, _inverse_root(S))
 
     def _keep(

@@ -14,12 +14,12 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Hypotheses, Sensor, Space
+from kalman_ros.core import About, Array, Gaussian, Hypotheses, Model, Sensor, Space
+from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Filter, Plan
+from kalman_ros.estimators.mixture import Mixture, forecast_nis, pooled, reduced, turned_parts
 
-from .correction import Correction
 from .ekf import ExtendedKalmanFilter
-from .filter import Plan
-from .mixture import Mixture, forecast_nis, pooled, reduced, turned_parts
 
 #: Hypotheses with a smaller weight are dropped.
 _LEAST_WEIGHT = 1e-4
@@ -30,7 +30,7 @@ HYPOTHESES = 8
 
 
 @dataclass(frozen=True)
-class GaussianSumFilter:
+class GaussianSumFilter(Filter):
     """Extended Kalman filters in parallel, weighted by the likelihood of the readings.
 
     It is one of them until a sensor finds it too wide for its reading, and divides it, or an angle
@@ -47,6 +47,25 @@ class GaussianSumFilter:
 
     ekf: ExtendedKalmanFilter
     hypotheses: int
+    optimal = False
+    mixture = True
+
+    @classmethod
+    def build(
+        cls,
+        plan: Plan,
+        hypotheses: Annotated[
+            int,
+            About('Gaussians into which a reading divides one that is too wide for it', minimum=1),
+        ] = HYPOTHESES,
+    ) -> GaussianSumFilter:
+        """Return the Gaussian sum filter of any model."""
+        return cls(ExtendedKalmanFilter(plan.model), hypotheses)
+
+    @property
+    def model(self) -> Model:  # type: ignore[override]
+        """How the state moves."""
+        return self.ekf.model
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         """Predict each part; weights are unchanged."""
@@ -83,11 +102,11 @@ class GaussianSumFilter:
         predicted, total = pooled(sensor.output, shares, points, S)
         difference = sensor.output.subtract
         nis = forecast_nis(shares, difference(y, points), S)
-        return Correction(posterior, difference(y, predicted), total, nis)
+        return Correction(posterior, difference(y, predicted), total, nis=nis)
 
     @property
     def _space(self) -> Space:
-        return self.ekf.model.state
+        return self.model.state
 
     def _within_reach(
         self, parts: Sequence[Gaussian], weights: Array
@@ -134,11 +153,4 @@ def _outcome(found: Hypotheses | Correction, y: Array, sensor: Sensor) -> tuple[
     return one, S[np.newaxis]
 
 
-def build(
-    plan: Plan,
-    hypotheses: Annotated[
-        int, About('Gaussians into which a reading divides one that is too wide for it', minimum=1)
-    ] = HYPOTHESES,
-) -> GaussianSumFilter:
-    """Return the Gaussian sum filter of any model."""
-    return GaussianSumFilter(ExtendedKalmanFilter(plan.model), hypotheses)
+FILTER = GaussianSumFilter

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from kalman_ros.estimators.agreement import Record, Records
+from .agreement import Record, Records
 
 #: Which members of a batch (...,).
 Mask = npt.NDArray[np.bool_]

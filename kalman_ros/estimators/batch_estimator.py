@@ -8,20 +8,39 @@ a covariance to repair or a gate that may recover, is left to the code for one r
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, is_finite, unchecked
-from kalman_ros.estimators.correction import committed
-from kalman_ros.estimators.filter import Filter
-from kalman_ros.estimators.gate import Gate
-from kalman_ros.estimators.policy import Policy
-from kalman_ros.linear.batched import factor, times, whitened
+from kalman_ros.core.stacked import stacked, stacked_sensor
+from kalman_ros.linear.batched import factor, squared, times, whitened
 
-from .batch_correction import BatchCorrection
-from .batch_filters import batched
 from .batch_records import NEVER, BatchRecords, Mask
+from .correction import Correction, committed
+from .filter import Filter
 from .gain_schedule import GainSchedule
+from .gate import Gate
+from .policy import Policy
+
+
+def for_many(filter: Filter) -> Filter:
+    """Return the filter for beliefs with leading axes, whatever the functions of its model take.
+
+    Raises
+    ------
+    ValueError
+        If its beliefs are mixtures.
+    """
+    if filter.mixture:
+        raise ValueError(
+            'filter: expected one with a single Gaussian as its belief, such as kf, ekf or ukf, '
+            f'for a batch, got {type(filter).__name__}'
+        )
+    several: Any = filter
+    found: Filter = replace(several, model=stacked(filter.model))
+    return found
 
 
 class BatchEstimator:
@@ -58,8 +77,9 @@ class BatchEstimator:
         policy = policy or Policy()
         #: Gains and covariances that all members share.
         self.schedule = schedule or GainSchedule(filter)
-        self._one, self._filter = filter, batched(filter)
-        self._sensors, self._initial, self._input = dict(sensors), initial, input
+        self._one, self._filter = filter, for_many(filter)
+        self._sensors = {name: stacked_sensor(sensor) for name, sensor in sensors.items()}
+        self._initial, self._input = initial, input
         self._order = {name: index for index, name in enumerate(sensors)}
         self._gate, self._gates = Gate(sensors, policy), dict(policy.gates or {})
         self._needed = policy.recover_after
@@ -89,7 +109,7 @@ class BatchEstimator:
             u = np.where(good, u, self._input)
         self._input = u
 
-    def add_reading(self, name: str, y: Array, present: Mask | None = None) -> BatchCorrection:
+    def add_reading(self, name: str, y: Array, present: Mask | None = None) -> Correction:
         """Fuse readings ``y`` (..., k) taken at `time`, of those members that are ``present``.
 
         A reading that is not finite counts as missing.
@@ -146,7 +166,7 @@ class BatchEstimator:
         mean = self.schedule.wrap(times(F, x) + times(G, self._input))
         return unchecked((mean, covariance)) if is_finite(mean) else None
 
-    def _corrected_as_scheduled(self, name: str, y: Array) -> BatchCorrection | None:
+    def _corrected_as_scheduled(self, name: str, y: Array) -> Correction | None:
         """Fuse readings where all members share a covariance, and there are no gates."""
         (x, P), sensor = self.belief, self._sensors[name]
         if P.ndim != 2 or not self.schedule.applies or self._gates:
@@ -164,7 +184,8 @@ class BatchEstimator:
         self.belief = unchecked((mean, found.covariance))
         self.fused[name] += 1
         S = found.innovation_covariance
-        return BatchCorrection(self.belief, innovation, S, found.whitening)
+        nis = squared(times(found.whitening, innovation))
+        return Correction(self.belief, innovation, S, found.gain, nis)
 
     def _predicted(self, dt: float) -> Gaussian:
         """Return the beliefs after ``dt`` seconds; a member that fails restarts."""
@@ -211,7 +232,7 @@ class BatchEstimator:
         self,
         name: str,
         y: Array,
-        correction: BatchCorrection,
+        correction: Correction,
         outcome: tuple[Mask, Mask, Mask],
         posterior: Gaussian,
     ) -> tuple[Gaussian, Mask]:

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The extended Kalman filter in square-root form: it moves factors of covariances.
+
+A covariance P = L L' keeps as many digits of a small variance beside a large one as L has, which
+are twice as many as P has; and L L' is never indefinite. Both steps are one orthogonal
+transformation, in the array form of T. Kailath, A. Sayed and B. Hassibi, Linear Estimation (2000),
+chapter 12.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.core import Array, Gaussian, Sensor
+from kalman_ros.estimators.correction import Correction, LinearUpdate
+from kalman_ros.estimators.filter import Prediction, parts
+from kalman_ros.linear.batched import product, semidefinite_factor, symmetric
+from kalman_ros.linear.kernels import kernels
+
+
+class FactoredGaussian(Gaussian):
+    """A Gaussian with the factor of its covariance.
+
+    Parameters
+    ----------
+    mean
+        (..., n).
+    factor
+        L (..., n, n) with L L' = P.
+    """
+
+    factor: Array
+
+    def __new__(cls, mean: Array, factor: Array) -> FactoredGaussian:
+        """Return the belief, with P = L L'."""
+        P = symmetric(product(factor, factor.swapaxes(-1, -2)))
+        self: FactoredGaussian = tuple.__new__(cls, (mean, P))
+        self.factor = factor
+        return self
+
+    def _replace(self, **changes: Any) -> Gaussian:  # type: ignore[override]
+        """Return a belief without a factor, since another covariance has another one."""
+        return Gaussian(*self)._replace(**changes)
+
+
+@dataclass(frozen=True)
+class SquareRootFilter(LinearUpdate):
+    """An extended Kalman filter that stays accurate where variances are far apart."""
+
+    def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
+        """Return x = step(x, u), and L with L L' = F P F' + Q."""
+        return self.linearized(belief, u, dt).belief
+
+    def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
+        """Return what `predict` does, with F <- F_k F and Q <- F_k Q F_k' + Q_k of its steps."""
+        x, k, L = belief.mean, kernels(belief.mean), _factor(belief)
+        F, Q = np.eye(x.shape[-1]), np.zeros((x.shape[-1],) * 2)
+        count = parts(self.model, dt)
+        for _ in range(count):
+            x, F_k, Q_k = self.model.linearized_step(x, u, dt / count)
+            L = _triangle(product(F_k, L), semidefinite_factor(Q_k))
+            F, Q = product(F_k, F), k.sandwich(F_k, Q, Q_k)
+        return Prediction(FactoredGaussian(x, L), F, Q)
+
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Return x + K innovation; [R^1/2, H L; 0, L] turns into [S^1/2, 0; K S^1/2, L]."""
+        x, k, L = belief.mean, kernels(belief.mean), _factor(belief)
+        innovation = sensor.output.subtract(y, sensor.measure(x))
+        HL, m = product(sensor.jacobian(x), L), y.shape[-1]
+        before = np.zeros((*HL.shape[:-2], m + L.shape[-1], m + L.shape[-1]))
+        before[..., :m, :m] = k.repaired_factor(sensor.covariance)
+        before[..., :m, m:], before[..., m:, m:] = HL, L
+        after = _triangle(before)
+        root, weighted, L = after[..., :m, :m], after[..., m:, :m], after[..., m:, m:]
+        K = np.linalg.solve(root.swapaxes(-1, -2), weighted.swapaxes(-1, -2)).swapaxes(-1, -2)
+        S = symmetric(product(root, root.swapaxes(-1, -2)))
+        total, space = k.corrected(x, K, innovation), self.model.state
+        posterior: Gaussian = FactoredGaussian(space.wrap(total), L)
+        if space.rotations:  # the axes of their errors turn
+            posterior = Gaussian(*space.arrived(total, x, posterior.covariance))
+        return Correction(posterior, innovation, S, K)
+
+
+def _factor(belief: Gaussian) -> Array:
+    """Return L with L L' = P."""
+    if isinstance(belief, FactoredGaussian):
+        return belief.factor
+    factor: Array = kernels(belief.mean).repaired_factor(belief.covariance)
+    return factor
+
+
+def _triangle(*parts: Array) -> Array:
+    """Return L (..., n, n), lower triangular, with L L' the sum of A A' of the parts A."""
+    lead = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+    rows = [np.broadcast_to(part, (*lead, *part.shape[-2:])) for part in parts]
+    qr: Any = np.linalg.qr
+    R: Array = qr(np.concatenate(rows, axis=-1).swapaxes(-1, -2), mode='r')
+    return np.asarray(R.swapaxes(-1, -2))
+
+
+FILTER = SquareRootFilter
