@@ -27,12 +27,12 @@ BELOW = {
         )
     },
 }
-BELOW['scenario'] = {'linear', 'core', 'models', 'sensors', 'estimators', 'control'}
-BELOW['simulation'] = {*BELOW['scenario'], 'scenario', 'acoustics', 'compiled'}
+BELOW['scenario'] = {'linear', 'core', 'models', 'sensors', 'compiled', 'estimators', 'control'}
+BELOW['simulation'] = {*BELOW['scenario'], 'scenario', 'acoustics'}
 BELOW['analysis'] = {*BELOW['simulation'], 'simulation'}
 BELOW['report'] = {*BELOW['analysis'], 'analysis'}
-BELOW['arrays'] = {*BELOW['report'], 'report', 'compiled'}
-BELOW['pipeline'] = {*BELOW['analysis'], 'analysis', 'codecs', 'compiled'}
+BELOW['arrays'] = {*BELOW['report'], 'report'}
+BELOW['pipeline'] = {*BELOW['analysis'], 'analysis', 'codecs'}
 BELOW['bags'] = {*BELOW['pipeline'], 'pipeline'}
 BELOW['nodes'] = {*BELOW['pipeline'], 'pipeline'}
 BELOW['harness'] = {*BELOW['nodes'], 'nodes', 'bags'}

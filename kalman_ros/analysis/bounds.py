@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kalman_ros.core import Array, symmetric
-from kalman_ros.linear.periodic import Readings, updated
+from kalman_ros.core import Array, Gaussian
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Series
 
@@ -30,7 +30,8 @@ def posterior_cramer_rao(
     Cramer-Rao Bounds for Discrete-Time Nonlinear Filtering, IEEE Trans. Signal Processing 46(5),
     1998). For a linear system it is the covariance of the Kalman filter; else the expectation
     over all paths is omitted, which is exact for small process noise. It is computed
-    as J^-1, in Joseph's form, so that exactly known states have a bound of 0.
+    as J^-1, the covariance of an extended filter whose mean is the truth, so that exactly known
+    states have a bound of 0.
 
     Parameters
     ----------
@@ -49,7 +50,8 @@ def posterior_cramer_rao(
         steps are missing, as in real time. In between F is that of the state before, and H that
         of the state after.
     """
-    model, plan = scenario.model, scenario.plan
+    filter, plan = ExtendedKalmanFilter(scenario.model), scenario.plan
+    sensors = {name: timed.sensor for name, timed in plan.sensors.items()}
     read = _due(scenario, len(truth)) if readings is None else _read(scenario, readings)
     P = scenario.initial_belief.covariance
     steps = np.arange(len(truth)) if time is None else np.rint(time * scenario.rate).astype(int)
@@ -58,10 +60,11 @@ def posterior_cramer_rao(
         last = max(k - 1, 0)
         for at in range(done + 1, step + 1):
             if at:
-                move = model.transition(truth[last], input[last], plan.dt)
-                P = symmetric(move.F @ P @ move.F.T + move.Q)
+                moved = filter.predict(Gaussian(truth[last], P), input[last], plan.dt)
+                P = moved.covariance
             for name, R in read.get(at, ()):
-                _, P = updated(P, Readings(plan.sensors[name].sensor.jacobian(x), R))
+                sensor = sensors[name].with_covariance(R)
+                P = filter.correct(Gaussian(x, P), sensor.measure(x), sensor).posterior.covariance
         bounds.append(P)
         done = step
     return np.array(bounds)

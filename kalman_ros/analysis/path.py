@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback, Regulator
-from kalman_ros.core import Array, DesignError, solve, symmetric
-from kalman_ros.linear.periodic import Readings, updated
+from kalman_ros.core import Array, DesignError, Gaussian, Sensor, solve, symmetric
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
+from kalman_ros.linear.single import sandwich
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
@@ -175,6 +177,7 @@ def _simulated(
 def _known(scenario: Scenario, truth: Array, input: Array) -> Path:
     """Return the analysis of a path."""
     model, plan = scenario.model, scenario.plan
+    filter: Any = ExtendedKalmanFilter(model)
     first, names = scenario.initial_belief, model.state.names
     P, over, gramian = first.covariance, np.eye(model.state.size), np.zeros_like(first.covariance)
     ends = np.linspace(0, len(truth) - 1, _WINDOWS + 1).astype(int)
@@ -183,11 +186,12 @@ def _known(scenario: Scenario, truth: Array, input: Array) -> Path:
     windows: list[Window] = []
     for step, x in enumerate(truth):
         near = np.abs(over).max() < _MOST_GROWTH
-        for H, R in _read(scenario, step, x):
-            _, P = updated(P, Readings(H, R))
-            seen = H @ over
+        for sensor in _read(scenario, step, x):
+            found = filter.correct(Gaussian(x, P), sensor.measure(x), sensor)
+            P = found.posterior.covariance
             if near:
-                gramian += seen.T @ solve(R, seen)
+                seen = found.jacobian @ over
+                gramian += seen.T @ solve(sensor.covariance, seen)
         stds.append(np.sqrt(P.diagonal()))
         if step and step in ends:
             std = readings_alone(gramian, first.std)
@@ -196,19 +200,18 @@ def _known(scenario: Scenario, truth: Array, input: Array) -> Path:
             windows.append(Window(start, step * plan.dt, std, observed))
             over, gramian = np.eye(len(over)), np.zeros_like(gramian)
         if step % often == 0:
-            move = model.transition(x, input[step], plan.dt)
+            _, F, Q = filter.linearized(Gaussian(x, P), input[step], plan.dt)
         if step < len(truth) - 1:
-            P = symmetric(move.F @ P @ move.F.T + move.Q)
-            over = move.F @ over if near else over
+            P = symmetric(sandwich(F, P, Q))
+            over = F @ over if near else over
     time = np.asarray(np.arange(len(truth)) * plan.dt)
     return Path(time, truth, np.array(stds), P, tuple(windows), names)
 
 
-def _read(scenario: Scenario, step: int, x: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield Jacobian and covariance of each reading of a step, where a derivative exists."""
+def _read(scenario: Scenario, step: int, x: Array) -> Iterator[Sensor]:
+    """Yield the sensors that read at a step, where they have a derivative."""
     plan = scenario.plan
     for name in plan.due(step):
         sensor = plan.sensors[name].sensor
-        H = sensor.jacobian(x)
-        if np.all(np.isfinite(H)):
-            yield H, sensor.covariance
+        if np.all(np.isfinite(sensor.jacobian(x))):
+            yield sensor

@@ -185,7 +185,7 @@ class BatchEstimator:
         self.fused[name] += 1
         S = found.innovation_covariance
         nis = squared(times(found.whitening, innovation))
-        return Correction(self.belief, innovation, S, found.gain, nis)
+        return Correction(self.belief, innovation, S, found.gain, nis=nis)
 
     def _predicted(self, dt: float) -> Gaussian:
         """Return the beliefs after ``dt`` seconds; a member that fails restarts."""

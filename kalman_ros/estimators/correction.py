@@ -28,11 +28,13 @@ class Correction:
         S (..., k, k), what the innovation was expected to scatter by.
     gain
         K (..., n, k), by which the innovation moved the mean; None for a mixture.
+    jacobian
+        H (..., k, n), the sensor about the mean before, where the filter has one.
     nis
         The normalised innovation squared, if it is known.
     """
 
-    __slots__ = ('_nis', 'gain', 'innovation', 'innovation_covariance', 'posterior')
+    __slots__ = ('_nis', 'gain', 'innovation', 'innovation_covariance', 'jacobian', 'posterior')
 
     def __init__(
         self,
@@ -40,12 +42,14 @@ class Correction:
         innovation: Array,
         innovation_covariance: Array,
         gain: Array | None = None,
+        jacobian: Array | None = None,
         nis: Any = None,
     ) -> None:
         self.posterior = posterior
         self.innovation = innovation
         self.innovation_covariance = innovation_covariance
         self.gain = gain
+        self.jacobian = jacobian
         self._nis = nis
 
     @property
@@ -73,8 +77,8 @@ class Correction:
 
     def with_posterior(self, posterior: Gaussian) -> Correction:
         """Return the same correction with another belief after it."""
-        S, K = self.innovation_covariance, self.gain
-        return Correction(posterior, self.innovation, S, K, self._nis)
+        S, K, H = self.innovation_covariance, self.gain, self.jacobian
+        return Correction(posterior, self.innovation, S, K, H, self._nis)
 
     def __repr__(self) -> str:
         """Return innovation and NIS, and the mean of the posterior."""
@@ -105,7 +109,7 @@ class LinearUpdate(SmoothableFilter):
         K, S = k.gain(P, H, R)
         mean, covariance = k.corrected(x, K, innovation), k.joseph(K, H, P, R)
         moved = self.model.state.arrived(mean, x, covariance)
-        return Correction(unchecked(moved), innovation, S, K)
+        return Correction(unchecked(moved), innovation, S, K, H)
 
 
 def committed(belief: Gaussian) -> tuple[Gaussian, int]:

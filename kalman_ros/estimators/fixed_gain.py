@@ -39,7 +39,7 @@ class FixedGainObserver(Filter):
         innovation = sensor.output.subtract(y, sensor.measure(x))
         mean = self.model.state.wrap(k.corrected(x, L, innovation))
         posterior = unchecked((mean, k.joseph(L, C, P, R)))
-        return Correction(posterior, innovation, k.sandwich(C, P, R), L)
+        return Correction(posterior, innovation, k.sandwich(C, P, R), L, C)
 
     def gain(self, sensor: Sensor) -> Array:
         """Return the gain L (n, k) of a sensor; ValueError if there is none."""

@@ -19,8 +19,8 @@ from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import Estimation
 
-from .fusion import Fusion
 from .input_timeout import InputTimeout
 from .reading_reader import InputReader, OtherFrameError, Reading, SensorReader
 from .throttle import Throttle
@@ -99,7 +99,7 @@ class Fuser:
         #: The stamp of the newest reading that moved the estimate, in nanoseconds.
         self.fused_at: int | None = None
 
-    def configure(self, scenario: Scenario, found: Fusion) -> None:
+    def configure(self, scenario: Scenario, found: Estimation) -> None:
         """Use a scenario that was changed live; its names and topics are the same."""
         self.online.configure(found.filter, found.sensors, found.policy)
         self.scenario, self.arithmetic = scenario, found.arithmetic

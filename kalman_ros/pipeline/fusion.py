@@ -1,43 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds the filter and the policy of an estimator from a scenario and its options."""
+"""The estimation that the options of an estimator's node describe, and whether it can start."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
-from kalman_ros.compiled.parts import NUMPY, parts
 from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
-from kalman_ros.estimators import NATIVE, build_filter
-from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import Estimation, estimation, gates
 
 from .estimator_options import EstimatorOptions
-
-
-@dataclass(frozen=True)
-class Fusion:
-    """A filter, its sensors by name, and how to treat late, doubtful or missing data.
-
-    Parameters
-    ----------
-    filter, sensors, policy
-        What an `OnlineEstimator` takes.
-    arithmetic
-        What computes the model and the sensors, in words.
-    pending
-        What is still to be compiled, for `compiled.library.load`.
-    """
-
-    filter: Filter
-    sensors: Mapping[str, Sensor]
-    policy: Policy
-    arithmetic: str
-    pending: Sequence[str] = ()
 
 
 def fusion(
@@ -46,27 +22,32 @@ def fusion(
     extra: Mapping[str, Value],
     *,
     wait: bool = True,
-) -> Fusion:
-    """Return the filter that the ``options``, and its own ``extra`` ones, describe.
-
-    Without ``wait``, what was not compiled before is `Fusion.pending`.
+) -> Estimation:
+    """Return the estimation that the ``options``, and the ``extra`` ones of a filter, describe.
 
     Raises
     ------
     ValueError
-        If the filter is unknown, or does not support the scenario.
+        As `estimation` does.
     """
+    return estimation(
+        scenario,
+        policy(scenario, options),
+        options=extra,
+        implementation=options.implementation,
+        arithmetic=options.arithmetic,
+        wait=wait,
+    )
+
+
+def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:
+    """Return how an estimator with these options treats imperfect data."""
     if options.initialize not in ('belief', 'reading'):
         raise ValueError(f"initialize: expected belief or reading, got '{options.initialize}'")
-    gates = {
-        name: chi_square_gate(source.gate, source.sensor.output.size)
-        for name, source in scenario.sensors.items()
-        if source.gate < 1.0
-    }
     rests = options.rest_until_input and not options.lockstep and bool(scenario.input.fields)
-    policy = Policy(
+    return Policy(
         window=options.window,
-        gates=gates,
+        gates=gates(scenario),
         recover_after=options.gate_recover_after,
         restart_after=options.restart_after,
         max_gap=options.max_gap,
@@ -74,20 +55,14 @@ def fusion(
         from_reading=options.initialize == 'reading',
         rest_until_input=rests,
     )
-    believed, plan = scenario.believed, scenario.believed_plan
-    chosen = options.arithmetic if options.implementation == NATIVE else NUMPY
-    fast = parts(believed.model, believed.sensors, chosen, wait=wait)
-    plan = plan.computed_by(fast.model, fast.sensors)
-    filter = build_filter(scenario.filter, plan, extra, options.implementation)
-    return Fusion(filter, fast.sensors, policy, fast.arithmetic, fast.pending)
 
 
-def check_start(found: Fusion, scenario: Scenario) -> None:
+def check_start(found: Estimation, scenario: Scenario) -> None:
     """Raise ValueError if no reading could ever correct the initial belief.
 
     Its numbers may be finite, but too large to compute with; or the model makes them so in a step.
     """
-    belief, filter = scenario.believed.initial, found.filter
+    belief, filter = found.initial, found.filter
     sensors = [found.sensors[name] for name in scenario.enabled]
     zero = np.zeros(scenario.model.input.size)
 

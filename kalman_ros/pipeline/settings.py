@@ -13,11 +13,12 @@ from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators import filter_options
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import Estimation
 
 from . import names
 from .datum_file import read_datum
 from .estimator_options import EstimatorOptions
-from .fusion import Fusion, check_start, fusion
+from .fusion import check_start, fusion
 from .idle import idle_input
 from .input_timeout import InputTimeout
 
@@ -118,7 +119,7 @@ class Settings:
         """Return what ends inputs that are not renewed."""
         return InputTimeout(self.options.input_timeout, self.idle())
 
-    def fusion(self, *, wait: bool = True) -> Fusion:
+    def fusion(self, *, wait: bool = True) -> Estimation:
         """Return the filter, the sensors and the policy of an estimator, which can start.
 
         Raises
@@ -131,11 +132,9 @@ class Settings:
         check_start(found, self.scenario)
         return found
 
-    def estimator(self, found: Fusion | None = None) -> OnlineEstimator:
+    def estimator(self, found: Estimation | None = None) -> OnlineEstimator:
         """Return a new estimator, of a `fusion` that is known or a new one."""
-        found = found or self.fusion()
-        initial = self.scenario.believed.initial
-        return OnlineEstimator(found.filter, found.sensors, initial, self.idle(), found.policy)
+        return (found or self.fusion()).online(self.idle())
 
 
 def settings(given: Mapping[str, Any]) -> Settings:

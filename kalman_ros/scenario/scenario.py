@@ -90,15 +90,16 @@ class Scenario:
         biases = {n: source.bias for n, source in self.sensors.items() if source.bias is not None}
         return believed(self.model, sensors, self.initial_belief, biases)
 
+    @cached_property
+    def without_biases(self) -> Scenario:
+        """The same scenario with sensors of which no bias is believed."""
+        sources = {name: replace(source, bias=None) for name, source in self.sensors.items()}
+        return replace(self, sensors=sources)
+
     @property
     def believed_plan(self) -> Plan:
         """The input for building an estimator's filter: the `plan` with the biases."""
-        sensors = self.believed.sensors
-        timed = {
-            name: replace(source.timed, sensor=sensors[name])
-            for name, source in self.enabled.items()
-        }
-        return Plan(self.believed.model, timed, self.rate)
+        return self.plan.computed_by(self.believed.model, self.believed.sensors)
 
     @property
     def timed(self) -> dict[str, TimedSensor]:

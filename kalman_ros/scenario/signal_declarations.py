@@ -53,7 +53,7 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
         ),
         'rate': (setup.rate, About('readings a second', 'Hz', minimum=1e-6, live=True)),
         'enabled': (setup.enabled, About('whether the sensor is used', live=True)),
-        'topic': (signal.topic, About('topic of the readings')),
+        'topic': (signal.topic, About('topic of readings')),
         'type': (signal.type, About('message type of the readings')),
         'fields': (list(signal.fields), About('field of the message for each coordinate')),
         'covariance': (

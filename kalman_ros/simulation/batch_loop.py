@@ -10,13 +10,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, unchecked
-from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.batch_estimator import BatchEstimator
-from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.gain_schedule import GainSchedule
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import Estimation, estimation
 
 from .batch_plant import BatchPlant
 from .faults.plant_faults import PlantFaults
@@ -65,6 +64,12 @@ class Loop:
     command: Callable[[float], Array] | None = None
     arrives: Callable[[float], bool] | None = None
     faults: PlantFaults | None = None
+
+    @property
+    def estimation(self) -> Estimation:
+        """The estimation of each loop, for readings in order."""
+        in_order = Policy(max_gap=0.0)
+        return estimation(self.believed, in_order, filter=self.filter, biases=False)
 
     @property
     def steps(self) -> int:
@@ -157,18 +162,13 @@ def run_batch(
 def _estimator(
     loop: Loop, runs: int, starts: Starts | None, schedule: GainSchedule | None
 ) -> BatchEstimator:
-    believed = loop.believed
-    gates = {
-        name: chi_square_gate(source.gate, source.sensor.output.size)
-        for name, source in believed.sensors.items()
-        if source.gate < 1.0
-    }
+    found = loop.estimation
     return BatchEstimator(
-        build_filter(loop.filter or believed.filter, believed.plan),
-        {name: source.sensor for name, source in believed.sensors.items()},
-        believed.initial_belief if starts is None else starts.belief,
-        believed.model.equilibrium.input,
+        found.filter,
+        found.sensors,
+        found.initial if starts is None else starts.belief,
+        loop.believed.model.equilibrium.input,
         (runs,),
-        Policy(max_gap=0.0, gates=gates),
+        found.policy,
         schedule,
     )

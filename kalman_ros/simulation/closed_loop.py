@@ -9,11 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kalman_ros.core import Array
-from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.consistency import chi_square_gate
-from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import estimation
 
 from .computed import computed
 from .faults.links import Links
@@ -81,22 +79,11 @@ def run(
     links.configure(timed, {} if faults is None else faults.sensors)
     if faults is not None:
         plant.adopt(faults)
-    sensors = {name: source.sensor for name, source in believed.sensors.items()}
     space, (x0, u0) = believed.model.state, believed.model.equilibrium
     K = np.zeros((u0.size, x0.size)) if gain is None else gain
-    gates = {
-        name: chi_square_gate(source.gate, source.sensor.output.size)
-        for name, source in believed.sensors.items()
-        if source.gate < 1.0
-    }
-    estimator = OnlineEstimator(
-        build_filter(filter or believed.filter, believed.plan),
-        sensors,
-        believed.initial_belief,
-        u0,
-        Policy(max_gap=0.0, gates=gates),
-    )
-    logs = {name: _Log() for name in sensors}
+    in_order = Policy(max_gap=0.0)
+    estimator = estimation(believed, in_order, filter=filter, biases=False).online(u0)
+    logs = {name: _Log() for name in believed.sensors}
     rows = []
     for step in range(round(seconds * scenario.rate) + 1):
         time = round(step * plant.dt * 1e9)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from kalman_ros.core import Array
-from kalman_ros.estimators import build_filter, filter_class
+from kalman_ros.estimators import filter_class
 from kalman_ros.estimators.gain_schedule import GainSchedule
 
 from . import closed_loop
@@ -105,8 +105,7 @@ class Experiment:
     @cached_property
     def _schedule(self) -> GainSchedule:
         """The gains that chunks share where no reading changes them."""
-        believed = self.loop.believed
-        return GainSchedule(build_filter(self.loop.filter or believed.filter, believed.plan))
+        return GainSchedule(self.loop.estimation.filter)
 
 
 def monte_carlo(

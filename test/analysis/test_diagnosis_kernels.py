@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from kalman_ros.analysis.diagnosis import outliers
-from kalman_ros.analysis.diagnosis import passage as passage_module
 from kalman_ros.analysis.diagnosis.array_replay import replay
 from kalman_ros.analysis.diagnosis.bias import courses_of
 from kalman_ros.analysis.diagnosis.evidence import misfit
@@ -18,6 +17,7 @@ from kalman_ros.analysis.diagnosis.refilter import misfits
 from kalman_ros.analysis.diagnosis.responses import Responses, fitted
 from kalman_ros.analysis.diagnosis.stamps import slope
 from kalman_ros.analysis.records import InputRecord
+from kalman_ros.linear import single
 from kalman_ros.linear.single import gain
 from kalman_ros.programs.doctor.recordings import Injection, recorded
 
@@ -178,7 +178,7 @@ def test_the_pass_of_a_filter_that_fails_ends_there(case, monkeypatch):
         calls.append(P)
         return gain(P, H, R if len(calls) % 50 else -R - 1e9)
 
-    monkeypatch.setattr(passage_module, 'gain', failing)
+    monkeypatch.setattr(single, 'gain', failing)
     with pytest.raises(np.linalg.LinAlgError, match='not positive definite'):
         passage(case.evidence)
     assert len(passage(case.evidence, strict=False).events) == 49

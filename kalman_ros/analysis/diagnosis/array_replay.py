@@ -12,12 +12,10 @@ import numpy as np
 from kalman_ros import scenario as scenarios
 from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
 from kalman_ros.core import Array
-from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.consistency import chi_square_gate
-from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import estimation
 
 from .evidence import Evidence, changed
 from .passage import passage
@@ -121,20 +119,9 @@ class _Replay:
     def __init__(
         self, parameters: Mapping[str, Any], scenario: Scenario, readings: Mapping[str, Any]
     ) -> None:
-        sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-        gates = {
-            name: chi_square_gate(source.gate, source.sensor.output.size)
-            for name, source in scenario.sensors.items()
-            if source.gate < 1.0
-        }
         given = {own: parameters[key] for own, key in _POLICY.items() if key in parameters}
-        self.online = OnlineEstimator(
-            build_filter(scenario.filter, scenario.plan),
-            sensors,
-            scenario.initial_belief,
-            np.zeros(scenario.model.input.size),
-            Policy(gates=gates, **given),
-        )
+        found = estimation(scenario, Policy(**given), biases=False)
+        self.online = found.online(np.zeros(scenario.model.input.size))
         self._scenario, self._readings = scenario, readings
         self._found: dict[str, list[Any]] = {name: [] for name in scenario.enabled}
         self._beliefs: list[tuple[float, Array, Array]] = []

@@ -20,7 +20,8 @@ import numpy as np
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array, Gaussian, is_finite
 from kalman_ros.estimators import filter_class
-from kalman_ros.linear.single import corrected, gain, joseph, weighed, whitening
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
+from kalman_ros.linear.single import whitening
 from kalman_ros.simulation.computed import computed
 
 from .beginning import likeliest
@@ -161,26 +162,25 @@ def _followed(
 ) -> Iterator[tuple[Event, Array]]:
     """Yield the events of a pass from the ``first`` belief, and their whitened innovations."""
     scenario = computed(evidence.scenario)
+    filter = ExtendedKalmanFilter(scenario.model)
     sensors = {name: source.sensor for name, source in scenario.sensors.items()}
-    walk = Walk(scenario.model, evidence, first)
+    walk = Walk(filter, evidence, first)
     for time, name, index in _in_order(evidence, until):
         F, Q, dt = walk.to(time)
-        sensor, record = sensors[name], evidence.sensors[name]
-        x, P, R = walk.x, walk.P, record.covariance[index]
-        if not is_finite(x):
+        record, prior = evidence.sensors[name], walk.belief
+        if not is_finite(prior.mean):
             raise np.linalg.LinAlgError('the estimate is not finite')
-        H = np.asfortranarray(sensor.jacobian(x))
-        K, S = gain(P, H, R)
-        innovation = sensor.output.subtract(record.value[index], sensor.measure(x))
-        if gate and name == gate[0] and weighed(S, innovation) > gate[1]:
+        sensor = sensors[name].with_covariance(record.covariance[index])
+        found: Any = filter.correct(prior, record.value[index], sensor)
+        if gate and name == gate[0] and found.nis > gate[1]:
             gate[2].append(index)
             walk.skip(F, Q, dt)
             continue
-        walk.x = scenario.model.state.wrap(corrected(x, K, innovation))
-        walk.P = joseph(K, H, P, R)
+        walk.belief = found.posterior
+        nu, S, H, K = found.innovation, found.innovation_covariance, found.jacobian, found.gain
         white, size = whitener(S)
-        event = Event(name, index, time, F, Q, dt, x, P, walk.u, H, K, S, innovation, white, size)
-        yield event, np.minimum(np.maximum(white.dot(innovation), -_FAR), _FAR)
+        event = Event(name, index, time, F, Q, dt, *prior, walk.u, H, K, S, nu, white, size)
+        yield event, np.minimum(np.maximum(white.dot(nu), -_FAR), _FAR)
 
 
 def whitener(S: Array) -> tuple[Array, float]:

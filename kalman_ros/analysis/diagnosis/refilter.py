@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.linear.batched import corrected, gain, joseph, sandwich, times, weighed
 
 from .passage import Event, Passage
 
@@ -105,24 +106,17 @@ class _Walk:
 
     def take(self, event: Event, Q: Array) -> None:
         """Go on to an event with the process noise of each candidate (C, n, n)."""
-        F, H = event.F, event.H
+        H, K_0 = event.H, event.K
         if self._begun:
-            self._P = F @ self._P @ F.T + Q
-            self._d = self._d @ F.T
+            self._P, self._d = sandwich(event.F, self._P, Q), times(event.F, self._d)
         self._begun = True
         scale = self._scale(event)
-        R = event.S - H @ event.P @ H.T
-        R = R * scale[:, :, None] * scale[:, None, :]
-        PH = self._P @ H.T
-        S = H @ PH + R
-        inverse = np.linalg.inv(S)
-        nu = event.innovation - self._d @ H.T
-        self.misfit += np.einsum('ci,cij,cj->c', nu, inverse, nu)
-        self.misfit += np.linalg.slogdet(2.0 * np.pi * S)[1]
-        K = PH @ inverse
-        self._d = self._d + np.einsum('cij,cj->ci', K, nu) - event.K @ event.innovation
-        A = np.eye(len(F)) - K @ H  # the form of Bucy and Joseph, which stays definite
-        self._P = A @ self._P @ A.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
+        R = (event.S - H @ event.P @ H.T) * scale[:, :, None] * scale[:, None, :]
+        K, S = gain(self._P, H, R)
+        nu = event.innovation - times(H, self._d)
+        self.misfit += weighed(S, nu) + np.linalg.slogdet(2.0 * np.pi * S)[1]
+        self._d = corrected(self._d, K, nu) - K_0 @ event.innovation
+        self._P = joseph(K, H, self._P, R)
 
     def _scale(self, event: Event) -> Array:
         """Return by what the standard deviations of a sensor's coordinates grow (C, k)."""

@@ -69,7 +69,8 @@ class SquareRootFilter(LinearUpdate):
         """Return x + K innovation; [R^1/2, H L; 0, L] turns into [S^1/2, 0; K S^1/2, L]."""
         x, k, L = belief.mean, kernels(belief.mean), _factor(belief)
         innovation = sensor.output.subtract(y, sensor.measure(x))
-        HL, m = product(sensor.jacobian(x), L), y.shape[-1]
+        H, m = sensor.jacobian(x), y.shape[-1]
+        HL = product(H, L)
         before = np.zeros((*HL.shape[:-2], m + L.shape[-1], m + L.shape[-1]))
         before[..., :m, :m] = k.repaired_factor(sensor.covariance)
         before[..., :m, m:], before[..., m:, m:] = HL, L
@@ -81,7 +82,7 @@ class SquareRootFilter(LinearUpdate):
         posterior: Gaussian = FactoredGaussian(space.wrap(total), L)
         if space.rotations:  # the axes of their errors turn
             posterior = Gaussian(*space.arrived(total, x, posterior.covariance))
-        return Correction(posterior, innovation, S, K)
+        return Correction(posterior, innovation, S, K, H)
 
 
 def _factor(belief: Gaussian) -> Array:

@@ -19,7 +19,7 @@ from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.bags.replayed import Replayed, SensorReplay
 from kalman_ros.core import Array
-from kalman_ros.pipeline.fusion import fusion
+from kalman_ros.pipeline.fusion import policy as policy_of
 from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
@@ -76,7 +76,7 @@ def load(
             f'parameters to, got {observations.count}'
         )
     options = settings.in_lockstep(replayed.lockstep).options
-    policy = fusion(settings.scenario, options, settings.extra).policy
+    policy = policy_of(settings.scenario, options)
     conditions = Conditions(policy, idle_input(settings.scenario.model, options.idle_input))
     until = observations.until(1.0 - hold_out) if hold_out else None
     likelihood = Likelihood(chosen, named.candidate, observations, conditions, until)

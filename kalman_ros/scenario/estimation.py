@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one way from a scenario to its filter, with the sensors and the policy of an estimator.
+
+Node, replay, simulation, Monte Carlo, doctor and tune take it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from kalman_ros.compiled.parts import COMPILED, NUMPY, parts
+from kalman_ros.core import Array, Gaussian, Sensor, Value
+from kalman_ros.estimators import NATIVE, build_filter
+from kalman_ros.estimators.consistency import chi_square_gate
+from kalman_ros.estimators.filter import Filter
+from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.policy import Policy
+
+from .scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """What estimates the state of a scenario.
+
+    Parameters
+    ----------
+    filter, sensors, initial, policy
+        What an `OnlineEstimator` takes.
+    arithmetic
+        What computes the model and the sensors, in words.
+    pending
+        What is still to be compiled, for `compiled.library.load`.
+    """
+
+    filter: Filter
+    sensors: Mapping[str, Sensor]
+    initial: Gaussian
+    policy: Policy
+    arithmetic: str
+    pending: Sequence[str] = ()
+
+    def online(self, input: Array) -> OnlineEstimator:
+        """Return a new estimator, with this ``input`` (m,) until the first one arrives."""
+        return OnlineEstimator(self.filter, self.sensors, self.initial, input, self.policy)
+
+
+def estimation(
+    scenario: Scenario,
+    policy: Policy | None = None,
+    *,
+    filter: str = '',
+    options: Mapping[str, Value] | None = None,
+    implementation: str = NATIVE,
+    arithmetic: str = COMPILED,
+    wait: bool = True,
+    biases: bool = True,
+) -> Estimation:
+    """Return the filter of a scenario with its sensors, first belief and policy.
+
+    Parameters
+    ----------
+    scenario
+        The model, the sensors, their gates, and the name of the filter.
+    policy
+        How to treat imperfect data; its gates are those of the scenario.
+    filter
+        The name of another filter.
+    options
+        Those of the filter.
+    implementation, arithmetic
+        Whose filter it is, and what computes model and sensors.
+    wait
+        Whether to wait for a C compiler; else what was not compiled before is
+        `Estimation.pending`.
+    biases
+        Whether the biases of sensors are states, as the scenario has them.
+
+    Raises
+    ------
+    ValueError
+        If the filter is unknown, or does not support the scenario.
+    """
+    believed = scenario.believed if biases else scenario.without_biases.believed
+    chosen = arithmetic if implementation == NATIVE else NUMPY
+    fast = parts(believed.model, believed.sensors, chosen, wait=wait)
+    plan = scenario.plan.computed_by(fast.model, fast.sensors)
+    built = build_filter(filter or scenario.filter, plan, options, implementation)
+    gated = replace(policy or Policy(), gates=gates(scenario))
+    return Estimation(built, fast.sensors, believed.initial, gated, fast.arithmetic, fast.pending)
+
+
+def gates(scenario: Scenario) -> dict[str, float]:
+    """Return the largest normalised innovation squared that is fused, by sensor with a gate."""
+    return {
+        name: chi_square_gate(source.gate, source.sensor.output.size)
+        for name, source in scenario.sensors.items()
+        if source.gate < 1.0
+    }
