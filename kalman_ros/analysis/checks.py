@@ -15,7 +15,7 @@ from kalman_ros.control.identification import fit
 from kalman_ros.control.lqr import Cost
 from kalman_ros.control.separation import LqgLoop
 from kalman_ros.control.state_space import StateSpace
-from kalman_ros.core import Array, Model, Space
+from kalman_ros.core import Array, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
 from kalman_ros.linear.periodic import Readings
 from kalman_ros.linear.structure import ComplexArray, continuous_poles, eigenvalues
@@ -111,7 +111,7 @@ def theory(scenario: Scenario) -> LqgTheory:
         If the loop cannot be stabilised, or the sensors do not keep the error bounded.
     """
     law = feedback(scenario)
-    model: Model = scenario.model
+    model = scenario.model
     dt, rest = 1.0 / scenario.rate, model.equilibrium
     step = model.transition(*rest, dt)
     loop = LqgLoop(step, schedule(scenario, rest.state), law.system(dt))

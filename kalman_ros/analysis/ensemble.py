@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from kalman_ros.core import Array, DesignError, DiscreteModel
+from kalman_ros.core import Array, DesignError
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
@@ -203,11 +203,7 @@ def ensemble(
 
 def _weight(scenario: Scenario) -> Array:
     """Return the weight of the stacked state and input in the cost of a step."""
-    if not isinstance(scenario.model, DiscreteModel):
-        return regulators.price(scenario).weight
-    Q, R = scenario.state_cost, scenario.input_cost
-    cross = np.zeros((len(Q), len(R)))
-    return np.block([[Q, cross], [cross.T, R]])
+    return regulators.price(scenario).weight
 
 
 def settling(scenario: Scenario, controlled: bool, seconds: float) -> float:

@@ -88,7 +88,8 @@ class ObservabilityMeter:
     Observability-based Rules for Designing Consistent EKF SLAM Estimators, Int. J. Robotics
     Research 29(5), 2010).
 
-    The observability of a linear scenario is constant and needs no record.
+    The observability of a linear scenario is constant and needs no record; a model in discrete
+    time, which cannot go back, is taken where it begins.
 
     Where the state has many numbers, the whole path takes tens of milliseconds, in which a node
     would answer no reading. A node in real time lets the meter `work` now and then, step by
@@ -103,7 +104,8 @@ class ObservabilityMeter:
     def configure(self, scenario: Scenario) -> None:
         """Use another model, or changed sensors."""
         self._scenario = scenario
-        self._linear = observability(scenario) if scenario.plan.linear else None
+        constant = scenario.plan.linear or scenario.model.period
+        self._linear = observability(scenario) if constant else None
         slowest = min((s.timed.rate for s in scenario.enabled.values()), default=inf)
         self._length = 1e9 / slowest
         self.reset()

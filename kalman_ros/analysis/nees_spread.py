@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, in_continuous_time
 from kalman_ros.estimators.consistency import nees
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
@@ -66,7 +66,7 @@ def average_nees(scenario: Scenario, run: Trajectory) -> AverageNees:
 
 def _normalised_moves(scenario: Scenario, run: Trajectory) -> Array:
     """Return M (N - 1, n, n), with F and Q of each step to second order in its length."""
-    model, x, u = scenario.model, run.truth[:-1], run.input[:-1]
+    model, x, u = in_continuous_time(scenario.model), run.truth[:-1], run.input[:-1]
     # in whole steps, some of which may be missing in real time
     dt = scenario.plan.dt * np.rint(np.diff(run.time) * scenario.rate)[:, None, None]
     known = posterior_cramer_rao(scenario, run.truth, run.input, run.readings, run.time)

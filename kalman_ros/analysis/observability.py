@@ -7,7 +7,7 @@ import numpy as np
 
 from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
 from kalman_ros.linear import structure
-from kalman_ros.linear.structure import Observability, describe
+from kalman_ros.linear.structure import Observability, continuous_poles, describe
 from kalman_ros.scenario import Scenario
 
 
@@ -23,10 +23,14 @@ def observability(scenario: Scenario, point: OperatingPoint | None = None) -> Ob
     """
     model = scenario.model
     x, u = point or (scenario.initial_belief.mean, model.equilibrium.input)
+    period = model.period
+    A = model.transition(x, u, period).F if period else linearize(model, x, u).A
     found = structure.observability(
-        linearize(model, x, u).A, stacked(scenario, x), model.state.names
+        A, stacked(scenario, x), model.state.names, sampled=bool(period)
     )
-    growing = np.array([mode.pole for mode in found.hidden if mode.pole.real > 1e-9])
+    hidden = np.array([mode.pole for mode in found.hidden], dtype=complex)
+    rates = continuous_poles(hidden, period) if period else hidden
+    growing = rates[rates.real > 1e-9]
     if growing.size:
         raise DesignError(
             f'sensors: no sensor sees the growing mode at {describe(growing)} per second; {found}'

@@ -13,10 +13,9 @@ import numpy as np
 from kalman_ros.core import (
     Array,
     ArrayLike,
-    DiscreteModel,
+    Dynamics,
     Gaussian,
     LinearSystem,
-    Model,
     Space,
     brief,
     linearize,
@@ -144,7 +143,7 @@ class Plant:
 
 def is_system(value: Any) -> bool:
     """Return whether ``value`` is a whole system: a model or an object with A and B."""
-    return isinstance(value, Model) or is_state_space(value)
+    return isinstance(value, Dynamics) or is_state_space(value)
 
 
 def plant(A: Any, B: Any = None) -> Plant:
@@ -155,12 +154,14 @@ def plant(A: Any, B: Any = None) -> Plant:
     ValueError
         If it is none of these, or sizes do not match.
     """
-    if isinstance(A, DiscreteModel):
-        F, G = A.next_jacobian(*A.equilibrium)
-        return Plant(F, G, A.state.names, A.input.names, A.period)
-    if isinstance(A, Model):
-        system = linearize(A, *A.equilibrium)
-        return Plant(system.A, system.B, A.state.names, A.input.names)
+    if isinstance(A, Dynamics):
+        model: Any = A
+        names = model.state.names, model.input.names
+        if model.period:
+            F, G = model.next_jacobian(*model.equilibrium)
+            return Plant(F, G, *names, model.period)
+        system = linearize(model, *model.equilibrium)
+        return Plant(system.A, system.B, *names)
     dt = None
     other = read_system('A', A)
     if other is not None:
@@ -172,8 +173,8 @@ def plant(A: Any, B: Any = None) -> Plant:
         )
     A = square('A', A)
     B = columns('B', B, len(A))
-    names = [f'x{i}' for i in range(len(A))], [f'u{i}' for i in range(B.shape[1])]
-    return Plant(A, B, tuple(names[0]), tuple(names[1]), dt)
+    states = tuple(f'x{i}' for i in range(len(A)))
+    return Plant(A, B, states, tuple(f'u{i}' for i in range(B.shape[1])), dt)
 
 
 def shifted(A: Any, given: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -203,8 +204,8 @@ def sample_time(found: Plant, dt: Any) -> float | None:
 
 def refuse_continuous(name: str, value: Any) -> None:
     """Raise ValueError for a whole system that is certainly in continuous time."""
-    continuous = isinstance(value, Model) and not isinstance(value, DiscreteModel)
-    if not isinstance(value, Model):
+    continuous = isinstance(value, Dynamics) and not value.period
+    if not isinstance(value, Dynamics):
         system = read_system(name, value)
         continuous = system is not None and system.continuous
     if continuous:
@@ -214,7 +215,7 @@ def refuse_continuous(name: str, value: Any) -> None:
         )
 
 
-def belief_of(initial: Any, model: Model, name: str = 'initial') -> Gaussian:
+def belief_of(initial: Any, model: Dynamics, name: str = 'initial') -> Gaussian:
     """Return a checked belief about the state of a model, from a pair or a Gaussian."""
     n = model.state.size
     if isinstance(initial, (list, np.ndarray)) and len(initial) == 2 and np.size(initial[0]) == n:

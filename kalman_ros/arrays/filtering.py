@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.compiled.parts import COMPILED, parts
-from kalman_ros.core import ArrayLike, Model, TimedSensor, Value
+from kalman_ros.core import ArrayLike, Dynamics, TimedSensor, Value
 from kalman_ros.estimators import default_filter
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.smoother import smooth as smooth_steps
@@ -24,7 +24,7 @@ from .scenarios import load
 
 
 def filter(
-    model: Model | Scenario | str,
+    model: Dynamics | Scenario | str,
     sensors: Any = None,
     times: Any = None,
     readings: Any = None,
@@ -118,7 +118,7 @@ def _task(model: Any, sensors: Any, initial: Any, filter: str, arithmetic: str) 
         if sensors is None:
             sensors = {name: source.sensor for name, source in scenario.enabled.items()}
         initial = scenario.initial_belief if initial is None else initial
-    if not isinstance(model, Model):
+    if not isinstance(model, Dynamics):
         raise ValueError(f'model: expected a model or a scenario, got {got(model)}')
     if sensors is None:
         raise ValueError('sensors: expected a sensor, several by name, or a pair (H, R)')
@@ -131,7 +131,7 @@ def _task(model: Any, sensors: Any, initial: Any, filter: str, arithmetic: str) 
 
 
 def _inputs(
-    model: Model, inputs: Any, input_times: Any, times: Any, rows: Mapping[str, Rows]
+    model: Dynamics, inputs: Any, input_times: Any, times: Any, rows: Mapping[str, Rows]
 ) -> Rows:
     """Return the inputs with their stamps; a single one starts with the first reading."""
     m = model.input.size

@@ -19,7 +19,13 @@ import numpy as np
 from kalman_ros.control import lqr as regulation
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.state_space import state_space
-from kalman_ros.core import ArrayLike, DesignError, DiscreteModel, Discretization, Model, linearize
+from kalman_ros.core import (
+    ArrayLike,
+    DesignError,
+    Discretization,
+    Dynamics,
+    linearize,
+)
 from kalman_ros.linear import placement
 
 from .accept import (
@@ -194,7 +200,7 @@ def margins(
         found = A.margins
         return found[0] if len(found) == 1 else found
     loop = plant(A, B)
-    if isinstance(A, Model):
+    if isinstance(A, Dynamics):
         B, C, D = shifted(A, (B, C, D))
     elif (system := read_system('A', A)) is not None:
         if any(given is not None for given in (B, C, D)):
@@ -222,9 +228,9 @@ def discretize(
     ValueError
         If a size is wrong or ``dt`` is not positive.
     """
-    if isinstance(A, Model):
+    if isinstance(A, Dynamics):
         seconds = duration('dt', B if dt is None else dt)
-        model = A if isinstance(A, DiscreteModel) else linearize(A, *A.equilibrium)
+        model = A if A.period else linearize(A, *A.equilibrium)
         step = model.transition(*A.equilibrium, seconds)
         return Sampled(step.F, step.G, step.Q, seconds)
     B, dt, W = shifted(A, (B, dt, W))

@@ -11,7 +11,7 @@ import numpy as np
 
 from kalman_ros import scenario as scenarios
 from kalman_ros.control.feedback import Feedback
-from kalman_ros.core import ArrayLike, DiscreteModel, matrix
+from kalman_ros.core import ArrayLike, matrix
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
 from kalman_ros.simulation.batch_loop import Loop
@@ -19,7 +19,6 @@ from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.loop_law import Law, Reference
 
 from .accept import numbers
-from .gains import dlqr
 from .scenarios import BELIEVED, load, values_of
 
 
@@ -90,14 +89,8 @@ def _parts(
 
 def _feedback(scenario: Scenario, gain: Any) -> Feedback:
     """Return the gains of the argument, else those of the scenario's law."""
-    model = scenario.model
-    n, m = model.state.size, model.input.size
-    if gain is not None:
-        K = matrix('gain', numbers('gain', gain), (m, n))
-    elif isinstance(model, DiscreteModel):
-        if scenario.law != 'lqr':
-            raise ValueError(f'law: expected lqr or a gain in discrete time, got {scenario.law}')
-        K = dlqr(model, scenario.state_cost, scenario.input_cost).gain
-    else:
+    if gain is None:
         return regulators.feedback(scenario)
+    n, m = scenario.model.state.size, scenario.model.input.size
+    K = matrix('gain', numbers('gain', gain), (m, n))
     return Feedback(K, np.empty((m, 0)), (), np.empty(0, dtype=complex))

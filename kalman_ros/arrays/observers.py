@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.control import lqe as estimation
-from kalman_ros.core import DiscreteModel, Discretization, Model, Sensor
+from kalman_ros.core import Discretization, Dynamics, Sensor
 
 from .accept import columns, duration, rows, square, weight
 from .gain_results import Observer
@@ -48,7 +48,7 @@ def lqe(
     DesignError
         If the readings cannot keep the error of some mode bounded.
     """
-    if isinstance(A, Model):
+    if isinstance(A, Dynamics):
         return _of_model(A, G, dt)
     if V is None and N is None:
         G, C, W, V = None, G, C, W
@@ -79,7 +79,7 @@ def dlqe(
     ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` as in python-control. Q and R are the
     covariances of w and v; otherwise as for `lqe`.
     """
-    if isinstance(F, Model):
+    if isinstance(F, Dynamics):
         return _of_model(F, G, dt)
     if R is None and N is None:
         G, C, Q, R = None, G, C, Q
@@ -98,13 +98,13 @@ def _noises(A: Any, G: Any, C: Any, W: Any, V: Any, N: Any) -> tuple[Any, ...]:
     return A, G, C, W, V, None if N is None else columns('N', N, len(W))
 
 
-def _of_model(model: Model, sensors: Any, dt: float | None) -> Observer:
+def _of_model(model: Dynamics, sensors: Any, dt: float | None) -> Observer:
     """Return the filter of a model, and one or several sensors, about its equilibrium."""
     several = list(sensors.values()) if isinstance(sensors, Mapping) else sensors
     several = [several] if isinstance(several, Sensor) else list(several or ())
     if not several or not all(isinstance(sensor, Sensor) for sensor in several):
         raise ValueError('sensors: expected one or several, as in lqe(model, sensor, dt=...)')
-    if isinstance(model, DiscreteModel):
+    if model.period:
         dt = model.period if dt is None else dt
     if dt is None:
         raise ValueError('dt: expected the seconds between readings of the sensors, got nothing')

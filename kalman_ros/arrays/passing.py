@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Model, Sensor, TimedSensor, Value
+from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, TimedSensor, Value
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
 from kalman_ros.estimators.correction import Correction
@@ -29,7 +29,7 @@ from .rows import Rows, parts_of
 class Task:
     """The model, sensors and options of an estimation."""
 
-    model: Model
+    model: Dynamics
     sensors: Mapping[str, Sensor]
     initial: Gaussian
     filter: str
@@ -82,6 +82,10 @@ class Pass:
                 known[sensor.name], owners[sensor.name] = sensor, name
                 self._readings[each.stamps[index]].append((name, sensor, index, y))
             self._seconds.update(zip(each.stamps, each.time.tolist()))
+        if task.model.period:
+            first = min(self._seconds, default=0)
+            for stamp in self._seconds:
+                task.model.periods((stamp - first) * 1e-9)
         self._shown = {stamp for each in rows.values() for stamp in each.stamps}
         self._filter = build_filter(task.filter, _plan(task, rows), options)
         before = np.zeros(task.model.input.size)

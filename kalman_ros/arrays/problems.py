@@ -13,6 +13,7 @@ from kalman_ros.core import (
     ArrayLike,
     DiscreteLinearSystem,
     DiscreteModel,
+    Dynamics,
     LinearSystem,
     Model,
     Sensor,
@@ -172,7 +173,7 @@ def _parts(
     """
     whole, inputs, noise, maker = names
     A, B, W = given
-    if isinstance(A, Model):
+    if isinstance(A, Dynamics):
         raise ValueError(f'{whole}: expected a matrix, a function or a system, got a model')
     system = read_system(whole, A)
     if (system is not None or callable(A)) and B is not None:
@@ -249,6 +250,6 @@ def compile(part: Model | Sensor, state: Space | None = None) -> Any:
                 f'state: expected the space of the states that the sensor measures, such as '
                 f'model.state, got {got(state)}'
             )
-    elif not isinstance(part, Model):
+    elif not isinstance(part, Dynamics):
         raise ValueError(f'part: expected a model or a sensor, got {got(part)}')
     return attempt(part, state).result

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, DiscreteModel, Model, Sensor, refuse_complex
+from kalman_ros.core import Array, ArrayLike, Dynamics, Sensor, refuse_complex
 from kalman_ros.scenario.model_checks import check_sensor
 
 from .accept import got
@@ -45,7 +45,7 @@ class Part(Sensor):
         return self._whole.jacobian(x)[self._indices]
 
 
-def sensors_of(given: Any, model: Model) -> dict[str, Sensor]:
+def sensors_of(given: Any, model: Dynamics) -> dict[str, Sensor]:
     """Return sensors by name: from one, several, a mapping, or a pair (H, R).
 
     Raises
@@ -90,7 +90,7 @@ def _one(name: str, given: Any) -> Sensor:
     )
 
 
-def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Model) -> Rows:
+def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Dynamics) -> Rows:
     """Return the rows (N, k) of ``values`` at ``times``; by default one per step of the model.
 
     Raises
@@ -109,7 +109,7 @@ def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Model) -
         array = array.reshape((-1, 1) if size == 1 else (1, -1))
     if array.ndim != 2 or array.shape[1] != size:
         raise ValueError(f'{name}: expected shape (N, {size}), got {np.shape(values)}')
-    if times is None and isinstance(model, DiscreteModel):
+    if times is None and model.period:
         times = np.arange(len(array)) * model.period
     if times is not None and np.ndim(times) == 0 and len(array) > 1:
         raise ValueError(
@@ -142,7 +142,7 @@ def times_of(name: str, times: Any) -> Array:
 
 
 def readings_of(
-    times: Any, readings: Any, sensors: Mapping[str, Sensor], model: Model
+    times: Any, readings: Any, sensors: Mapping[str, Sensor], model: Dynamics
 ) -> dict[str, Rows]:
     """Return the rows of each sensor, from arrays by name or one with all columns side by side."""
     sizes = {name: sensor.output.size for name, sensor in sensors.items()}

@@ -13,8 +13,7 @@ import numpy as np
 from kalman_ros import scenario
 from kalman_ros.core import (
     ArrayLike,
-    DiscreteModel,
-    Model,
+    Dynamics,
     Signal,
     TimedSensor,
     Value,
@@ -90,7 +89,7 @@ def values_of(
         hint = '; kr.make_scenario makes one of a model and sensors'
         raise ValueError(
             f'scenario: expected a name, a file or a Scenario, got {got(given)}'
-            f'{hint if isinstance(given, Model) else ""}'
+            f'{hint if isinstance(given, Dynamics) else ""}'
         )
     values = {**filed, **typed}
     if typed:
@@ -100,7 +99,7 @@ def values_of(
 
 
 def make_scenario(
-    model: Model,
+    model: Dynamics,
     sensors: Any,
     *,
     rate: float | None = None,
@@ -142,10 +141,10 @@ def make_scenario(
     ValueError
         If an argument is invalid; the message names it.
     """
-    if not isinstance(model, Model):
+    if not isinstance(model, Dynamics):
         raise ValueError(f'model: expected a model, got {got(model)}')
     if rate is None:
-        if not isinstance(model, DiscreteModel):
+        if not model.period:
             raise ValueError('rate: expected the steps of the loop a second, got nothing')
         rate = 1.0 / model.period
     rate = number('rate', rate)
@@ -154,7 +153,7 @@ def make_scenario(
     x, _ = model.equilibrium
     n, m = model.state.size, model.input.size
     belief = belief_of((x, 1.0) if initial is None else initial, model)
-    if not isinstance(model, DiscreteModel):
+    if not model.period:
         check_model(model, belief.mean)
     sources = {}
     named = sensors_of(sensors, model)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, DiscreteModel, Gaussian, Model, Sensor
+from kalman_ros.core import Array, ArrayLike, Dynamics, Gaussian, Sensor
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.filters import ekf, kf, ukf
 
@@ -25,7 +25,7 @@ class _Checked:
     model: Any
 
     def __post_init__(self) -> None:
-        if not isinstance(self.model, Model):
+        if not isinstance(self.model, Dynamics):
             raise ValueError(f'model: expected a model, got {got(self.model)}')
         later = getattr(super(), '__post_init__', None)
         if later is not None:
@@ -103,8 +103,8 @@ class _Checked:
         return finite('u', u, self.model.input.size)
 
     def _seconds(self, dt: float | None) -> float:
-        if dt is None and isinstance(self.model, DiscreteModel):
-            return self.model.period
+        if dt is None and self.model.period:
+            return float(self.model.period)
         return seconds('dt', dt)
 
 

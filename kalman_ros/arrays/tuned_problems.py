@@ -14,7 +14,7 @@ from kalman_ros.analysis.tuning.candidate import Candidate
 from kalman_ros.analysis.tuning.free_parameter import FreeParameter
 from kalman_ros.analysis.tuning.named_parameters import LONGEST_DELAY, NamedParameters
 from kalman_ros.compiled.parts import parts
-from kalman_ros.core import DiscreteModel, Space, TimedSensor, refuse_unknown
+from kalman_ros.core import Space, TimedSensor, refuse_unknown
 from kalman_ros.estimators import build_filter, default_filter
 from kalman_ros.estimators.filter import Plan
 
@@ -103,7 +103,7 @@ class FunctionProblem:
         task = self.task()
         self._biases, self._delays = list(biases), list(delays)
         refuse_unknown([*biases, *delays], task.sensors, 'sensor')
-        if delays and isinstance(task.model, DiscreteModel):
+        if delays and task.model.period:
             raise ValueError('delays: expected none, for the model is in discrete time')
         for name in biases:
             output, R = task.sensors[name].output, task.sensors[name].covariance

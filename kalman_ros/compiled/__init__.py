@@ -11,9 +11,9 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any, Literal, NamedTuple, TypeVar
 
-from kalman_ros.core import DiscreteModel, LinearSystem, Model, Sensor, Space
+from kalman_ros.core import Dynamics, Sensor, Space
 
-T = TypeVar('T', Model, Sensor)
+T = TypeVar('T', Dynamics, Sensor)
 #: What computes: C, the virtual machine of CasADi, or numpy.
 Arithmetic = Literal['C', 'CasADi', 'numpy']
 
@@ -66,7 +66,7 @@ def compiled(original: T, state: Space | None = None) -> T:
 
 
 def attempt(
-    original: Model | Sensor,
+    original: Dynamics | Sensor,
     state: Space | None = None,
     *,
     wait: bool = True,
@@ -77,12 +77,11 @@ def attempt(
     Without ``wait``, what no earlier start has compiled is left to CasADi. An object that is
     ``one_of_many`` stays as it is if others like it had to be traced again.
     """
-    if isinstance(original, LinearSystem) or (
-        isinstance(original, Sensor) and original.linear and not original.output.rotations
-    ):
-        return Outcome(original, 'numpy')  # nothing is gained
-    if isinstance(original, DiscreteModel):
+    if isinstance(original, Dynamics) and original.period:
         return Outcome(original, 'numpy', 'it is in discrete time')
+    rotations = original.output.rotations if isinstance(original, Sensor) else ()
+    if original.linear and not rotations:
+        return Outcome(original, 'numpy')  # nothing is gained
     if not is_available():
         return Outcome(original, 'numpy', 'CasADi is not installed')
     from .derived import Derived
@@ -109,7 +108,7 @@ def _verified(original: Any, state: Space | None, wait: bool, one_of_many: bool)
 
     if one_of_many and not Parameters(original).comparable:
         raise UntraceableError('it has attributes that cannot be compared')
-    make = _model if isinstance(original, Model) else _sensor
+    make = _model if isinstance(original, Dynamics) else _sensor
     space = state or original.state
     found = make(original, space, wait)
     try:

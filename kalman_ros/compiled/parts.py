@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from kalman_ros.core import Model, Sensor
+from kalman_ros.core import Dynamics, Sensor
 
 from . import Outcome, attempt
 
@@ -27,7 +27,7 @@ class Parts(NamedTuple):
         By name, the model's being 'model'; without what is linear.
     """
 
-    model: Model
+    model: Dynamics
     sensors: dict[str, Sensor]
     outcomes: dict[str, Outcome]
 
@@ -50,7 +50,7 @@ class Parts(NamedTuple):
 
 
 def parts(
-    model: Model,
+    model: Dynamics,
     sensors: Mapping[str, Sensor],
     arithmetic: str = COMPILED,
     *,
@@ -80,7 +80,7 @@ def parts(
         raise ValueError(f"arithmetic: expected {COMPILED} or {NUMPY}, got '{arithmetic}'")
     if arithmetic == NUMPY:
         return Parts(model, {**sensors}, {})
-    every: dict[str, Model | Sensor] = {'model': model, **sensors}
+    every: dict[str, Dynamics | Sensor] = {'model': model, **sensors}
     tried = {
         name: attempt(each, model.state, wait=wait, one_of_many=one_of_many)
         for name, each in every.items()

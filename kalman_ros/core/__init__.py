@@ -21,15 +21,10 @@ from kalman_ros.linear.matrices import (
 from kalman_ros.linear.views import coordinates, from_coordinates
 
 from .discrete_model import DiscreteLinearSystem, DiscreteModel
+from .dynamics import Dynamics, LinearizedStep, OperatingPoint, Transition
 from .gaussian import Gaussian, unchecked
 from .linear_system import LinearSystem, linearize
-from .model import (
-    LinearizedStep,
-    Model,
-    OperatingPoint,
-    Transition,
-    numerical_jacobian,
-)
+from .model import Model, in_continuous_time, numerical_jacobian
 from .named_options import About, Option, Value, brief, build_with, options_of, refuse_unknown
 from .registry import find
 from .sensor import Hypotheses, Sensor
@@ -45,6 +40,7 @@ __all__ = [
     'DiscreteLinearSystem',
     'DiscreteModel',
     'Discretization',
+    'Dynamics',
     'Gaussian',
     'Hypotheses',
     'LinearSystem',
@@ -67,6 +63,7 @@ __all__ = [
     'following',
     'from_coordinates',
     'identity',
+    'in_continuous_time',
     'is_due',
     'is_finite',
     'linearize',

@@ -17,13 +17,14 @@ from kalman_ros.linear.batched import times
 from kalman_ros.linear.matrices import Array
 
 from .discrete_model import DiscreteModel
-from .model import LinearizedStep, Model, Transition, like
+from .dynamics import Dynamics, LinearizedStep, Transition
+from .model import like
 from .sensor import Sensor
 from .stacked import StackedLinearModel, StackedModel, stacked, stacked_sensor, takes_leading_axes
 from .vectorized import merged, probes
 
 
-def candidate_model(models: Sequence[Model]) -> Model:
+def candidate_model(models: Sequence[Dynamics]) -> Dynamics:
     """Return one model with p sets of parameters, for states (..., p, n)."""
     if all(each.linear for each in models):
         return _LinearCandidates(models)
@@ -38,7 +39,7 @@ def candidate_model(models: Sequence[Model]) -> Model:
 class _LinearCandidates(StackedLinearModel):
     """Linear models: F, G and Q (p, n, n)."""
 
-    def __init__(self, models: Sequence[Model]) -> None:
+    def __init__(self, models: Sequence[Dynamics]) -> None:
         super().__init__(models[0])
         self._models = models
         self._sampled: dict[float, Transition] = {}
@@ -73,7 +74,7 @@ class _MergedCandidates(StackedModel):
 class _EachCandidate(StackedModel):
     """Models called in turn."""
 
-    def __init__(self, models: Sequence[Model]) -> None:
+    def __init__(self, models: Sequence[Dynamics]) -> None:
         self._every = [stacked(model) for model in models]
         super().__init__(models[0])
 
@@ -103,14 +104,14 @@ class _EachCandidate(StackedModel):
         return self.linearized_step(x, u, dt).Q
 
     def _in_turn(
-        self, function: Callable[[Model, Array, Array], Array], x: Array, u: Array
+        self, function: Callable[[Any, Array, Array], Array], x: Array, u: Array
     ) -> Array:
         u = like(u, x)
         moved = [function(each, x[..., p, :], u[..., p, :]) for p, each in enumerate(self._every)]
         return np.stack(moved, axis=-2)
 
 
-def _agree(a: Model, b: _EachCandidate) -> bool:
+def _agree(a: Dynamics, b: _EachCandidate) -> bool:
     """Return whether two models of p candidates give the same steps."""
     n, m = b.state.size, b.input.size
     points = probes(n + m)

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import NoReturn
 
 import numpy as np
 
 from kalman_ros.linear.matrices import Array, ArrayLike, matrix, semidefinite, symmetric
 
-from .model import Model, Transition, like, numerical_jacobian
+from .dynamics import Dynamics, Transition
+from .model import like, numerical_jacobian
 from .space import Space, no_rotation
 
 #: A step may differ from a whole number of periods by this fraction of one; stamps are rounded.
@@ -18,12 +18,12 @@ _TOLERANCE = 1e-3
 _MOST_PERIODS = 100_000
 
 
-class DiscreteModel(Model):
+class DiscreteModel(Dynamics):
     """A system x' = next(x, u) + w with w ~ N(0, noise(x)), one step every ``period`` seconds.
 
     A subclass sets ``state`` and ``input``, and ``period`` unless that is 1 s, and defines `next`
-    and `noise`. There is no derivative. A longer step repeats `next`. Arrays may
-    have any leading axes, as in `Model`.
+    and `noise`. A longer step repeats `next`. Arrays may
+    have any leading axes.
     """
 
     #: Seconds from one step to the next.
@@ -48,10 +48,6 @@ class DiscreteModel(Model):
         G = numerical_jacobian(lambda points: self.next(like(x, points), points), u, difference)
         return F, G
 
-    def derivative(self, x: Array, u: Array) -> NoReturn:
-        """Raise ValueError: time is sampled."""
-        raise ValueError(f'model: {type(self).__name__} is in discrete time, without a derivative')
-
     def noise_density(self, x: Array) -> Array:
         """Return the covariance of one period divided by the period."""
         return np.asarray(self.noise(x) / self.period)
@@ -72,6 +68,10 @@ class DiscreteModel(Model):
             F, G, Q = F_1 @ F, F_1 @ G + G_1, symmetric(F_1 @ Q @ F_1.T + self.noise(x))
             x = self.state.wrap(self.next(x, u))
         return Transition(F, G, Q)
+
+    def nearest_step(self, dt: float) -> float:
+        """Return ``dt`` rounded to whole periods."""
+        return self.period * round(dt / self.period)
 
     def periods(self, dt: float) -> int:
         """Return the number of periods in ``dt`` seconds.

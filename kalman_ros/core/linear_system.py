@@ -8,7 +8,8 @@ import numpy as np
 from kalman_ros.linear.discretize import Discretization
 from kalman_ros.linear.matrices import Array, ArrayLike, matrix, semidefinite
 
-from .model import Model, Transition
+from .dynamics import Dynamics, Transition
+from .model import Model, in_continuous_time
 from .space import Space, no_rotation
 
 #: This many step lengths are cached; sampled loops use one or a few.
@@ -87,7 +88,14 @@ class LinearSystem(Model):
         return known
 
 
-def linearize(model: Model, x: Array, u: Array) -> LinearSystem:
-    """Return the linear system of small deviations from ``x`` (n,) and ``u`` (m,)."""
+def linearize(model: Dynamics, x: Array, u: Array) -> LinearSystem:
+    """Return the linear system of small deviations from ``x`` (n,) and ``u`` (m,).
+
+    Raises
+    ------
+    ValueError
+        If the model is in discrete time.
+    """
+    model = in_continuous_time(model)
     A, B = model.state_jacobian(x, u), model.input_jacobian(x, u)
     return LinearSystem(A, B, model.noise_density(x), model.state.tangent, model.input)

@@ -3,46 +3,23 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from functools import lru_cache
-from math import ceil, inf
-from typing import NamedTuple
+from math import ceil
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kalman_ros.linear.discretize import Discretization, noise_integral
-from kalman_ros.linear.kernels import kernels
 from kalman_ros.linear.matrices import Array
 from kalman_ros.linear.views import coordinates, entries_last
 
+from .dynamics import Dynamics, LinearizedStep, Transition
 from .space import Space
 
 #: The most integration steps within one step of a model; a longer step is coarser.
 MOST_SUBSTEPS = 10_000
-
-
-class Transition(NamedTuple):
-    """One step of sampled time, x' = F x + G u + w, w ~ N(0, Q): F (n, n), G (n, m), Q (n, n)."""
-
-    F: Array
-    G: Array
-    Q: Array
-
-
-class LinearizedStep(NamedTuple):
-    """A step x' (..., n) with its linearisation: dx' = F dx + w, w ~ N(0, Q), both (..., n, n)."""
-
-    state: Array
-    F: Array
-    Q: Array
-
-
-class OperatingPoint(NamedTuple):
-    """A state (n,) and an input (m,) about which a model is linearised."""
-
-    state: Array
-    input: Array
 
 
 _PRECISION = float(np.finfo(float).eps)
@@ -130,21 +107,14 @@ def like(values: Array, points: Array) -> Array:
     return repeated
 
 
-class Model(ABC):
+class Model(Dynamics):
     """A system dx/dt = derivative(x, u) + w, with w white noise.
 
     A subclass sets ``state`` and ``input`` and defines `derivative` and `noise_density`; all else
     has a default. Arrays may have any leading axes: x (..., n), u (..., m). Of a rotation, dx/dt
-    is the angular rate in the axes of the world, in which noise and errors are, too.
+    is the angular rate in the axes of the world, in which noise and errors are, too. It rests
+    where derivative(x, u) = 0, its `equilibrium`.
     """
-
-    state: Space
-    input: Space
-    #: The longest step of the integrator, in seconds; `step` divides longer ones, into at most
-    #: 10 000 parts, so that a wrong stamp cannot block it.
-    max_step: float = inf
-    #: Whether a step is x' = F x + G u + w, whatever x and u are: see `LinearSystem.sampled`.
-    linear: bool = False
 
     @abstractmethod
     def derivative(self, x: Array, u: Array) -> Array:
@@ -157,14 +127,6 @@ class Model(ABC):
         Its units are those of the state, squared, per second: over a short dt the noise adds
         the covariance W dt.
         """
-
-    def __repr__(self) -> str:
-        return f'{type(self).__name__}(state: {self.state}; input: {self.input})'
-
-    @property
-    def equilibrium(self) -> OperatingPoint:
-        """Where the model rests without noise: derivative(x, u) = 0; the origin by default."""
-        return OperatingPoint(np.zeros(self.state.size), np.zeros(self.input.size))
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return A (n, n) at x (n,) and u (m,), by which small errors move; numerical by default.
@@ -236,19 +198,9 @@ class Model(ABC):
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return the state after a step from x (n,) with u (m,), with the step's F and Q."""
         if self.analytic:
-            transition = self.transition(x, u, dt)
-            return LinearizedStep(self.step(x, u, dt), transition.F, transition.Q)
+            return super().linearized_step(x, u, dt)
         moved, F, A = self.differenced_step(x, u, dt)
         return LinearizedStep(moved, F, noise_integral(A, self.noise_density(x), dt))
-
-    def predicted_moments(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
-        """Return the state after a step, and F P F' + Q of its linearisation."""
-        moved, F, Q = self.linearized_step(x, u, dt)
-        return moved, kernels(x).sandwich(F, P, Q)
-
-    def step_noise(self, x: Array, u: Array, dt: float) -> Array:
-        """Return the Q of `linearized_step`."""
-        return self.linearized_step(x, u, dt).Q
 
     def differenced_step(self, x: Array, u: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return the state x' (..., n) after a step, F = d x' / d x and A, both (..., n, n).
@@ -272,5 +224,14 @@ class Model(ABC):
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
         """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
         if self.analytic:
-            return self.transition(x, u, dt).Q
+            return super().noise_covariance(x, u, dt)
         return noise_integral(self.state_jacobian(x, u), self.noise_density(x), dt)
+
+
+def in_continuous_time(model: Dynamics) -> Model:
+    """Return the model, with a derivative; ValueError if it is in discrete time."""
+    if model.period:
+        kind = type(model).__name__
+        raise ValueError(f'model: {kind} is in discrete time, without a derivative')
+    found: Any = model
+    return found  # type: ignore[no-any-return]

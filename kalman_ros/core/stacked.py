@@ -18,17 +18,18 @@ from kalman_ros.linear.discretize import flow, noise_integral
 from kalman_ros.linear.matrices import Array
 
 from .discrete_model import DiscreteModel
-from .model import LinearizedStep, Model, OperatingPoint, Transition, like, numerical_jacobian
+from .dynamics import Dynamics, LinearizedStep, OperatingPoint, Transition
+from .model import Model, like, numerical_jacobian
 from .sensor import Sensor
 from .vectorized import vectorized
 
 
-def takes_leading_axes(part: Model | Sensor) -> bool:
+def takes_leading_axes(part: Dynamics | Sensor) -> bool:
     """Return whether all functions of a model or a sensor take leading axes."""
     return getattr(part, 'takes_leading_axes', False) is True
 
 
-def stacked(model: Model) -> Model:
+def stacked(model: Dynamics) -> Dynamics:
     """Return the same model with linearised steps of states (..., n)."""
     if takes_leading_axes(model):
         return model
@@ -39,7 +40,7 @@ def stacked(model: Model) -> Model:
     return StackedModel(model)
 
 
-class StackedModel(Model):
+class _Stacked(Dynamics):
     """A model for states (..., n) and inputs (..., m) or (m,); F and Q are (..., n, n).
 
     Parameters
@@ -50,17 +51,14 @@ class StackedModel(Model):
 
     takes_leading_axes = True
 
-    def __init__(self, original: Model) -> None:
+    def __init__(self, original: Dynamics) -> None:
         self.original: Any = original
-        self.state, self.input, self.max_step = original.state, original.input, original.max_step
+        self.state, self.input = original.state, original.input
+        self.max_step, self.period = original.max_step, original.period
         self._prepare()
 
     def _prepare(self) -> None:
         """Find out how the functions of the original take leading axes."""
-        model, n, m = self.original, self.state.size, self.input.size
-        self._noise = vectorized(model.noise_density, n)
-        if model.analytic:
-            self._jacobian = _of_both(model.state_jacobian, n, m)
 
     @property
     def equilibrium(self) -> OperatingPoint:
@@ -68,19 +66,43 @@ class StackedModel(Model):
         found: OperatingPoint = self.original.equilibrium
         return found
 
-    def derivative(self, x: Array, u: Array) -> Array:
-        """Return dx/dt (..., n)."""
-        rate: Array = self.original.derivative(x, like(u, x))
-        return rate
-
     def noise_density(self, x: Array) -> Array:
-        """Return the spectral density W of the process noise, (..., n, n) or the same (n, n)."""
-        return self._noise(x)
+        """Return the spectral density W (n, n) of the process noise at ``x`` (n,)."""
+        density: Array = self.original.noise_density(x)
+        return density
+
+    def transition(self, x: Array, u: Array, dt: float) -> Transition:
+        """Return the step from one state (n,)."""
+        found: Transition = self.original.transition(x, u, dt)
+        return found
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the states after ``dt`` seconds, without noise."""
         moved: Array = self.original.step(x, like(u, x), dt)
         return moved
+
+    def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the Q of `linearized_step`."""
+        return self.linearized_step(x, u, dt).Q
+
+
+class StackedModel(_Stacked, Model):
+    """A model in continuous time for states (..., n)."""
+
+    def _prepare(self) -> None:
+        model, n, m = self.original, self.state.size, self.input.size
+        self._noise = vectorized(model.noise_density, n)
+        if model.analytic:
+            self._jacobian = _of_both(model.state_jacobian, n, m)
+
+    def noise_density(self, x: Array) -> Array:
+        """Return the spectral density W of the process noise, (..., n, n) or the same (n, n)."""
+        return self._noise(x)
+
+    def derivative(self, x: Array, u: Array) -> Array:
+        """Return dx/dt (..., n)."""
+        rate: Array = self.original.derivative(x, like(u, x))
+        return rate
 
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         """Return the states after a step, F and Q."""
@@ -106,30 +128,10 @@ class StackedModel(Model):
         return _guarded(_noise_alone, A, self._noise(x), dt)[0]
 
 
-class _StackedSteps(StackedModel):
-    """A model whose noise is that of its steps."""
-
-    def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
-        """Return the Q of `linearized_step`."""
-        return self.linearized_step(x, u, dt).Q
-
-    def step_noise(self, x: Array, u: Array, dt: float) -> Array:
-        """Return the Q of `linearized_step`."""
-        return self.linearized_step(x, u, dt).Q
-
-
-class StackedLinearModel(_StackedSteps):
+class StackedLinearModel(_Stacked):
     """A linear model; F and Q are (n, n), the same for all states."""
 
     linear = True
-
-    def _prepare(self) -> None:
-        pass
-
-    def noise_density(self, x: Array) -> Array:
-        """Return the spectral density W (n, n)."""
-        W: Array = self.original.noise_density(x)
-        return W
 
     def sampled(self, dt: float) -> Transition:
         """Return the step of length ``dt``."""
@@ -147,7 +149,7 @@ class StackedLinearModel(_StackedSteps):
         return LinearizedStep(self.step(x, u, dt), F, Q)
 
 
-class StackedDiscreteModel(_StackedSteps):
+class StackedDiscreteModel(_Stacked):
     """A model in discrete time."""
 
     def _prepare(self) -> None:

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from .dynamics import Dynamics
 from .geodesy import Place
-from .model import Model
 from .mount import STRAIGHT, Mounting
 from .named_options import Value
 from .still import StandStill
@@ -85,7 +85,7 @@ class System:
     Parameters
     ----------
     build
-        Returns the `Model`; its keyword arguments are the model's parameters.
+        Returns the `Model` or `DiscreteModel`; its keyword arguments are the model's parameters.
     sensors
         By name, in the order in which readings of one instant are fused.
     state
@@ -105,7 +105,7 @@ class System:
         The default filter for this model and its sensors.
     """
 
-    build: Callable[..., Model]
+    build: Callable[..., Dynamics]
     sensors: Mapping[str, SensorSetup]
     state: Signal
     initial_state: tuple[float, ...]

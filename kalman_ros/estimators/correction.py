@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Model, Sensor, is_finite, unchecked
+from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, is_finite, unchecked
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.kernels import kernels
 
@@ -98,7 +98,7 @@ class LinearUpdate(SmoothableFilter):
         How the state moves.
     """
 
-    model: Model
+    model: Dynamics
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from kalman_ros.core import (
     Array,
+    Dynamics,
     Gaussian,
-    LinearSystem,
-    Model,
     Sensor,
     TimedSensor,
     is_due,
@@ -35,7 +34,7 @@ _MOST_PARTS = 100
 _ONE = 1.0 + 1e-9
 
 
-def parts(model: Model, dt: float) -> int:
+def parts(model: Dynamics, dt: float) -> int:
     """Return the number of equal parts in which to predict a covariance over ``dt`` seconds.
 
     The mean of a nonlinear model is integrated in steps of at most ``max_step``, and a
@@ -48,7 +47,7 @@ def parts(model: Model, dt: float) -> int:
     return ceil(min(ratio / _ONE, _MOST_PARTS))
 
 
-def carried(model: Model, points: Array, u: Array, dt: float) -> tuple[Array, Array]:
+def carried(model: Dynamics, points: Array, u: Array, dt: float) -> tuple[Array, Array]:
     """Return points (p, ..., n) after ``dt`` seconds, and the noise covariance Q of the step.
 
     Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`, along
@@ -82,7 +81,7 @@ class Filter(ABC):
     belief that is an error. What is known of a kind of filter are attributes of its class.
     """
 
-    model: Model
+    model: Dynamics
 
     #: Whether the model and the sensors have to be linear, and the model in continuous time.
     needs_linear: ClassVar[bool] = False
@@ -140,7 +139,7 @@ class SmoothableFilter(Filter):
 class Plan:
     """What a filter is built for: a model, its sensors, their rates and the loop's rate."""
 
-    model: Model
+    model: Dynamics
     sensors: Mapping[str, TimedSensor]
     rate: float
 
@@ -149,7 +148,7 @@ class Plan:
         """Whether the model and every sensor are linear."""
         return self.model.linear and all(timed.sensor.linear for timed in self.sensors.values())
 
-    def computed_by(self, model: Model, sensors: Mapping[str, Sensor]) -> Plan:
+    def computed_by(self, model: Dynamics, sensors: Mapping[str, Sensor]) -> Plan:
         """Return the same plan with a model and sensors that compute the same."""
         timed = {name: replace(each, sensor=sensors[name]) for name, each in self.sensors.items()}
         return Plan(model, timed, self.rate)
@@ -174,7 +173,7 @@ class Plan:
         return [name for name, share in self.shares.items() if is_due(step + self.period, share)]
 
 
-def check_linear(filter: str, model: Model) -> None:
+def check_linear(filter: str, model: Dynamics) -> None:
     """Raise ValueError if the model is not linear, as the ``filter`` needs."""
     if not model.linear:
         raise ValueError(f'filter: {filter} needs a linear model, got {type(model).__name__}')
@@ -190,5 +189,5 @@ def check_needs(name: str, kind: type[Filter], plan: Plan) -> None:
                     f'filter: {name} needs linear sensors, and the {type(timed.sensor).__name__} '
                     f"'{sensor}' is not declared linear; ekf and ukf take any"
                 )
-    if kind.needs_continuous and not isinstance(plan.model, LinearSystem):
+    if kind.needs_continuous and plan.model.period:
         raise ValueError(f'filter: {name} needs a model in continuous time')

@@ -7,7 +7,8 @@ nanoseconds, as ROS stamps are, so differences are exact.
 The estimator keeps the items of a window ordered by stamp, with the belief after each. A late
 item is inserted and the items after it are processed again with the same operations, so the
 result does not depend on the order of arrival. Items that arrive together are all inserted
-before processing, so the later ones are repeated only once.
+before processing, so the later ones are repeated only once. A model in discrete time has a
+state at its steps alone: stamps are moved to the nearest one.
 """
 
 from __future__ import annotations
@@ -73,6 +74,7 @@ class OnlineEstimator:
     def configure(self, filter: Filter, sensors: Mapping[str, Sensor], policy: Policy) -> None:
         """Replace the filter, the sensors (same names) and the policy."""
         self._filter = filter
+        self._period = round(filter.model.period * 1e9)
         self._sensors = dict(sensors)
         self._policy = policy
         self._window = round(policy.window * 1e9)
@@ -88,6 +90,7 @@ class OnlineEstimator:
         records = (agreement.Record(),) * len(self._order)
         self._timeline = Timeline(State(None, belief, first, records))
         self._old_in_a_row = 0
+        self._phase: int | None = None
         #: When the last reading that was not too old was received, in nanoseconds.
         self._current_at: int | None = None
 
@@ -133,9 +136,9 @@ class OnlineEstimator:
 
         With ``ending``, the input ends at that time, and this one is in effect from then on.
         """
-        head = self._timeline.head
+        head, time = self._timeline.head, self._on_grid(time)
         if ending is not None and head.time is not None and head.u is not None:
-            end = min(max(ending[0], head.time), time)
+            end = min(max(self._on_grid(ending[0]), head.time), time)
             if not self._max_gap or time - head.time <= self._max_gap:
                 head = State(end, self._predict(head, end, self._filter)[0], ending[1], ())
         return self._predict(head, time, self._filter)[0]
@@ -202,6 +205,9 @@ class OnlineEstimator:
                 return Outcome.BAD_COVARIANCE
         if now is not None and time - now > self._policy.future_tolerance * 1e9:
             return Outcome.FUTURE
+        if self._period and self._phase is None:
+            self._phase = time % self._period
+        time = self._on_grid(time)
         order = len(self._order) if name is None else self._order[name]
         return Item((time, order), values, sensor, self._filter)
 
@@ -246,6 +252,14 @@ class OnlineEstimator:
                 if before is not None:
                     counts[before] -= 1
         self.on_final(self._timeline.forget(self._window))
+
+    def _on_grid(self, time: int) -> int:
+        """Return the time of the nearest step of a model in discrete time, in nanoseconds.
+
+        Its steps are whole periods before and after the first stamp.
+        """
+        period, phase = self._period, self._phase or 0
+        return (time - phase + period // 2) // period * period + phase if period else time
 
     def _predict(self, state: State, time: int, filter: Filter) -> tuple[Gaussian, int]:
         """Return the belief at ``time``, and the number of repairs on the way.

@@ -15,7 +15,7 @@ from filterpy.kalman import (
     UnscentedKalmanFilter,
 )
 
-from kalman_ros.core import Array, Gaussian, Model, Sensor, symmetric
+from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, symmetric
 
 from .correction import Correction
 from .filter import Filter, Plan, carried, parts
@@ -48,7 +48,7 @@ class _Kalman(Filter):
 
     _kind: ClassVar[Callable[..., Any]] = KalmanFilter
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Dynamics) -> None:
         self.model = model
 
     def _peer(self, belief: Gaussian, k: int) -> Any:
@@ -107,7 +107,7 @@ class _Unscented(Filter):
         """Return the filter of any model."""
         return cls(plan.model, alpha, beta, kappa)
 
-    def __init__(self, model: Model, alpha: float, beta: float, kappa: float) -> None:
+    def __init__(self, model: Dynamics, alpha: float, beta: float, kappa: float) -> None:
         self.model, state = model, model.state
         self._points = MerweScaledSigmaPoints(state.size, alpha, beta, kappa, subtract=np.subtract)
 

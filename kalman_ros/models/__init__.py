@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from kalman_ros.core import Model, Space, System, find
+from kalman_ros.core import Dynamics, Space, System, find
 from kalman_ros.core.registry import builds
 from kalman_ros.core.registry import names as _names
 
@@ -21,26 +21,27 @@ def names() -> list[str]:
     return _names(__name__)
 
 
-def find_model(name: str) -> Callable[..., Model] | System:
+def find_model(name: str) -> Callable[..., Dynamics] | System:
     """Return the builder of the model ``name``, or a user's `System`; nothing is called.
 
-    ``package.module:Name`` may name a `System`, a subclass of `Model`, or a function that is
-    annotated to return one.
+    ``package.module:Name`` may name a `System`, a subclass of `Model` or `DiscreteModel`, or a
+    function that is annotated to return one.
 
     Raises
     ------
     ValueError
         If there is none, or it is not one of the three.
     """
-    found: Callable[..., Model] | System = find('model', name, __name__, 'MODEL')
-    if not isinstance(found, System) and not builds(found, Model):
+    found: Callable[..., Dynamics] | System = find('model', name, __name__, 'MODEL')
+    if not isinstance(found, System) and not builds(found, Dynamics):
         raise ValueError(
-            f"model: '{name}' is not a System, a Model class or a function annotated '-> Model'"
+            f"model: '{name}' is not a System, a Model or DiscreteModel class, or a function "
+            "annotated '-> Model'"
         )
     return found
 
 
-def check_spaces(model: Model) -> None:
+def check_spaces(model: Dynamics) -> None:
     """Raise ValueError if a model does not define the spaces of its state and its input."""
     for name in ('state', 'input'):
         found = getattr(model, name, None)

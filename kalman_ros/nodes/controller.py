@@ -189,6 +189,7 @@ class ControllerNode(runtime.ScenarioNode):
             return x
         age = ((self._now() or time) - time) * 1e-9
         self._age.add(age)
+        age = self.scenario.model.nearest_step(age)
         if not self.options.predict_latency or not 0.0 < age <= _LONGEST:
             return x
         return self.scenario.model.step(x, self._output.value, age)

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from kalman_ros.core import Array, Model
+from kalman_ros.core import Array, Dynamics
 
 
-def idle_input(model: Model, choice: str) -> Array:
+def idle_input(model: Dynamics, choice: str) -> Array:
     """Return the input (m,) of a plant while no controller acts.
 
     Parameters

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from kalman_ros.analysis.verdict import Judgement, judge, least_duration
+from kalman_ros.core import in_continuous_time
 from kalman_ros.harness import Run
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -55,6 +56,8 @@ def perform(options: argparse.Namespace, console: Console) -> list[Performed]:
         )
         for tuning in asked
     ]
+    for run in runs:
+        in_continuous_time(run.scenario.model)  # of which its theory is
     _comparable(runs)
     least = max(least_duration(run.scenario) for run in runs)
     if options.duration is None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, LinearSystem, Space
+from kalman_ros.core import Array, Space
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
@@ -52,8 +52,8 @@ def observer(scenario: Scenario, run: Trajectory) -> Array | None:
     The state is relative where the input accelerates the observer, p' = v, v' = w - a. The
     track starts at the origin, at rest: velocities are relative to that of the start.
     """
-    model = scenario.model
-    if not isinstance(model, LinearSystem) or model.state.names[:2] != ('x', 'y'):
+    model: Any = scenario.model
+    if not model.linear or model.period or model.state.names[:2] != ('x', 'y'):
         return None
     if model.B.shape != (4, 2) or not np.array_equal(model.B, -np.eye(4)[:, 2:]):
         return None

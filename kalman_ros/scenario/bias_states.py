@@ -13,10 +13,10 @@ import numpy as np
 
 from kalman_ros.core import (
     Array,
-    DiscreteModel,
+    Dynamics,
     Gaussian,
-    Model,
     Sensor,
+    in_continuous_time,
     one_each,
     spectral_densities,
     variances,
@@ -79,7 +79,7 @@ class Believed:
         Where the bias of each sensor that has one is in the state.
     """
 
-    model: Model
+    model: Dynamics
     sensors: Mapping[str, Sensor]
     initial: Gaussian
     places: Mapping[str, slice]
@@ -98,7 +98,7 @@ class Believed:
 
 
 def believed(
-    model: Model,
+    model: Dynamics,
     sensors: Mapping[str, Sensor],
     initial: Gaussian,
     biases: Mapping[str, Bias],
@@ -112,7 +112,7 @@ def believed(
     """
     if not biases:
         return Believed(model, sensors, initial, {})
-    if isinstance(model, DiscreteModel):
+    if model.period:
         raise ValueError(f'{next(iter(biases))}.bias_std: expected a model in continuous time')
     names: list[str] = []
     units: list[str] = []
@@ -125,7 +125,7 @@ def believed(
         names += [f'{name}.bias.{coordinate}' for coordinate in output.names]
         units += output.units
         P, density = blocks(P, each.covariance), blocks(density, each.density)
-    whole = biased_model(model, names, units, density)
+    whole = biased_model(in_continuous_time(model), names, units, density)
     none = slice(len(P), len(P))
     found = {
         name: BiasedSensor(sensor, whole.state, places.get(name, none))

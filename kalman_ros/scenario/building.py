@@ -16,8 +16,8 @@ import numpy as np
 from kalman_ros import sensors
 from kalman_ros.core import (
     Array,
+    Dynamics,
     Gaussian,
-    Model,
     Option,
     Sensor,
     Signal,
@@ -79,6 +79,11 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
     parts = by_section(full)
     model = model_of(system, parts.get('model_parameters', {}))
     rate = full['rate']
+    if model.period and abs(rate * model.period - 1.0) > 1e-6:
+        raise ValueError(
+            f'rate: expected {1.0 / model.period:g}, one step for each period of the model of '
+            f'{model.period:g} s, got {rate:g}'
+        )
     n, m = model.state.size, model.input.size
     mean = vector('initial_estimate', full['initial_estimate'], n)
     origin, state = datum(full['datum']), _signal('state', parts.get('state', {}), n)
@@ -132,7 +137,7 @@ def rebuild(built: Scenario, full: Mapping[str, Any], changed: Iterable[str]) ->
     return replace(built, sensors=sources)
 
 
-def _check_input(model: Model, built: Scenario) -> None:
+def _check_input(model: Dynamics, built: Scenario) -> None:
     """Raise ValueError if a changed model has another input, which has no topic."""
     if model.input.size != built.model.input.size:
         size = f'{built.model.input.size} inputs, got {model.input.size}'
@@ -153,7 +158,7 @@ def _no_law(n: int, m: int) -> dict[str, Any]:
 def _source(
     name: str,
     given: dict[str, Any],
-    model: Model,
+    model: Dynamics,
     loop_rate: float,
     state: Signal,
     origin: Place | None,

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from kalman_ros import models
 from kalman_ros.core import (
     About,
-    Model,
+    Dynamics,
     Option,
     SensorSetup,
     Signal,
@@ -116,7 +116,7 @@ def _setup(system: System, name: str, values: Mapping[str, Any]) -> SensorSetup:
     return SensorSetup(kind, setup.signal, setup.noise, setup.rate)
 
 
-def _system(values: Mapping[str, Any]) -> tuple[System, Model]:
+def _system(values: Mapping[str, Any]) -> tuple[System, Dynamics]:
     """Return the system in use, wired by name where its parameters change states or inputs."""
     model = Option('model', models.DEFAULT, About('name of the model, or package.module:Class'))
     system = system_of(str(model.check(values.get('model', model.default))))
@@ -128,7 +128,7 @@ def _system(values: Mapping[str, Any]) -> tuple[System, Model]:
     return system, built
 
 
-def model_of(system: System, parameters: Mapping[str, Any]) -> Model:
+def model_of(system: System, parameters: Mapping[str, Any]) -> Dynamics:
     """Return the model of a system with these parameters.
 
     Raises
@@ -137,7 +137,7 @@ def model_of(system: System, parameters: Mapping[str, Any]) -> Model:
         If a parameter is wrong, or the model has no equilibrium.
     """
     try:
-        model: Model = build_with(system.build, parameters)
+        model: Dynamics = build_with(system.build, parameters)
     except ValueError as error:
         raise ValueError(f'model_parameters.{error}') from None
     except ArithmeticError:

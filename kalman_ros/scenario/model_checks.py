@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Model, OperatingPoint, Sensor, Space
+from kalman_ros.core import Array, Dynamics, OperatingPoint, Sensor, Space
 from kalman_ros.models import check_spaces
 
 #: The most common mistake in a user's model or sensor.
@@ -34,7 +34,7 @@ def _check(what: str, call: Callable[[], Any], shape: tuple[int, ...]) -> None:
         raise ValueError(f'{what}: expected finite numbers at initial_estimate, got {shown}')
 
 
-def check_equilibrium(model: Model) -> None:
+def check_equilibrium(model: Dynamics) -> None:
     """Raise ValueError if a model lacks a space, or its equilibrium is not a point of them."""
     check_spaces(model)
     try:
@@ -54,16 +54,22 @@ def _several(v: Array, count: int) -> Array:
     return np.broadcast_to(v, (count, v.size))
 
 
-def check_model(model: Model, x: Array) -> None:
+def check_model(model: Dynamics, x: Array) -> None:
     """Raise ValueError if a model returns a wrong shape for a state (n,), or changes it."""
     n, u = x.size, model.equilibrium.input
     # as many states as coordinates would fit along the wrong axis, too
     count = 1 + max(n, u.size)
     xs, us = _several(x, count), _several(u, count)
-    _check('model: its derivative', lambda: model.derivative(xs[0], us[0]), (n,))
-    _check(f'model: its derivative {_AT_ONCE}', lambda: model.derivative(xs, us), (count, n))
-    _check('model: its noise_density', lambda: model.noise_density(x), (n, n))
-    _check('model: its state_jacobian', lambda: model.state_jacobian(x, u), (n, n))
+    of: Any = model
+    moves, noise = ('next', 'noise') if model.period else ('derivative', 'noise_density')
+    move = getattr(of, moves)
+    _check(f'model: its {moves}', lambda: move(xs[0], us[0]), (n,))
+    _check(f'model: its {moves} {_AT_ONCE}', lambda: move(xs, us), (count, n))
+    _check(f'model: its {noise}', lambda: getattr(of, noise)(x), (n, n))
+    if model.period:
+        _check('model: its next_jacobian', lambda: of.next_jacobian(x, u)[0], (n, n))
+    else:
+        _check('model: its state_jacobian', lambda: of.state_jacobian(x, u), (n, n))
 
 
 def check_attributes(sensor: Sensor) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.laws import build_law
 from kalman_ros.control.limiter import Limits
-from kalman_ros.control.lqr import Cost, LqrDesign, cost, sampled_cost, sampled_lqr
+from kalman_ros.control.lqr import Cost, LqrDesign, cost, dlqr, sampled_cost, sampled_lqr
 from kalman_ros.control.tracking import FeedForward, feed_forward
 from kalman_ros.core import (
     Array,
@@ -48,14 +48,28 @@ def feedback(scenario: Scenario) -> Feedback:
     DesignError
         If there is no input, or the law has no solution.
     """
-    if not scenario.model.input.size:
+    model, m = scenario.model, scenario.model.input.size
+    if not m:
         raise DesignError('model: it has no input, so there is nothing to control')
+    if model.period:
+        if scenario.law != 'lqr':
+            raise DesignError(
+                f'law: expected lqr for a model in discrete time, got {scenario.law}'
+            )
+        step = model.transition(*model.equilibrium, model.period)
+        K = dlqr(step.F, step.G, price(scenario)).gain
+        return Feedback(K, np.empty((m, 0)), (), np.empty(0, dtype=complex))
     dt = 1.0 / scenario.rate
     return build_law(scenario.law, *_system(scenario), dt, scenario.law_options)
 
 
 def tracking(scenario: Scenario) -> FeedForward:
     """Return the equilibria of references for the whole state, about that of the model."""
+    model = scenario.model
+    if model.period:  # x = F x + G u where (F - 1) x + G u = 0
+        step = model.transition(*model.equilibrium, model.period)
+        F_1, none = step.F - np.eye(len(step.F)), np.zeros_like(step.Q)
+        return feed_forward(LinearSystem(F_1, step.G, none, model.state.tangent, model.input))
     return feed_forward(_system(scenario)[0])
 
 
@@ -98,13 +112,22 @@ def limits(scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf
 
 
 def price(scenario: Scenario) -> Cost:
-    """Return the cost of one sample of a scenario, controllable or not."""
+    """Return the cost of one sample of a scenario, controllable or not.
+
+    That of a model in discrete time is given for each of its periods.
+    """
+    if scenario.model.period:
+        return _weights(scenario)
     return sampled_cost(*_system(scenario), 1.0 / scenario.rate)
 
 
 def _system(scenario: Scenario) -> tuple[LinearSystem, Cost]:
     """Return a scenario linearised about its equilibrium, and its continuous cost."""
     model = scenario.model
-    size = model.state.size, model.input.size
-    weights = cost(scenario.state_cost, scenario.input_cost, size)
-    return linearize(model, *model.equilibrium), weights
+    return linearize(model, *model.equilibrium), _weights(scenario)
+
+
+def _weights(scenario: Scenario) -> Cost:
+    """Return the cost as it is given."""
+    size = scenario.model.state.size, scenario.model.input.size
+    return cost(scenario.state_cost, scenario.input_cost, size)

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Model, Sensor, Signal, TimedSensor, Value
+from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, Signal, TimedSensor, Value
 from kalman_ros.core.geodesy import Place
 from kalman_ros.estimators.filter import Plan
 
@@ -62,7 +62,7 @@ class SensorSource:
 class Scenario:
     """A model, its sensors, its signals and its rate, built and checked as a whole."""
 
-    model: Model
+    model: Dynamics
     sensors: Mapping[str, SensorSource]
     state: Signal
     input: Signal

@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any
 
 from kalman_ros import models
-from kalman_ros.core import Model, SensorSetup, Signal, Space, System
+from kalman_ros.core import Dynamics, SensorSetup, Signal, Space, System
 from kalman_ros.core.system import NO_INPUT
 
 from . import shipped
@@ -45,14 +45,14 @@ def system(name: str) -> System:
     except Exception as error:  # a user's class may raise anything
         reason = f'{type(error).__name__}: {error}'.partition('\n')[0]
         raise ValueError(f"model: '{name}' cannot be built: {reason}") from error
-    if not isinstance(model, Model):
+    if not isinstance(model, Dynamics):
         raise ValueError(f"model: '{name}' gives a {type(model).__name__}, not a Model")
     models.check_spaces(model)
     return by_name(found, model)
 
 
 @cache
-def _shipped(name: str, build: Callable[..., Model]) -> System:
+def _shipped(name: str, build: Callable[..., Dynamics]) -> System:
     """Return the wiring in the section for all nodes of a model's parameter file."""
     values = from_file(shipped.file(name))
 
@@ -93,7 +93,7 @@ def _signal(values: Mapping[str, Any]) -> Signal:
     return Signal(**{**values, 'fields': tuple(values['fields'])})
 
 
-def by_name(build: Callable[..., Model], model: Model) -> System:
+def by_name(build: Callable[..., Dynamics], model: Dynamics) -> System:
     """Return the wiring of a model by the names of its states and inputs, without sensors.
 
     States go by ``sensor_msgs/JointState``, inputs by ``std_msgs/Float64MultiArray``; costs and
@@ -114,7 +114,7 @@ def by_name(build: Callable[..., Model], model: Model) -> System:
     )
 
 
-def driven_by_name(system: System, model: Model) -> System:
+def driven_by_name(system: System, model: Dynamics) -> System:
     """Return a system with the input of a model that its parameters give another input."""
     n, m = model.state.size, model.input.size
     input = _input_by_name(model.input)

@@ -8,7 +8,7 @@ from math import ceil
 
 import numpy as np
 
-from kalman_ros.core import Array, Model, TimedSensor, is_due, ratio
+from kalman_ros.core import Array, Dynamics, TimedSensor, is_due, ratio
 from kalman_ros.core.stacked import stacked
 from kalman_ros.linear.batched import semidefinite_factor, times
 
@@ -97,7 +97,7 @@ class BatchPlant:
 
     def __init__(
         self,
-        model: Model,
+        model: Dynamics,
         sensors: Mapping[str, TimedSensor],
         rate: float,
         initial_state: Array,

@@ -9,9 +9,7 @@ import numpy as np
 
 from kalman_ros.core import (
     Array,
-    DiscreteLinearSystem,
-    LinearSystem,
-    Model,
+    Dynamics,
     TimedSensor,
     is_due,
     is_finite,
@@ -45,7 +43,7 @@ class SimulatedPlant:
 
     def __init__(
         self,
-        model: Model,
+        model: Dynamics,
         sensors: Mapping[str, TimedSensor],
         rate: float,
         initial_state: Array,
@@ -68,7 +66,7 @@ class SimulatedPlant:
         self._sensor_noise: dict[str, NoiseSource] = {}
         self.configure(model, sensors)
 
-    def configure(self, model: Model, sensors: Mapping[str, TimedSensor]) -> None:
+    def configure(self, model: Dynamics, sensors: Mapping[str, TimedSensor]) -> None:
         """Replace the model or the sensors from now on; noise streams continue."""
         shares = {name: ratio(timed.rate, self.rate) for name, timed in sensors.items()}
         self.model, self.sensors, self._shares = model, dict(sensors), shares
@@ -83,6 +81,12 @@ class SimulatedPlant:
 
     def adopt(self, faults: PlantFaults) -> None:
         """Replace the faults of actuator and body from now on."""
+        delay = self.model.nearest_step(faults.delay)
+        if abs(delay - faults.delay) > 1e-9:
+            raise ValueError(
+                f'actuator_delay: expected whole periods of {self.model.period:g} s, as the model '
+                f'moves by these, got {faults.delay:g} s'
+            )
         self.actuator.adopt(faults.gain, faults.delay)
         self.faults = faults.body
 
@@ -110,8 +114,7 @@ class SimulatedPlant:
     def _moved(self, u: Array, disturbance: Array | None) -> Array:
         model, x, time = self.model, self.state, self.steps * self.dt
         Q, source = model.transition(x, u, self.dt).Q, self._process_noise
-        constant = isinstance(model, (LinearSystem, DiscreteLinearSystem))
-        noise = source.draw(Q) if constant else source.draw_varying(Q)
+        noise = source.draw(Q) if model.linear else source.draw_varying(Q)
         faults = self.faults if self.faults.act(time) else None
         if faults is None or not faults.lose(self._loss):
             self._command = u

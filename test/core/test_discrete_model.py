@@ -8,10 +8,11 @@ import kalman_ros as kr
 from kalman_ros.core import (
     DiscreteLinearSystem,
     DiscreteModel,
+    Dynamics,
     Gaussian,
-    Model,
     Space,
     TimedSensor,
+    linearize,
     unchecked,
 )
 from kalman_ros.estimators import build_filter
@@ -46,7 +47,7 @@ def test_a_linear_one_is_the_same_as_a_function():
             np.testing.assert_allclose(model.step(x, u, 0.1 * count), step.F @ x + step.G @ u)
         powers = [np.linalg.matrix_power(F, k) for k in range(count)]
         np.testing.assert_allclose(step.Q, sum((P @ Q @ P.T for P in powers), np.zeros((2, 2))))
-    assert isinstance(system, Model)
+    assert isinstance(system, Dynamics) and system.period == 0.1
 
 
 def test_it_has_leading_axes_and_jacobians():
@@ -86,8 +87,9 @@ def test_linear_filters_take_a_linear_one(kind):
 
 def test_what_it_has_not():
     model = Ricker()
+    assert not hasattr(model, 'derivative')
     with pytest.raises(ValueError, match='model: Ricker is in discrete time, without a deriv'):
-        model.derivative(np.zeros(2), np.zeros(1))
+        linearize(model, np.zeros(2), np.zeros(1))
     for dt in (0.5, -1.0, 1e9):
         with pytest.raises(ValueError, match='time: expected steps that are whole numbers of 1 s'):
             model.step(np.ones(2), np.zeros(1), dt)

@@ -69,7 +69,7 @@ def mine(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize('name', ['bare', 'other', 'Impostor', 'called', 'Eye', 'sys'])
 def test_what_is_no_model_is_not_called(mine, name):
-    with pytest.raises(ValueError, match=f"model: 'mine_own:{name}' is not a System, a Model cl"):
+    with pytest.raises(ValueError, match=f"model: 'mine_own:{name}' is not a System, a Model or"):
         wiring.system(f'mine_own:{name}')
     assert not mine.called
 

@@ -11,6 +11,7 @@ from thorough import mostly_thorough
 
 pytest.importorskip('rclpy')
 
+import kalman_ros as kr
 from kalman_ros.harness import Run
 
 PACKAGE = Path(__file__).parents[1] / 'packages' / 'pendulum_robot'
@@ -38,6 +39,46 @@ def test_a_class_and_a_parameter_file_make_a_robot(robot, filter):
     assert np.mean(np.abs(error) < 3.0 * std) > 0.97
     assert abs(loop.truth[0, 0]) == 1.0
     assert np.abs(loop.truth[200:, 0]).max() < 0.2
+
+
+ROOM = """
+/**:
+  ros__parameters:
+    model: pendulum_robot.thermostat:Thermostat
+    model_parameters: {loss: 0.05}
+    sensors: [thermometer]
+    thermometer: {kind: states, measures: [room], noise: [0.3], rate: 5.0,
+                  type: sensor_msgs/Temperature, fields: [temperature]}
+    input: {topic: heating, type: geometry_msgs/WrenchStamped, fields: [wrench.force.x]}
+    initial_state: [3.0, -1.0]
+    initial_std: [2.0, 2.0]
+    state_cost: [1.0, 0.1]
+    input_cost: [0.1]
+    filter: ekf
+    rate: 5.0
+"""
+
+
+def test_a_model_in_discrete_time_is_a_robot_too(robot, tmp_path):
+    path = tmp_path / 'room.yaml'
+    path.write_text(ROOM)
+    with Run(str(path)) as run:
+        run.advance(40.0)
+        loop = run.trajectory()
+    error = loop.truth - loop.estimate
+    std = np.sqrt(loop.covariance.diagonal(axis1=1, axis2=2))
+    assert len(loop.time) == 201
+    assert np.mean(np.abs(error) < 3.0 * std) > 0.97
+    assert np.abs(loop.input).max() > 0.5
+    alone = kr.simulate(str(path), seconds=40.0, seed=0)
+    np.testing.assert_allclose(loop.estimate, alone.estimate, atol=1e-9)
+
+
+def test_the_rate_of_a_model_in_discrete_time_is_that_of_its_steps(robot, tmp_path):
+    path = tmp_path / 'room.yaml'
+    path.write_text(ROOM.replace('rate: 5.0\n"""', '').replace('    rate: 5.0', '    rate: 20.0'))
+    with pytest.raises(ValueError, match='rate: expected 5, one step for each period of the mod'):
+        kr.load(str(path))
 
 
 def test_a_linear_system_by_yaml_alone(tmp_path):

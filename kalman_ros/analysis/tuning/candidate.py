@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Model, Sensor
+from kalman_ros.core import Array, Dynamics, Gaussian, Sensor
 from kalman_ros.core.candidates import candidate_model
 from kalman_ros.estimators.filter import Filter, SmoothableFilter
 
@@ -33,7 +33,7 @@ class Candidate:
     """
 
     filter: Filter
-    model: Model
+    model: Dynamics
     sensors: Mapping[str, Sensor]
     initial: Gaussian
     biases: Mapping[str, Array] = field(default_factory=dict)

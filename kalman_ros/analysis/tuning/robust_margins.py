@@ -13,7 +13,7 @@ from kalman_ros.control.compensator import current_compensator
 from kalman_ros.control.delay import sampled_plant
 from kalman_ros.control.margins import Margins, margins
 from kalman_ros.control.state_space import StateSpace
-from kalman_ros.core import DesignError, Model, linearize
+from kalman_ros.core import DesignError, Dynamics, linearize
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback
 
@@ -45,7 +45,7 @@ class RobustMargins:
     count: int
 
 
-def robust_margins(scenario: Scenario, plants: Iterable[Model]) -> list[RobustMargins]:
+def robust_margins(scenario: Scenario, plants: Iterable[Dynamics]) -> list[RobustMargins]:
     """Return the margins of a scenario's law and estimator on its own model and on ``plants``.
 
     The law and the steady-state filter are designed for the scenario's model, and stay. As in a
@@ -60,7 +60,7 @@ def robust_margins(scenario: Scenario, plants: Iterable[Model]) -> list[RobustMa
     law, point = feedback(scenario), scenario.model.equilibrium
     C = stacked(scenario, point.state)
 
-    def sampled(plant: Model) -> StateSpace:
+    def sampled(plant: Dynamics) -> StateSpace:
         return sampled_plant(linearize(plant, *plant.equilibrium), C, dt)
 
     estimator = even_estimator(scenario, point)

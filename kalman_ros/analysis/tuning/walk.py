@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Sensor, Space, unchecked
+from kalman_ros.core import Array, Gaussian, Sensor, Space, in_continuous_time, unchecked
 from kalman_ros.core.candidates import candidate_model, candidate_sensor
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.start import match_reading
@@ -111,7 +111,9 @@ class Walk:
         self._delayed = [each - each[0] for each in delays]
         moving = candidate_model([c.model for c in candidates]) if np.any(delays) else None
         self._earlier = [
-            Earlier(sensor, moving) if moving is not None and each.any() else None
+            Earlier(sensor, in_continuous_time(moving))
+            if moving is not None and each.any()
+            else None
             for sensor, each in zip(self._sensors, delays)
         ]
         self._with: dict[tuple[int, bool, bytes, bytes], Sensor] = {}

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from kalman_ros.core import About, Array, Gaussian, Hypotheses, Model, Sensor, Space
+from kalman_ros.core import About, Array, Dynamics, Gaussian, Hypotheses, Sensor, Space
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.filter import Filter, Plan
 from kalman_ros.estimators.mixture import Mixture, forecast_nis, pooled, reduced, turned_parts
@@ -63,7 +63,7 @@ class GaussianSumFilter(Filter):
         return cls(ExtendedKalmanFilter(plan.model), hypotheses)
 
     @property
-    def model(self) -> Model:  # type: ignore[override]
+    def model(self) -> Dynamics:  # type: ignore[override]
         """How the state moves."""
         return self.ekf.model
 

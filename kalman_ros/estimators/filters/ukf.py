@@ -17,8 +17,8 @@ import numpy as np
 from kalman_ros.core import (
     About,
     Array,
+    Dynamics,
     Gaussian,
-    Model,
     Sensor,
     Space,
     solve,
@@ -47,7 +47,7 @@ class UnscentedKalmanFilter(SmoothableFilter):
         defaults no weight is negative, so that no covariance can become indefinite.
     """
 
-    model: Model
+    model: Dynamics
     alpha: float = 1.0
     beta: float = 0.0
     kappa: float = 1.0

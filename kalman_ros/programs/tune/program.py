@@ -21,7 +21,7 @@ from kalman_ros.analysis.tuning.fit import Fit, fit, sampled
 from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.profiles import Profile, profiles
 from kalman_ros.analysis.tuning.robust_margins import RobustMargins, robust_margins
-from kalman_ros.core import DesignError, Model
+from kalman_ros.core import DesignError, Dynamics
 from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.programs.results import ready
@@ -197,7 +197,7 @@ def _margins(
     values = {'model': models.DEFAULT, **from_file(path, 'estimator', 'controller')}
     try:
         fitted: Scenario = build({**values, **changes, **named.changes(found.values)})
-        plants: list[Model] = [
+        plants: list[Dynamics] = [
             named.candidate(each).model for each in sampled(recorded.likelihood, found, _PLANTS)
         ]
         return robust_margins(fitted, plants), ''

@@ -16,6 +16,7 @@ from kalman_ros import scenario
 from kalman_ros.core import (
     Array,
     DesignError,
+    Dynamics,
     Gaussian,
     LinearSystem,
     Model,
@@ -167,7 +168,7 @@ class Episode:
         return ''
 
 
-def _system(rng: np.random.Generator) -> tuple[Model, dict[str, Sensor]]:
+def _system(rng: np.random.Generator) -> tuple[Dynamics, dict[str, Sensor]]:
     """Return a model and its sensors."""
     kind = rng.random()
     for number, name in enumerate(_ROBOTS, 1):

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a state moves by steps: what models in continuous and in discrete time have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from kalman_ros.linear.kernels import kernels
+from kalman_ros.linear.matrices import Array
+
+from .space import Space
+
+
+class Transition(NamedTuple):
+    """One step of sampled time, x' = F x + G u + w, w ~ N(0, Q): F (n, n), G (n, m), Q (n, n)."""
+
+    F: Array
+    G: Array
+    Q: Array
+
+
+class LinearizedStep(NamedTuple):
+    """A step x' (..., n) with its linearisation: dx' = F dx + w, w ~ N(0, Q), both (..., n, n)."""
+
+    state: Array
+    F: Array
+    Q: Array
+
+
+class OperatingPoint(NamedTuple):
+    """A state (n,) and an input (m,) about which a model is linearised."""
+
+    state: Array
+    input: Array
+
+
+class Dynamics(ABC):
+    """A system whose state moves by steps, x' = step(x, u, dt) + w, w ~ N(0, Q).
+
+    It is a `Model`, in continuous time, or a `DiscreteModel`. Arrays may have any leading axes: x
+    (..., n), u (..., m).
+    """
+
+    state: Space
+    input: Space
+    #: The longest step of the integrator, in seconds; `step` divides longer ones, into at most
+    #: 10 000 parts, so that a wrong stamp cannot block it.
+    max_step: float = inf
+    #: Whether a step is x' = F x + G u + w, whatever x and u are: see `LinearSystem.sampled`.
+    linear: bool = False
+    #: Seconds from one step to the next; 0 in continuous time.
+    period: float = 0.0
+
+    def __repr__(self) -> str:
+        return f'{type(self).__name__}(state: {self.state}; input: {self.input})'
+
+    @property
+    def equilibrium(self) -> OperatingPoint:
+        """Where the model rests without noise; the origin by default."""
+        return OperatingPoint(np.zeros(self.state.size), np.zeros(self.input.size))
+
+    @abstractmethod
+    def noise_density(self, x: Array) -> Array:
+        """Return the spectral density W (n, n) of the process noise at ``x`` (n,)."""
+
+    @abstractmethod
+    def step(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the state (..., n) after ``dt`` seconds with ``u`` held, without noise."""
+
+    @abstractmethod
+    def transition(self, x: Array, u: Array, dt: float) -> Transition:
+        """Return the step of length ``dt``, linearised about x (n,) and u (m,)."""
+
+    def nearest_step(self, dt: float) -> float:
+        """Return the length nearest to ``dt`` that a step can have: ``dt`` in continuous time."""
+        return dt
+
+    def periods(self, dt: float) -> int:
+        """Return the number of periods in ``dt`` seconds; 0 in continuous time.
+
+        Raises
+        ------
+        ValueError
+            If it is not a whole number.
+        """
+        return 0
+
+    def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
+        """Return the state after a step from x (n,) with u (m,), with the step's F and Q."""
+        transition = self.transition(x, u, dt)
+        return LinearizedStep(self.step(x, u, dt), transition.F, transition.Q)
+
+    def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
+        """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
+        return self.transition(x, u, dt).Q
+
+    def predicted_moments(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:
+        """Return the state after a step, and F P F' + Q of its linearisation."""
+        moved, F, Q = self.linearized_step(x, u, dt)
+        return moved, kernels(x).sandwich(F, P, Q)
+
+    def step_noise(self, x: Array, u: Array, dt: float) -> Array:
+        """Return the Q of `linearized_step`."""
+        return self.linearized_step(x, u, dt).Q
