@@ -13,8 +13,12 @@ from kalman_ros import models, scenario, sensors
 from kalman_ros.control.laws import LAWS, law_options
 from kalman_ros.core import Option, options_of
 from kalman_ros.estimators import FILTERS, filter_options
-from kalman_ros.nodes import options
-from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.nodes.controller.options import ControllerOptions
+from kalman_ros.nodes.markers.options import MarkersOptions
+from kalman_ros.nodes.microphone_array.options import MicrophoneArrayOptions
+from kalman_ros.nodes.monitor.options import MonitorOptions
+from kalman_ros.nodes.plant.options import PlantOptions
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.scenario.parameter_text import yaml_value
 from kalman_ros.simulation.faults import fault_options
 
@@ -77,21 +81,21 @@ def parameters() -> Iterator[str]:
     yield from ['', '## plant', '', *table(options_of(PlantOptions))]
     faulty = [Option(f'SENSOR.{o.name}', o.default, o.about) for o in fault_options()]
     yield from ['', 'Faults of each sensor, off by default:', '', *table(faulty)]
-    yield from ['', '## estimator', '', *table(options_of(options.EstimatorOptions))]
+    yield from ['', '## estimator', '', *table(options_of(EstimatorOptions))]
     for kind in FILTERS:
         found = filter_options(kind)
         if found:
             yield from ['', f'With the filter `{kind}`:', '', *table(found)]
-    yield from ['', '## controller', '', *table(options_of(options.ControllerOptions))]
+    yield from ['', '## controller', '', *table(options_of(ControllerOptions))]
     cost = [shared[name] for name in ('law', 'state_cost', 'input_cost')]
     yield from ['', 'The law and its cost, for the monitor too:', '', *table(cost)]
     for law in LAWS:
         found = law_options(law)
         if found:
             yield from ['', f'With the law `{law}`:', '', *table(found)]
-    yield from ['', '## monitor', '', *table(options_of(options.MonitorOptions))]
-    yield from ['', '## markers', '', *table(options_of(options.MarkersOptions))]
-    yield from ['', '## microphone_array', '', *table(options_of(options.MicrophoneArrayOptions))]
+    yield from ['', '## monitor', '', *table(options_of(MonitorOptions))]
+    yield from ['', '## markers', '', *table(options_of(MarkersOptions))]
+    yield from ['', '## microphone_array', '', *table(options_of(MicrophoneArrayOptions))]
 
 
 def api() -> Iterator[str]:

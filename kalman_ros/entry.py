@@ -41,7 +41,7 @@ def _node(name: str) -> None:
     for number in _SIGNALS:
         signal.signal(number, lambda *_: os._exit(0))
     _require_address_space(name)
-    import_module(f'kalman_ros.nodes.{name}').main()
+    import_module(f'kalman_ros.nodes.{name}.node').main()
 
 
 def _require_address_space(name: str) -> None:

@@ -14,7 +14,7 @@ from sensor_msgs.msg import TimeReference
 from kalman_ros.codecs.messages import leading_stamp, message_type
 from kalman_ros.codecs.tick import mentioned, read_tick, write_tick
 from kalman_ros.core import Signal
-from kalman_ros.nodes.topics import QUEUE
+from kalman_ros.nodes.middleware.topics import QUEUE
 from kalman_ros.pipeline.estimate_topics import covariance_signal
 from kalman_ros.scenario import Scenario
 

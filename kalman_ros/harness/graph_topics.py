@@ -13,7 +13,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from kalman_ros.codecs.messages import message_type
-from kalman_ros.nodes.reception import ReceptionTimes
+from kalman_ros.nodes.middleware import private
+from kalman_ros.nodes.middleware.reception import ReceptionTimes
 
 #: Messages of a topic that are kept between two reads.
 _DEPTH = 5000
@@ -145,9 +146,8 @@ class GraphTopics:
     def take(self) -> Iterator[Received]:
         """Yield what was received since the last call, topic by topic."""
         for topic, subscription in self._subscriptions.items():
-            take, kind = subscription.handle.take_message, subscription.msg_type
             for _ in range(_DEPTH):
-                found = take(kind, True)
+                found = private.take(subscription)
                 if found is None:
                     break
                 data, info = found

@@ -9,7 +9,7 @@ import rclpy
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.task import Future
 
-from kalman_ros.nodes.watcher import WatcherNode
+from kalman_ros.nodes.middleware.watcher import WatcherNode
 
 from .domain import Domain
 from .interrupts import deferred

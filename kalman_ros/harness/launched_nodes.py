@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from kalman_ros.nodes.private_folder import PrivateFolder
+from kalman_ros.nodes.middleware.private_folder import PrivateFolder
 
 from .interrupts import deferred
 from .isolated_context import IsolatedContext

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rclpy.utilities import get_rmw_implementation_identifier as rmw
 
-from kalman_ros.nodes.transport import PROFILES, PROMPT, RANGE, loopback, profiles
+from kalman_ros.nodes.middleware.transport import PROFILES, PROMPT, RANGE, loopback, profiles
 
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG, linux/prctl.h
 
@@ -97,7 +97,7 @@ class NodeProcess:
 def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:
     """Restrict this process to this machine; return its environment with a ROS domain.
 
-    Nodes that start together discover each other at once; see ``nodes/prompt.xml``. With
+    Nodes that start together discover each other at once: ``nodes/middleware/prompt.xml``. With
     ``sockets`` they use no shared memory: that is quicker, but a killed process may leave it
     locked, and publishers then block for seconds. The user's Fast DDS profile has priority.
     """

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from kalman_ros.nodes.diagnostics import PUBLISHERS, SUBSCRIBERS
+from kalman_ros.nodes.middleware.diagnostics import PUBLISHERS, SUBSCRIBERS
 
 
 def missing(

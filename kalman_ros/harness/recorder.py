@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile
 from kalman_ros.codecs.signal_codecs import Codec, codec_of
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
-from kalman_ros.nodes.watcher import WatcherNode
+from kalman_ros.nodes.middleware.watcher import WatcherNode
 
 from .run_recording import RunRecording
 

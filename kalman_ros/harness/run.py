@@ -16,8 +16,8 @@ from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.core import Signal
-from kalman_ros.nodes.diagnostics import NUMBER
-from kalman_ros.nodes.published import SERVICE
+from kalman_ros.nodes.middleware.diagnostics import NUMBER
+from kalman_ros.nodes.middleware.published import SERVICE
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .confirmation import WINDOW, Confirmation

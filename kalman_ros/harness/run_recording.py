@@ -9,7 +9,7 @@ from typing import Any
 
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import full_type
-from kalman_ros.nodes.watcher import WatcherNode
+from kalman_ros.nodes.middleware.watcher import WatcherNode
 
 #: Seconds between two writes: no more is lost if this process is killed.
 _PERIOD = 0.5

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from kalman_ros.core import Option, Value
-from kalman_ros.nodes.options import ControllerOptions, EstimatorOptions
-from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.nodes.controller.options import ControllerOptions
+from kalman_ros.nodes.plant.options import PlantOptions
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.settings import OF_RCLPY, Chosen, Settings, choose, estimator_extra
 from kalman_ros.scenario import Scenario, assemble, sensor_names
 from kalman_ros.scenario.demo_section import demo_section

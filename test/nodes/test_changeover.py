@@ -9,7 +9,7 @@ pytest.importorskip('casadi', reason='the extra kalman_ros[compiled] is not inst
 from kalman_ros.compiled import library
 from kalman_ros.compiled.parts import VARIABLE
 from kalman_ros.core import Gaussian
-from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
 from kalman_ros.scenario import shipped
 
 pytestmark = pytest.mark.slow  # the compiler is another process

@@ -11,7 +11,7 @@ pytest.importorskip('rclpy')
 
 from builtin_interfaces.msg import Time
 
-from kalman_ros.nodes.diagnostics import Diagnostics, Level
+from kalman_ros.nodes.middleware.diagnostics import Diagnostics, Level
 
 
 def published(values):

@@ -8,7 +8,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Space
-from kalman_ros.nodes.estimate_guard import EstimateGuard, is_covariance
+from kalman_ros.nodes.controller.guard import EstimateGuard, is_covariance
 
 SECOND = 1_000_000_000
 SPACE = Space(('x', 'v'), ('m', 'm/s'))

@@ -9,7 +9,7 @@ from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import nanoseconds, write_stamp
 from kalman_ros.estimators.outcome import Outcome
-from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
 
 STEP = 10_000_000
 

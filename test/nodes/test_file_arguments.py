@@ -15,11 +15,11 @@ from rclpy.parameter import Parameter, parameter_dict_from_yaml_file
 
 from kalman_ros.core import DesignError
 from kalman_ros.harness.domain import Domain
-from kalman_ros.nodes.controller import ControllerNode
-from kalman_ros.nodes.estimator import EstimatorNode
-from kalman_ros.nodes.file_arguments import hint, readable
-from kalman_ros.nodes.parameters import given
-from kalman_ros.nodes.plant import PlantNode
+from kalman_ros.nodes.controller.node import ControllerNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
+from kalman_ros.nodes.middleware.file_arguments import hint, readable
+from kalman_ros.nodes.middleware.parameters import given
+from kalman_ros.nodes.plant.node import PlantNode
 
 CONFIG = Path(__file__).parents[2] / 'config'
 SCENARIOS = sorted(path.stem for path in CONFIG.glob('*.yaml'))

@@ -10,7 +10,7 @@ from kalman_ros.codecs.fixes import place_of
 from kalman_ros.codecs.messages import decode, write_stamp
 from kalman_ros.core.geodesy import Place, TangentPlane
 from kalman_ros.estimators.outcome import Outcome
-from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
 from kalman_ros.scenario import shipped
 
 DATUM = Place(49.8728, 8.6512, 144.0)

@@ -6,9 +6,9 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 
 from kalman_ros.codecs.messages import write_stamp
-from kalman_ros.nodes import connections, meeting
-from kalman_ros.nodes.controller import ControllerNode
-from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.controller.node import ControllerNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
+from kalman_ros.nodes.middleware import connections, meeting
 
 
 @pytest.fixture

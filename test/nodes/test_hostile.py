@@ -33,11 +33,11 @@ from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.harness.domain import Domain
-from kalman_ros.nodes.controller import ControllerNode
-from kalman_ros.nodes.estimator import EstimatorNode
-from kalman_ros.nodes.microphone_array import MicrophoneArrayNode
-from kalman_ros.nodes.monitor import MonitorNode
-from kalman_ros.nodes.plant import PlantNode
+from kalman_ros.nodes.controller.node import ControllerNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
+from kalman_ros.nodes.microphone_array.node import MicrophoneArrayNode
+from kalman_ros.nodes.monitor.node import MonitorNode
+from kalman_ros.nodes.plant.node import PlantNode
 from kalman_ros.scenario import shipped
 
 NODES = {

@@ -9,10 +9,10 @@ pytest.importorskip('rclpy')
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.control.limiter import Limiter, Limits
 from kalman_ros.core import Signal
-from kalman_ros.nodes import output
-from kalman_ros.nodes.controller import ControllerNode
-from kalman_ros.nodes.output import OutputStage
-from kalman_ros.nodes.plant_input import PlantInput
+from kalman_ros.nodes.controller import output
+from kalman_ros.nodes.controller.node import ControllerNode
+from kalman_ros.nodes.controller.output import OutputStage
+from kalman_ros.nodes.plant.input import PlantInput
 
 SECOND = 1_000_000_000
 

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 
-from kalman_ros.nodes import controller, estimator
-from kalman_ros.nodes.controller import ControllerNode
-from kalman_ros.nodes.estimator import EstimatorNode
-from kalman_ros.nodes.plant import PlantNode
+from kalman_ros.nodes.controller import node as controller
+from kalman_ros.nodes.controller.node import ControllerNode
+from kalman_ros.nodes.estimator import node as estimator
+from kalman_ros.nodes.estimator.node import EstimatorNode
+from kalman_ros.nodes.plant.node import PlantNode
 from kalman_ros.scenario import building, declarations
 
 

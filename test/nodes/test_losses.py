@@ -11,8 +11,8 @@ import pytest
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
-from kalman_ros.nodes import losses
-from kalman_ros.nodes.watcher import WatcherNode
+from kalman_ros.nodes.middleware import losses, private
+from kalman_ros.nodes.middleware.watcher import WatcherNode
 
 
 class Event(nullcontext):
@@ -29,7 +29,7 @@ class Event(nullcontext):
 def event(monkeypatch):
     """Return the event that the next `Losses` reads."""
     event = Event()
-    monkeypatch.setattr(losses._rclpy, 'EventHandle', lambda handle, kind: event)
+    monkeypatch.setattr(private._rclpy, 'EventHandle', lambda handle, kind: event)
     return event
 
 

@@ -15,8 +15,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from kalman_ros.core import rotations as so3
 from kalman_ros.live.map_extent import is_drawn
-from kalman_ros.nodes.marker_drawing import MarkerDrawing
-from kalman_ros.nodes.markers import MarkersNode
+from kalman_ros.nodes.markers.drawing import MarkerDrawing
+from kalman_ros.nodes.markers.node import MarkersNode
 from kalman_ros.scenario import build, shipped
 from kalman_ros.scenario.parameter_files import from_file
 

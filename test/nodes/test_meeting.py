@@ -3,8 +3,8 @@
 
 import pytest
 
-from kalman_ros.nodes import meeting
-from kalman_ros.nodes.meeting import Meeting
+from kalman_ros.nodes.middleware import meeting
+from kalman_ros.nodes.middleware.meeting import Meeting
 
 
 @pytest.fixture

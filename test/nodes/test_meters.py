@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.nodes import meters
+from kalman_ros.nodes.middleware import meters
 
 
 @pytest.fixture

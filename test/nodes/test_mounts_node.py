@@ -9,8 +9,8 @@ from static_frames import message
 
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.estimators.outcome import Outcome
-from kalman_ros.nodes.estimator import EstimatorNode
-from kalman_ros.nodes.topics import STATIC
+from kalman_ros.nodes.estimator.node import EstimatorNode
+from kalman_ros.nodes.middleware.topics import STATIC
 from kalman_ros.scenario import shipped
 
 INSTALLED = importlib.util.find_spec('tf2_msgs') is not None

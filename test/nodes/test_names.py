@@ -12,18 +12,22 @@ from kalman_ros import scenario
 from kalman_ros.control.laws import LAWS, law_options
 from kalman_ros.core import options_of
 from kalman_ros.estimators import FILTERS, filter_options
-from kalman_ros.nodes import options
-from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.nodes.controller.options import ControllerOptions
+from kalman_ros.nodes.markers.options import MarkersOptions
+from kalman_ros.nodes.microphone_array.options import MicrophoneArrayOptions
+from kalman_ros.nodes.monitor.options import MonitorOptions
+from kalman_ros.nodes.plant.options import PlantOptions
 from kalman_ros.pipeline import names
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.simulation import faults
 
 OPTIONS = {
     'plant': PlantOptions,
-    'estimator': options.EstimatorOptions,
-    'controller': options.ControllerOptions,
-    'monitor': options.MonitorOptions,
-    'markers': options.MarkersOptions,
-    'microphone_array': options.MicrophoneArrayOptions,
+    'estimator': EstimatorOptions,
+    'controller': ControllerOptions,
+    'monitor': MonitorOptions,
+    'markers': MarkersOptions,
+    'microphone_array': MicrophoneArrayOptions,
 }
 
 
@@ -65,7 +69,8 @@ def test_what_no_model_without_an_input_has_is_no_name_of_it():
 @pytest.mark.slow
 def test_a_node_loads_nothing_that_is_anothers(node, foreign):
     code = (
-        f'import sys; from kalman_ros import scenario; import kalman_ros.nodes.{node} as node; '
+        'import sys; from kalman_ros import scenario; '
+        f'import kalman_ros.nodes.{node}.node as node; '
         "values = {'state_cost': [1.0, 1.0, 1.0, 1.0], 'position.dropout': 0.1}; "
         "kind = getattr(node, '" + node.title() + "Node'); "
         'scenario.build(values, with_law=kind.with_law); '

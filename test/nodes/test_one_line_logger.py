@@ -11,8 +11,8 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
 from kalman_ros.harness.domain import Domain
-from kalman_ros.nodes.controller import ControllerNode
-from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.controller.node import ControllerNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
 
 #: Clears the screen, then forges a line.
 HOSTILE = '\x1b[2J\n[INFO] [node]: all is well \u202e'

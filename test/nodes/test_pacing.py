@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.nodes.pacing import FIRST_STAMP, Lockstep
+from kalman_ros.nodes.plant.pacing import FIRST_STAMP, Lockstep
 
 PERIOD = 0.01
 

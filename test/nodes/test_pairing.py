@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros.core import Gaussian
-from kalman_ros.nodes.pairing import Pairing
+from kalman_ros.nodes.monitor.pairing import Pairing
 
 
 def whole(k):

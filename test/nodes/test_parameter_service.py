@@ -7,7 +7,7 @@ from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from kalman_ros.nodes.controller import ControllerNode
+from kalman_ros.nodes.controller.node import ControllerNode
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ import threading
 
 import pytest
 
-from kalman_ros.nodes.priority import take_priority
+from kalman_ros.nodes.middleware.priority import take_priority
 
 #: Says whether it was permitted, and the policy and priority of each of its threads.
 PROGRAM = """
 import os, sys, threading
-from kalman_ros.nodes.priority import take_priority
+from kalman_ros.nodes.middleware.priority import take_priority
 {before}
 done = threading.Event()
 threading.Thread(target=done.wait).start()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from kalman_ros.nodes.private_folder import PrivateFolder
+from kalman_ros.nodes.middleware.private_folder import PrivateFolder
 
 OLD = time.time() - 3600.0
 
@@ -67,7 +67,7 @@ def test_links_and_folders_of_others_stay(temporary):
 @pytest.mark.slow
 def test_the_folder_of_a_killed_process_is_a_leftover(temporary):
     script = (
-        'import sys; from kalman_ros.nodes.private_folder import PrivateFolder\n'
+        'import sys; from kalman_ros.nodes.middleware.private_folder import PrivateFolder\n'
         'print(PrivateFolder().path, flush=True); sys.stdin.read()'
     )
     process = subprocess.Popen(

@@ -9,8 +9,8 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.bags.reading import Bag
 from kalman_ros.bags.recording_writer import RecordingWriter
-from kalman_ros.nodes.reception import ReceptionTimes
-from kalman_ros.nodes.watcher import waiting_with_times
+from kalman_ros.nodes.middleware.reception import ReceptionTimes
+from kalman_ros.nodes.middleware.watcher import waiting_with_times
 
 SECOND = 1_000_000_000
 

@@ -6,8 +6,8 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros import scenario
-from kalman_ros.nodes.managed import reason
-from kalman_ros.nodes.topics import check
+from kalman_ros.nodes.middleware.managed import reason
+from kalman_ros.nodes.middleware.topics import check
 
 
 def test_a_reason_that_quotes_a_long_value_is_short():

@@ -12,8 +12,8 @@ pytest.importorskip('rclpy')
 from rclpy.task import Future
 
 from kalman_ros.control.limiter import Limiter, Limits
-from kalman_ros.nodes import runtime
-from kalman_ros.nodes.output import OutputStage
+from kalman_ros.nodes.controller.output import OutputStage
+from kalman_ros.nodes.middleware import runtime
 
 
 class Witness:

@@ -15,8 +15,8 @@ from rclpy.serialization import serialize_message
 
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.core import Gaussian
-from kalman_ros.nodes.diagnostics import Level
-from kalman_ros.nodes.transform_publisher import TransformPublisher
+from kalman_ros.nodes.estimator.transform_publisher import TransformPublisher
+from kalman_ros.nodes.middleware.diagnostics import Level
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file

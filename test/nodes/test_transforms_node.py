@@ -7,7 +7,7 @@ import pytest
 from nav_msgs.msg import Odometry
 
 from kalman_ros.codecs.messages import decode, write_stamp
-from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
 from kalman_ros.scenario import shipped
 
 TF = {'publish_tf': 'true', 'publish_odometry': 'true', 'frame': 'odom'}

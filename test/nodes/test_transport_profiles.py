@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.nodes.transport import LOOPBACK, PROFILES, PROMPT, profiles
+from kalman_ros.nodes.middleware.transport import LOOPBACK, PROFILES, PROMPT, profiles
 
 
 @pytest.mark.parametrize('path', [LOOPBACK, PROMPT], ids=lambda path: path.stem)

@@ -10,7 +10,7 @@ from geometry_msgs.msg import TwistWithCovarianceStamped
 
 import kalman_ros
 from kalman_ros.codecs.messages import write_stamp
-from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.estimator.node import EstimatorNode
 
 PACKAGE = Path(kalman_ros.__file__).parent
 PAGE = Path(__file__).parents[2] / 'CONTRIBUTING.md'
@@ -21,7 +21,7 @@ MOST_MODULES = 33
 def listed():
     """Return the steps of the page: module and function of each."""
     section = PAGE.read_text().partition('## One reading, step by step\n')[2].partition('\n## ')[0]
-    return re.findall(r'^\d+\. `(\w+)\.(\w+)`:', section, re.MULTILINE)
+    return re.findall(r'^\d+\. `([\w/]+)\.(\w+)`:', section, re.MULTILINE)
 
 
 def traced(found):
@@ -37,7 +37,8 @@ def traced(found):
     def note(frame, event, _):
         path = Path(frame.f_code.co_filename)
         if event == 'call' and PACKAGE in path.parents:
-            walks[-1].append((path.stem, frame.f_code.co_name))
+            module = path.relative_to(PACKAGE).with_suffix('').as_posix()
+            walks[-1].append((module, frame.f_code.co_name))
 
     for number in range(1, 9):  # what is done for the first time takes other ways
         walks.append([])

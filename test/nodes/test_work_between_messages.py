@@ -7,8 +7,8 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireWriter
-from kalman_ros.nodes import estimator_intake
-from kalman_ros.nodes.estimator import EstimatorNode
+from kalman_ros.nodes.estimator import intake as estimator_intake
+from kalman_ros.nodes.estimator.node import EstimatorNode
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from recorded import data
 
 pytest.importorskip('rclpy')
 
-from kalman_ros.nodes.options import EstimatorOptions
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.settings import choose, estimator_extra, settings
 from kalman_ros.programs.from_robot_localization import program
 from kalman_ros.programs.from_robot_localization.program import main

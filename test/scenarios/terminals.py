@@ -10,7 +10,7 @@ from pathlib import Path
 from kalman_ros.harness import executables
 from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.harness.process import NodeProcess
-from kalman_ros.nodes.transport import PROFILES
+from kalman_ros.nodes.middleware.transport import PROFILES
 
 
 class Terminals:

@@ -16,7 +16,7 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.harness import NodeError, Run
 from kalman_ros.harness import run as harness_run
-from kalman_ros.nodes.topics import on_topic
+from kalman_ros.nodes.middleware.topics import on_topic
 from kalman_ros.simulation import closed_loop
 
 #: Longer than the writers' 1000 samples last in the fastest loop.

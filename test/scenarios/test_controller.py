@@ -18,7 +18,7 @@ from kalman_ros.analysis.verdict import judge
 from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.core import options_of
 from kalman_ros.harness import Run
-from kalman_ros.nodes.options import EstimatorOptions
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
 
 
 def publish(run, kind, topic, x, y=0.0, v=0.0):

@@ -34,7 +34,7 @@ from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.harness import NodeError, Run, executables
-from kalman_ros.nodes.interruption import WATCHER
+from kalman_ros.nodes.middleware.interruption import WATCHER
 
 FLOOD = Path(__file__).with_name('estimate_flood.py')
 LIMIT = 20.0  # N/s

@@ -11,7 +11,7 @@ from scipy.io import wavfile
 from kalman_ros.acoustics.array import MicrophoneArray
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.harness import NodeError, Run
-from kalman_ros.nodes.options import MicrophoneArrayOptions
+from kalman_ros.nodes.microphone_array.options import MicrophoneArrayOptions
 from kalman_ros.simulation.sound import SimulatedSound, Sound
 
 NAME = 'sound_tracker'

@@ -18,7 +18,7 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.harness import executables
 from kalman_ros.harness.domain import Domain
-from kalman_ros.nodes.interruption import WATCHER
+from kalman_ros.nodes.middleware.interruption import WATCHER
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file, sections
 
@@ -148,7 +148,7 @@ from importlib import import_module
 from pathlib import Path
 
 sys.argv = sys.argv[1:]
-import_module(f'kalman_ros.nodes.{sys.argv[0]}').main()
+import_module(f'kalman_ros.nodes.{sys.argv[0]}.node').main()
 print([path.read_text().strip() for path in Path('/proc/self/task').glob('*/comm')])
 """
 

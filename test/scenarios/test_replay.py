@@ -14,7 +14,7 @@ from sensor_msgs.msg import Imu
 from kalman_ros.codecs.messages import message_type, nanoseconds
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.harness import Run
-from kalman_ros.nodes.topics import QUEUE
+from kalman_ros.nodes.middleware.topics import QUEUE
 from kalman_ros.scenario import wiring
 
 

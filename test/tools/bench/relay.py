@@ -21,7 +21,7 @@ from kalman_ros.codecs.messages import leading_stamp, write_stamp
 from kalman_ros.harness.executables import executable
 from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.harness.process import NodeProcess
-from kalman_ros.nodes.topics import QUEUE
+from kalman_ros.nodes.middleware.topics import QUEUE
 
 from . import bare
 from .benchmark import Benchmark

@@ -23,9 +23,9 @@ from tools.paths import with_tools
 
 from kalman_ros.harness.isolated_context import IsolatedContext
 from kalman_ros.harness.process import NodeProcess
-from kalman_ros.nodes.interruption import Interruption
-from kalman_ros.nodes.topics import QUEUE
-from kalman_ros.nodes.transport import prefer_sockets
+from kalman_ros.nodes.middleware.interruption import Interruption
+from kalman_ros.nodes.middleware.topics import QUEUE
+from kalman_ros.nodes.middleware.transport import prefer_sockets
 
 #: The most seconds that a ring runs.
 _LONGEST = 3600.0

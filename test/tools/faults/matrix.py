@@ -15,8 +15,8 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from kalman_ros import scenario
 from kalman_ros.core import Value, options_of
 from kalman_ros.harness import Run
-from kalman_ros.nodes.options import EstimatorOptions
-from kalman_ros.nodes.plant_options import PlantOptions
+from kalman_ros.nodes.plant.options import PlantOptions
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.simulation.faults import options_of_sensors
 from kalman_ros.simulation.trajectory import Trajectory
 

@@ -12,8 +12,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from kalman_ros.codecs.messages import leading_stamp, message_type
 from kalman_ros.core import Array
 from kalman_ros.harness import Run
-from kalman_ros.nodes.diagnostics import NUMBER, PUBLISHERS
-from kalman_ros.nodes.topics import HISTORY
+from kalman_ros.nodes.middleware.diagnostics import NUMBER, PUBLISHERS
+from kalman_ros.nodes.middleware.topics import HISTORY
 
 from .findings import Delivery, Soak
 from .machine import Withheld, usage

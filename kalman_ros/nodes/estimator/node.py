@@ -10,6 +10,10 @@ from std_srvs.srv import Trigger
 
 from kalman_ros.analysis.observability import observability
 from kalman_ros.core import Gaussian, Option, Value
+from kalman_ros.nodes.middleware import runtime
+from kalman_ros.nodes.middleware.diagnostics import Report
+from kalman_ros.nodes.middleware.meters import Latency
+from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
 from kalman_ros.pipeline.fusion import fusion
@@ -18,15 +22,11 @@ from kalman_ros.pipeline.mounts import TOPIC, Mounts, static_type
 from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
 
-from . import runtime
 from .changeover import Changeover
 from .channel import InputChannel, SensorChannel
-from .diagnostics import Report
-from .estimate_publisher import EstimatePublisher
-from .estimator_health import Health
-from .estimator_intake import LockstepIntake, RealTimeIntake
-from .meters import Latency
-from .topics import QUEUE, STATIC
+from .health import Health
+from .intake import LockstepIntake, RealTimeIntake
+from .publisher import EstimatePublisher
 from .transform_publisher import TransformPublisher
 
 #: The lowest rate of publication, in Hz, other than none.

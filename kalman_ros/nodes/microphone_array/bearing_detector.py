@@ -14,8 +14,8 @@ from kalman_ros.acoustics.arrival import DirectionFinder
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Array, Signal
+from kalman_ros.nodes.middleware.diagnostics import Level, Report
 
-from .diagnostics import Level, Report
 from .options import MicrophoneArrayOptions
 
 _DETECTED, _SILENT, _UNCLEAR = 'bearings', 'frames without a source', 'frames without a direction'

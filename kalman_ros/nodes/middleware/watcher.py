@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -11,12 +11,12 @@ from rclpy.clock import Clock as RosClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from kalman_ros.codecs.messages import UndecodableError, decode
 from kalman_ros.pipeline.intake import Intake
 
+from . import private
 from .losses import Losses
 from .one_line_logger import OneLineLogger
 from .reception import ReceptionTimes
@@ -43,12 +43,11 @@ def waiting(subscription: Any, first: Sequence[bytes] = ()) -> list[bytes]:
 
 def waiting_with_times(subscription: Any) -> list[tuple[bytes, tuple[int, int]]]:
     """Return the same with when each was received and when published, in nanoseconds."""
-    take, kind = subscription.handle.take_message, subscription.msg_type
     come: list[tuple[bytes, tuple[int, int]]] = []
     size = 0
     # at most the depth of its queue, since more may arrive meanwhile, without end
     for _ in range(subscription.qos_profile.depth):
-        found = take(kind, True)
+        found = private.take(subscription)
         if found is None:
             break
         data, info = found
@@ -110,14 +109,11 @@ class WatcherNode(Node):  # type: ignore[misc]
         found.losses, found.received = Losses(found), ReceptionTimes()
         found.pass_on = partial(self.intake, found.topic_name, take)
 
-        def on_message(*message: Any) -> None:
-            # the executor of events passes a pair where the others pass two arguments
-            data, info = message[0] if len(message) == 1 else message
+        def on_message(data: bytes, info: Mapping[str, Any]) -> None:
             found.losses.numbered(info['publication_sequence_number'])
             found.pass_on(data)
 
-        found.callback = on_message
-        found._callback_type = Subscription.CallbackType.WithMessageInfo
+        private.call_with_numbers(found, on_message)
         return found
 
     def subscribe_in_batches(

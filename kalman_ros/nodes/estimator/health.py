@@ -8,11 +8,10 @@ from typing import Any
 
 from kalman_ros.estimators.consistency import verdict
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.nodes.middleware.diagnostics import Level, Report
+from kalman_ros.nodes.middleware.meters import Latency
 from kalman_ros.pipeline.fuser import Fuser
 from kalman_ros.scenario import Scenario
-
-from .diagnostics import Level, Report
-from .meters import Latency
 
 
 class Health:

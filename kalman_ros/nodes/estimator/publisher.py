@@ -8,14 +8,13 @@ from typing import Any
 from kalman_ros.core import Gaussian, Signal, Space
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.correction import Correction
+from kalman_ros.nodes.middleware.topics import HISTORY, KEPT
 from kalman_ros.pipeline.datum_file import write_datum
 from kalman_ros.pipeline.estimate_topics import EstimateTopics, InnovationTopic, Topic
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.global_topics import GlobalTopics
 from kalman_ros.pipeline.odometry_topic import OdometryTopic
 from kalman_ros.scenario import Scenario
-
-from .topics import HISTORY, KEPT
 
 
 def _publisher(node: Any, topic: Topic) -> Any:

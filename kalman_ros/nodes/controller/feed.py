@@ -11,10 +11,10 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
+from kalman_ros.nodes.middleware.watcher import waiting
 from kalman_ros.scenario import Scenario
 
-from .estimate_guard import EstimateGuard
-from .watcher import waiting
+from .guard import EstimateGuard
 
 #: If more estimates are waiting, the older ones are not decoded.
 _MOST = 50

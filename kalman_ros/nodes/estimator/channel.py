@@ -11,13 +11,13 @@ from kalman_ros.core import Signal
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.nodes.middleware.meters import Latency, Rate
+from kalman_ros.nodes.middleware.watcher import waiting
 from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 from kalman_ros.scenario import SensorSource
 
-from .estimate_publisher import InnovationPublisher
-from .meters import Latency, Rate
-from .watcher import waiting
+from .publisher import InnovationPublisher
 
 #: A sensor is silent after N seconds without a reading, or M of its intervals.
 _SILENCE, _INTERVALS = 1.0, 5.0

@@ -15,13 +15,13 @@ from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import TimeReference
 
+from kalman_ros.nodes.middleware import private
+from kalman_ros.nodes.middleware.meeting import Meeting
+from kalman_ros.nodes.middleware.meters import Latency
+from kalman_ros.nodes.middleware.topics import QUEUE, sensor_queue
 from kalman_ros.pipeline.fuser import Channel, Fuser, Received
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
 from kalman_ros.scenario import Scenario
-
-from .meeting import Meeting
-from .meters import Latency
-from .topics import QUEUE, sensor_queue
 
 #: A clock that goes back by less is out of order, not reset.
 _BACK = Duration(seconds=-0.1)
@@ -53,7 +53,7 @@ class RealTimeIntake:
         self._node: Any = node
         self._fuser, self._latency = fuser, latency
         self._last_time = -1
-        self._clock = node.get_clock().handle
+        self._clock = private.clock_handle(node)
         self._worked = monotonic()
         self._meeting = Meeting(self._input_connected)
         for channel in fuser.channels.values():

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from functools import partial
 from traceback import format_exception
 from typing import Any
 
@@ -15,6 +14,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from kalman_ros.core.one_line import one_line
 
+from . import private
 from .published import PublishedCounts, counted
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
@@ -51,8 +51,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         #: The number of messages published, by topic.
         self.published = PublishedCounts(self)
-        change_state = self._service_change_state
-        change_state.callback = partial(self._on_change_state, change_state.callback)
+        private.wrap_transitions(self, self._on_change_state)
 
     def configure(self) -> None:
         """Read and check everything, and create the entities that last until cleanup.
@@ -150,14 +149,10 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
         self._close(FINALIZED)
 
     def destroy_node(self) -> None:
-        """Deactivate, clean up and destroy the node.
-
-        The state machine holds the node of rcl, and with it the middleware's threads. rclpy keeps
-        it until the process exits, where they would use what the process has destroyed by then.
-        """
+        """Deactivate, clean up and destroy the node."""
         self.rest()
         super().destroy_node()
-        self._state_machine = None
+        private.release_state_machine(self)
 
     def _on_change_state(self, answer: Callable[..., Any], request: Any, response: Any) -> Any:
         """Refuse a transition that does not exist in this state; in rclpy that ends the node."""
@@ -224,7 +219,6 @@ def _reason(error: Exception) -> str:
         return str(error)
     if isinstance(error, (ArithmeticError, MemoryError)):
         return f'the parameters give no numbers to compute with: {error or type(error).__name__}'
-    # rcl has separate exceptions for bad names and unreadable parameter files
-    if type(error).__module__.startswith(('rclpy', '_rclpy', 'rpyutils')):
+    if private.is_of_rclpy(error):
         return str(error).partition('\n')[0].partition(', at ')[0]
     return ''

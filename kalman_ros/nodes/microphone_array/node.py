@@ -16,18 +16,18 @@ from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.tick import read_tick, write_tick
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Value, is_due, is_finite, ratio
+from kalman_ros.nodes.middleware import runtime
+from kalman_ros.nodes.middleware.diagnostics import Report
+from kalman_ros.nodes.middleware.topics import QUEUE, on_topic
 from kalman_ros.pipeline.step_assembler import StepAssembler
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.sensors.bearing import Bearing
 from kalman_ros.simulation.sound import SimulatedSound, Sound
 
-from . import runtime
 from .bearing_detector import BearingDetector
-from .diagnostics import Report
 from .options import MicrophoneArrayOptions
 from .playback import Playback
-from .topics import QUEUE, on_topic
 
 _TRUTH = 'ground_truth'
 #: In lockstep the plant's ticks, by a remap, before a bearing is added to them.

@@ -12,11 +12,10 @@ from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.nodes.middleware.topics import QUEUE, on_topic
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import tracking
-
-from .topics import QUEUE, on_topic
 
 _POSE = 'pose.pose.'
 

@@ -15,6 +15,11 @@ from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.tick import mention, write_tick
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Option, Signal, Value
+from kalman_ros.nodes.middleware import runtime
+from kalman_ros.nodes.middleware.diagnostics import Level, Report
+from kalman_ros.nodes.middleware.managed import ACTIVE
+from kalman_ros.nodes.middleware.meeting import Meeting
+from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE, on_topic, refuse_shared
 from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario, sensor_names
 from kalman_ros.simulation.faults import options_of_sensors
@@ -22,14 +27,9 @@ from kalman_ros.simulation.faults.links import Links
 from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
-from . import runtime
-from .diagnostics import Level, Report
-from .managed import ACTIVE
-from .meeting import Meeting
+from .input import PlantInput
+from .options import PlantOptions
 from .pacing import Lockstep, RealTime
-from .plant_input import PlantInput
-from .plant_options import PlantOptions
-from .topics import HISTORY, QUEUE, on_topic, refuse_shared
 
 
 class PlantNode(runtime.ScenarioNode):

@@ -11,13 +11,12 @@ from rclpy.qos import QoSProfile
 
 from kalman_ros.codecs.messages import UndecodableError, decode, frame_and_end
 from kalman_ros.core import Gaussian
+from kalman_ros.nodes.middleware.diagnostics import Level, Report
+from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.pipeline.transforms import TransformTree, TransformWriter
 from kalman_ros.scenario import Scenario
-
-from .diagnostics import Level, Report
-from .topics import QUEUE, STATIC
 
 _TF, _STATIC = '/tf', '/tf_static'
 #: As tf2 has them.

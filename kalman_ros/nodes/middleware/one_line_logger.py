@@ -6,19 +6,19 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from rclpy.impl import rcutils_logger
 from rclpy.logging import LoggingSeverity
 
 from kalman_ros.core.one_line import one_line
 
+from . import private
+
 #: The most characters of a line.
 LONGEST = 2000
 
-# rclpy limits the rate of a message by the line that logs it, which is not here
-rcutils_logger._internal_callers.append(os.path.realpath(__file__))
+private.log_for_callers_of(os.path.realpath(__file__))
 
 
-class OneLineLogger(rcutils_logger.RcutilsLogger):  # type: ignore[misc]
+class OneLineLogger(private.Logger):  # type: ignore[misc]
     """A logger of `rclpy` that escapes line breaks and control characters.
 
     A frame or a name in a message can contain any: a terminal would obey them.

@@ -9,15 +9,15 @@ from typing import Any
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Signal, Value
+from kalman_ros.nodes.middleware import runtime
+from kalman_ros.nodes.middleware.diagnostics import Level, Report
+from kalman_ros.nodes.middleware.topics import on_topic, watched
 from kalman_ros.pipeline.estimate_topics import covariance_signal
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 
-from . import runtime
-from .diagnostics import Level, Report
-from .marker_drawing import MarkerDrawing
+from .drawing import MarkerDrawing
 from .options import MarkersOptions
-from .topics import on_topic, watched
 
 #: Seconds between two looks whether somebody looks.
 _LOOK = 0.5

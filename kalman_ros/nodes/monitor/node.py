@@ -15,17 +15,17 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.core import Gaussian, Signal, Value
 from kalman_ros.estimators.consistency import ChiSquareWindow, verdict
 from kalman_ros.estimators.error_statistics import Comparison
+from kalman_ros.nodes.middleware import runtime
+from kalman_ros.nodes.middleware.connections import PATIENCE
+from kalman_ros.nodes.middleware.diagnostics import Level, Report
+from kalman_ros.nodes.middleware.topics import on_topic, watched
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import price
 
-from . import runtime
-from .connections import PATIENCE
-from .diagnostics import Level, Report
 from .options import MonitorOptions
 from .pairing import Pairing
-from .topics import on_topic, watched
 
 #: Seconds between two checks for new messages.
 _PERIOD = 0.02

@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import Any
 
-from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from . import private
 
 #: The most writers of a topic that are distinguished.
 _MOST = 16
@@ -30,10 +28,7 @@ class Losses:
     """
 
     def __init__(self, subscription: Any) -> None:
-        kind = QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST
-        self._event: Any = None
-        with suppress(UnsupportedEventTypeError), subscription.handle:
-            self._event = _rclpy.EventHandle(subscription.handle, kind)
+        self._event = private.losses_of(subscription)
         #: The last number of each writer; the writer of a message is unknown, only its number.
         self._last: list[int] = []
         #: The numbers before and after each gap.

@@ -19,20 +19,20 @@ from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
 from kalman_ros.core import Array, Value, is_finite
+from kalman_ros.nodes.middleware import runtime
+from kalman_ros.nodes.middleware.diagnostics import Level, Report
+from kalman_ros.nodes.middleware.meeting import Meeting
+from kalman_ros.nodes.middleware.meters import Latency, Rate
+from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE
 from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, limits, tracking
 
-from . import runtime
-from .diagnostics import Level, Report
-from .estimate_feed import EstimateFeed
-from .estimate_guard import EstimateGuard, guard_limits
-from .meeting import Meeting
-from .meters import Latency, Rate
+from .feed import EstimateFeed
+from .guard import EstimateGuard, guard_limits
 from .options import ControllerOptions
 from .output import OutputStage
 from .reference import ReferenceReader
-from .topics import HISTORY, QUEUE
 
 #: The longest step, in seconds, over which an integral is updated or an estimate predicted.
 _LONGEST = 0.5

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The options of the controller beside the scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated
+
+from kalman_ros.core import About
+from kalman_ros.pipeline.estimator_options import (
+    Autostart,
+    Frame,
+    FutureTolerance,
+    IdleInput,
+    Learn,
+    Lockstep,
+    Longest,
+    Priority,
+)
+from kalman_ros.pipeline.intake import LONGEST
+
+
+@dataclass(frozen=True)
+class ControllerOptions:
+    """Options of the controller."""
+
+    autostart: Autostart = True
+    max_message_size: Longest = LONGEST
+    learn_layouts: Learn = True
+    realtime_priority: Priority = 30
+    lockstep: Lockstep = False
+    enabled: Annotated[
+        bool, About('whether forces are computed; if not, none is published (lockstep: idle ones)')
+    ] = True
+    idle_input: IdleInput = 'zero'
+    input_limit: Annotated[
+        Sequence[float],
+        About('largest magnitude of each input; one for all', minimum=0.0, live=True),
+    ] = (inf,)
+    input_rate_limit: Annotated[
+        Sequence[float],
+        About('largest change of each input a second; one for all', minimum=0.0, live=True),
+    ] = (inf,)
+    estimate_timeout: Annotated[
+        float,
+        About(
+            'real time: the input goes to idle when the estimate is older, by its stamp or by '
+            'its arrival; 0 for never',
+            's',
+            minimum=0.0,
+            live=True,
+        ),
+    ] = 0.5
+    future_tolerance: FutureTolerance = 1.0
+    max_std: Annotated[
+        Sequence[float],
+        About(
+            'largest accepted standard deviation of each state; one for all',
+            minimum=0.0,
+            live=True,
+        ),
+    ] = (inf,)
+    resume: Annotated[
+        str, About("after a fault resume at once, 'auto', or on ~/enable, 'enable'")
+    ] = 'auto'
+    transition_time: Annotated[
+        float,
+        About('duration of the transition to other gains; 0 for a jump', 's', 0.0, live=True),
+    ] = 0.5
+    predict_latency: Annotated[
+        bool, About('real time: predict each estimate by its age before use', live=True)
+    ] = False
+    frame: Frame = 'map'
