@@ -24,7 +24,7 @@ SCENARIO = 'mass_spring_damper'
 
 
 def found_in(injection, seconds=12.0, seed=5, scenario=SCENARIO):
-    return diagnose(recorded(scenario, injection, seconds, seed, online=False)).findings
+    return diagnose(recorded(scenario, injection, seconds, seed)).findings
 
 
 def rounded(y):
@@ -124,7 +124,7 @@ def test_covariances_that_cannot_be_meant(value):
 
 
 def test_states_that_nothing_observes_are_notes():
-    found = diagnose(recorded('diff_drive', None, 8.0, 2, online=False))
+    found = diagnose(recorded('diff_drive', None, 8.0, 2))
     assert found.findings == ()
     assert [note.subject for note in found.notes] == ['x', 'y', 'psi']
 
@@ -164,10 +164,10 @@ def test_what_explains_next_to_nothing_is_not_proven():
 def test_a_vector_of_three_axes_that_is_turned_far_is_found_by_what_the_others_predict(degrees):
     turn = np.radians(degrees) * np.array([0.6, 0.0, 0.8])
     askew = Injection(edits={'odometry': values_of(lambda y: y @ rotations.exp(turn).T)})
-    found = gross.find(Examination(recorded('robot_3d', askew, 12.0, 1, online=False)))
+    found = gross.find(Examination(recorded('robot_3d', askew, 12.0, 1)))
     assert (found[0].kind, found[0].subject) == ('rotated', 'odometry')
     # the readings as they would have been
-    as_meant = recorded('robot_3d', Injection(), 12.0, 1, online=False).sensors['odometry'].value
+    as_meant = recorded('robot_3d', Injection(), 12.0, 1).sensors['odometry'].value
     mended = found[0].mended().sensors['odometry'].value
     assert np.abs(mended - as_meant).max() < 0.1 * np.abs(as_meant).max()
     words = found[0].sentence.partition('mount.rotation: [')[2].partition(']')[0]

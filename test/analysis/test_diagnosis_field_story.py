@@ -32,8 +32,8 @@ COMPASS = {
 }
 
 
-def findings(scenario, injection, seconds=10.0, online=False):
-    found = diagnose(recorded(scenario, injection, seconds, 7, online=online)).findings
+def findings(scenario, injection, seconds=10.0):
+    found = diagnose(recorded(scenario, injection, seconds, 7)).findings
     return [(finding.kind, finding.subject) for finding in found], found
 
 
@@ -71,7 +71,7 @@ def test_a_gate_that_rejected_a_third_of_good_fixes():
         plant={'position.noise': [0.12]},
         estimator={'position.gate': 0.95, 'gate_recover_after': 0},
     )
-    names, found = findings('mass_spring_damper', tight, seconds=15.0, online=True)
+    names, found = findings('mass_spring_damper', tight, seconds=15.0)
     assert ('gate', 'position') in names
     gate = found[names.index(('gate', 'position'))]
     assert gate.change == {'position.gate': 1.0}
@@ -81,7 +81,7 @@ def test_a_gate_that_rejected_a_third_of_good_fixes():
 def test_a_wireless_link_that_is_slower_than_the_window():
     """A delay of the link looks like a clock that lags; the stamps are right."""
     slow = Injection({'position': {'delay': 1.5}})
-    names, found = findings('mass_spring_damper', slow, seconds=8.0, online=True)
+    names, found = findings('mass_spring_damper', slow, seconds=8.0)
     assert names[0] == ('delay', 'position')
     assert 'dropped as older than the window' in found[0].sentence
     assert found[0].change['window'] > 1.5

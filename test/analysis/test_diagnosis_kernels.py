@@ -26,7 +26,7 @@ SCENARIO = 'mass_spring_damper'
 
 @pytest.fixture(scope='module')
 def case():
-    return Examination(recorded(SCENARIO, seconds=6.0, seed=4, online=False))
+    return Examination(recorded(SCENARIO, seconds=6.0, seed=4))
 
 
 def shifted(evidence, name, offset):
@@ -114,7 +114,7 @@ def test_another_noise_has_the_likelihood_of_its_own_pass(case):
 def test_noise_that_is_taken_away_leaves_the_likelihood_of_a_filter():
     """Of a chain of integrators: to first order in the step, the rest of Q would be indefinite."""
     calm = Injection(plant={'model_parameters.acceleration_noise': 0.03})
-    evidence = recorded('gnss_imu', calm, 20.0, 7, online=False)
+    evidence = recorded('gnss_imu', calm, 20.0, 7)
     found = Examination(evidence)
     labels = found.scores.labels
     logs = [0.0, -2.5, -6.0]

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from kalman_ros.analysis.diagnosis.array_replay import passed
+from kalman_ros.analysis.diagnosis.array_replay import replay
 from kalman_ros.analysis.diagnosis.beginning import likeliest
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.passage import passage
@@ -66,7 +66,7 @@ def drive(seed):
 
 
 def evidence(readings, parameters=ROBOT):
-    return passed(parameters, readings, InputRecord(np.zeros(0), np.zeros(0), np.zeros((0, 0))))
+    return replay(parameters, readings, InputRecord(np.zeros(0), np.zeros(0), np.zeros((0, 0))))
 
 
 @pytest.mark.thorough

@@ -113,7 +113,7 @@ def test_a_program_that_is_interrupted_says_so_in_a_line(name, tmp_path, monkeyp
 
 
 def test_a_table_fits_a_terminal():
-    found = diagnose(recorded(SCENARIO, NEGATED, 6.0, 1, online=False))
+    found = diagnose(recorded(SCENARIO, NEGATED, 6.0, 1))
     console = Console(width=80, record=True, file=open('/dev/null', 'w'))  # noqa: SIM115
     console.print(tables.findings_table(found))
     assert '...' not in console.export_text()

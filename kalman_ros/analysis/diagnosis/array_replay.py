@@ -18,7 +18,6 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.estimation import estimation
 
 from .evidence import Evidence, changed
-from .passage import passage
 
 #: Parameters of the estimator's node that the policy takes, by its own names.
 _POLICY = {
@@ -77,36 +76,6 @@ def replay(
             changed(parameters, changes), readings, inputs, seconds
         ),
     )
-
-
-def passed(
-    parameters: Mapping[str, Any],
-    readings: Mapping[str, tuple[Array, Array, Array, Array | None]],
-    inputs: InputRecord,
-    seconds: float = inf,
-) -> Evidence:
-    """Return the evidence of a recording as an extended filter has it, in the order of stamps.
-
-    It takes a fraction of the time of a `replay`, and knows nothing of windows and gates: no
-    reading has an outcome, and there are no beliefs.
-    """
-    scenario = scenarios.build(parameters, with_law=False)
-    run = _Replay(parameters, scenario, readings)
-    n = scenario.model.state.size
-    none = Beliefs(np.zeros(0), np.zeros((0, n)), np.zeros((0, n, n)))
-    blank = Evidence(
-        parameters, scenario, run.records(), inputs, none,
-        lambda changes, seconds=inf: passed(
-            changed(parameters, changes), readings, inputs, seconds
-        ),
-    )  # fmt: skip
-    found = passage(blank, blank.start + seconds, strict=False)
-    for event, e in zip(found.events, found.whitened):
-        record = blank.sensors[event.sensor]
-        record.innovation[event.index] = event.innovation
-        record.innovation_covariance[event.index] = event.S
-        record.nis[event.index] = e @ e
-    return blank
 
 
 def _stamp(seconds: float) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.analysis.diagnosis.array_replay import passed, replay
+from kalman_ros.analysis.diagnosis.array_replay import replay
 from kalman_ros.analysis.diagnosis.evidence import Evidence
 from kalman_ros.analysis.records import InputRecord
 from kalman_ros.core import Array, Gaussian, linearize
@@ -93,13 +93,8 @@ def recorded(
     injection: Injection | None = None,
     seconds: float = 60.0,
     seed: int = 0,
-    online: bool = True,
 ) -> Evidence:
-    """Return the evidence of a recording of a shipped scenario, with something wrong in it.
-
-    ``online`` replays it as it was received; else it is passed in the order of stamps, which is
-    faster.
-    """
+    """Return the evidence of a recording of a shipped scenario, with something wrong in it."""
     wrong = injection or Injection()
     readings, inputs = simulated(name, wrong, seconds, seed)
     parameters = {**from_file(shipped.file(name), 'estimator'), **wrong.estimator}
@@ -107,7 +102,7 @@ def recorded(
         sensor: (each.received, each.stamp, each.value, each.covariance)
         for sensor, each in readings.items()
     }
-    return (replay if online else passed)(parameters, taken, inputs)
+    return replay(parameters, taken, inputs)
 
 
 def simulated(

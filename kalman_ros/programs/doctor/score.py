@@ -88,7 +88,7 @@ def row(fault: str, wanted: Sequence[Case], seconds: float, seed: int) -> Row:
     injection = wanted[0].injection
     for other in wanted[1:]:
         injection = injection + other.injection
-    evidence = recorded(scenario, injection, seconds, seed, online=False)
+    evidence = recorded(scenario, injection, seconds, seed)
     begin = time.process_time()
     findings = diagnose(evidence).findings
     spent = time.process_time() - begin
@@ -115,7 +115,7 @@ def ties(finding: Finding, case: Case) -> bool:
 
 def clean(scenario: str, seconds: float, seed: int) -> Row:
     """Return what is found in a recording without a fault."""
-    evidence = recorded(scenario, None, seconds, seed, online=False)
+    evidence = recorded(scenario, None, seconds, seed)
     begin = time.process_time()
     findings = diagnose(evidence).findings
     found = [f'{f.kind} of {f.subject}' for f in findings[:_KEPT]]

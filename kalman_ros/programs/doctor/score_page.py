@@ -9,8 +9,8 @@ from typing import Any
 
 _HEAD = """# How often the diagnosis is right
 
-**This score takes a shortcut: the diagnosis looks at all readings, where `./dev doctor BAG` begins
-with what the estimator's gates and windows let pass. Every recording is from our own simulation.**
+**Every recording is from our own simulation, and goes through the estimator's own replay, with its
+windows, gates and outcomes, before the diagnosis looks at it, as one of `./dev doctor BAG` does.**
 
 Made by `./dev doctor --score --page docs/explanation/doctor.md`: recordings of {seconds:g} s from
 simulation, seed {seed}, with one fault each, with two, and with none. A cause counts as found if
