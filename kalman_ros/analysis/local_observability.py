@@ -104,7 +104,7 @@ class ObservabilityMeter:
     def configure(self, scenario: Scenario) -> None:
         """Use another model, or changed sensors."""
         self._scenario = scenario
-        constant = scenario.plan.linear or scenario.model.period
+        constant = scenario.plan.linear or scenario.model.is_discrete
         self._linear = observability(scenario) if constant else None
         slowest = min((s.timed.rate for s in scenario.enabled.values()), default=inf)
         self._length = 1e9 / slowest

@@ -23,7 +23,7 @@ def observability(scenario: Scenario, point: OperatingPoint | None = None) -> Ob
     """
     model = scenario.model
     x, u = point or (scenario.initial_belief.mean, model.equilibrium.input)
-    period = model.period
+    period = model.period if model.is_discrete else 0.0
     A = model.transition(x, u, period).F if period else linearize(model, x, u).A
     found = structure.observability(
         A, stacked(scenario, x), model.state.names, sampled=bool(period)

@@ -157,7 +157,7 @@ def plant(A: Any, B: Any = None) -> Plant:
     if isinstance(A, Dynamics):
         model: Any = A
         names = model.state.names, model.input.names
-        if model.period:
+        if model.is_discrete:
             F, G = model.next_jacobian(*model.equilibrium)
             return Plant(F, G, *names, model.period)
         system = linearize(model, *model.equilibrium)
@@ -204,7 +204,7 @@ def sample_time(found: Plant, dt: Any) -> float | None:
 
 def refuse_continuous(name: str, value: Any) -> None:
     """Raise ValueError for a whole system that is certainly in continuous time."""
-    continuous = isinstance(value, Dynamics) and not value.period
+    continuous = isinstance(value, Dynamics) and not value.is_discrete
     if not isinstance(value, Dynamics):
         system = read_system(name, value)
         continuous = system is not None and system.continuous

@@ -230,7 +230,7 @@ def discretize(
     """
     if isinstance(A, Dynamics):
         seconds = duration('dt', B if dt is None else dt)
-        model = A if A.period else linearize(A, *A.equilibrium)
+        model = A if A.is_discrete else linearize(A, *A.equilibrium)
         step = model.transition(*A.equilibrium, seconds)
         return Sampled(step.F, step.G, step.Q, seconds)
     B, dt, W = shifted(A, (B, dt, W))

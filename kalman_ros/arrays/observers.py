@@ -104,7 +104,7 @@ def _of_model(model: Dynamics, sensors: Any, dt: float | None) -> Observer:
     several = [several] if isinstance(several, Sensor) else list(several or ())
     if not several or not all(isinstance(sensor, Sensor) for sensor in several):
         raise ValueError('sensors: expected one or several, as in lqe(model, sensor, dt=...)')
-    if model.period:
+    if model.is_discrete:
         dt = model.period if dt is None else dt
     if dt is None:
         raise ValueError('dt: expected the seconds between readings of the sensors, got nothing')

@@ -156,7 +156,7 @@ class OnlineEstimator(KnownNames):
     def predicted(self, time: float) -> Gaussian:
         """Return the belief at a later time in seconds; nothing is kept."""
         stamp, newest = _stamp(time), self._online.time
-        if newest is not None and stamp < newest:
+        if newest is not None and self._online.nearest(stamp) < newest:
             raise ValueError(f'time: expected one from {newest * 1e-9:g} on, got {time:g}')
         return self._online.predicted(stamp)
 

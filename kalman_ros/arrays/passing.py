@@ -82,7 +82,7 @@ class Pass:
                 known[sensor.name], owners[sensor.name] = sensor, name
                 self._readings[each.stamps[index]].append((name, sensor, index, y))
             self._seconds.update(zip(each.stamps, each.time.tolist()))
-        if task.model.period:
+        if task.model.is_discrete:
             first = min(self._seconds, default=0)
             for stamp in self._seconds:
                 task.model.periods((stamp - first) * 1e-9)

@@ -109,7 +109,7 @@ def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Dynamics
         array = array.reshape((-1, 1) if size == 1 else (1, -1))
     if array.ndim != 2 or array.shape[1] != size:
         raise ValueError(f'{name}: expected shape (N, {size}), got {np.shape(values)}')
-    if times is None and model.period:
+    if times is None and model.is_discrete:
         times = np.arange(len(array)) * model.period
     if times is not None and np.ndim(times) == 0 and len(array) > 1:
         raise ValueError(

@@ -144,7 +144,7 @@ def make_scenario(
     if not isinstance(model, Dynamics):
         raise ValueError(f'model: expected a model, got {got(model)}')
     if rate is None:
-        if not model.period:
+        if not model.is_discrete:
             raise ValueError('rate: expected the steps of the loop a second, got nothing')
         rate = 1.0 / model.period
     rate = number('rate', rate)
@@ -153,7 +153,7 @@ def make_scenario(
     x, _ = model.equilibrium
     n, m = model.state.size, model.input.size
     belief = belief_of((x, 1.0) if initial is None else initial, model)
-    if not model.period:
+    if not model.is_discrete:
         check_model(model, belief.mean)
     sources = {}
     named = sensors_of(sensors, model)

@@ -103,7 +103,7 @@ class _Checked:
         return finite('u', u, self.model.input.size)
 
     def _seconds(self, dt: float | None) -> float:
-        if dt is None and self.model.period:
+        if dt is None and self.model.is_discrete:
             return float(self.model.period)
         return seconds('dt', dt)
 

@@ -103,7 +103,7 @@ class FunctionProblem:
         task = self.task()
         self._biases, self._delays = list(biases), list(delays)
         refuse_unknown([*biases, *delays], task.sensors, 'sensor')
-        if delays and task.model.period:
+        if delays and task.model.is_discrete:
             raise ValueError('delays: expected none, for the model is in discrete time')
         for name in biases:
             output, R = task.sensors[name].output, task.sensors[name].covariance

@@ -77,11 +77,14 @@ def attempt(
     Without ``wait``, what no earlier start has compiled is left to CasADi. An object that is
     ``one_of_many`` stays as it is if others like it had to be traced again.
     """
-    if isinstance(original, Dynamics) and original.period:
-        return Outcome(original, 'numpy', 'it is in discrete time')
-    rotations = original.output.rotations if isinstance(original, Sensor) else ()
-    if original.linear and not rotations:
-        return Outcome(original, 'numpy')  # nothing is gained
+    if isinstance(original, Dynamics):
+        if original.is_discrete:
+            return Outcome(original, 'numpy', 'it is in discrete time')
+        gains = not original.is_linear
+    else:
+        gains = bool(original.output.rotations) or not original.linear
+    if not gains:
+        return Outcome(original, 'numpy')
     if not is_available():
         return Outcome(original, 'numpy', 'CasADi is not installed')
     from .derived import Derived

@@ -20,7 +20,7 @@ from kalman_ros.linear.matrices import (
 )
 from kalman_ros.linear.views import coordinates, from_coordinates
 
-from .discrete_model import DiscreteLinearSystem, DiscreteModel
+from .discrete_model import DiscreteLinearSystem, DiscreteModel, check_period
 from .dynamics import Dynamics, LinearizedStep, OperatingPoint, Transition
 from .gaussian import Gaussian, unchecked
 from .linear_system import LinearSystem, linearize
@@ -58,6 +58,7 @@ __all__ = [
     'Value',
     'brief',
     'build_with',
+    'check_period',
     'coordinates',
     'find',
     'following',

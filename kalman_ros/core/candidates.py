@@ -26,7 +26,7 @@ from .vectorized import merged, probes
 
 def candidate_model(models: Sequence[Dynamics]) -> Dynamics:
     """Return one model with p sets of parameters, for states (..., p, n)."""
-    if all(each.linear for each in models):
+    if all(each.is_linear for each in models):
         return _LinearCandidates(models)
     whole = merged(models)
     if whole is not None and not isinstance(whole, DiscreteModel):

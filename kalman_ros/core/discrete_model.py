@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from math import inf
 
 import numpy as np
 
@@ -26,6 +27,7 @@ class DiscreteModel(Dynamics):
     have any leading axes.
     """
 
+    is_discrete = True
     #: Seconds from one step to the next.
     period: float = 1.0
 
@@ -85,7 +87,7 @@ class DiscreteModel(Dynamics):
         if not 0 <= count <= _MOST_PERIODS or abs(dt / self.period - count) > _TOLERANCE:
             raise ValueError(
                 f'time: expected steps that are whole numbers of {self.period:g} s, the period '
-                f'of the model, got {dt:g} s'
+                f'of the model, and at most {_MOST_PERIODS} of them, got {dt:g} s'
             )
         return count
 
@@ -109,7 +111,7 @@ class DiscreteLinearSystem(DiscreteModel):
         the state has rotations, of which no motion is linear.
     """
 
-    linear = True
+    is_linear = True
 
     def __init__(
         self,
@@ -154,3 +156,11 @@ class DiscreteLinearSystem(DiscreteModel):
             n, m = self.G.shape
             self._sampled[count] = super().transition(np.zeros(n), np.zeros(m), dt)
         return self._sampled[count]
+
+
+def check_period(model: Dynamics) -> None:
+    """Raise ValueError if the period of a model in discrete time is no number of seconds."""
+    period: object = model.period
+    number = isinstance(period, (int, float)) and not isinstance(period, bool)
+    if not number or not 0.0 < model.period < inf:
+        raise ValueError(f'model: its period: expected seconds, more than 0, got {period!r}')

@@ -51,8 +51,10 @@ class Dynamics(ABC):
     #: 10 000 parts, so that a wrong stamp cannot block it.
     max_step: float = inf
     #: Whether a step is x' = F x + G u + w, whatever x and u are: see `LinearSystem.sampled`.
-    linear: bool = False
-    #: Seconds from one step to the next; 0 in continuous time.
+    is_linear: bool = False
+    #: Whether steps are whole periods, and there is no derivative.
+    is_discrete: bool = False
+    #: Seconds from one step to the next, in discrete time.
     period: float = 0.0
 
     def __repr__(self) -> str:
@@ -74,6 +76,10 @@ class Dynamics(ABC):
     @abstractmethod
     def transition(self, x: Array, u: Array, dt: float) -> Transition:
         """Return the step of length ``dt``, linearised about x (n,) and u (m,)."""
+
+    def time_derivative(self, x: Array, u: Array) -> Array:
+        """Return how fast the state changes (..., n): over a period, in discrete time."""
+        return self.state.subtract(self.step(x, u, self.period), x) / self.period
 
     def nearest_step(self, dt: float) -> float:
         """Return the length nearest to ``dt`` that a step can have: ``dt`` in continuous time."""

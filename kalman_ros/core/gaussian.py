@@ -29,6 +29,8 @@ class Gaussian(_Moments):
     """
 
     __slots__ = ()
+    #: L (..., n, n) with L L' = P, where a filter keeps it.
+    factor: Array | None = None
 
     def __new__(cls: type[G], mean: ArrayLike, covariance: ArrayLike) -> G:
         """Return the belief; lists become arrays."""

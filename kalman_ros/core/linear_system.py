@@ -35,7 +35,7 @@ class LinearSystem(Model):
         the state has rotations, of which no motion is linear.
     """
 
-    linear = True
+    is_linear = True
 
     def __init__(
         self, A: ArrayLike, B: ArrayLike, W: ArrayLike, state: Space, input: Space

@@ -128,6 +128,10 @@ class Model(Dynamics):
         the covariance W dt.
         """
 
+    def time_derivative(self, x: Array, u: Array) -> Array:
+        """Return dx/dt (..., n)."""
+        return self.derivative(x, u)
+
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return A (n, n) at x (n,) and u (m,), by which small errors move; numerical by default.
 
@@ -230,7 +234,7 @@ class Model(Dynamics):
 
 def in_continuous_time(model: Dynamics) -> Model:
     """Return the model, with a derivative; ValueError if it is in discrete time."""
-    if model.period:
+    if model.is_discrete:
         kind = type(model).__name__
         raise ValueError(f'model: {kind} is in discrete time, without a derivative')
     found: Any = model

@@ -33,7 +33,7 @@ def stacked(model: Dynamics) -> Dynamics:
     """Return the same model with linearised steps of states (..., n)."""
     if takes_leading_axes(model):
         return model
-    if model.linear:
+    if model.is_linear:
         return StackedLinearModel(model)
     if isinstance(model, DiscreteModel):
         return StackedDiscreteModel(model)
@@ -54,7 +54,9 @@ class _Stacked(Dynamics):
     def __init__(self, original: Dynamics) -> None:
         self.original: Any = original
         self.state, self.input = original.state, original.input
-        self.max_step, self.period = original.max_step, original.period
+        self.max_step, self.is_discrete = original.max_step, original.is_discrete
+        if original.is_discrete:
+            self.period = original.period
         self._prepare()
 
     def _prepare(self) -> None:
@@ -131,7 +133,7 @@ class StackedModel(_Stacked, Model):
 class StackedLinearModel(_Stacked):
     """A linear model; F and Q are (n, n), the same for all states."""
 
-    linear = True
+    is_linear = True
 
     def sampled(self, dt: float) -> Transition:
         """Return the step of length ``dt``."""

@@ -210,7 +210,8 @@ class BatchEstimator:
     def _committed(self, belief: Gaussian, wanted: Mask) -> tuple[Gaussian, Mask]:
         """Return finite and definite beliefs, and which of the ``wanted`` ones cannot be."""
         x, P = belief
-        definite = np.isfinite(factor(P)).all(axis=(-2, -1))
+        known = factor(P) if belief.factor is None else belief.factor
+        definite = np.isfinite(known).all(axis=(-2, -1))
         bad = wanted & ~(np.isfinite(np.einsum('...i,...i->...', x, x)) & definite)
         if not bad.any():
             return belief, bad

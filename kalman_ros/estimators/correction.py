@@ -122,5 +122,7 @@ def committed(belief: Gaussian) -> tuple[Gaussian, int]:
     """
     if not is_finite(belief.mean):
         raise np.linalg.LinAlgError('the estimate is not finite')
+    if belief.factor is not None and is_finite(belief.factor):
+        return belief, 0  # L L' is definite, whatever rounding makes of it
     _, P, repairs = cholesky(belief.covariance)
     return (Gaussian(belief.mean, P) if repairs else belief), repairs

@@ -42,7 +42,7 @@ def parts(model: Dynamics, dt: float) -> int:
     resolution the path is unknown, and more parts gain nothing.
     """
     ratio = abs(dt) / model.max_step
-    if not _ONE < ratio <= MOST_SUBSTEPS:
+    if model.is_discrete or not _ONE < ratio <= MOST_SUBSTEPS:
         return 1
     return ceil(min(ratio / _ONE, _MOST_PARTS))
 
@@ -146,7 +146,7 @@ class Plan:
     @property
     def linear(self) -> bool:
         """Whether the model and every sensor are linear."""
-        return self.model.linear and all(timed.sensor.linear for timed in self.sensors.values())
+        return self.model.is_linear and all(timed.sensor.linear for timed in self.sensors.values())
 
     def computed_by(self, model: Dynamics, sensors: Mapping[str, Sensor]) -> Plan:
         """Return the same plan with a model and sensors that compute the same."""
@@ -175,7 +175,7 @@ class Plan:
 
 def check_linear(filter: str, model: Dynamics) -> None:
     """Raise ValueError if the model is not linear, as the ``filter`` needs."""
-    if not model.linear:
+    if not model.is_linear:
         raise ValueError(f'filter: {filter} needs a linear model, got {type(model).__name__}')
 
 
@@ -189,5 +189,5 @@ def check_needs(name: str, kind: type[Filter], plan: Plan) -> None:
                     f'filter: {name} needs linear sensors, and the {type(timed.sensor).__name__} '
                     f"'{sensor}' is not declared linear; ekf and ukf take any"
                 )
-    if kind.needs_continuous and plan.model.period:
+    if kind.needs_continuous and plan.model.is_discrete:
         raise ValueError(f'filter: {name} needs a model in continuous time')

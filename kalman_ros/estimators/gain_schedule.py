@@ -50,7 +50,7 @@ class GainSchedule:
     def __init__(self, filter: Filter) -> None:
         self._filter, self._model = filter, filter.model
         #: Whether the filter, its model and its space are linear.
-        self.applies = filter.model.linear and isinstance(
+        self.applies = filter.model.is_linear and isinstance(
             filter, (LinearUpdate, FixedGainObserver)
         )
         self._known: dict[tuple[bytes, float], ScheduledPrediction | ScheduledCorrection] = {}

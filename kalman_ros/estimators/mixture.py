@@ -32,13 +32,18 @@ class Mixture(Gaussian):
 
     weights: Array
     parts: Sequence[Gaussian]
+    _space: Space
 
     def __new__(cls, weights: Array, parts: Sequence[Gaussian], space: Space) -> Mixture:
         """Return the mixture with its moments."""
         points, P = _stacked(parts)
         self = super().__new__(cls, *pooled(space, weights, points, P))
-        self.weights, self.parts = weights, parts
+        self.weights, self.parts, self._space = weights, parts, space
         return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes a copy."""
+        return Mixture, (self.weights, self.parts, self._space)
 
     def _replace(self, **changes: Any) -> Gaussian:  # type: ignore[override]
         """Return one Gaussian, since other moments are not those of the parts."""

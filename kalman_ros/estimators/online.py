@@ -30,6 +30,8 @@ from .policy import Policy
 from .start import match_reading
 from .timeline import Arrival, Item, State, Timeline
 
+#: A model in discrete time is not followed over more periods than its `periods` counts.
+_MOST_PERIODS = 100_000
 #: Old readings mean that the clock went back only if none was current for this long, in
 #: nanoseconds.
 _OUTDATED = 250_000_000
@@ -74,7 +76,8 @@ class OnlineEstimator:
     def configure(self, filter: Filter, sensors: Mapping[str, Sensor], policy: Policy) -> None:
         """Replace the filter, the sensors (same names) and the policy."""
         self._filter = filter
-        self._period = round(filter.model.period * 1e9)
+        model = filter.model
+        self._period = model.period * 1e9 if model.is_discrete else 0.0
         self._sensors = dict(sensors)
         self._policy = policy
         self._window = round(policy.window * 1e9)
@@ -90,7 +93,8 @@ class OnlineEstimator:
         records = (agreement.Record(),) * len(self._order)
         self._timeline = Timeline(State(None, belief, first, records))
         self._old_in_a_row = 0
-        self._phase: int | None = None
+        #: The first stamp, from which the steps of a model in discrete time are counted.
+        self._first: int | None = None
         #: When the last reading that was not too old was received, in nanoseconds.
         self._current_at: int | None = None
 
@@ -136,9 +140,10 @@ class OnlineEstimator:
 
         With ``ending``, the input ends at that time, and this one is in effect from then on.
         """
-        head, time = self._timeline.head, self._on_grid(time)
+        head, time = self._timeline.head, self.nearest(time)
+        time = max(time, head.time or time)
         if ending is not None and head.time is not None and head.u is not None:
-            end = min(max(self._on_grid(ending[0]), head.time), time)
+            end = min(max(self.nearest(ending[0]), head.time), time)
             if not self._max_gap or time - head.time <= self._max_gap:
                 head = State(end, self._predict(head, end, self._filter)[0], ending[1], ())
         return self._predict(head, time, self._filter)[0]
@@ -205,11 +210,14 @@ class OnlineEstimator:
                 return Outcome.BAD_COVARIANCE
         if now is not None and time - now > self._policy.future_tolerance * 1e9:
             return Outcome.FUTURE
-        if self._period and self._phase is None:
-            self._phase = time % self._period
-        time = self._on_grid(time)
         order = len(self._order) if name is None else self._order[name]
-        return Item((time, order), values, sensor, self._filter)
+        return self._item(time, order, values, sensor)
+
+    def _item(self, stamp: int, order: int, values: Array, sensor: Sensor | None) -> Item:
+        """Return the item of a reading or an input at the step that is nearest to its stamp."""
+        if self._first is None:
+            self._first = stamp
+        return Item((self.nearest(stamp), order, stamp), values, sensor, self._filter)
 
     def _restarted_for(
         self, item: Item, refused: Outcome | None, now: int | None
@@ -228,6 +236,8 @@ class OnlineEstimator:
         if now is not None and current is not None and 0 <= now - current < _OUTDATED:
             return refused
         self.restart()
+        _, order, stamp = item.key
+        self._first, item.key = stamp, (stamp, order, stamp)
         return self._timeline.insert(item, self._window)
 
     def _noisy(self, name: str, covariance: Array) -> Sensor | None:
@@ -253,13 +263,14 @@ class OnlineEstimator:
                     counts[before] -= 1
         self.on_final(self._timeline.forget(self._window))
 
-    def _on_grid(self, time: int) -> int:
+    def nearest(self, time: int) -> int:
         """Return the time of the nearest step of a model in discrete time, in nanoseconds.
 
-        Its steps are whole periods before and after the first stamp.
+        Its steps are whole periods before and after the first stamp. A period need not be a whole
+        number of nanoseconds.
         """
-        period, phase = self._period, self._phase or 0
-        return (time - phase + period // 2) // period * period + phase if period else time
+        period, first = self._period, self._first or 0
+        return first + round(round((time - first) / period) * period) if period else time
 
     def _predict(self, state: State, time: int, filter: Filter) -> tuple[Gaussian, int]:
         """Return the belief at ``time``, and the number of repairs on the way.
@@ -268,7 +279,8 @@ class OnlineEstimator:
         """
         if state.time is None or time == state.time or state.u is None:
             return state.belief, 0
-        if self._max_gap and time - state.time > self._max_gap:
+        gap = time - state.time
+        if (self._max_gap and gap > self._max_gap) or gap > _MOST_PERIODS * (self._period or gap):
             return self._initial, 0
         try:
             return committed(filter.predict(state.belief, state.u, (time - state.time) * 1e-9))
@@ -277,7 +289,7 @@ class OnlineEstimator:
 
     def _process(self, item: Item, state: State) -> State:
         """Predict ``state`` to the item's time and apply the item."""
-        time, order = item.key
+        time, order, _ = item.key
         belief, repairs = self._predict(state, time, item.filter)
         if belief is not self._initial:
             repairs += state.repairs
@@ -292,7 +304,7 @@ class OnlineEstimator:
             first = state.time is None and self._policy.from_reading
             start = match_reading(belief, item.value, item.sensor) if first else belief
             item.outcome, item.correction, records = self._gate(
-                item.filter, start, item.value, item.sensor, item.key, records
+                item.filter, start, item.value, item.sensor, (time, order), records
             )
             if item.outcome.accepted:
                 belief, repaired = committed(item.correction.posterior)

@@ -58,7 +58,7 @@ class Item:
     )  # fmt: skip
 
     def __init__(
-        self, key: tuple[int, int], value: Array, sensor: Sensor | None, filter: Filter
+        self, key: tuple[int, int, int], value: Array, sensor: Sensor | None, filter: Filter
     ) -> None:
         self.key = key
         self.value = value

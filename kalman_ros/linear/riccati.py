@@ -183,7 +183,8 @@ def stein(A: Array, W: Array) -> Array:
     for _ in range(_DOUBLINGS):
         more = A.T @ S @ A
         S, A = symmetric(S + more), A @ A
-        if np.all(np.abs(more) <= np.finfo(float).eps * np.abs(S).max(initial=0.0) * 1e-3):
+        d = np.sqrt(np.maximum(S.diagonal(), 0.0))
+        if np.all(np.abs(more) <= np.finfo(float).eps * 1e-3 * np.outer(d, d)):
             break
     return S
 

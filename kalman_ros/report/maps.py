@@ -53,7 +53,7 @@ def observer(scenario: Scenario, run: Trajectory) -> Array | None:
     track starts at the origin, at rest: velocities are relative to that of the start.
     """
     model: Any = scenario.model
-    if not model.linear or model.period or model.state.names[:2] != ('x', 'y'):
+    if not model.is_linear or model.is_discrete or model.state.names[:2] != ('x', 'y'):
         return None
     if model.B.shape != (4, 2) or not np.array_equal(model.B, -np.eye(4)[:, 2:]):
         return None

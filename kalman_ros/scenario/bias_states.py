@@ -112,7 +112,7 @@ def believed(
     """
     if not biases:
         return Believed(model, sensors, initial, {})
-    if model.period:
+    if model.is_discrete:
         raise ValueError(f'{next(iter(biases))}.bias_std: expected a model in continuous time')
     names: list[str] = []
     units: list[str] = []

@@ -23,6 +23,7 @@ from kalman_ros.core import (
     Signal,
     TimedSensor,
     Value,
+    check_period,
     ratio,
     refuse_unknown,
     variances,
@@ -79,7 +80,9 @@ def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
     parts = by_section(full)
     model = model_of(system, parts.get('model_parameters', {}))
     rate = full['rate']
-    if model.period and abs(rate * model.period - 1.0) > 1e-6:
+    if model.is_discrete:
+        check_period(model)
+    if model.is_discrete and abs(rate * model.period - 1.0) > 1e-6:
         raise ValueError(
             f'rate: expected {1.0 / model.period:g}, one step for each period of the model of '
             f'{model.period:g} s, got {rate:g}'

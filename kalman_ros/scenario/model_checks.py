@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, Dynamics, OperatingPoint, Sensor, Space
+from kalman_ros.core import Array, Dynamics, OperatingPoint, Sensor, Space, semidefinite
 from kalman_ros.models import check_spaces
 
 #: The most common mistake in a user's model or sensor.
@@ -61,12 +61,13 @@ def check_model(model: Dynamics, x: Array) -> None:
     count = 1 + max(n, u.size)
     xs, us = _several(x, count), _several(u, count)
     of: Any = model
-    moves, noise = ('next', 'noise') if model.period else ('derivative', 'noise_density')
+    moves, noise = ('next', 'noise') if model.is_discrete else ('derivative', 'noise_density')
     move = getattr(of, moves)
     _check(f'model: its {moves}', lambda: move(xs[0], us[0]), (n,))
     _check(f'model: its {moves} {_AT_ONCE}', lambda: move(xs, us), (count, n))
     _check(f'model: its {noise}', lambda: getattr(of, noise)(x), (n, n))
-    if model.period:
+    semidefinite(f'model: its {noise}', getattr(of, noise)(x), n)
+    if model.is_discrete:
         _check('model: its next_jacobian', lambda: of.next_jacobian(x, u)[0], (n, n))
     else:
         _check('model: its state_jacobian', lambda: of.state_jacobian(x, u), (n, n))

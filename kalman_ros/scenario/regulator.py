@@ -51,7 +51,7 @@ def feedback(scenario: Scenario) -> Feedback:
     model, m = scenario.model, scenario.model.input.size
     if not m:
         raise DesignError('model: it has no input, so there is nothing to control')
-    if model.period:
+    if model.is_discrete:
         if scenario.law != 'lqr':
             raise DesignError(
                 f'law: expected lqr for a model in discrete time, got {scenario.law}'
@@ -66,7 +66,7 @@ def feedback(scenario: Scenario) -> Feedback:
 def tracking(scenario: Scenario) -> FeedForward:
     """Return the equilibria of references for the whole state, about that of the model."""
     model = scenario.model
-    if model.period:  # x = F x + G u where (F - 1) x + G u = 0
+    if model.is_discrete:  # x = F x + G u where (F - 1) x + G u = 0
         step = model.transition(*model.equilibrium, model.period)
         F_1, none = step.F - np.eye(len(step.F)), np.zeros_like(step.Q)
         return feed_forward(LinearSystem(F_1, step.G, none, model.state.tangent, model.input))
@@ -116,7 +116,7 @@ def price(scenario: Scenario) -> Cost:
 
     That of a model in discrete time is given for each of its periods.
     """
-    if scenario.model.period:
+    if scenario.model.is_discrete:
         return _weights(scenario)
     return sampled_cost(*_system(scenario), 1.0 / scenario.rate)
 

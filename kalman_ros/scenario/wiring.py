@@ -110,7 +110,7 @@ def by_name(build: Callable[..., Dynamics], model: Dynamics) -> System:
         input_cost=(1.0,) * m,
         initial_state=(0.0,) * n,
         initial_std=(1.0,) * n,
-        filter='kf' if model.linear else 'ekf',
+        filter='kf' if model.is_linear else 'ekf',
     )
 
 

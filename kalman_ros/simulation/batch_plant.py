@@ -113,7 +113,7 @@ class BatchPlant:
         self.state: Array = np.broadcast_to(initial_state, (len(seeds), n)).T.copy().T
         self._stacked = stacked(model)
         factor = None
-        if model.linear:
+        if model.is_linear:
             factor = root(model.noise_covariance(*model.equilibrium, self.dt))
         self._process_noise = BatchNoise(seeds, 'process', n, steps, factor)
         self._sensor_noise = {
@@ -159,7 +159,7 @@ class BatchPlant:
         """
         x = self.state
         noise = self._process_noise.draw()
-        if not self.model.linear:
+        if not self.model.is_linear:
             Q = self._stacked.step_noise(x, u, self.dt)
             noise = times(semidefinite_factor(Q), noise)
         moved = self.model.state.add(self._moved(x, u), noise)

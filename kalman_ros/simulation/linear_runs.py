@@ -49,7 +49,7 @@ def is_linear(loop: Loop) -> bool:
 def _is_linear(scenario: Scenario) -> bool:
     model = scenario.model
     curved = model.state.turns or np.concatenate(model.equilibrium).any()
-    return model.linear and not curved
+    return model.is_linear and not curved
 
 
 def _is_proportional(sensor: Sensor, n: int) -> bool:

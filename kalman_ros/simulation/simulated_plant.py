@@ -114,7 +114,7 @@ class SimulatedPlant:
     def _moved(self, u: Array, disturbance: Array | None) -> Array:
         model, x, time = self.model, self.state, self.steps * self.dt
         Q, source = model.transition(x, u, self.dt).Q, self._process_noise
-        noise = source.draw(Q) if model.linear else source.draw_varying(Q)
+        noise = source.draw(Q) if model.is_linear else source.draw_varying(Q)
         faults = self.faults if self.faults.act(time) else None
         if faults is None or not faults.lose(self._loss):
             self._command = u

@@ -12,6 +12,7 @@ from kalman_ros.core import (
     Gaussian,
     Space,
     TimedSensor,
+    check_period,
     linearize,
     unchecked,
 )
@@ -47,7 +48,7 @@ def test_a_linear_one_is_the_same_as_a_function():
             np.testing.assert_allclose(model.step(x, u, 0.1 * count), step.F @ x + step.G @ u)
         powers = [np.linalg.matrix_power(F, k) for k in range(count)]
         np.testing.assert_allclose(step.Q, sum((P @ Q @ P.T for P in powers), np.zeros((2, 2))))
-    assert isinstance(system, Dynamics) and system.period == 0.1
+    assert isinstance(system, Dynamics) and system.is_discrete and system.period == 0.1
 
 
 def test_it_has_leading_axes_and_jacobians():
@@ -109,3 +110,90 @@ def test_a_belief_checks_its_sizes_but_not_in_inner_loops():
     ):
         Gaussian(np.zeros(2), np.eye(3))
     assert isinstance(unchecked((np.zeros(2), np.eye(2), 0)), Gaussian)
+
+
+class TestTime:
+    """Stamps of a model in discrete time count as those of its nearest step."""
+
+    def estimator(self, period, **options):
+        model = kr.discrete_model([[0.9]], [[1.0]], [[0.01]], period=period)
+        sensor = kr.sensor([1.0], 0.1)
+        return kr.OnlineEstimator(kr.KalmanFilter(model), sensor, ([0], [1]), **options)
+
+    def test_a_clock_that_goes_back_begins_new_steps(self):
+        online = self.estimator(0.2)
+        for k in range(10):
+            online.add_reading(100.0 + 0.2 * k, [1.0])
+        for k in range(15):
+            online.add_reading(5.07 + 0.2 * k, [1.0])
+        assert online.restarts == 1
+        assert online.time == pytest.approx(5.07 + 0.2 * 14)
+
+    @pytest.mark.parametrize('rate', [3.0, 300.0, 700.0, 30_000.0])
+    def test_a_period_need_not_be_whole_nanoseconds(self, rate):
+        online = self.estimator(1.0 / rate)
+        online.add_reading(0.0, [1.0])
+        for k in (1, 2, 50, 5000):
+            outcome, _ = online.add_reading(k / rate, [1.0])
+            assert outcome.accepted
+            assert online.time == pytest.approx(k / rate, abs=2e-9)
+
+    def test_a_silence_of_too_many_periods_ends_the_belief(self):
+        online = self.estimator(1e-3, max_gap=0.0)
+        online.add_reading(0.0, [1.0])
+        online.add_reading(101.0, [5.0])
+        assert online.restarts == 1
+
+    def test_two_readings_of_one_step_are_both_fused(self):
+        online = self.estimator(0.2)
+        for stamp in (0.1, 0.21, 0.29, 0.5):  # 0.1 s late, then at 0.2 and 0.4
+            outcome, _ = online.add_reading(stamp, [1.0])
+            assert outcome.accepted
+        assert online.add_reading(0.5, [1.0])[0].value == 'dropped: duplicate stamp'
+
+    def test_a_belief_may_be_asked_for_at_the_stamp_of_the_newest_reading(self):
+        online = self.estimator(0.2)
+        online.add_reading(1.0, [1.0])
+        online.add_reading(1.31, [1.0])
+        assert online.time == pytest.approx(1.4)
+        np.testing.assert_array_equal(online.predicted(1.31).mean, online.belief.mean)
+        with pytest.raises(ValueError, match='time: expected one from 1.4 on'):
+            online.predicted(1.1)
+
+
+@pytest.mark.parametrize('period', [0.0, -0.1, float('nan'), float('inf'), '0.1', True])
+def test_a_period_is_a_number_of_seconds(period):
+    model = Ricker()
+    model.period = period
+    with pytest.raises(ValueError, match='model: its period: expected seconds, more than 0, got'):
+        check_period(model)
+
+
+def test_the_rate_of_change_is_that_over_a_period():
+    model = kr.discrete_model(lambda x, u: 0.5 * x + u, 0.1, states=1, inputs=1, period=0.5)
+    found = model.time_derivative(np.array([[4.0], [2.0]]), np.ones((2, 1)))
+    np.testing.assert_allclose(found, [[-2.0], [0.0]])
+
+
+def test_a_parameter_of_a_user_s_model_may_have_any_name():
+    """Such as the period of an oscillation, or the linear part of a drag."""
+
+    class Pendulum(kr.Model):
+        state, input = Space(('angle', 'rate'), ('rad', 'rad/s')), Space((), ())
+
+        def __init__(self):
+            self.period, self.linear, self.rate, self.discrete = 2.0, 0.3, 5.0, True
+
+        def derivative(self, x, u):
+            w = 2.0 * np.pi / self.period
+            drag = self.linear * x[..., 1]
+            return np.stack((x[..., 1], -(w**2) * np.sin(x[..., 0]) - drag), axis=-1)
+
+        def noise_density(self, x):
+            return np.diag([0.0, 0.1])
+
+    found = kr.filter(
+        Pendulum(), ([1, 0], 0.1), [0.0, 0.13, 0.4], [0.1, 0.2, 0.1], initial=([0, 0], 1)
+    )
+    assert found.filter == 'ekf'
+    assert np.isfinite(found.mean).all()

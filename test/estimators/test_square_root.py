@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The square-root filter keeps what a covariance cannot hold."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -68,7 +71,24 @@ def test_the_factor_goes_on_from_step_to_step():
         assert not np.triu(each.factor, 1).any()
     wider = found._replace(covariance=4.0 * found.covariance)
     assert type(wider) is Gaussian
+    for again in (copy.deepcopy(found), pickle.loads(pickle.dumps(found))):
+        np.testing.assert_array_equal(again.factor, found.factor)
+        np.testing.assert_array_equal(again.covariance, found.covariance)
     online = OnlineEstimator(filter, {'y': Reading([1.0, 0.0], 0.1)}, found, np.zeros(0))
     for k in range(5):
         online.add_reading('y', k * 100_000_000, np.zeros(1))
     assert isinstance(online.belief, FactoredGaussian)
+
+
+@pytest.mark.parametrize('wide', [1e5, 1e6, 1e7, 1e8])
+def test_the_online_estimator_repairs_no_factor(wide):
+    found = kr.filter(
+        kr.discrete_model(np.eye(2), np.zeros((2, 1)), np.zeros((2, 2))),
+        {'difference': ([[1.0, -1.0]], 1e-6), 'first': ([[1.0, 0.0]], 1e-6)},
+        {'difference': [0.0, 1.0], 'first': [2.0]},
+        {'difference': [0.0, 0.0], 'first': [0.0]},
+        initial=([0, 0], [wide**2] * 2),
+        filter='square_root',
+    )
+    # the variances of the first number and of a mean of two differences
+    np.testing.assert_allclose(found.std[-1], [1e-3, np.sqrt(1.5e-6)], rtol=1e-4)

@@ -172,6 +172,13 @@ def test_a_gain_in_absurd_units_is_right_or_refused(design):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
 
 
+def test_small_elements_of_a_sum_are_as_exact_as_large_ones():
+    """Of states that have nothing to do with each other, ten orders apart."""
+    A, W = np.diag([0.5, 0.999, 0.9999]), np.diag([1e9, 1e-9, 1e-12])
+    expected = W.diagonal() / (1.0 - A.diagonal() ** 2)
+    np.testing.assert_allclose(stein(A, W).diagonal(), expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize('design', [lqr, dlqr])
 def test_a_solution_with_a_residual_is_refused(design, monkeypatch):
     problem = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])

@@ -69,8 +69,7 @@ class Examination:
         """Of each input, the frequency (Hz) at which the state is pushed most; None without."""
         m = self.evidence.scenario.model.input.size
         times = np.array([event.time for event in self.passage.events])
-        able = m and not self.evidence.scenario.model.period
-        if not able or len(times) < 100 or times[-1] <= times[0]:
+        if not m or len(times) < 100 or times[-1] <= times[0]:
             return None
         rate = min(self.evidence.scenario.rate, 40.0)
         bins = ((times - times[0]) * rate).astype(int)

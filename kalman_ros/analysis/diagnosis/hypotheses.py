@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from kalman_ros.core import Array, Dynamics, in_continuous_time, options_of
+from kalman_ros.core import Array, Dynamics, options_of
 from kalman_ros.scenario.declarations import model_of
 from kalman_ros.scenario.parameter_files import section
 from kalman_ros.scenario.wiring import system
@@ -71,10 +71,9 @@ def _of_sensor(
     for i in range(k):
         block[np.arange(N), i, len(labels) + pieces] = 1.0
         labels += [('offset', name, str(i), str(b)) for b in range(B)]
-    if not model.period:
-        X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
-        H = np.array([event.H for event in events])
-        block[:, :, -1] = np.einsum('eij,ej->ei', H, in_continuous_time(model).derivative(X, U))
+    X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
+    H = np.array([event.H for event in events])
+    block[:, :, -1] = np.einsum('eij,ej->ei', H, model.time_derivative(X, U))
     return block, [*labels, ('stamp', name)]
 
 
@@ -86,8 +85,6 @@ def _of_state(
     first = np.zeros((E, n, n))
     first[0] = np.diag(evidence.scenario.initial_belief.std)
     yield [('first', name) for name in model.state.names], first
-    if model.period:
-        return
     X, U = (np.array([getattr(e, name) for e in found.events]) for name in ('x', 'u'))
     dt = np.array([event.dt for event in found.events])
     for index, name in enumerate(model.input.names):
@@ -96,20 +93,20 @@ def _of_state(
         yield [(kind, name, *rest) for kind, *rest in labels], moved[:, :, None] * pushes[:, None]
     names: list[tuple[str, ...]] = []
     blocks: list[Array] = []
-    rate = in_continuous_time(model).derivative
     for name, other, size in varied(evidence):
-        change = (in_continuous_time(other).derivative(X, U) - rate(X, U)) / size
+        change = (other.time_derivative(X, U) - model.time_derivative(X, U)) / size
         names.append(('parameter', name))
         blocks.append(change * dt[:, None])
     yield names, np.stack(blocks, axis=2) if blocks else np.zeros((E, n, 0))
 
 
 def effect(model: Dynamics, X: Array, U: Array, index: int) -> Array:
-    """Return d derivative / d u_index (E, n) at states (E, n) and inputs (E, m)."""
+    """Return d rate / d u_index (E, n) at states (E, n) and inputs (E, m)."""
     step = np.zeros(U.shape[1])
     step[index] = _STEP * max(1.0, float(np.abs(U[:, index]).max(initial=0.0)))
-    rate = in_continuous_time(model).derivative
-    return np.asarray((rate(X, U + step) - rate(X, U)) / step[index])
+    return np.asarray(
+        (model.time_derivative(X, U + step) - model.time_derivative(X, U)) / step[index]
+    )
 
 
 def _pushes(

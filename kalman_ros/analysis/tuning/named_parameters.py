@@ -209,7 +209,7 @@ class NamedParameters:
                 yield _Place(
                     f'{name}.bias', index, FreeParameter(label, 0.0, scale=size, unit=unit)
                 )
-            if self.scenario.model.period:
+            if self.scenario.model.is_discrete:
                 continue  # in discrete time no step is short enough
             yield _Place(
                 f'{name}.delay', None,

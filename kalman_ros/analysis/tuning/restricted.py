@@ -170,7 +170,7 @@ def noise_power(likelihood: Likelihood, z: Array, index: int) -> float:
 def _moments(of: Candidate, input: Array) -> tuple[Array, Array]:
     """Return all means that a candidate predicts at some states, and all variances."""
     rng, model, space = np.random.default_rng(0), of.model, of.model.state
-    dt = model.period or 0.01
+    dt = model.period if model.is_discrete else 0.01
     means = [of.initial.mean, *of.biases.values()]
     variances = [of.initial.covariance, *(each.covariance for each in of.sensors.values())]
     for _ in range(_COMPARED):

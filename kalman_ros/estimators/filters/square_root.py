@@ -41,6 +41,10 @@ class FactoredGaussian(Gaussian):
         self.factor = factor
         return self
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes a copy."""
+        return FactoredGaussian, (self.mean, self.factor)
+
     def _replace(self, **changes: Any) -> Gaussian:  # type: ignore[override]
         """Return a belief without a factor, since another covariance has another one."""
         return Gaussian(*self)._replace(**changes)
@@ -71,8 +75,9 @@ class SquareRootFilter(LinearUpdate):
         innovation = sensor.output.subtract(y, sensor.measure(x))
         H, m = sensor.jacobian(x), y.shape[-1]
         HL = product(H, L)
-        before = np.zeros((*HL.shape[:-2], m + L.shape[-1], m + L.shape[-1]))
-        before[..., :m, :m] = k.repaired_factor(sensor.covariance)
+        R, size = k.repaired_factor(sensor.covariance), m + L.shape[-1]
+        before = np.zeros((*np.broadcast_shapes(*(A.shape[:-2] for A in (HL, R, L))), size, size))
+        before[..., :m, :m] = R
         before[..., :m, m:], before[..., m:, m:] = HL, L
         after = _triangle(before)
         root, weighted, L = after[..., :m, :m], after[..., m:, :m], after[..., m:, m:]
@@ -87,7 +92,7 @@ class SquareRootFilter(LinearUpdate):
 
 def _factor(belief: Gaussian) -> Array:
     """Return L with L L' = P."""
-    if isinstance(belief, FactoredGaussian):
+    if belief.factor is not None:
         return belief.factor
     factor: Array = kernels(belief.mean).repaired_factor(belief.covariance)
     return factor

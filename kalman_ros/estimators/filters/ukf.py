@@ -22,11 +22,11 @@ from kalman_ros.core import (
     Sensor,
     Space,
     solve,
-    symmetric,
     unchecked,
 )
 from kalman_ros.estimators.correction import Correction
 from kalman_ros.estimators.filter import Plan, Prediction, SmoothableFilter, carried
+from kalman_ros.linear.batched import sandwich, symmetric
 from kalman_ros.linear.kernels import kernels
 
 Alpha = Annotated[float, About('spread of the sigma points', minimum=1e-4, maximum=10.0)]
@@ -130,8 +130,8 @@ class UnscentedKalmanFilter(SmoothableFilter):
         """
         moved, before, after = self._moved(belief, u, dt)
         P = belief.covariance
-        F = _slope(P, (self._weights[self._n] * before) @ after.T)
-        return Prediction(moved, F, symmetric(moved.covariance - F @ P @ F.T))
+        F = _slope(P, (self._weights[self._n] * before) @ after.swapaxes(-1, -2))
+        return Prediction(moved, F, symmetric(moved.covariance - sandwich(F, P, np.zeros(()))))
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
@@ -152,7 +152,11 @@ class UnscentedKalmanFilter(SmoothableFilter):
 
 
 def _slope(P: Array, cross: Array) -> Array:
-    """Return F (n, n) with F P = cross'; the smallest, if states are known exactly."""
+    """Return F (..., n, n) with F P = cross'; the smallest, if states are known exactly."""
+    if cross.ndim > 2:
+        P = np.broadcast_to(P, cross.shape)
+        stacked = zip(P.reshape(-1, *P.shape[-2:]), cross.reshape(-1, *cross.shape[-2:]))
+        return np.array([_slope(*pair) for pair in stacked]).reshape(cross.shape)
     try:
         return np.asarray(solve(P, cross).T)
     except np.linalg.LinAlgError:
