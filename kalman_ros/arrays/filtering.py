@@ -58,7 +58,8 @@ def filter(
         The belief at the first time, before its readings: a `Gaussian`, or a pair of mean and
         covariance, which may be a number or a diagonal.
     filter
-        ``'kf'``, ``'ekf'``, ``'ukf'``, ``'gaussian_sum'``, ``'steady_state'`` or ``'luenberger'``;
+        ``'kf'``, ``'ekf'``, ``'ukf'``, ``'square_root'``, ``'gaussian_sum'``,
+        ``'steady_state'`` or ``'luenberger'``;
         by default the scenario's, or ``'kf'`` if all is linear, else ``'ekf'``.
     input_times
         If inputs have their own times.
@@ -81,6 +82,9 @@ def filter(
     if not any(len(each.time) for each in rows.values()):
         raise ValueError('readings: expected at least one row, got none')
     acts = _inputs(task.model, inputs, input_times, times, rows)
+    if options is None and isinstance(model, (str, Scenario)):
+        scenario = load(model)
+        options = scenario.filter_options if task.filter == scenario.filter else None
     return Pass(task, rows, acts, gates, options or {}).estimates()
 
 

@@ -14,6 +14,7 @@ from kalman_ros import scenario
 from kalman_ros.core import (
     ArrayLike,
     Dynamics,
+    Option,
     Signal,
     TimedSensor,
     Value,
@@ -21,7 +22,7 @@ from kalman_ros.core import (
     refuse_unknown,
     vector,
 )
-from kalman_ros.estimators import default_filter
+from kalman_ros.estimators import FILTERS, default_filter, filter_options
 from kalman_ros.estimators.filter import Plan
 from kalman_ros.scenario import Scenario, SensorSource, shipped
 from kalman_ros.scenario.model_checks import check_model
@@ -94,8 +95,15 @@ def values_of(
     values = {**filed, **typed}
     if typed:
         known = plant_options(values) if faults else scenario.options(values)
-        refuse_unknown(typed, {*known, *LIMITS}, 'parameter')
+        of_filter = {option.name for option in filter_options(_filter_of(values, known))}
+        refuse_unknown(typed, {*known, *of_filter, *LIMITS}, 'parameter')
     return values
+
+
+def _filter_of(values: Mapping[str, Any], known: Mapping[str, Option]) -> str:
+    """Return the name of the filter that parameters choose, or of none that there is."""
+    found = str(values.get('filter', known['filter'].default))
+    return found if found in FILTERS else FILTERS[0]
 
 
 def make_scenario(

@@ -33,7 +33,7 @@ from kalman_ros.core.geodesy import Place, datum
 from kalman_ros.core.mount import mounting
 from kalman_ros.core.quantity import quantity
 from kalman_ros.core.still import stand_still
-from kalman_ros.estimators import FILTERS
+from kalman_ros.estimators import FILTERS, filter_options
 
 from .bias_states import bias
 from .body_roles import body_of
@@ -70,7 +70,10 @@ def build(values: Mapping[str, Any], *, with_law: bool = True) -> Scenario:
     ValueError
         If a value is invalid; the message names its option.
     """
-    return assemble(complete(values, options(values, with_law=with_law)), with_law=with_law)
+    built = assemble(complete(values, options(values, with_law=with_law)), with_law=with_law)
+    known = {option.name: option for option in filter_options(built.filter)}
+    chosen = {name: known[name].check(values[name]) for name in known if name in values}
+    return replace(built, filter_options=chosen) if chosen else built
 
 
 def assemble(full: Mapping[str, Any], *, with_law: bool = True) -> Scenario:

@@ -68,7 +68,7 @@ def estimation(
     filter
         The name of another filter.
     options
-        Those of the filter.
+        Those of the filter; by default the scenario's, if the filter is.
     implementation, arithmetic
         Whose filter it is, and what computes model and sensors.
     wait
@@ -86,7 +86,10 @@ def estimation(
     chosen = arithmetic if implementation == NATIVE else NUMPY
     fast = parts(believed.model, believed.sensors, chosen, wait=wait)
     plan = scenario.plan.computed_by(fast.model, fast.sensors)
-    built = build_filter(filter or scenario.filter, plan, options, implementation)
+    kind = filter or scenario.filter
+    if options is None and kind == scenario.filter:
+        options = scenario.filter_options
+    built = build_filter(kind, plan, options, implementation)
     gated = replace(policy or Policy(), gates=gates(scenario))
     return Estimation(built, fast.sensors, believed.initial, gated, fast.arithmetic, fast.pending)
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -74,6 +74,8 @@ class Scenario:
     filter: str
     law: str
     law_options: Mapping[str, Value]
+    #: The options of the filter, those that are given.
+    filter_options: Mapping[str, Value] = field(default_factory=dict)
     #: The origin of satellite fixes in metres; None for the first one.
     datum: Place | None = None
 

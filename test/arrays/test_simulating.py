@@ -197,3 +197,15 @@ def test_without_a_path_the_figure_is_left_to_pyplot(monkeypatch):
 def test_mistakes_are_named(call, says):
     with pytest.raises(ValueError, match=f'^{says}'):
         call()
+
+
+def test_a_scenario_has_the_options_of_its_filter():
+    spread = {'filter': 'ukf', 'alpha': 0.1, 'beta': 2.0}
+    plain = kr.simulate('cart_pole', {'filter': 'ukf'}, seconds=0.5, seed=1)
+    found = kr.simulate('cart_pole', spread, seconds=0.5, seed=1)
+    assert kr.load('cart_pole', spread).filter_options == {'alpha': 0.1, 'beta': 2.0}
+    assert 0.0 < np.abs(found.estimate - plain.estimate).max() < 1e-3
+    with pytest.raises(ValueError, match="unknown parameter 'alpha'"):
+        kr.simulate('cart_pole', {'filter': 'ekf', 'alpha': 0.1}, seconds=0.5)
+    with pytest.raises(ValueError, match='alpha: expected 0.0001 to 10, got 100'):
+        kr.simulate('cart_pole', {'filter': 'ukf', 'alpha': 100.0}, seconds=0.5)
