@@ -16,7 +16,7 @@ import numpy as np
 from .discretize import zero_order_hold
 from .errors import DesignError
 from .matrices import Array
-from .structure import ComplexArray, describe, eigenvalues, uncontrollable_modes
+from .structure import ComplexArray, balancing, describe, eigenvalues, uncontrollable_modes
 
 #: Placed poles further from the requested ones than this, relative to the largest, are an error.
 _ACCURACY = 1e-4
@@ -61,34 +61,52 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
         If the input does not move every mode, or a pole is repeated more often than there
         are independent inputs.
     """
-    from scipy.signal import place_poles  # slow to import, so only here
-
     wanted = _checked(len(A), poles)
     stuck = uncontrollable_modes(A, B)
     if stuck.size:
         raise DesignError(f'poles: no input moves the modes at {describe(stuck)}')
-    U, sizes, Vh = np.linalg.svd(B, full_matrices=False)
-    rank = int(np.sum(sizes > len(A) * np.finfo(float).eps * sizes[0]))
+    independent = _rank(B)
     for pole in wanted:
         count = int(np.sum(wanted == pole))
-        if count > rank:
+        if count > independent:
             raise DesignError(
                 'poles: expected no pole more often than there are independent inputs '
-                f'(or readings), {rank}; got {describe(np.array([pole]))} {count} times'
+                f'(or readings), {independent}; got {describe(np.array([pole]))} {count} times'
             )
+    # as robust as can be in the units that are given, unless they are too different
+    for units in (np.ones(len(A)), balancing(A)):
+        scaled = A * units / units[:, np.newaxis], B / units[:, np.newaxis]
+        K = _robust_gain(*scaled, wanted, independent)
+        found = eigenvalues(scaled[0] - scaled[1] @ K)
+        off = max(np.abs(found - pole).min() for pole in wanted)
+        if off <= _ACCURACY * np.abs(wanted).max():
+            return PlacementDesign(K / units, found)
+    raise DesignError(
+        f'poles: some mode is moved too little to be placed: asked for '
+        f'{describe(wanted)}, the best gain gives {describe(found)}'
+    )
+
+
+def _rank(B: Array) -> int:
+    """Return the number of independent inputs."""
+    sizes = np.linalg.svd(B, compute_uv=False)
+    return int(np.sum(sizes > max(B.shape) * np.finfo(float).eps * sizes[0]))
+
+
+def _robust_gain(A: Array, B: Array, poles: ComplexArray, rank: int) -> Array:
+    """Return the K (m, n) of Tits and Yang, for inputs of which ``rank`` are independent."""
+    from scipy.signal import place_poles  # slow to import, so only here
+
+    # in a unit of time in which A and the poles are near one
+    rate = max(float(np.abs(poles).max()), float(np.abs(eigenvalues(A)).max())) or 1.0
+    U, sizes, Vh = np.linalg.svd(B / rate, full_matrices=False)
+    # scipy rejects linearly dependent inputs; they share by least squares
+    inputs = U[:, :rank] * (sizes[:rank] / sizes[0])
     with warnings.catch_warnings():
-        # robustness that stops short of its optimum; the poles are checked below
+        # robustness that stops short of its optimum; the poles are checked by the caller
         warnings.simplefilter('ignore', UserWarning)
-        # scipy rejects linearly dependent inputs; they share by least squares
-        independent = place_poles(A, U[:, :rank] * sizes[:rank], wanted).gain_matrix
-    K: Array = np.asarray(Vh[:rank].T @ independent, dtype=float)
-    found = eigenvalues(A - B @ K)
-    if max(np.abs(found - pole).min() for pole in wanted) > _ACCURACY * np.abs(wanted).max():
-        raise DesignError(
-            f'poles: some mode is moved too little to be placed: asked for '
-            f'{describe(wanted)}, the best gain gives {describe(found)}'
-        )
-    return PlacementDesign(K, found)
+        gain = place_poles(A / rate, inputs, poles / rate).gain_matrix
+    return np.asarray(Vh[:rank].T / sizes[0] @ gain, dtype=float)
 
 
 def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> PlacementDesign:

@@ -86,3 +86,24 @@ def test_what_cannot_be_placed_says_why():
         place(np.diag([1.0, -3.0]), B[::-1], [-1.0, -2.0])
     with pytest.raises(DesignError, match='no reading sees the modes at -3'):
         place_observer(np.diag([1.0, -3.0]), B[::-1].T, [-1.0, -2.0])
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_units_of_states_inputs_and_time_do_not_matter(seed):
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 5)), int(rng.integers(1, 3))
+    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, m))
+    poles = -rng.uniform(0.5, 3.0, n)
+    rate, force, t = 10.0 ** rng.uniform(-9, 9), 10.0 ** rng.uniform(-8, 8), rng.uniform(-8, 8, n)
+    t = 10.0**t
+    scaled = rate * A * t[:, np.newaxis] / t, rate * force * B * t[:, np.newaxis]
+    found = place(*scaled, (rate * poles).tolist())
+    closed = np.sort(np.linalg.eigvals(A - B @ (found.gain * t * force)).real)
+    np.testing.assert_allclose(closed, np.sort(poles), rtol=1e-4)
+
+
+def test_an_input_that_moves_nothing_is_named_in_any_units():
+    A, B = np.diag([-1.0, -2.0]), np.array([[1.0], [0.0]])
+    for size in (1e-12, 1.0, 1e12):
+        with pytest.raises(DesignError, match='poles: no input moves the modes at -2'):
+            place(A, size * B, [-3.0, -4.0])
