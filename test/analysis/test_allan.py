@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from kalman_ros.analysis.allan import Allan, Parameter, allan, overlapping_variance
 
@@ -118,3 +119,47 @@ def test_degrees_of_freedom_grow_with_the_duration(low, high, times):
         nothing, nothing, nothing, nothing, nothing, parameter, parameter, parameter, 60.0
     )
     assert found.needed() == pytest.approx(60.0 * times)
+
+
+def known_terms(monkeypatch, N=0.0, B=0.0, K=0.0):
+    """Let every recording have the deviation of IEEE Std 952, annex C, at a period of 1 s."""
+
+    def exact(values, factors):
+        return N**2 / factors + 2.0 * np.log(2.0) / np.pi * B**2 + K**2 * factors / 3.0
+
+    monkeypatch.setattr('kalman_ros.analysis.allan.overlapping_variance', exact)
+
+
+#: NIST SP 1065, table 5: degrees of freedom by the number of sums and the averaging factor.
+DEGREES = {
+    'N': lambda N, m: (1.5 * (N - 1) / m - 2 * (N - 2) / N) * 4 * m**2 / (4 * m**2 + 5),
+    'B': lambda N, m: (
+        5 * N**2 / (4 * m * (N + 3 * m)) if m > 1 else 2 * (N - 2) ** 2 / (2.3 * N - 4.9)
+    ),
+    'K': lambda N, m: (N - 2) / m * ((N - 1) ** 2 - 3 * m * (N - 1) + 4 * m**2) / (N - 3) ** 2,
+}
+
+
+@pytest.mark.parametrize('term', DEGREES)
+@pytest.mark.parametrize('count', [100, 5000])
+def test_the_intervals_have_the_degrees_of_freedom_of_the_noise(monkeypatch, term, count):
+    known_terms(monkeypatch, **{term: 0.1})
+    found = allan(np.arange(float(count)), 1.0)
+    for m, deviation, low, high in zip(found.time, found.deviation, found.low, found.high):
+        degrees = max(DEGREES[term](count + 1, m), 1.0)
+        bounds = chi2.ppf([0.975, 0.025], degrees) / degrees
+        np.testing.assert_allclose([low, high], deviation / np.sqrt(bounds), rtol=1e-6)
+
+
+def test_a_parameter_with_a_small_share_of_the_variance_is_that_much_less_certain(monkeypatch):
+    """What the whole is wrong by, relative to it, counts for a part by its share."""
+    known_terms(monkeypatch, B=0.1)
+    alone = allan(np.arange(1e6), 1.0).instability
+    known_terms(monkeypatch, N=0.1, B=0.1, K=0.1)
+    found = allan(np.arange(1e6), 1.0)
+    among, t = found.instability, found.time
+    flat = 2.0 * np.log(2.0) / np.pi
+    share = np.max(flat / (1.0 / t + flat + t / 3.0))
+    assert share < 0.3
+    widths = [np.log(each.high / each.low) for each in (alone, among)]
+    assert widths[1] * share == pytest.approx(widths[0], rel=0.1)

@@ -11,6 +11,7 @@ from kalman_ros.control.lqr import cost, sampled_cost, sampled_lqr
 from kalman_ros.control.separation import LqgLoop, optimal_cost
 from kalman_ros.control.state_space import static
 from kalman_ros.core import DesignError, LinearSystem, Space
+from kalman_ros.core.model import Transition
 from kalman_ros.linear.periodic import Readings
 from kalman_ros.linear.structure import continuous_poles
 
@@ -164,3 +165,23 @@ def test_an_average_over_few_steps_is_that_of_the_whole_run(loop, steps):
         np.testing.assert_allclose(
             (found.mean, found.std), spread_by_brute_force(loop, M, steps), rtol=1e-9
         )
+
+
+@pytest.mark.parametrize('unit', [1e-4, 1e4])
+def test_the_spread_of_an_average_does_not_depend_on_the_unit_of_the_state(loop, unit):
+    """A square of the state in other units scatters by the square of the unit."""
+    loop, *_ = loop
+    step, readings = loop.step, loop.schedule
+    other = LqgLoop(
+        Transition(step.F, step.G / unit, step.Q / unit**2),
+        [Readings(each.C, each.R / unit**2) for each in readings],
+        static(unit * loop.regulator.D, DT),
+    )
+    for found, scaled in zip(*(each.average(weights(each), 30) for each in (loop, other))):
+        np.testing.assert_allclose(scaled.mean * unit**2, found.mean, rtol=1e-6)
+        np.testing.assert_allclose(scaled.std * unit**2, found.std, rtol=1e-6)
+
+
+def weights(loop):
+    """Return the weights of the squares of a state and of an error."""
+    return np.stack([loop.state_weight(0), loop.error_weight(1)])

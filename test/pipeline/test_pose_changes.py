@@ -176,3 +176,20 @@ def test_the_covariance_of_a_whole_pose_is_that_of_the_derivatives(pose):
     # between the poses a velocity's axes are those on the way, which differ by half of the turn
     tolerance = 1e-5 if pose == 'relative' else 0.1
     np.testing.assert_allclose(covariance, exact, atol=tolerance * np.abs(exact).max())
+
+
+@pytest.mark.parametrize('first', [0, 7])
+def test_poses_a_second_apart_are_a_velocity_and_a_nanosecond_more_is_too_much(first):
+    """A simulated clock begins at 0, which is a time like any other."""
+    pose = sample(0.0, [1.0, 0.0, 0.0], Rotation.identity())
+    later = sample(0.0, [3.0, 0.0, 0.0], Rotation.identity())
+    for passed, usable in ((1, True), (SECOND, True), (SECOND + 1, False)):
+        found = change('differential')
+        with pytest.raises(FirstPoseError):
+            found(pose._replace(time=first))
+        if usable:
+            velocity = found(later._replace(time=first + passed)).values[0]
+            np.testing.assert_allclose(velocity, 2.0 * SECOND / passed)
+        else:
+            with pytest.raises(FirstPoseError):
+                found(later._replace(time=first + passed))

@@ -52,3 +52,10 @@ def test_a_sound_without_frequencies_is_refused():
             Sound(1.0, (5000.0, 6000.0), 0.0),
             array=MicrophoneArray([[0.1, 0.0], [-0.05, 0.0866], [-0.05, -0.0866]]),
         )
+
+
+def test_sound_grows_with_the_inverse_of_the_distance_down_to_a_centimetre():
+    one = MicrophoneArray([[0.0, 0.0], [0.0, 2.0], [2.0, 0.0]])
+    for distance, counts in ((2.0, 2.0), (0.5, 0.5), (0.02, 0.02), (0.005, 0.01), (0.0, 0.01)):
+        first, *_ = heard(one.positions[0] + [-distance, 0.0], Sound(1.0, BAND, 0.0), array=one)
+        np.testing.assert_allclose(first.std(), 1.0 / counts, rtol=0.05)
