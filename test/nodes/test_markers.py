@@ -186,3 +186,27 @@ def peer_take(subscription):
     while (taken := subscription.handle.take_message(subscription.msg_type, False)) is not None:
         found.append(taken[0])
     return found
+
+
+@pytest.mark.parametrize('name', ['two_bearings', 'mass_spring_damper_2d'])
+def test_a_sphere_is_thicker_than_its_track_and_smaller_than_an_arrow_is_long(
+    name,
+):
+    """In a drawing of a robot with a heading, the arrow is as long by the same measure."""
+    sizes = []
+    for each in (name, 'robot_2d'):
+        found = drawing(each)
+        for time in range(2):
+            found.estimate(time, np.zeros(scenario(each).model.state.size))
+            markers = by_name(found.draw())
+        marker, track = markers['estimate'], markers['track of estimate']
+        sizes.append(marker.scale.x / track.scale.x)
+    assert 1.0 < sizes[0] < sizes[1]
+
+
+def test_a_sphere_is_round():
+    found = drawing('two_bearings')
+    found.estimate(0, np.zeros(4))
+    marker = by_name(found.draw())['estimate']
+    assert marker.type == Marker.SPHERE
+    assert marker.scale.x == marker.scale.y == marker.scale.z
