@@ -2,14 +2,18 @@
 """What the estimator does with readings that waited, and with changes while it runs."""
 
 import numpy as np
+import pytest
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
+from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import nanoseconds, write_stamp
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.nodes.estimator.node import EstimatorNode
+from kalman_ros.nodes.middleware.diagnostics import Level
+from kalman_ros.pipeline.fuser import Received
 
 STEP = 10_000_000
 
@@ -102,3 +106,25 @@ def test_a_change_leaves_what_was_changed_before(pair):
     }
     assert noise == {'position': [0.5, 0.5], 'velocity': [0.25, 0.25]}
     assert list(node.get_parameter('position.noise').value) == [0.5, 0.5]
+
+
+def test_a_sensor_that_is_silent_is_named_unless_steps_wait_for_it(pair):
+    found = pair(EstimatorNode, rest_until_input='false')
+    velocity = found.publisher(TwistWithCovarianceStamped, 'velocity')
+    node = found.node
+    send(velocity, [node.get_clock().now().nanoseconds])
+    found.until(lambda: node._online.time is not None, 'no reading came')
+    assert node.report()[:2] == (Level.WARN, 'no readings of position received')
+    _, words, _ = node._health.report(node.scenario, 1, lockstep=True)
+    assert 'no readings' not in words
+
+
+@pytest.mark.parametrize(('most', 'published'), [(None, 20), (8, 8), (20, 20), (30, 20), (1, 1)])
+def test_of_many_innovations_the_newest_are_published(pair, monkeypatch, most, published):
+    node = pair(EstimatorNode, rest_until_input='false').node
+    channel, stamps = node._fuser.channels['velocity'], []
+    monkeypatch.setattr(channel, '_publish', lambda time, _: stamps.append(time))
+    times = [k * STEP for k in range(1, 21)]
+    readings = [Received(time, channel, Sample(time, np.zeros(2), np.eye(2))) for time in times]
+    node.publish_innovations(node._fuser.fuse(readings), most)
+    assert stamps == times[-published:]
