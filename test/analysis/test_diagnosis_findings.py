@@ -17,7 +17,7 @@ from kalman_ros.programs.doctor.recordings import recorded
 
 @pytest.fixture(scope='module')
 def evidence():
-    return recorded('mass_spring_damper', seconds=6.0, seed=4, online=False)
+    return recorded('mass_spring_damper', seconds=6.0, seed=4)
 
 
 def commanded(evidence, stamps):
