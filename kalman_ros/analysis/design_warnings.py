@@ -8,6 +8,7 @@ from math import degrees
 
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.stability import Mode
+from kalman_ros.estimators import filter_class
 
 from .design_report import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
@@ -38,8 +39,10 @@ def _notes(report: DesignReport) -> Iterator[str]:
             f'from {where}.'
         )
         yield from _along(report)
-    if report.scenario.filter == 'luenberger':
-        yield 'The scenario uses a luenberger filter; all numbers are those of the Kalman filter.'
+    kind = filter_class(report.scenario.filter)
+    if not (kind.optimal or kind.mixture):
+        name = report.scenario.filter
+        yield f'The scenario uses a {name} filter; all numbers are those of the Kalman filter.'
     if plan.period > 1 and report.estimator:
         yield (
             f'The sensors repeat every {plan.period} steps: estimator gains and standard '
