@@ -11,6 +11,7 @@ from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
+from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.watcher import waiting
 from kalman_ros.scenario import Scenario
 
@@ -33,8 +34,8 @@ class EstimateFeed:
         Decides whether an estimate is older than the last.
     """
 
-    def __init__(self, node: Any, scenario: Scenario, guard: EstimateGuard) -> None:
-        self._node: Any = node
+    def __init__(self, node: Host, scenario: Scenario, guard: EstimateGuard) -> None:
+        self._node = node
         self._read = WireReader(SignalCodec(scenario.state))
         self._size = scenario.model.state.size
         self._guard = guard

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal, is_finite
+from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.topics import QUEUE, on_topic
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
@@ -40,7 +40,7 @@ class ReferenceReader:
 
     def __init__(
         self,
-        node: Any,
+        node: Host,
         scenario: Scenario,
         take: Callable[[Array, Array], None],
         frame: Callable[[], str],

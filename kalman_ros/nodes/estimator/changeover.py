@@ -7,9 +7,9 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from threading import Thread, get_native_id
-from typing import Any
 
 from kalman_ros.compiled.library import CompilerError, load
+from kalman_ros.nodes.middleware.host import Host
 
 #: How often a node looks whether all is compiled, in seconds.
 _PERIOD = 0.1
@@ -28,7 +28,7 @@ class Changeover:
         Called by the node's executor when all is compiled, or cannot be.
     """
 
-    def __init__(self, node: Any, change: Callable[[], object]) -> None:
+    def __init__(self, node: Host, change: Callable[[], object]) -> None:
         self._change = change
         self._threads: list[Thread] = []
         self._timer = node.create_timer(_PERIOD, self._look, clock=node.steady)

@@ -17,6 +17,7 @@ from kalman_ros.pipeline.mounts import Mounts
 from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 from kalman_ros.scenario import SensorSource
 
+from .host import EstimatorHost
 from .publisher import InnovationPublisher
 
 #: A sensor is silent after N seconds without a reading, or M of its intervals.
@@ -54,7 +55,7 @@ class SensorChannel(Subscribed, SensorReader):
 
     def __init__(
         self,
-        node: Any,
+        node: EstimatorHost,
         name: str,
         source: SensorSource,
         state: Signal,

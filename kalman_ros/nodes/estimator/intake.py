@@ -15,6 +15,7 @@ from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import TimeReference
 
+from kalman_ros.nodes.estimator.host import EstimatorHost
 from kalman_ros.nodes.middleware import private
 from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.meters import Latency
@@ -49,8 +50,8 @@ class RealTimeIntake:
         From reception to publication.
     """
 
-    def __init__(self, node: Any, fuser: Fuser, latency: Latency) -> None:
-        self._node: Any = node
+    def __init__(self, node: EstimatorHost, fuser: Fuser, latency: Latency) -> None:
+        self._node = node
         self._fuser, self._latency = fuser, latency
         self._last_time = -1
         self._clock = private.clock_handle(node)
@@ -169,7 +170,7 @@ class LockstepIntake:
         Fuses the messages.
     """
 
-    def __init__(self, node: Any, fuser: Fuser) -> None:
+    def __init__(self, node: EstimatorHost, fuser: Fuser) -> None:
         steps = LockstepFuser(fuser, node, node.get_logger().info, node.resolve_topic_name)
         self._steps = steps
         subscribe = partial(node.create_subscription, raw=True)
@@ -184,7 +185,7 @@ class LockstepIntake:
         channel.rate.count()
 
 
-def _connect(node: Any, channel: Any, subscribe: Any, callback: Any, queue: Any) -> None:
+def _connect(node: EstimatorHost, channel: Any, subscribe: Any, callback: Any, queue: Any) -> None:
     """Subscribe to a channel's topic; if it is used, a missing publisher is reported."""
     scenario: Scenario = node.scenario
     source = None if channel.name is None else scenario.sensors[channel.name]

@@ -8,6 +8,7 @@ from typing import Any
 from kalman_ros.core import Gaussian, Signal, Space
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.correction import Correction
+from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.topics import HISTORY, KEPT
 from kalman_ros.pipeline.datum_file import write_datum
 from kalman_ros.pipeline.estimate_topics import EstimateTopics, InnovationTopic, Topic
@@ -17,7 +18,7 @@ from kalman_ros.pipeline.odometry_topic import OdometryTopic
 from kalman_ros.scenario import Scenario
 
 
-def _publisher(node: Any, topic: Topic) -> Any:
+def _publisher(node: Host, topic: Topic) -> Any:
     return node.create_publisher(topic.write.message_type, topic.name, HISTORY)
 
 
@@ -25,7 +26,7 @@ class EstimatePublisher:
     """Publishes a belief on ``estimate``, ``estimate/state`` and ``estimate/covariance``."""
 
     def __init__(
-        self, node: Any, scenario: Scenario, options: EstimatorOptions, origin: Origin
+        self, node: Host, scenario: Scenario, options: EstimatorOptions, origin: Origin
     ) -> None:
         topics = self._topics = EstimateTopics(scenario, options.frame, options.child_frame)
         self._publisher = _publisher(node, topics.estimate)
@@ -58,7 +59,7 @@ class GlobalPublisher:
     """Publishes the datum once it is known, and the estimate as a fix if that is requested."""
 
     def __init__(
-        self, node: Any, scenario: Scenario, options: EstimatorOptions, origin: Origin
+        self, node: Host, scenario: Scenario, options: EstimatorOptions, origin: Origin
     ) -> None:
         topics = self._topics = GlobalTopics(scenario, options, origin)
         self._origin, self._file = origin, options.datum_file
@@ -101,7 +102,7 @@ class GlobalPublisher:
 class InnovationPublisher:
     """Publishes a sensor's innovations on ``estimate/innovation/SENSOR``."""
 
-    def __init__(self, node: Any, state: Signal, sensor: str, output: Space) -> None:
+    def __init__(self, node: Host, state: Signal, sensor: str, output: Space) -> None:
         self._write = InnovationTopic(state, sensor, output)
         self._publisher = _publisher(node, self._write.topic)
 

@@ -12,6 +12,7 @@ from rclpy.qos import QoSProfile
 from kalman_ros.codecs.messages import UndecodableError, decode, frame_and_end
 from kalman_ros.core import Gaussian
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
+from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.throttle import Throttle
@@ -48,7 +49,7 @@ class TransformPublisher:
         If there can be no transform.
     """
 
-    def __init__(self, node: Any, scenario: Scenario, options: EstimatorOptions) -> None:
+    def __init__(self, node: Host, scenario: Scenario, options: EstimatorOptions) -> None:
         self._node, self._options = node, options
         self._write = TransformWriter(scenario, options)
         self._tree = TransformTree()

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from kalman_ros.acoustics.recording import Recording
 from kalman_ros.core import Array
+from kalman_ros.nodes.middleware.host import Host
 
 
 class Playback:
@@ -31,7 +31,7 @@ class Playback:
 
     def __init__(
         self,
-        node: Any,
+        node: Host,
         recorded: Recording,
         interval: float,
         samples: int,

@@ -13,8 +13,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from kalman_ros.core.one_line import one_line
 
 from .connections import Connections
+from .host import Host
 from .one_line_logger import LONGEST
-from .watcher import WatcherNode
 
 
 class Level(Enum):
@@ -50,8 +50,8 @@ class Diagnostics:
     another type or quality of service, is a warning. A value that is NaN is left out.
     """
 
-    def __init__(self, node: Any, report: Callable[[], Report]) -> None:
-        self._node: WatcherNode = node
+    def __init__(self, node: Host, report: Callable[[], Report]) -> None:
+        self._node: Any = node
         self._report = report
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         #: The subscriptions of the node that receive nothing.

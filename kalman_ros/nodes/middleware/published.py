@@ -8,6 +8,8 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
+from .host import Host
+
 #: The service of each node that answers with the counts.
 SERVICE = 'published'
 
@@ -28,7 +30,7 @@ def counted(publisher: Any) -> Any:
 class PublishedCounts:
     """The service ``~/published`` of a node: a JSON object from full topic names to counts."""
 
-    def __init__(self, node: Any) -> None:
+    def __init__(self, node: Host) -> None:
         self._node = node
         node.create_service(Trigger, f'~/{SERVICE}', self._answer)
 

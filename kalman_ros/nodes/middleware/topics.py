@@ -20,6 +20,8 @@ from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Signal
 from kalman_ros.scenario import Scenario
 
+from .host import Host
+
 #: Reliable, with a depth for about a second without processor time. A queue drops messages
 #: silently; a reader with too much to read drops and counts them itself.
 QUEUE = QoSProfile(depth=5000)
@@ -47,7 +49,7 @@ WATCH = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def watched(
-    node: Any, signal: Signal, take: Callable[[Sample], None], warn: Callable[[str], object]
+    node: Host, signal: Signal, take: Callable[[Sample], None], warn: Callable[[str], object]
 ) -> Any:
     """Subscribe to a signal for monitoring; messages that cannot be read are only named."""
     read = WireReader(codec_of(signal))
