@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from .core import Model as Model
     from .core import Sensor as Sensor
     from .core import Space as Space
-    from .estimators.correction import Correction as Correction
+    from .estimators.filter import Correction as Correction
     from .harness import Run as Run
 
 #: The module of each name; a test compares this list with the one above.
@@ -72,7 +72,7 @@ _WHERE = {
     'arrays.stepwise': ('ExtendedKalmanFilter', 'KalmanFilter', 'UnscentedKalmanFilter'),
     'bags.replay': ('replay',),
     'core': ('DesignError', 'DiscreteModel', 'Gaussian', 'Model', 'Sensor', 'Space'),
-    'estimators.correction': ('Correction',),
+    'estimators.filter': ('Correction',),
     'harness': ('Run',),
 }
 #: What other packages call the same.

@@ -23,7 +23,7 @@ from kalman_ros.core import rotations as so3
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.batch_estimator import for_many
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.models.inertial import Inertial
 
 MODEL, STEP, STEPS = Inertial(1e-5, 1e-3, 1e-8, 1e-6), 0.05, 240

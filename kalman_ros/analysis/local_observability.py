@@ -11,7 +11,7 @@ from math import inf
 import numpy as np
 
 from kalman_ros.core import Array, solve, symmetric
-from kalman_ros.estimators.filter import parts
+from kalman_ros.estimators.plan import parts
 from kalman_ros.linear.structure import Observability
 from kalman_ros.scenario import Scenario
 

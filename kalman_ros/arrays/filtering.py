@@ -12,7 +12,7 @@ import numpy as np
 from kalman_ros.compiled.parts import COMPILED, parts
 from kalman_ros.core import ArrayLike, Dynamics, TimedSensor, Value
 from kalman_ros.estimators import default_filter
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.smoother import smooth as smooth_steps
 from kalman_ros.scenario import Scenario
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, Gaussian
 from kalman_ros.estimators import online
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario

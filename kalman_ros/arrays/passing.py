@@ -13,10 +13,10 @@ import numpy as np
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, TimedSensor, Value
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_gate
-from kalman_ros.estimators.correction import Correction
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.smoother import Filtered
 from kalman_ros.simulation.trajectory import Innovations, Series

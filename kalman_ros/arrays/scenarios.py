@@ -23,7 +23,7 @@ from kalman_ros.core import (
     vector,
 )
 from kalman_ros.estimators import FILTERS, default_filter, filter_options
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.scenario import Scenario, SensorSource, shipped
 from kalman_ros.scenario.model_checks import check_model
 from kalman_ros.scenario.parameter_files import from_file

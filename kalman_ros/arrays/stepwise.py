@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, Dynamics, Gaussian, Sensor
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.filters import ekf, kf, ukf
 
 from .accept import belief_of, finite, got, seconds

@@ -16,7 +16,7 @@ from kalman_ros.analysis.tuning.named_parameters import LONGEST_DELAY, NamedPara
 from kalman_ros.compiled.parts import parts
 from kalman_ros.core import Space, TimedSensor, refuse_unknown
 from kalman_ros.estimators import build_filter, default_filter
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 
 from .accept import belief_of, got, number
 from .passing import Task

@@ -10,7 +10,8 @@ from typing import Any
 from kalman_ros.core import Option, Value, build_with, options_of, refuse_unknown
 from kalman_ros.core.registry import names
 
-from .filter import Filter, Plan, check_needs
+from .filter import Filter
+from .plan import Plan, check_linear
 
 _FOLDER = f'{__name__}.filters'
 #: The names of the filters, each that of a module with a class ``FILTER``; imported on demand.
@@ -36,6 +37,20 @@ def filter_class(name: str) -> type[Filter]:
 def default_filter(plan: Plan) -> str:
     """Return the simplest filter that is right for a plan: kf if all is linear, else ekf."""
     return 'kf' if plan.linear else 'ekf'
+
+
+def _check_needs(name: str, kind: type[Filter], plan: Plan) -> None:
+    """Raise ValueError if a plan is not as a kind of filter needs it."""
+    if kind.needs_linear:
+        check_linear(name, plan.model)
+        for sensor, timed in plan.sensors.items():
+            if not timed.sensor.linear:
+                raise ValueError(
+                    f'filter: {name} needs linear sensors, and the {type(timed.sensor).__name__} '
+                    f"'{sensor}' is not declared linear; ekf and ukf take any"
+                )
+    if kind.needs_continuous and plan.model.is_discrete:
+        raise ValueError(f'filter: {name} needs a model in continuous time')
 
 
 def _builder(name: str, implementation: str) -> Callable[..., Any]:
@@ -71,6 +86,6 @@ def build_filter(
         solution.
     """
     build = _builder(name, implementation)
-    check_needs(name, filter_class(name), plan)
+    _check_needs(name, filter_class(name), plan)
     built: Filter = build_with(build, options or {}, plan)
     return built

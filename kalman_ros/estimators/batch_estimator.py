@@ -18,8 +18,7 @@ from kalman_ros.core.stacked import stacked, stacked_sensor
 from kalman_ros.linear.batched import factor, squared, times, whitened
 
 from .batch_records import NEVER, BatchRecords, Mask
-from .correction import Correction, committed
-from .filter import Filter
+from .filter import Correction, Filter, committed
 from .gain_schedule import GainSchedule
 from .gate import Gate
 from .policy import Policy

@@ -1,67 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The interface of filters: functions from belief to belief; no clock, history or mutation."""
+"""Filters: functions from belief to belief, without clock, history or mutation."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from fractions import Fraction
-from functools import cached_property
-from math import ceil
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
-from kalman_ros.core import (
-    Array,
-    Dynamics,
-    Gaussian,
-    Sensor,
-    TimedSensor,
-    is_due,
-    period,
-    ratio,
-)
-from kalman_ros.core.model import MOST_SUBSTEPS
+import numpy as np
+
+from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, is_finite, unchecked
+from kalman_ros.linear.factor import cholesky
 from kalman_ros.linear.kernels import kernels
 
-if TYPE_CHECKING:
-    from .correction import Correction  # imports scipy, which a `Plan` does not need
-
-
-#: A covariance is predicted in at most this many parts, which bounds the time of a long step.
-_MOST_PARTS = 100
-#: Steps may exceed ``max_step`` by this rounding of a difference of stamps.
-_ONE = 1.0 + 1e-9
-
-
-def parts(model: Dynamics, dt: float) -> int:
-    """Return the number of equal parts in which to predict a covariance over ``dt`` seconds.
-
-    The mean of a nonlinear model is integrated in steps of at most ``max_step``, and a
-    linearisation is valid no longer, so the covariance uses the same steps. Beyond the model's own
-    resolution the path is unknown, and more parts gain nothing.
-    """
-    ratio = abs(dt) / model.max_step
-    if model.is_discrete or not _ONE < ratio <= MOST_SUBSTEPS:
-        return 1
-    return ceil(min(ratio / _ONE, _MOST_PARTS))
-
-
-def carried(model: Dynamics, points: Array, u: Array, dt: float) -> tuple[Array, Array]:
-    """Return points (p, ..., n) after ``dt`` seconds, and the noise covariance Q of the step.
-
-    Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`, along
-    the path of the first point.
-    """
-    count = parts(model, dt)
-    h = dt / count
-    Q = model.noise_covariance(points[0], u, h)
-    points = model.step(points, u, h)
-    for _ in range(1, count):
-        step = model.linearized_step(points[0], u, h)
-        Q = kernels(points[0]).sandwich(step.F, Q, step.Q)
-        points = model.step(points, u, h)
-    return points, Q
+from .plan import Plan
 
 
 class Prediction(NamedTuple):
@@ -70,6 +22,79 @@ class Prediction(NamedTuple):
     belief: Gaussian
     F: Array
     Q: Array
+
+
+class Correction:
+    """A corrected belief with its innovation; with leading axes, many of them.
+
+    Parameters
+    ----------
+    posterior
+        The belief after the reading.
+    innovation
+        The reading minus its prediction (..., k).
+    innovation_covariance
+        S (..., k, k), what the innovation was expected to scatter by.
+    gain
+        K (..., n, k), by which the innovation moved the mean; None for a mixture.
+    jacobian
+        H (..., k, n), the sensor about the mean before, where the filter has one.
+    nis
+        The normalised innovation squared, if it is known.
+    """
+
+    __slots__ = ('_nis', 'gain', 'innovation', 'innovation_covariance', 'jacobian', 'posterior')
+
+    def __init__(
+        self,
+        posterior: Gaussian,
+        innovation: Array,
+        innovation_covariance: Array,
+        gain: Array | None = None,
+        jacobian: Array | None = None,
+        nis: Any = None,
+    ) -> None:
+        self.posterior = posterior
+        self.innovation = innovation
+        self.innovation_covariance = innovation_covariance
+        self.gain = gain
+        self.jacobian = jacobian
+        self._nis = nis
+
+    @property
+    def nis(self) -> Any:
+        """The normalised innovation squared, innovation' S^-1 innovation (...,).
+
+        It is chi-square with k degrees of freedom if the filter is consistent (Bar-Shalom, Li
+        and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4).
+        Infinite if S is not positive definite.
+        """
+        if self._nis is None:
+            weighed = kernels(self.innovation).weighed
+            self._nis = weighed(self.innovation_covariance, self.innovation)
+        return self._nis
+
+    @property
+    def log_likelihood(self) -> Any:
+        """The log of the density of the reading (...,), by the prediction-error decomposition.
+
+        A. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter (1989),
+        section 3.4.
+        """
+        _, size = np.linalg.slogdet(2.0 * np.pi * self.innovation_covariance)
+        return -0.5 * (self.nis + size)
+
+    def with_posterior(self, posterior: Gaussian) -> Correction:
+        """Return the same correction with another belief after it."""
+        S, K, H = self.innovation_covariance, self.gain, self.jacobian
+        return Correction(posterior, self.innovation, S, K, H, self._nis)
+
+    def __repr__(self) -> str:
+        """Return innovation and NIS, and the mean of the posterior."""
+        shown = (np.array2string(a, precision=4) for a in (self.innovation, self.posterior.mean))
+        innovation, mean = shown
+        k = self.innovation.size
+        return f'Correction(innovation {innovation}, NIS {self.nis:.4g} of {k}, mean {mean})'
 
 
 class Filter(ABC):
@@ -136,58 +161,40 @@ class SmoothableFilter(Filter):
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What a filter is built for: a model, its sensors, their rates and the loop's rate."""
+class LinearUpdate(SmoothableFilter):
+    """What filters have in common that linearise a sensor about the mean.
+
+    Parameters
+    ----------
+    model
+        How the state moves.
+    """
 
     model: Dynamics
-    sensors: Mapping[str, TimedSensor]
-    rate: float
 
-    @property
-    def linear(self) -> bool:
-        """Whether the model and every sensor are linear."""
-        return self.model.is_linear and all(timed.sensor.linear for timed in self.sensors.values())
-
-    def computed_by(self, model: Dynamics, sensors: Mapping[str, Sensor]) -> Plan:
-        """Return the same plan with a model and sensors that compute the same."""
-        timed = {name: replace(each, sensor=sensors[name]) for name, each in self.sensors.items()}
-        return Plan(model, timed, self.rate)
-
-    @property
-    def dt(self) -> float:
-        """The length of a step in seconds."""
-        return 1.0 / self.rate
-
-    @cached_property
-    def shares(self) -> dict[str, Fraction]:
-        """The share of the steps at which each sensor reads."""
-        return {name: ratio(timed.rate, self.rate) for name, timed in self.sensors.items()}
-
-    @cached_property
-    def period(self) -> int:
-        """The number of steps after which the pattern of readings repeats."""
-        return period([*self.shares.values()])
-
-    def due(self, step: int) -> list[str]:
-        """Return the names of the sensors that read at ``step`` of a period."""
-        return [name for name, share in self.shares.items() if is_due(step + self.period, share)]
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Return x + K innovation, (I - K H) P (I - K H)' + K R K', with K = P H' S^-1."""
+        x, P = belief
+        k = kernels(x)
+        H, R = k.ordered(sensor.jacobian(x), sensor.covariance)
+        innovation = sensor.output.subtract(y, sensor.measure(x))
+        K, S = k.gain(P, H, R)
+        mean, covariance = k.corrected(x, K, innovation), k.joseph(K, H, P, R)
+        moved = self.model.state.arrived(mean, x, covariance)
+        return Correction(unchecked(moved), innovation, S, K, H)
 
 
-def check_linear(filter: str, model: Dynamics) -> None:
-    """Raise ValueError if the model is not linear, as the ``filter`` needs."""
-    if not model.is_linear:
-        raise ValueError(f'filter: {filter} needs a linear model, got {type(model).__name__}')
+def committed(belief: Gaussian) -> tuple[Gaussian, int]:
+    """Return a finite and positive definite belief, and the number of repairs.
 
-
-def check_needs(name: str, kind: type[Filter], plan: Plan) -> None:
-    """Raise ValueError if a plan is not as a kind of filter needs it."""
-    if kind.needs_linear:
-        check_linear(name, plan.model)
-        for sensor, timed in plan.sensors.items():
-            if not timed.sensor.linear:
-                raise ValueError(
-                    f'filter: {name} needs linear sensors, and the {type(timed.sensor).__name__} '
-                    f"'{sensor}' is not declared linear; ekf and ukf take any"
-                )
-    if kind.needs_continuous and plan.model.is_discrete:
-        raise ValueError(f'filter: {name} needs a model in continuous time')
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If that is impossible.
+    """
+    if not is_finite(belief.mean):
+        raise np.linalg.LinAlgError('the estimate is not finite')
+    if belief.factor is not None and is_finite(belief.factor):
+        return belief, 0  # L L' is definite, whatever rounding makes of it
+    _, P, repairs = cholesky(belief.covariance)
+    return (Gaussian(belief.mean, P) if repairs else belief), repairs

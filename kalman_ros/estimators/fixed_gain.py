@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, Sensor, unchecked
 from kalman_ros.linear.kernels import kernels
 
-from .correction import Correction
-from .filter import Filter
+from .filter import Correction, Filter
 
 
 @dataclass(frozen=True)

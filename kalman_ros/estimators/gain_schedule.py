@@ -13,8 +13,7 @@ import numpy as np
 from kalman_ros.core import Array, Gaussian, Sensor
 from kalman_ros.linear.batched import whitened
 
-from .correction import LinearUpdate, committed
-from .filter import Filter
+from .filter import Filter, LinearUpdate, committed
 from .fixed_gain import FixedGainObserver
 
 #: More steps than this are forgotten; a schedule that has converged repeats itself.

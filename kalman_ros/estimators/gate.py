@@ -11,8 +11,7 @@ import numpy as np
 from kalman_ros.core import Array, Gaussian, Sensor
 
 from . import agreement
-from .correction import Correction
-from .filter import Filter
+from .filter import Correction, Filter
 from .outcome import Outcome
 from .policy import Policy
 

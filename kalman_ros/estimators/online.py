@@ -22,8 +22,7 @@ from kalman_ros.core import Array, Gaussian, Sensor, is_finite
 from kalman_ros.linear.single import is_definite
 
 from . import agreement
-from .correction import Correction, committed
-from .filter import Filter
+from .filter import Correction, Filter, committed
 from .gate import Gate
 from .outcome import Outcome
 from .policy import Policy

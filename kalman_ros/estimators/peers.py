@@ -17,9 +17,9 @@ from filterpy.kalman import (
 
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, symmetric
 
-from .correction import Correction
-from .filter import Filter, Plan, carried, parts
+from .filter import Correction, Filter
 from .filters.ukf import Alpha, Beta, Kappa
+from .plan import Plan, carried, parts
 
 R = TypeVar('R')
 

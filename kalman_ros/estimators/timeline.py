@@ -12,8 +12,7 @@ import numpy as np
 from kalman_ros.core import Array, Gaussian, Sensor
 
 from . import agreement
-from .correction import Correction
-from .filter import Filter
+from .filter import Correction, Filter
 from .outcome import Outcome
 
 #: The fewest items that leave a window together.

@@ -11,7 +11,7 @@ from kalman_ros.codecs.messages import message_type
 from kalman_ros.codecs.signal_codec import SignalCodec, named
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.core import Signal, Space
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.scenario import Scenario
 
 

@@ -14,7 +14,7 @@ from kalman_ros.analysis.local_observability import ObservabilityMeter
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.compiled.parts import NUMPY
 from kalman_ros.core import Array, Gaussian
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.timeline import Arrival

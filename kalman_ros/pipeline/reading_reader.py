@@ -19,7 +19,7 @@ from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Array, Signal
 from kalman_ros.core.geodesy import Origin
 from kalman_ros.estimators.consistency import ChiSquareWindow
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.scenario import SensorSource
 

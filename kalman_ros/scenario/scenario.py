@@ -11,7 +11,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Dynamics, Gaussian, Sensor, Signal, TimedSensor, Value
 from kalman_ros.core.geodesy import Place
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 
 from .bias_states import Believed, Bias, believed
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, unchecked
 from kalman_ros.estimators.batch_estimator import BatchEstimator
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.gain_schedule import GainSchedule
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario

@@ -9,7 +9,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 from kalman_ros.estimators.batch_estimator import BatchEstimator
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 
 from .batch_loop import Loop, Starts, run_batch
 from .trajectory import Innovations, Series, Trajectory

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from kalman_ros.core import Array
 from kalman_ros.estimators.batch_estimator import BatchEstimator
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.linear.batched import factor, whitened
 
 from .batch_loop import Loop

@@ -6,9 +6,9 @@ import pytest
 
 import kalman_ros as kr
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.filters.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.models import find_model
 from kalman_ros.sensors import build as build_sensor

@@ -17,7 +17,7 @@ from kalman_ros.core import (
     unchecked,
 )
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 
 F, G, Q = np.array([[1.0, 0.1], [-0.2, 0.9]]), np.array([[0.0], [0.1]]), np.diag([0.01, 0.02])
 SPACES = Space(('x', 'v'), ('', '')), Space(('u',), ('',))

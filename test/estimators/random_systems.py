@@ -4,7 +4,7 @@
 import numpy as np
 
 from kalman_ros.core import Gaussian, LinearSystem, Sensor, Space, TimedSensor
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 
 
 class Linear(Sensor):

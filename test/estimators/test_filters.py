@@ -21,8 +21,8 @@ from kalman_ros.core import (
 )
 from kalman_ros.estimators import FILTERS, build_filter, filter_class
 from kalman_ros.estimators.consistency import nees
-from kalman_ros.estimators.filter import Plan, parts
 from kalman_ros.estimators.filters.ukf import UnscentedKalmanFilter
+from kalman_ros.estimators.plan import Plan, parts
 from kalman_ros.linear.factor import cholesky
 from kalman_ros.models.turn_rate import TurnRate
 

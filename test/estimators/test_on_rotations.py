@@ -17,8 +17,8 @@ from kalman_ros.core import rotations as so3
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.batch_estimator import for_many
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
-from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.mixture import pooled, turned_parts
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.smoother import Filtered, smooth
 
 TURN = Space(('rx', 'ry', 'rz', 'wx', 'wy', 'wz'), rotations=(('rx', 'ry', 'rz'),))

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from kalman_ros import scenario
 from kalman_ros.core import Gaussian, LinearSystem, Model, Space, TimedSensor
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 from kalman_ros.estimators.filters.kf import KalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.sensors.bearing import Bearing

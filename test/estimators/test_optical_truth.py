@@ -10,7 +10,7 @@ from kalman_ros.core import Gaussian, TimedSensor
 from kalman_ros.core import rotations as so3
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import nees
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.models.inertial import Inertial
 
 #: Readings that are averaged, so many are at rest before it moves, and corrections are this rare.

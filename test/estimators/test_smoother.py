@@ -11,7 +11,7 @@ import kalman_ros as kr
 from kalman_ros.core import Gaussian, LinearSystem, Model, Space
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.smoother import Filtered, smooth
 
 

@@ -11,7 +11,7 @@ from kalman_ros.core import rotations as so3
 from kalman_ros.estimators import build_filter
 from kalman_ros.estimators.batch_estimator import for_many
 from kalman_ros.estimators.consistency import chi_square_bounds, nees
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.models.inertial import Inertial
 
 #: A good MEMS IMU: 0.006 degrees per root second, and biases of 0.03 degrees per second.

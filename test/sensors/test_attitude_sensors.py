@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from kalman_ros import sensors
 from kalman_ros.core import Gaussian, TimedSensor, numerical_jacobian
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.models.inertial import Inertial
 from kalman_ros.models.robot_2d import Robot2D
 from kalman_ros.models.robot_3d import Robot3D

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Model, Sensor, unchecked
-from kalman_ros.estimators.correction import Correction
-from kalman_ros.estimators.filter import Filter
+from kalman_ros.estimators.filter import Correction, Filter
 
 #: A time in seconds in which noise adds its density times the time.
 _SHORT = 1e-6

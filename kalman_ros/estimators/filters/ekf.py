@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, Gaussian, unchecked
-from kalman_ros.estimators.correction import LinearUpdate
-from kalman_ros.estimators.filter import Prediction, parts
+from kalman_ros.estimators.filter import LinearUpdate, Prediction
+from kalman_ros.estimators.plan import parts
 from kalman_ros.linear.kernels import kernels
 
 

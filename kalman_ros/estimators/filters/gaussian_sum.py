@@ -15,9 +15,9 @@ from typing import Annotated
 import numpy as np
 
 from kalman_ros.core import About, Array, Dynamics, Gaussian, Hypotheses, Sensor, Space
-from kalman_ros.estimators.correction import Correction
-from kalman_ros.estimators.filter import Filter, Plan
+from kalman_ros.estimators.filter import Correction, Filter
 from kalman_ros.estimators.mixture import Mixture, forecast_nis, pooled, reduced, turned_parts
+from kalman_ros.estimators.plan import Plan
 
 from .ekf import ExtendedKalmanFilter
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kalman_ros.core import Array, DiscreteLinearSystem, Gaussian, LinearSystem, unchecked
-from kalman_ros.estimators.correction import LinearUpdate
-from kalman_ros.estimators.filter import Prediction, check_linear
+from kalman_ros.estimators.filter import LinearUpdate, Prediction
+from kalman_ros.estimators.plan import check_linear
 from kalman_ros.linear.kernels import kernels
 
 

@@ -12,8 +12,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from kalman_ros.core import About, DesignError
-from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.fixed_gain import FixedGainObserver
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.linear.placement import place_observer, pole_pairs
 
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor
-from kalman_ros.estimators.correction import Correction, LinearUpdate
-from kalman_ros.estimators.filter import Prediction, parts
+from kalman_ros.estimators.filter import Correction, LinearUpdate, Prediction
+from kalman_ros.estimators.plan import parts
 from kalman_ros.linear.batched import product, semidefinite_factor, symmetric
 from kalman_ros.linear.kernels import kernels
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array, DesignError
-from kalman_ros.estimators.filter import Plan
 from kalman_ros.estimators.fixed_gain import FixedGainObserver
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.linear.periodic import Phase, Readings, periodic_filter
 
 #: After this many steps without convergence there is no steady state.

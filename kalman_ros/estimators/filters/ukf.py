@@ -24,8 +24,8 @@ from kalman_ros.core import (
     solve,
     unchecked,
 )
-from kalman_ros.estimators.correction import Correction
-from kalman_ros.estimators.filter import Plan, Prediction, SmoothableFilter, carried
+from kalman_ros.estimators.filter import Correction, Prediction, SmoothableFilter
+from kalman_ros.estimators.plan import Plan, carried
 from kalman_ros.linear.batched import sandwich, symmetric
 from kalman_ros.linear.kernels import kernels
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from kalman_ros.core import Signal
 from kalman_ros.core.geodesy import Origin
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.nodes.middleware.meters import Latency, Rate
 from kalman_ros.nodes.middleware.watcher import waiting

@@ -7,7 +7,7 @@ from typing import Any
 
 from kalman_ros.core import Gaussian, Signal, Space
 from kalman_ros.core.geodesy import Origin
-from kalman_ros.estimators.correction import Correction
+from kalman_ros.estimators.filter import Correction
 from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.topics import HISTORY, KEPT
 from kalman_ros.pipeline.datum_file import write_datum

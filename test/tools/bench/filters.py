@@ -22,7 +22,7 @@ from filterpy.kalman import (
 
 from kalman_ros.core import Array, Gaussian, LinearSystem, Space, TimedSensor
 from kalman_ros.estimators import build_filter
-from kalman_ros.estimators.filter import Plan
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file

@@ -25,8 +25,9 @@ from kalman_ros.core import (
     TimedSensor,
 )
 from kalman_ros.estimators import FILTERS, build_filter, filter_class
-from kalman_ros.estimators.filter import Filter, Plan
+from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.sensors.linear import Linear
 
