@@ -162,7 +162,7 @@ class SmoothableFilter(Filter):
 
 @dataclass(frozen=True)
 class LinearUpdate(SmoothableFilter):
-    """What filters have in common that linearise a sensor about the mean.
+    """The update of filters that linearise a sensor about the mean.
 
     Parameters
     ----------

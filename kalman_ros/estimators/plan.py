@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter is built for, and the parts in which it predicts."""
+"""The plan of a filter, and the parts of a long prediction."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def carried(model: Dynamics, points: Array, u: Array, dt: float) -> tuple[Array,
 
 @dataclass(frozen=True)
 class Plan:
-    """What a filter is built for: a model, its sensors, their rates and the loop's rate."""
+    """A model, its sensors with their rates, and the loop's rate: the input for a filter."""
 
     model: Dynamics
     sensors: Mapping[str, TimedSensor]

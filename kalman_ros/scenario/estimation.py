@@ -22,7 +22,7 @@ from .scenario import Scenario
 
 @dataclass(frozen=True)
 class Estimation:
-    """What estimates the state of a scenario.
+    """A filter with its sensors, its first belief and the policy of an estimator.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the parts of the estimator ask of its node."""
+"""The interface of the estimator's node to its parts."""
 
 from __future__ import annotations
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all nodes have in common between their objects and rclpy."""
+"""The layer between the objects of all nodes and rclpy."""

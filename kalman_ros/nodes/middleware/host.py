@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the parts of a node ask of it."""
+"""The interface of a node to its parts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What rclpy has and does not document: no other module touches it.
+"""Undocumented parts of rclpy, which no other module touches.
 
 A new version of rclpy that changes one of these is met here.
 """
