@@ -69,7 +69,7 @@ class _Numbered:
 
 
 class NativeModel(_Numbered, Model):
-    """What a compiled model computes in C; all else is the model's."""
+    """A model whose rates, steps and linearisations are computed in C."""
 
     _c_shapes: tuple[tuple[int], tuple[int]]
 

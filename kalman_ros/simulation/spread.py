@@ -11,8 +11,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
-#: Seconds to wait for a scheduler.
-_PATIENCE = 10.0
+#: Seconds to wait for a scheduler, and then for a worker that takes the work.
+_PATIENCE, _FOR_WORKERS = 10.0, 10.0
 
 T = TypeVar('T')
 R = TypeVar('R')
@@ -91,7 +91,7 @@ def _by_dask(task: Callable[[T], R], items: Sequence[T], address: str) -> Iterat
     with client:
         try:
             # the task is sent once, not with each item
-            whole = client.scatter(task, broadcast=True)
+            whole = client.scatter(task, broadcast=True, timeout=_FOR_WORKERS)
         except Exception as error:
             # of whatever kind a worker raises; the scheduler wraps its message in others
             reason = _first_line(error)

@@ -90,7 +90,7 @@ def test_a_worker_killed_half_way_costs_no_point(address, tmp_path, monkeypatch)
 
 
 def test_without_workers_the_error_is_one_line(address, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(spreading, '_PATIENCE', 1.0)
+    monkeypatch.setattr(spreading, '_FOR_WORKERS', 1.0)
     with pytest.raises(SystemExit) as ended:
         swept(tmp_path, '--dask', address)
     assert ended.value.code == 2
