@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State feedback with reference and integral, and bumpless changes of gain.
+"""State feedback with reference and integral, and bumpless changes of gain and reference.
 
     u = u_e - K (x - x_e) - K_q q
 
-with (x_e, u_e) the equilibrium of the reference and q the integral of the error of the tracked
-states. While an input is limited, q does not grow in the direction of the limit
-(conditional integration: K. Astrom and T. Hagglund, Advanced PID Control, 2006, section 3.5).
+with (x_e, u_e) the equilibrium of the reference, or a moment of a `Motion`, and q the integral of
+the error of the tracked states. While an input is limited, q does not grow in the direction of
+the limit (conditional integration: K. Astrom and T. Hagglund, Advanced PID Control, 2006, section
+3.5).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from kalman_ros.core import Array, Space
 from kalman_ros.linear.batched import times
 from kalman_ros.linear.structure import ComplexArray
 
+from .motion import Aim, Motion
 from .state_space import StateSpace
 
 
@@ -72,21 +74,64 @@ class Regulator:
         self, space: Space, feedback: Feedback, target: tuple[Array, Array], blend: float = 0.0
     ) -> None:
         self._space, self._feedback, self._blend = space, feedback, blend
-        self.target = target
+        self._motion: Motion | None = None
+        self._elapsed = 0.0
+        self._aim = Aim(*target)
         self._integral: Array = np.zeros(len(feedback.tracked))
         self._last: tuple[Array, Array] | None = None
         self._jump: Array = np.zeros(len(feedback.gain))
+        self._begun = False
 
     @property
     def feedback(self) -> Feedback:
         """The gains in use."""
         return self._feedback
 
+    @property
+    def target(self) -> tuple[Array, Array]:
+        """The state (n,) and the input (m,) that are held now."""
+        return self._aim.state, self._aim.input
+
+    @property
+    def motion(self) -> Motion | None:
+        """The motion that is followed, until its end."""
+        return self._motion
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the motion began."""
+        return self._elapsed
+
+    def hold(self, state: Array, input: Array) -> None:
+        """Hold a state (n,) with an input (m,) from now on; a motion ends without a jump."""
+        moving, self._motion = self._motion, None
+        self._elapsed = 0.0
+        self._aim = Aim(state, input)
+        if moving is not None:
+            self._continue()
+
+    def follow_motion(self, motion: Motion, elapsed: float = 0.0, *, smooth: bool = True) -> None:
+        """Follow a motion from now on, from a time in it on.
+
+        Its time is the sum of the ``dt`` of `propose`, so that it waits while there is none. The
+        input is continuous if it is ``smooth``.
+        """
+        self._motion, self._elapsed, self._begun = motion, elapsed, False
+        self._aim = motion.at(elapsed)
+        if smooth:
+            self._continue()
+
     def adopt(self, feedback: Feedback, blend: float) -> None:
         """Use other gains from now on; the input is continuous."""
         if feedback.tracked != self._feedback.tracked:
             self._integral = np.zeros(len(feedback.tracked))
         self._feedback, self._blend = feedback, blend
+        if self._motion is None:
+            self._aim = Aim(*self.target)
+        self._continue()
+
+    def _continue(self) -> None:
+        """Let the input go on from its last value."""
         if self._last is not None:
             x, u = self._last
             self._jump = u - self._wanted(x)
@@ -99,8 +144,18 @@ class Regulator:
 
     def propose(self, x: Array, dt: float) -> Array:
         """Return the input (m,) for a state (n,) ``dt`` seconds after the last one."""
+        if self._motion is not None:
+            self._advance(self._motion, dt)
         self._jump = self._jump * (exp(-dt / self._blend) if self._blend > 0.0 else 0.0)
         return self._wanted(x) + self._jump
+
+    def _advance(self, motion: Motion, dt: float) -> None:
+        """Move the aim along the motion; the last one of a motion is held."""
+        self._elapsed += dt if self._begun else 0.0
+        self._begun = True
+        self._aim = motion.at(self._elapsed)
+        if self._elapsed >= motion.duration:
+            self._motion = None
 
     def applied(self, x: Array, wanted: Array, u: Array, dt: float) -> None:
         """Record that ``u`` (m,) was applied where ``wanted`` (m,) had been proposed."""
@@ -108,17 +163,17 @@ class Regulator:
         self._last = x, u
 
     def _wanted(self, x: Array) -> Array:
-        state, input = self.target
+        state, input, gain = self._aim
         error = self._space.subtract(x, state)
         feedback = self._feedback
-        u: Array = input - times(feedback.gain, error)
+        u: Array = input - times(feedback.gain if gain is None else gain, error)
         return u - times(feedback.integral_gain, self._integral) if feedback.tracked else u
 
     def _integrate(self, x: Array, excess: Array, dt: float) -> None:
         feedback = self._feedback
         if not feedback.tracked:
             return
-        error = self._space.subtract(x, self.target[0])[..., list(feedback.tracked)]
+        error = self._space.subtract(x, self._aim.state)[..., list(feedback.tracked)]
         more = -times(feedback.integral_gain, error)
         held = np.any(more * excess > 0.0, axis=-1, keepdims=True)
         self._integral = self._integral + np.where(held, 0.0, error * dt)

@@ -69,7 +69,7 @@ def test_lqr_and_placement_are_their_gains():
 def test_a_reference_is_held_by_the_input_that_it_needs():
     held = regulator()
     found = feed_forward(SYSTEM).equilibrium([2.0, 0.0])
-    held.regulator.target = found.state, found.input
+    held.regulator.hold(found.state, found.input)
     states, inputs = simulate(held, 15.0)
     np.testing.assert_allclose(states[-1], [2.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(inputs[-1], 2.0, atol=1e-6)
@@ -85,7 +85,7 @@ def test_only_integral_action_leaves_no_error_under_an_unknown_force():
 def test_no_input_exceeds_its_limits_and_the_integral_does_not_wind_up():
     limits = Limits(np.array([2.0]), np.array([np.inf]))
     held = regulator('lqi', limits)
-    held.regulator.target = np.array([1.9, 0.0]), np.zeros(1)
+    held.regulator.hold(*(np.array([1.9, 0.0]), np.zeros(1)))
     states, inputs = simulate(held, 40.0)
     assert np.abs(inputs).max() <= 2.0
     assert held.limiter.limited > 50

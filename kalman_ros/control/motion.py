@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A motion: the states that a model passes through, and the inputs that move it so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kalman_ros.core import Array, Space
+
+#: A time this close to a step, in steps, is that of the step.
+_AT_A_STEP = 1e-6
+
+
+class Aim(NamedTuple):
+    """What a regulator holds at a moment: u = input - gain (x - state).
+
+    ``gain`` (m, n) is None where the gain of the law is used.
+    """
+
+    state: Array
+    input: Array
+    gain: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """States in steps of ``dt``, x_{k+1} = step(x_k, u_k, dt), and the gains that keep them.
+
+    Parameters
+    ----------
+    space
+        Space of the state.
+    dt
+        Length of a step in seconds.
+    states
+        x_k (N + 1, n).
+    inputs
+        u_k (N + 1, m); the last one holds the last state.
+    gains
+        K_k (N + 1, m, n) of the time-varying regulator; None for the gain of the law.
+    """
+
+    space: Space
+    dt: float
+    states: Array
+    inputs: Array
+    gains: Array | None = None
+
+    def __repr__(self) -> str:
+        kind = 'the gains of the law' if self.gains is None else 'time-varying gains'
+        lines = [f'motion of {self.duration:.4g} s in steps of {self.dt:g} s, {kind}']
+        rows = zip(map(self.space.label, self.space.names), self.states.T)
+        lines += [
+            f'{label:<12} {x[0]:.4g} to {x[-1]:.4g}, within {x.min():.4g} to {x.max():.4g}'
+            for label, x in rows
+        ]
+        return '\n'.join(lines)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first state to the last."""
+        return (len(self.states) - 1) * self.dt
+
+    @property
+    def time(self) -> Array:
+        """Times of the states in seconds (N + 1,)."""
+        return np.asarray(np.arange(len(self.states)) * self.dt)
+
+    def at(self, seconds: float) -> Aim:
+        """Return the aim at a time from the start; the first before it, the last after the end.
+
+        Between two steps, the state lies on the straight line between theirs; the input is held.
+        """
+        last = len(self.states) - 1
+        steps = min(max(seconds / self.dt, 0.0), float(last))
+        index = int(steps + _AT_A_STEP)
+        share = steps - index
+        state = self.states[index]
+        if share > _AT_A_STEP:
+            change = self.space.subtract(self.states[index + 1], state)
+            state = self.space.add(state, share * change)
+        gain = None if self.gains is None else self.gains[index]
+        return Aim(state, self.inputs[index], gain)

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The motion of a model that is nearest to a wanted one, with the inputs that it needs.
+
+It minimises the sum of squared differences from the reference, and with a small weight the
+squares of the inputs, over all states and inputs that the model can have. States and inputs are
+both unknown (multiple shooting); each iteration linearises the steps along the whole motion and
+solves the linear-quadratic problem by a Riccati recursion (M. Giftthaler, M. Neunert, M. Stauble,
+J. Buchli and M. Diehl, A Family of Iterative Gauss-Newton Shooting Methods for Nonlinear Optimal
+Control, IROS 2018). No property of the model is used, such as flatness or an inverse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kalman_ros.core import Array, Dynamics, OperatingPoint
+from kalman_ros.linear.matrices import symmetric
+
+from .lqr import Cost
+from .motion import Motion
+from .time_varying import Linearization, linearized_along
+
+#: The weight of a difference from the reference, relative to that in the cost of the regulator.
+_FOLLOWED = 1e6
+_MOST_ITERATIONS = 40
+#: A change of states below this, relative to their size, ends the iteration.
+_CONVERGED = 1e-9
+#: A motion whose steps leave gaps beyond this, relative to the size of the states, is none.
+_CLOSED = 1e-6
+_MOST_HALVINGS = 10
+#: The most steps of a motion.
+MOST_STEPS = 60_000
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceMotion:
+    """A wanted motion: values of some coordinates of the state in steps of ``dt``.
+
+    Parameters
+    ----------
+    dt
+        Length of a step in seconds.
+    coordinates
+        Indices of the coordinates that are given (k,).
+    values
+        Their values (N + 1, k).
+    hints
+        Where other coordinates are likely to be, by index, (N + 1,) each: the heading along a
+        path. They are not required.
+    start, end
+        Where it begins and ends at rest; None where only the values count.
+    """
+
+    dt: float
+    coordinates: tuple[int, ...]
+    values: Array
+    hints: dict[int, Array]
+    start: OperatingPoint | None = None
+    end: OperatingPoint | None = None
+
+
+def fit(model: Dynamics, reference: ReferenceMotion, weights: Cost) -> Motion:
+    """Return the motion of a model that is nearest to a reference.
+
+    Coordinates that the reference does not give are free, except at its start and end.
+
+    Parameters
+    ----------
+    model
+        The model to move.
+    reference
+        The wanted motion.
+    weights
+        Weights of the regulator, which say how differences of the coordinates compare.
+
+    Raises
+    ------
+    ValueError
+        If no motion is found; the message names the state and the time at which it fails.
+    """
+    problem = _Problem(model, reference, weights)
+    states, inputs = problem.first_guess()
+    merit = np.inf
+    for _ in range(_MOST_ITERATIONS):
+        solution = problem.solve(states, inputs)
+        share = 1.0
+        for _ in range(_MOST_HALVINGS):
+            candidate = problem.moved(states, inputs, solution, share)
+            value = problem.merit(*candidate, solution.penalty)
+            merit = min(merit, problem.merit(states, inputs, solution.penalty))
+            if value <= merit or share * solution.size < _CONVERGED:
+                break
+            share *= 0.5
+        states, inputs = candidate
+        merit = value
+        if solution.size < _CONVERGED:
+            break
+    problem.check_closed(states, inputs)
+    final = inputs[-1]
+    if reference.end is not None:  # exactly, from which the weights leave it a little away
+        states[-1], final = model.state.wrap(reference.end.state), reference.end.input
+    return Motion(model.state, reference.dt, states, np.vstack((inputs, final)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """Changes of states (N + 1, n) and inputs (N, m), their size, and the penalty of gaps (n,)."""
+
+    states: Array
+    inputs: Array
+    size: float
+    penalty: Array
+
+
+class _Problem:
+    """The least-squares problem of a reference."""
+
+    def __init__(self, model: Dynamics, reference: ReferenceMotion, weights: Cost) -> None:
+        self._model, self._reference, self._space = model, reference, model.state
+        self.rest_state, self.rest_input = model.equilibrium
+        diagonal = weights.state.diagonal().copy()
+        positive = diagonal[diagonal > 0.0]
+        diagonal[diagonal == 0.0] = positive.mean() if positive.size else 1.0
+        q = np.zeros(len(diagonal))
+        q[list(reference.hints)] = diagonal[list(reference.hints)]
+        given = list(reference.coordinates)
+        q[given] = _FOLLOWED * diagonal[given]
+        self._q: Array = np.tile(q, (len(reference.values), 1))
+        for step, rest in ((0, reference.start), (-1, reference.end)):
+            if rest is not None:
+                self._q[step] = _FOLLOWED * diagonal
+        self._R = weights.input
+        self._wanted = self._wanted_states()
+        self._scale = np.maximum(1.0, np.abs(self._wanted).max(axis=0))
+
+    def _wanted_states(self) -> Array:
+        reference = self._reference
+        wanted = np.tile(self.rest_state, (len(reference.values), 1))
+        for index, values in reference.hints.items():
+            wanted[:, index] = values
+        wanted[:, list(reference.coordinates)] = reference.values
+        for step, rest in ((0, reference.start), (-1, reference.end)):
+            if rest is not None:
+                wanted[step] = rest.state
+        return self._space.wrap(wanted)
+
+    def first_guess(self) -> tuple[Array, Array]:
+        """Return the reference, elsewhere the equilibrium, and its input."""
+        return self._wanted.copy(), np.tile(self.rest_input, (len(self._wanted) - 1, 1))
+
+    def gaps(self, states: Array, inputs: Array) -> Array:
+        """Return by how much each step misses the next state (N, n)."""
+        reached = self._model.step(states[:-1], inputs, self._reference.dt)
+        return self._space.subtract(reached, states[1:])
+
+    def merit(self, states: Array, inputs: Array, penalty: Array) -> float:
+        """Return the cost, and the gaps by their penalty; infinite where it is not finite."""
+        with np.errstate(all='ignore'):
+            e = self._space.subtract(states, self._wanted)
+            w = inputs - self.rest_input
+            value = 0.5 * float(np.sum(self._q * e * e) + np.einsum('ki,ij,kj', w, self._R, w))
+            value += float(np.sum(penalty * np.abs(self.gaps(states, inputs))))
+        return value if np.isfinite(value) else np.inf
+
+    def moved(
+        self, states: Array, inputs: Array, solution: _Solution, share: float
+    ) -> tuple[Array, Array]:
+        """Return states and inputs changed by a share of a solution."""
+        moved = self._space.add(states, share * solution.states)
+        return moved, inputs + share * solution.inputs
+
+    def solve(self, states: Array, inputs: Array) -> _Solution:
+        """Return the changes that solve the problem linearised about states and inputs."""
+        d = self.gaps(states, inputs)
+        steps = linearized_along(self._model, states[:-1], inputs, self._reference.dt)
+        if not (np.isfinite(d).all() and all(np.isfinite(part).all() for part in steps)):
+            raise self._failure(states, d, 'the model is not finite')
+        e = self._q * self._space.subtract(states, self._wanted)
+        r = (inputs - self.rest_input).dot(self._R)
+        K, k, S, s = self._backward(steps, d, e, r)
+        dx = np.empty_like(states)
+        dx[0] = -_least_squares(S[0], s[0])
+        du = np.empty_like(inputs)
+        for i, (F, G) in enumerate(zip(*steps)):
+            du[i] = -(K[i].dot(dx[i]) + k[i])
+            dx[i + 1] = F.dot(dx[i]) + G.dot(du[i]) + d[i]
+        costates = np.einsum('kij,kj->ki', S, dx) + s
+        penalty = 1.1 * np.abs(costates).max(axis=0)
+        return _Solution(dx, du, float((np.abs(dx) / self._scale).max()), penalty)
+
+    def _backward(
+        self, steps: Linearization, d: Array, e: Array, r: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return gains K (N, m, n) and k (N, m), and the cost-to-go, S (N + 1, n, n) and s.
+
+        ``d`` are the gaps, ``e`` and ``r`` the gradients of the cost by states and inputs.
+        """
+        N, (n, m) = len(steps.F), steps.G.shape[1:]
+        K, k = np.empty((N, m, n)), np.empty((N, m))
+        S, s = np.empty((N + 1, n, n)), np.empty((N + 1, n))
+        q, R = self._q, self._R
+        S[N], s[N] = np.diag(q[N]), e[N]
+        for i in range(N - 1, -1, -1):
+            F, G = steps.F[i], steps.G[i]
+            GS = G.T.dot(S[i + 1])
+            ahead = S[i + 1].dot(d[i]) + s[i + 1]
+            L = GS.dot(F)
+            both = np.linalg.solve(R + GS.dot(G), np.column_stack((L, G.T.dot(ahead) + r[i])))
+            K[i], k[i] = both[:, :n], both[:, n]
+            S[i] = symmetric(np.diag(q[i]) + F.T.dot(S[i + 1]).dot(F) - L.T.dot(K[i]))
+            s[i] = e[i] + F.T.dot(ahead) - L.T.dot(k[i])
+        return K, k, S, s
+
+    def check_closed(self, states: Array, inputs: Array) -> None:
+        """Raise ValueError if states and inputs are no motion of the model."""
+        d = self.gaps(states, inputs)
+        if not (np.abs(d) <= _CLOSED * self._scale).all():
+            raise self._failure(states, d, 'no motion of the model was found')
+
+    def _failure(self, states: Array, d: Array, why: str) -> ValueError:
+        size = np.nan_to_num(np.abs(d) / self._scale, nan=np.inf)
+        step, index = np.unravel_index(int(np.argmax(size)), size.shape)
+        at = float(step) * self._reference.dt
+        return ValueError(f'{why}: it fails at {self._space.names[index]}, {at:.3g} s')
+
+
+def _least_squares(S: Array, s: Array) -> Array:
+    """Return the least x with S x = s, whatever the units of its coordinates are."""
+    scale = np.sqrt(S.diagonal())
+    scale[scale == 0.0] = 1.0
+    scaled = S / np.outer(scale, scale)
+    return np.asarray(np.linalg.lstsq(scaled, s / scale, rcond=1e-12)[0] / scale)
