@@ -11,7 +11,7 @@ any but `Run` and `replay`. Names load lazily, so the import itself takes no tim
 - a loop of your own: `KalmanFilter`, `ExtendedKalmanFilter`, `UnscentedKalmanFilter`,
   `OnlineEstimator`, `Regulator`, `Correction`; `compile` makes a model fast
 - whole loops: `make_scenario`, `load`, `design`, `simulate`, `monte_carlo` for many runs at once,
-  and `Run`, on the real nodes
+  and `Run`, on the real nodes; `motion` follows a path
 - recordings: `replay`
 """
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .arrays.gains import margins as margins
     from .arrays.gains import place as place
     from .arrays.many_runs import monte_carlo as monte_carlo
+    from .arrays.moving import motion as motion
     from .arrays.observers import dlqe as dlqe
     from .arrays.observers import lqe as lqe
     from .arrays.own_loop import OnlineEstimator as OnlineEstimator
@@ -64,6 +65,7 @@ _WHERE = {
     'arrays.fitting': ('tune',),
     'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),
     'arrays.many_runs': ('monte_carlo',),
+    'arrays.moving': ('motion',),
     'arrays.observers': ('dlqe', 'lqe'),
     'arrays.own_loop': ('OnlineEstimator', 'Regulator'),
     'arrays.problems': ('compile', 'continuous_model', 'discrete_model', 'sensor'),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf
 
 import numpy as np
@@ -11,6 +12,7 @@ from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.laws import build_law
 from kalman_ros.control.limiter import Limits
 from kalman_ros.control.lqr import Cost, LqrDesign, cost, dlqr, sampled_cost, sampled_lqr
+from kalman_ros.control.moving_point import driven, steady_input
 from kalman_ros.control.tracking import FeedForward, feed_forward
 from kalman_ros.core import (
     Array,
@@ -18,12 +20,17 @@ from kalman_ros.core import (
     DesignError,
     LinearSystem,
     OperatingPoint,
+    in_continuous_time,
     is_finite,
     linearize,
     one_each,
 )
+from kalman_ros.linear.structure import uncontrollable_modes, unstable
 
 from .scenario import Scenario
+
+#: A mode that no input moves may not grow faster than this, in 1/s.
+_GROWTH = 1e-9
 
 
 def regulator(scenario: Scenario) -> tuple[LqrDesign, Cost]:
@@ -60,17 +67,45 @@ def feedback(scenario: Scenario) -> Feedback:
         K = dlqr(step.F, step.G, price(scenario)).gain
         return Feedback(K, np.empty((m, 0)), (), np.empty(0, dtype=complex))
     dt = 1.0 / scenario.rate
-    return build_law(scenario.law, *_system(scenario), dt, scenario.law_options)
+    system, weights = _system(scenario)
+    try:
+        return build_law(scenario.law, system, weights, dt, scenario.law_options)
+    except DesignError:
+        if not steered(scenario):
+            raise
+    # at rest the input is that of the equilibrium, wherever the model is and whatever its heading
+    step = system.sampled(dt)
+    poles = np.linalg.eigvals(step.F).astype(complex)
+    return Feedback(np.zeros(step.G.T.shape), np.empty((m, 0)), (), poles)
 
 
-def tracking(scenario: Scenario) -> FeedForward:
-    """Return the equilibria of references for the whole state, about that of the model."""
+def steered(scenario: Scenario) -> bool:
+    """Return whether a model is regulated along motions alone.
+
+    At rest no input moves some of its states, such as the sideways position of a robot on
+    wheels.
+    """
+    model = scenario.model
+    if model.is_linear or model.is_discrete or scenario.law != 'lqr' or not model.input.size:
+        return False
+    system = _system(scenario)[0]
+    fixed = unstable(uncontrollable_modes(system.A, system.B), sampled=False)
+    return bool(fixed.size) and float(fixed.real.max()) <= _GROWTH
+
+
+def tracking(scenario: Scenario, names: Sequence[str] | None = None) -> FeedForward:
+    """Return the equilibria of references, about that of the model.
+
+    They are references for the coordinates with these ``names``, or for the whole state.
+    """
     model = scenario.model
     if model.is_discrete:  # x = F x + G u where (F - 1) x + G u = 0
         step = model.transition(*model.equilibrium, model.period)
         F_1, none = step.F - np.eye(len(step.F)), np.zeros_like(step.Q)
-        return feed_forward(LinearSystem(F_1, step.G, none, model.state.tangent, model.input))
-    return feed_forward(_system(scenario)[0])
+        return feed_forward(
+            LinearSystem(F_1, step.G, none, model.state.tangent, model.input), names
+        )
+    return feed_forward(_system(scenario)[0], names)
 
 
 def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> OperatingPoint:
@@ -90,6 +125,35 @@ def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> Operati
     if not all(map(is_finite, held)):
         raise ValueError('reference: expected numbers whose squares are finite')
     return held
+
+
+def is_moving(scenario: Scenario, state: Array, soon: Array) -> bool:
+    """Return whether a reference that becomes ``soon`` (n,) in a step is no set point at rest.
+
+    A step from one set point to another is none: there the coordinates that the input acts on do
+    not change.
+    """
+    model = in_continuous_time(scenario.model)
+    u = model.equilibrium.input
+    rows = driven(model, state, u)
+    change = model.state.subtract(soon, state)[rows]
+    offset = model.state.subtract(state, model.equilibrium.state)[rows]
+    return bool(change.any() or offset.any())
+
+
+def moving_target(scenario: Scenario, state: Array, soon: Array) -> OperatingPoint:
+    """Return a state (n,) to hold for a step, and the input (m,) with which it becomes ``soon``.
+
+    Raises
+    ------
+    ValueError
+        If a state is not finite.
+    """
+    model = in_continuous_time(scenario.model)
+    rate = model.state.subtract(soon, state) * scenario.rate
+    if not is_finite(rate):
+        raise ValueError('reference: expected finite numbers')
+    return OperatingPoint(state, steady_input(model, state, rate).input)
 
 
 def limits(scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf) -> Limits:
@@ -117,17 +181,17 @@ def price(scenario: Scenario) -> Cost:
     That of a model in discrete time is given for each of its periods.
     """
     if scenario.model.is_discrete:
-        return _weights(scenario)
+        return weights_of(scenario)
     return sampled_cost(*_system(scenario), 1.0 / scenario.rate)
 
 
 def _system(scenario: Scenario) -> tuple[LinearSystem, Cost]:
     """Return a scenario linearised about its equilibrium, and its continuous cost."""
     model = scenario.model
-    return linearize(model, *model.equilibrium), _weights(scenario)
+    return linearize(model, *model.equilibrium), weights_of(scenario)
 
 
-def _weights(scenario: Scenario) -> Cost:
-    """Return the cost as it is given."""
+def weights_of(scenario: Scenario) -> Cost:
+    """Return the cost of a scenario as it is given: continuous, or that of a period."""
     size = scenario.model.state.size, scenario.model.input.size
     return cost(scenario.state_cost, scenario.input_cost, size)

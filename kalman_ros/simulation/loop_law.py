@@ -12,13 +12,15 @@ import numpy as np
 
 from kalman_ros.control.feedback import Feedback, Regulator
 from kalman_ros.control.limiter import Limiter, Limits
+from kalman_ros.control.motion import Motion
 from kalman_ros.control.tracking import FeedForward
 from kalman_ros.core import Array, ArrayLike, OperatingPoint, vector
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
 
-#: A state (n,), or some of its coordinates by name; or a function of time that returns either.
-Reference = Union[ArrayLike, Mapping[str, float], Callable[[float], Any], None]
+#: A state (n,), or some of its coordinates by name; a function of time that returns either; or a
+#: motion.
+Reference = Union[ArrayLike, Mapping[str, float], Callable[[float], Any], Motion, None]
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ class Law:
 
     def target(self, time: float) -> Array:
         """Return the state (n,) to hold at a time in seconds."""
+        if isinstance(self.reference, Motion):
+            return self.reference.at(time).state
         answer = self()
         if callable(self.reference):
             answer.follow(time)
@@ -104,11 +108,42 @@ class Answer:
 
     def follow(self, time: float) -> None:
         """Hold the reference of a time in seconds; nothing changes while it stays the same."""
-        given = self._reference(time) if callable(self._reference) else self._reference
-        wanted = self._state(given)
+        if isinstance(self._reference, Motion):
+            self._regulator.follow_motion(self._fitting(self._reference))
+            self._wanted = None
+            return
+        if callable(self._reference):
+            self._follow_function(self._reference, time)
+            return
+        wanted = self._state(self._reference)
         if self._wanted is None or not np.array_equal(wanted, self._wanted):
-            self._regulator.target = self._target(wanted)
+            self._regulator.hold(*self._target(wanted))
             self._wanted = wanted
+
+    def _follow_function(self, reference: Callable[[float], Any], time: float) -> None:
+        """Hold the state of a function of time, with the input that its change needs."""
+        model, dt = self._scenario.model, 1.0 / self._scenario.rate
+        wanted, soon = self._state(reference(time)), self._state(reference(time + dt))
+        both = np.array([wanted, soon])
+        if self._wanted is not None and np.array_equal(both, self._wanted):
+            return
+        still = model.is_discrete or np.array_equal(wanted, soon)
+        if still or not regulators.is_moving(self._scenario, wanted, soon):
+            self._regulator.hold(*self._target(wanted))
+        else:
+            self._regulator.hold(*regulators.moving_target(self._scenario, wanted, soon))
+        self._wanted = both
+
+    def _fitting(self, motion: Motion) -> Motion:
+        """Return a motion that is one of this model, at its rate."""
+        model, dt = self._scenario.model, 1.0 / self._scenario.rate
+        if motion.space.names != model.state.names or abs(motion.dt / dt - 1.0) > 1e-9:
+            raise ValueError(
+                f'reference: expected a motion of ({", ".join(model.state.names)}) in steps of '
+                f'{dt:g} s, got one of ({", ".join(motion.space.names)}) in steps of '
+                f'{motion.dt:g} s'
+            )
+        return motion
 
     @cached_property
     def _equilibria(self) -> FeedForward:

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motions of a scenario, from a path or from values in time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.control.motion import Motion
+from kalman_ros.control.planning import ReferenceMotion
+from kalman_ros.core import Array, ArrayLike
+from kalman_ros.scenario import Scenario, motions
+
+from .accept import number, numbers
+from .loop_setup import Given, law_of
+
+
+def motion(
+    scenario: Scenario | str | Path | Mapping[str, Any] = 'mass_spring_damper_2d',
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    path: ArrayLike | None = None,
+    speed: float = 0.5,
+    acceleration: float = 0.5,
+    values: Mapping[str, ArrayLike] | None = None,
+    times: ArrayLike | None = None,
+    velocities: Mapping[str, ArrayLike] | None = None,
+    tolerance: float = 0.05,
+    input_limit: ArrayLike | None = None,
+    input_rate_limit: ArrayLike | None = None,
+) -> Motion:
+    """Return the motion of a model along a path, or through values in time, and its inputs.
+
+    Give it to `simulate`, `monte_carlo` or `Regulator` as the ``reference``. With the law ``lqr``
+    a nonlinear model is regulated along it by the time-varying LQR.
+
+    Parameters
+    ----------
+    scenario, overrides
+        As for `load`: the model, the law and its weights, the rate.
+    path
+        Points (K, 2) or (K, 3) in metres, passed from rest to rest.
+    speed, acceleration
+        Largest ones on the path, in m/s and m/s^2.
+    values
+        Instead of a path: values of states by name, (K,) each.
+    times
+        Seconds (K,) of the values, increasing.
+    velocities
+        Rates of change of the values, (K,) each; by default the motion begins and ends at rest.
+    tolerance
+        How far a state may be from what is asked for, in its unit, beyond a tenth of its extent.
+    input_limit, input_rate_limit
+        Largest input, and its largest change per second; one number for all inputs.
+
+    Raises
+    ------
+    ValueError
+        If an argument is invalid, or no input moves the model so; the message names the state, or
+        the input, and the time.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> robot = 'diff_drive', {'model_parameters.command_time': 0.2}
+    >>> motion = kr.motion(*robot, path=[[0, 0], [2, 0], [2, 2]])
+    >>> run = kr.simulate(*robot, seconds=motion.duration, reference=motion)
+    """
+    if (path is None) == (values is None):
+        raise ValueError('path: expected a path, or values with their times')
+    law = law_of(scenario, overrides, Given(None, None, input_limit, input_rate_limit))
+    allowed = number('tolerance', tolerance)
+    try:
+        if values is not None:
+            wanted = _in_time(law.scenario, values, times, velocities)
+        else:
+            wanted = motions.along_path(
+                law.scenario, _points(path), _positive('speed', speed),
+                _positive('acceleration', acceleration), rounding=motions.ROUNDED * allowed,
+            )  # fmt: skip
+        return motions.motion_of(law.scenario, wanted, law.limits, allowed)
+    except ValueError as error:
+        raise ValueError(f'{"path" if values is None else "values"}: {error}') from None
+
+
+def _points(path: ArrayLike | None) -> Array:
+    """Return the points (K, 3) of a path, at height 0 where none is given."""
+    points = numbers('path', path)
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise ValueError(f'expected points of 2 or 3 numbers, got an array {points.shape}')
+    return np.hstack((points, np.zeros((len(points), 3 - points.shape[1]))))
+
+
+def _positive(name: str, value: float) -> float:
+    checked = number(name, value)
+    if not checked > 0.0:
+        raise ValueError(f'{name}: expected a positive number, got {checked:g}')
+    return checked
+
+
+def _in_time(
+    scenario: Scenario,
+    values: Mapping[str, ArrayLike],
+    times: ArrayLike | None,
+    velocities: Mapping[str, ArrayLike] | None,
+) -> ReferenceMotion:
+    if times is None:
+        raise ValueError('expected their times')
+    clock = numbers('times', times).ravel()
+    index = scenario.model.state.indices(values)
+    curve = _table(values, len(clock))
+    if velocities is not None and [*velocities] != [*values]:
+        raise ValueError(f'velocities: expected those of {", ".join(values)}')
+    slopes = None if velocities is None else _table(velocities, len(clock))
+    return motions.in_time(scenario, index, clock, curve, slopes)
+
+
+def _table(values: Mapping[str, ArrayLike], count: int) -> Array:
+    """Return the values as columns (K, k)."""
+    rows = {name: numbers(name, value).ravel() for name, value in values.items()}
+    if not rows:
+        raise ValueError('expected the values of a state or more')
+    for name, row in rows.items():
+        if len(row) != count:
+            raise ValueError(f'{name}: expected {count} numbers, one a time, got {len(row)}')
+    return np.column_stack([*rows.values()])

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`kr.motion`: paths and values, followed in simulations, and what is refused."""
+
+import numpy as np
+import pytest
+
+import kalman_ros as kr
+
+ROBOT = 'diff_drive', {'model_parameters.command_time': 0.2, 'initial_state': [0.0] * 5}
+
+
+def test_a_path_is_followed_with_the_estimate_of_noisy_sensors():
+    motion = kr.motion(*ROBOT, path=[[0, 0], [2, 0], [2, 2]])
+    run = kr.simulate(*ROBOT, seconds=motion.duration + 1.0, reference=motion)
+    steps = len(motion.states)
+    off = run.scenario.model.state.subtract(run.estimate[:steps], motion.states)
+    assert np.abs(off[:, :2]).max() < 0.05
+    np.testing.assert_allclose(run.truth[-1, :2], [2.0, 2.0], atol=0.15)
+    assert 'motion of 10' in repr(motion)
+
+
+def test_a_cart_goes_where_its_values_say_while_its_pole_stands():
+    t, cart = np.linspace(0.0, 4.0, 9), ('cart_pole', {'initial_state': [0.0] * 4})
+    motion = kr.motion(*cart, values={'x': np.sin(np.pi * t / 8.0) ** 2}, times=t)
+    run = kr.simulate(*cart, seconds=5.0, reference=motion)
+    plain = kr.simulate(*cart, seconds=5.0, reference=lambda time: {
+        'x': np.sin(np.pi * min(time, 4.0) / 8.0) ** 2})  # fmt: skip
+    steps = len(motion.states)
+    follows, lags = (np.abs(r.truth[:steps, 0] - motion.states[:, 0]).max() for r in (run, plain))
+    assert follows < 0.5 * lags
+    assert np.abs(run.truth[:, 2]).max() < 0.3
+
+
+def test_many_runs_follow_it_as_one_does():
+    motion = kr.motion(*ROBOT, path=[[0, 0], [1, 0]])
+    many = kr.monte_carlo(*ROBOT, seconds=motion.duration, runs=4, reference=motion)
+    assert 'ANEES' in repr(many)
+    regulator = kr.Regulator(*ROBOT, reference=motion)
+    np.testing.assert_allclose(regulator.step(motion.states[0]), motion.inputs[0], atol=1e-6)
+    np.testing.assert_allclose(regulator.step(motion.states[1]), motion.inputs[1], atol=1e-6)
+
+
+def test_a_reference_that_moves_is_no_error():
+    def circle(t):
+        return {'x': np.sin(t), 'v_x': np.cos(t), 'y': np.cos(t), 'v_y': -np.sin(t)}
+
+    exact = {'position.noise': [1e-6] * 2, 'velocity.noise': [1e-6] * 2,
+             'model_parameters.force_noise': 1e-12}  # fmt: skip
+    run = kr.simulate('mass_spring_damper_2d', exact, seconds=12.0, reference=circle)
+    late = run.time > 8.0
+    np.testing.assert_allclose(run.truth[late, 0], np.sin(run.time[late]), atol=0.01)
+    np.testing.assert_allclose(run.truth[late, 2], np.cos(run.time[late]), atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'reason'),
+    [
+        ({}, r'^path: expected a path, or values with their times'),
+        ({'path': [[0, 0]], 'values': {'x': [0]}}, r'^path: expected a path, or values'),
+        ({'path': [0, 1]}, r'^path: expected points of 2 or 3 numbers, got an array \(2,\)'),
+        ({'path': [[0, 0]]}, r'^path: expected 2 to 1000000 points, got 1'),
+        ({'path': [[0, 0], [1, 0]], 'speed': 0}, r'^path: speed: expected a positive number'),
+        ({'path': [[0, 0], [1, 0]], 'input_limit': 0.1}, r'^path: it needs v of .* at .* s'),
+        ({'values': {'x': [0, 1]}}, r'^values: expected their times'),
+        ({'values': {'x': [0, 1]}, 'times': [0]}, r'^values: x: expected 1 numbers'),
+        ({'values': {'z': [0, 1]}, 'times': [0, 1]}, r'^values: names: .* got .z.'),
+        ({'values': {}, 'times': [0, 1]}, r'^values: expected the values of a state'),
+        (
+            {'values': {'x': [0, 1]}, 'times': [0, 1], 'velocities': {'y': [0, 0]}},
+            r'^values: velocities: expected those of x',
+        ),
+    ],
+)
+def test_what_is_no_motion_is_refused_by_name(arguments, reason):
+    with pytest.raises(ValueError, match=reason):
+        kr.motion(*ROBOT, **arguments)
+
+
+def test_a_motion_of_another_model_or_rate_is_refused():
+    motion = kr.motion(*ROBOT, path=[[0, 0], [1, 0]])
+    with pytest.raises(ValueError, match=r'^reference: expected a motion of \(x, v, theta'):
+        kr.simulate('cart_pole', reference=motion)
+    with pytest.raises(ValueError, match=r'^reference: expected a motion .* steps of 0.02 s'):
+        kr.simulate(ROBOT[0], {**ROBOT[1], 'rate': 50.0}, reference=motion)

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motions of scenarios: which are followed, which are refused, and with what gains."""
+
+import numpy as np
+import pytest
+
+from kalman_ros.control.limiter import Limits
+from kalman_ros.core import DesignError
+from kalman_ros.scenario import build
+from kalman_ros.scenario.motions import along_path, in_time, motion_of, moving_point
+from kalman_ros.scenario.regulator import feedback, steered
+
+ROBOT = {'model': 'diff_drive', 'model_parameters.command_time': 0.2}
+CORNER = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0]])
+LINE = CORNER[:2]
+#: No input moves its first state.
+STUCK = {'model_parameters.A': [0.0, 0.0, 0.0, -1.0], 'model_parameters.B': [0.0, 1.0]}
+
+
+def robot(**more):
+    return build({**ROBOT, **more})
+
+
+def test_a_path_is_passed_from_rest_to_rest():
+    scenario = robot()
+    motion = motion_of(scenario, along_path(scenario, CORNER, 0.5, 0.5))
+    np.testing.assert_allclose(motion.states[-1], [2.0, 2.0, 0.0, np.pi / 2, 0.0], atol=1e-2)
+    assert not motion.inputs[-1].any()
+    np.testing.assert_allclose(motion.states[0], 0.0, atol=1e-3)
+    assert motion.states[:, 2].max() < 0.51
+    assert motion.gains.shape == (len(motion.states), 2, 5)
+
+
+def test_every_model_with_a_position_and_an_input_follows_a_path():
+    for values in (
+        {'model': 'mass_spring_damper_2d'},
+        {'model': 'robot_2d', 'model_parameters.command_time': 0.3},
+        {'model': 'submersible'},
+        {'model': 'cart_pole'},
+    ):
+        scenario = build(values)
+        motion = motion_of(scenario, along_path(scenario, LINE, 0.5, 0.5))
+        places = [scenario.model.state.names.index('x')]
+        np.testing.assert_allclose(motion.states[-1, places], 2.0, atol=1e-9)
+        reached = scenario.model.step(motion.states[:-2], motion.inputs[:-2], motion.dt)
+        gap = scenario.model.state.subtract(reached, motion.states[1:-1])
+        assert np.abs(gap).max() < 1e-6
+
+
+def test_a_robot_that_moves_sideways_keeps_the_headings_of_its_path():
+    scenario = build({'model': 'robot_2d', 'model_parameters.command_time': 0.3})
+    yaw = np.array([0.0, 1.0])
+    reference = along_path(scenario, LINE, 0.5, 0.5, yaw)
+    motion = motion_of(scenario, reference)
+    np.testing.assert_allclose(motion.states[[0, -1], 2], yaw, atol=0.02)
+    assert np.abs(motion.states[:, 1]).max() < 0.01
+
+
+def test_times_of_a_path_count_where_they_are_given():
+    scenario = robot()
+    reference = along_path(scenario, LINE, 0.5, 0.5, times=np.array([0.0, 8.0]))
+    motion = motion_of(scenario, reference)
+    assert motion.duration == pytest.approx(8.0)
+    np.testing.assert_allclose(motion.at(4.0).state[0], 1.0, atol=0.01)
+
+
+def test_a_linear_model_keeps_the_gains_of_its_law_and_so_do_other_laws():
+    spring = build({'model': 'mass_spring_damper_2d'})
+    assert motion_of(spring, along_path(spring, LINE, 0.5, 0.5)).gains is None
+    placed = build({'model': 'cart_pole', 'law': 'placement', 'regulator_poles': [-2.0, -3.0]})
+    assert motion_of(placed, along_path(placed, LINE, 0.5, 0.5)).gains is None
+
+
+def test_at_its_end_the_regulator_is_the_law_to_the_last_bit():
+    scenario = build({'model': 'cart_pole'})
+    motion = motion_of(scenario, along_path(scenario, LINE, 0.5, 0.5))
+    np.testing.assert_array_equal(motion.gains[-1], feedback(scenario).gain)
+    rest = scenario.model.equilibrium
+    np.testing.assert_array_equal(motion.states[-1, 1:], rest.state[1:])
+
+
+def test_what_no_input_follows_is_refused_with_state_and_time():
+    scenario = build({'model': 'cart_pole'})
+    times = np.array([0.0, 1.0, 2.0])
+    lean = in_time(scenario, [2], times, np.array([[0.0], [0.4], [0.4]]))
+    with pytest.raises(ValueError, match=r'no input follows it: theta is .* rad away at .* s'):
+        motion_of(scenario, lean)
+    jump = in_time(scenario, [0, 1], times, np.array([[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]]))
+    with pytest.raises(ValueError, match='no input follows it'):
+        motion_of(scenario, jump)
+
+
+@pytest.mark.parametrize(('factor', 'refused'), [(1.01, False), (0.99, True)])
+def test_inputs_beyond_their_limits_are_refused_with_the_time(factor, refused):
+    scenario = robot()
+    reference = along_path(scenario, CORNER, 0.5, 0.5)
+    inputs = motion_of(scenario, reference).inputs
+    rate = np.abs(np.diff(inputs[:-1], axis=0)).max(axis=0) * scenario.rate
+    largest = np.abs(inputs).max(axis=0)
+    none = np.full(2, np.inf)
+    for limits, name in (
+        (Limits(factor * largest, none), 'input_limit'),
+        (Limits(none, factor * rate), 'input_rate_limit'),
+    ):
+        if refused:
+            with pytest.raises(ValueError, match=rf'at \S+ s, more than the {name} of'):
+                motion_of(scenario, reference, limits)
+        else:
+            motion_of(scenario, reference, limits)
+
+
+def test_a_motion_may_be_as_far_away_as_the_tolerance_says():
+    scenario = robot()
+    reference = along_path(scenario, LINE, 0.5, 0.5)
+    bent = reference.values.copy()
+    bent[400:, 1] += 1.0  # a jump to the side; a tenth of the extent is 0.2
+    off = type(reference)(reference.dt, reference.coordinates, bent, reference.hints,
+                          reference.start, None)  # fmt: skip
+    away = np.abs(motion_of(scenario, off, tolerance=1.0).states[:, :2] - bent).max()
+    assert away > 0.2
+    motion_of(scenario, off, tolerance=away * 1.01)
+    with pytest.raises(ValueError, match='y is .* away'):
+        motion_of(scenario, off, tolerance=away * 0.99)
+
+
+@pytest.mark.parametrize(
+    ('times', 'values', 'reason'),
+    [
+        ([0.0], [[1.0]], 'two points or more, got 1'),
+        ([0.0, 1.0, 1.0], [[1.0]] * 3, 'increasing times, got 1 s after 1 s'),
+        ([0.0, 1.0, 0.5], [[1.0]] * 3, 'increasing times, got 0.5 s after 1 s'),
+        ([0.0, np.nan], [[1.0]] * 2, 'finite times'),
+        ([0.0, 1.0], [[1.0], [np.inf]], 'finite numbers'),
+        ([0.0, 601.0], [[1.0]] * 2, 'at most 60000 steps, 600 s, got 601 s'),
+    ],
+)
+def test_what_is_no_motion_is_refused(times, values, reason):
+    with pytest.raises(ValueError, match=reason):
+        in_time(robot(), [0], np.array(times), np.array(values))
+
+
+def test_paths_need_a_position_and_points():
+    scenario = robot()
+    for points, reason in (
+        (CORNER[:1], '2 to 1000000 points, got 1'),
+        (np.array([[0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]), 'finite positions'),
+    ):
+        with pytest.raises(ValueError, match=reason):
+            along_path(scenario, points, 0.5, 0.5)
+    with pytest.raises(ValueError, match='has no position'):
+        along_path(build({'model': 'dc_motor'}), LINE, 0.5, 0.5)
+    still = build({'model': 'diff_drive'})
+    with pytest.raises(DesignError, match='no input'):
+        motion_of(still, along_path(still, LINE, 0.5, 0.5))
+
+
+def test_a_robot_on_wheels_has_no_gain_at_rest():
+    scenario = robot()
+    assert steered(scenario)
+    assert not feedback(scenario).gain.any()
+    assert not steered(build({'model': 'cart_pole'}))
+    with pytest.raises(DesignError):  # of a linear model no motion helps
+        feedback(build({'model': 'linear', **STUCK}))
+
+
+def test_a_moving_set_point_moves_by_its_velocity_and_then_rests():
+    scenario = build({'model': 'mass_spring_damper_2d'})
+    motion = moving_point(scenario, np.array([1.0, 0.4, 0.0, 0.0]), None, 0.5)
+    np.testing.assert_allclose(motion.states[-2], [1.2, 0.4, 0.0, 0.0], atol=0.01)
+    np.testing.assert_allclose(motion.states[-1], [1.2, 0.0, 0.0, 0.0], atol=0.01)
+    rate = np.array([9.0, -0.4, 0.0, 0.0])
+    braking = moving_point(scenario, np.array([1.0, 0.4, 0.0, 0.0]), rate, 0.5, 0.5)
+    assert braking.states[-2, 1] == pytest.approx(0.2, abs=0.02)
+    pole = build({'model': 'cart_pole'})
+    with pytest.raises(ValueError, match='no input keeps'):
+        moving_point(pole, np.array([0.0, 0.0, 0.3, 0.0]), None, 0.5)
+
+
+def test_a_moving_robot_on_wheels_is_steered_with_the_gain_of_its_speed():
+    scenario = robot()
+    moving = moving_point(scenario, np.array([0.0, 0.0, 0.5, 0.0, 0.0]), None, 0.5)
+    assert moving.gains[0, 1, 1] > 0.1  # to the left of the path it turns right
+    assert not moving.gains[-1].any()
+    still = moving_point(scenario, np.array([0.0, 0.0, 0.0, 0.0, 0.2]), None, 0.5)
+    assert not still.gains.any()
