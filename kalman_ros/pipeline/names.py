@@ -30,8 +30,9 @@ NAMES = {
     ),
     'controller': (
         'autostart enabled estimate_timeout frame future_tolerance idle_input input_limit '
-        'input_rate_limit learn_layouts lockstep max_message_size max_std predict_latency '
-        'realtime_priority resume transition_time'
+        'input_rate_limit learn_layouts lockstep max_message_size max_std '
+        'path_acceleration path_speed path_tolerance predict_latency realtime_priority '
+        'reference_timeout resume transition_time'
     ),
     'monitor': 'autostart confidence learn_layouts max_message_size monitor_window',
     'markers': 'autostart frame learn_layouts marker_rate max_message_size track_length',

@@ -51,7 +51,7 @@ def test_it_follows_the_reference(kind, topic):
 
 
 def test_a_reference_that_cannot_be_held_is_refused_with_a_reason():
-    with Run() as run:
+    with Run(overrides={'reference_timeout': 0.0}) as run:
         run.advance(0.5)
         publish(run, Odometry, 'reference', 1.0, v=2.0)
         log = run.processes['controller'].output

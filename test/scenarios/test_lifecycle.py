@@ -29,7 +29,10 @@ TOPICS = {
         {'/force', '/initialpose', *READINGS},
         {'/estimate', '/estimate/covariance', '/estimate/state', *INNOVATIONS},
     ),
-    'controller': ({'/estimate', '/goal', '/reference'}, {'/force'}),
+    'controller': (
+        {'/estimate', '/goal', '/reference', '/reference/path', '/reference/trajectory'},
+        {'/force'},
+    ),
     'monitor': (
         {'/estimate', '/estimate/covariance', '/force', '/ground_truth', *INNOVATIONS, *READINGS},
         set(),

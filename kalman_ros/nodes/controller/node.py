@@ -18,6 +18,7 @@ from kalman_ros.codecs.signal_codecs import codec_of
 from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
+from kalman_ros.control.motion import Motion
 from kalman_ros.core import Array, Value, is_finite
 from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
@@ -26,10 +27,12 @@ from kalman_ros.nodes.middleware.meters import Latency, Rate
 from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE
 from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.regulator import feedback, limits, tracking
 
 from .feed import EstimateFeed
 from .guard import EstimateGuard, guard_limits
+from .motions import MotionReader
 from .options import ControllerOptions
 from .output import OutputStage
 from .reference import ReferenceReader
@@ -70,7 +73,16 @@ class ControllerNode(runtime.ScenarioNode):
         )
         self.at_the_end(self._output.deliver)
         frame = partial(self._feed.frame, options.frame)
-        self._reference = ReferenceReader(self, scenario, self._on_reference, frame)
+        self._reference = ReferenceReader(
+            self,
+            scenario,
+            self._regulator.hold,
+            partial(self._regulator.follow_motion, smooth=False),
+            frame,
+            options.reference_timeout,
+        )
+        self._motions = MotionReader(self, frame, lambda: self._regulator.target[0])
+        self._motions.adopt(scenario, options, _limited(scenario, options)[0])
 
     def activate(self) -> None:
         """Respond to estimates from now on."""
@@ -87,6 +99,7 @@ class ControllerNode(runtime.ScenarioNode):
         listening = self.subscribe_in_batches(kind, topic, self._on_estimate, QUEUE)
         self._feed.subscription = self.diagnostics.connections.expect(listening)
         self._reference.listen()
+        self._motions.listen()
         if not self.options.lockstep:
             self.create_timer(self._period, self._supervise, clock=self.steady)
             back = JumpThreshold(min_forward=None, min_backward=_BACK, on_clock_change=False)
@@ -101,6 +114,8 @@ class ControllerNode(runtime.ScenarioNode):
         """Bring the input to idle: within its limits, unless that takes too long."""
         self._output.close(self._stamp)
         self._released = True
+        if self._regulator.motion is not None:
+            self._regulator.hold(*self._reference.rest_near(self._regulator.target[0]))
 
     def _connected(self) -> bool:
         """Return whether the plant subscribes to the input, and the estimator."""
@@ -142,6 +157,9 @@ class ControllerNode(runtime.ScenarioNode):
         if not self._enabled:
             self._regulator.follow(x, self._output.release(time))
             return
+        motion = self._motions.take()
+        if motion is not None:
+            self._begin(motion)
         wanted = self._regulator.propose(x, dt)
         if is_finite(wanted):
             self._regulator.applied(x, wanted, self._output.command(time, wanted), dt)
@@ -174,6 +192,7 @@ class ControllerNode(runtime.ScenarioNode):
 
     def _supervise(self) -> None:
         """Bring the input to idle while no estimate arrives; uses the steady clock."""
+        self._motions.poll()
         if self._early and self._meeting.over:
             self._on_estimate(self._early)
         silence, timeout = monotonic() - self._came, self.options.estimate_timeout
@@ -213,8 +232,11 @@ class ControllerNode(runtime.ScenarioNode):
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
-    def _on_reference(self, state: Array, input: Array) -> None:
-        self._regulator.target = state, input
+    def _begin(self, motion: Motion) -> None:
+        """Follow a motion from its start, or from where it is if only its gains are new."""
+        current = self._regulator.motion
+        same = current is not None and current.states is motion.states
+        self._regulator.follow_motion(motion, self._regulator.elapsed if same else 0.0)
 
     def _on_enable(self, request: Any, response: Any) -> Any:
         on = request.data
@@ -244,15 +266,19 @@ class ControllerNode(runtime.ScenarioNode):
         bounds, idle = _limited(scenario, options)
         accepted = guard_limits(scenario, options)
         check_idle(bounds, idle)
+        motion, changed = self._regulator.motion, scenario is not self.scenario
         found, equilibria = self._regulator.feedback, self._reference.equilibria
-        if scenario is not self.scenario:  # else the design, which takes tens of milliseconds
+        if changed:  # else the design, which takes tens of milliseconds
             found, equilibria = feedback(scenario), tracking(scenario)
 
         def apply() -> None:
             self._regulator.adopt(found, options.transition_time)
             self._limiter.adopt(bounds, idle)
             self._guard.adopt(*accepted)
-            self._reference.equilibria = equilibria
+            self._reference.adopt(scenario, equilibria)
+            self._motions.adopt(scenario, options, bounds)
+            if motion is not None and changed:
+                self._motions.regain(motion, scenario)
 
         return apply
 
@@ -277,11 +303,26 @@ class ControllerNode(runtime.ScenarioNode):
         zero = f'the force {"is" if self._output.at_idle else "goes to"} {self._idle_name}'
         if self._fault:
             return Level.ERROR, f'{self._fault}: {zero}', values
+        values.update(self._progress())
         if not self._enabled:
             return Level.WARN, f'disabled: {zero}', values
         if not self._answered:
             return Level.WARN, f'no {self.scenario.state.topic} received', values
         return Level.OK, 'running', values
+
+    def _progress(self) -> dict[str, str]:
+        """Return how far a motion has got; nothing where none is followed."""
+        motion, elapsed = self._regulator.motion, self._regulator.elapsed
+        if motion is None:
+            return {}
+        found = {'motion': f'{elapsed:.2f} of {motion.duration:.2f} s'}
+        body = body_of(self.scenario.model.state, self.scenario.state)
+        places = [body.index[axis] for axis in body.position]
+        if places:
+            ahead = motion.states[min(int(elapsed / motion.dt), len(motion.states) - 1) :, places]
+            length = float(np.linalg.norm(np.diff(ahead, axis=0), axis=1).sum())
+            found['remaining distance [m]'] = f'{length:.3f}'
+        return found
 
 
 def _limited(scenario: Scenario, options: ControllerOptions) -> tuple[Limits, Array]:

@@ -69,6 +69,25 @@ class ControllerOptions:
         float,
         About('duration of the transition to other gains; 0 for a jump', 's', 0.0, live=True),
     ] = 0.5
+    path_speed: Annotated[
+        float, About('largest speed on a path without times', 'm/s', minimum=1e-6, live=True)
+    ] = 0.5
+    path_acceleration: Annotated[
+        float, About('largest acceleration on such a path', 'm/s^2', minimum=1e-6, live=True)
+    ] = 0.5
+    path_tolerance: Annotated[
+        float,
+        About(
+            'how far a motion may be from the path or trajectory, in the unit of each state, '
+            'beyond a tenth of its extent',
+            minimum=0.0,
+            live=True,
+        ),
+    ] = 0.05
+    reference_timeout: Annotated[
+        float,
+        About('how long a set point with a velocity moves on without a newer one', 's', 0.0),
+    ] = 0.5
     predict_latency: Annotated[
         bool, About('real time: predict each estimate by its age before use', live=True)
     ] = False

@@ -10,21 +10,25 @@ import numpy as np
 from kalman_ros.codecs.messages import leading_frame
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireReader
+from kalman_ros.control.motion import Motion
+from kalman_ros.control.tracking import FeedForward
 from kalman_ros.core import Array, Signal, is_finite
 from kalman_ros.nodes.middleware.host import Host
 from kalman_ros.nodes.middleware.topics import QUEUE, on_topic
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.regulator import tracking
+from kalman_ros.scenario.motions import moving_point
+from kalman_ros.scenario.regulator import steered, tracking
 
 _POSE = 'pose.pose.'
 
 
 class ReferenceReader:
-    """Computes the equilibrium of each received reference.
+    """Computes the equilibrium of each received reference, or how it moves on.
 
     For a pose the velocities are zero, and other states are at the model's
     equilibrium. One in another frame than the estimate's is refused; no frame means the same one.
+    A reference with a velocity moves on until the next one, with the input that this needs.
 
     Parameters
     ----------
@@ -32,29 +36,42 @@ class ReferenceReader:
         The node, for its subscriptions.
     scenario
         The system.
-    take
+    hold
         Called with the state (n,) and the input (m,) that holds it.
+    move
+        Called with the motion of a reference that moves.
     frame
         Returns the frame of the estimate, '' if unknown.
+    timeout
+        Seconds for which a reference moves on.
     """
 
     def __init__(
         self,
         node: Host,
         scenario: Scenario,
-        take: Callable[[Array, Array], None],
+        hold: Callable[[Array, Array], None],
+        move: Callable[[Motion], None],
         frame: Callable[[], str],
+        timeout: float,
     ) -> None:
         self._frame = frame
         self._warn = Throttle(node.get_logger().warning)
-        self._node, self._scenario, self._take = node, scenario, take
+        self._node, self._hold, self._move = node, hold, move
+        self._timeout = timeout
+        self._last: tuple[int, Array] | None = None
         self._rest = scenario.model.equilibrium
-        #: Of references, linearised about the equilibrium of the model.
-        self.equilibria = tracking(scenario)
+        self.adopt(scenario, tracking(scenario))
         self._space = scenario.model.state
+
+    def adopt(self, scenario: Scenario, equilibria: FeedForward) -> None:
+        """Use the equilibria of another scenario from now on."""
+        self._scenario, self.equilibria = scenario, equilibria
+        self._steered = steered(scenario)
 
     def listen(self) -> None:
         """Subscribe."""
+        self._last = None
         state = self._scenario.state
         self._subscribe(on_topic(state, 'reference'), list(range(self._space.size)))
         fields = state.fields
@@ -63,14 +80,20 @@ class ReferenceReader:
             own = tuple(f'pose.{fields[index][len(_POSE) :]}' for index in given)
             self._subscribe(Signal('goal', 'geometry_msgs/PoseStamped', own), given)
 
+    def rest_near(self, state: Array) -> tuple[Array, Array]:
+        """Return the state and the input of the equilibrium nearest to a state (n,)."""
+        rest = self._scenario.model.equilibrium
+        nearest = self.equilibria.nearest(self._space.subtract(state, rest.state))
+        return self._space.add(rest.state, nearest.state), rest.input + nearest.input
+
     def _subscribe(self, signal: Signal, given: list[int]) -> None:
         read = WireReader(SignalCodec(signal))
 
         def on_message(data: bytes) -> None:
             try:
-                values = read(data).values
+                time, values, _ = read(data)
                 self._check_frame(leading_frame(data))
-                self._on_values(values, given)
+                self._on_values(time, values, given)
             except (LookupError, ValueError) as error:
                 self._warn(f'{signal.topic}: {error}; the old one stays')
 
@@ -83,14 +106,38 @@ class ReferenceReader:
         if given and expected and given != expected:
             raise ValueError(f"expected the frame '{expected}' of the estimate, got '{given}'")
 
-    def _on_values(self, values: Array, given: list[int]) -> None:
+    def _on_values(self, time: int | None, values: Array, given: list[int]) -> None:
         state = self._rest.state.copy()
         state[given] = values
         difference = self._space.subtract(state, self._rest.state)
         if not np.isfinite(difference).all():
             raise ValueError('expected finite numbers')
-        found = self.equilibria.equilibrium(difference)
+        before, self._last = self._last, None if time is None else (time, state)
+        try:
+            found = self.equilibria.equilibrium(difference)
+        except ValueError as error:
+            self._move(self._moving(before, state, error))
+            return
+        if self._steered:
+            raise ValueError(
+                'at rest no input moves all states of this model: publish a path, or a reference '
+                'that moves'
+            )
         target = self._rest.state + found.state, self._rest.input + found.input
         if not all(map(is_finite, target)):
             raise ValueError('expected finite numbers')
-        self._take(*target)
+        self._hold(*target)
+
+    def _moving(self, before: tuple[int, Array] | None, state: Array, error: ValueError) -> Motion:
+        """Return how a state moves on, at the rate since the one before if that is known."""
+        if not self._timeout or self._scenario.model.is_discrete:
+            raise error
+        rate, since = None, 0.0
+        if before is not None and self._last is not None:
+            since = (self._last[0] - before[0]) * 1e-9
+            if 0.0 < since < self._timeout:
+                rate = self._space.subtract(state, before[1]) / since
+        try:
+            return moving_point(self._scenario, state, rate, self._timeout, since)
+        except ValueError:
+            raise error from None

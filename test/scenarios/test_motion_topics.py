@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motions over topics: a path and a trajectory are followed, and what is none leaves the loop."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry, Path
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+import kalman_ros as kr
+from kalman_ros.harness import Run
+
+ROBOT = {'model': 'diff_drive', 'model_parameters.command_time': 0.2, 'initial_state': [0.0] * 5}
+CORNER = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
+
+
+def path(points, frame='', **orientation):
+    message = Path()
+    message.header.frame_id = frame
+    for x, y in points:
+        pose = PoseStamped()
+        pose.pose.position.x, pose.pose.position.y = float(x), float(y)
+        message.poses.append(pose)
+    return message
+
+
+def trajectory(names, rows, times=None):
+    message = JointTrajectory(joint_names=names)
+    for k, row in enumerate(rows):
+        at = float(k if times is None else times[k])
+        start = Duration(sec=int(at), nanosec=round(at % 1 * 1e9))
+        message.points.append(JointTrajectoryPoint(positions=row, time_from_start=start))
+    return message
+
+
+def publisher_of(run, kind, topic):
+    publisher = run.node.create_publisher(kind, topic, 10)
+    run.wait(publisher.get_subscription_count, 60.0, lambda: f'no subscriber of {topic}')
+    return publisher
+
+
+def send(run, publisher, message):
+    """Publish a message, and wait until the controller has read it."""
+    publisher.publish(message)
+    publisher.wait_for_all_acked()
+    run.refresh('controller')
+
+
+def test_the_nodes_follow_a_path_as_the_simulation_does():
+    motion = kr.motion(ROBOT, path=CORNER)
+    with Run(ROBOT, seed=3) as run:
+        send(run, publisher_of(run, Path, 'reference/path'), path(CORNER))
+        run.advance(3.0)
+        run.refresh('controller')
+        assert run.reported('controller', 'motion') == f'3.00 of {motion.duration:.2f} s'
+        assert 0.5 < float(run.reported('controller', 'remaining distance [m]')) < 1.9
+        run.advance(4.0)
+        followed = run.trajectory()
+    simulated = kr.simulate(ROBOT, seconds=7.0, seed=3, reference=motion)
+    np.testing.assert_allclose(followed.input, simulated.input, atol=1e-12)
+    np.testing.assert_allclose(followed.truth, simulated.truth, atol=1e-12)
+    np.testing.assert_allclose(followed.truth[-1, :2], [1.0, 1.0], atol=0.1)
+
+
+def test_what_is_no_motion_is_refused_in_one_line_and_the_loop_goes_on():
+    back = path(CORNER)
+    for k, pose in enumerate(back.poses):
+        pose.header.stamp.sec = 5 - k
+    with Run(ROBOT) as run:
+        paths = publisher_of(run, Path, 'reference/path')
+        trajectories = publisher_of(run, JointTrajectory, 'reference/trajectory')
+        states = publisher_of(run, Odometry, 'reference')
+        log = run.processes['controller'].output
+        run.advance(0.2)
+        for publisher, message, reason in (
+            (paths, path(CORNER[:1]), 'got 1;'),
+            (paths, path([(0.0, 0.0), (np.nan, 1.0)]), 'expected finite positions'),
+            (paths, path(CORNER, 'elsewhere'), "got 'elsewhere'"),
+            (paths, path([(0.0, 0.0), (1e9, 0.0)]), 'at most 60000 steps'),
+            (paths, back, 'expected increasing times'),
+            (trajectories, trajectory(['x'], [[0.0], [0.0]], [1.0, 1.0]), 'increasing times'),
+            (trajectories, trajectory(['wheel'], [[0.0], [1.0]]), "got 'wheel'"),
+            (trajectories, trajectory(['x', 'y'], [[0.0], [1.0]]), 'one a joint, got 1'),
+            (trajectories, JointTrajectory(joint_names=['x']), 'expected positions'),
+            (states, Odometry(), 'publish a path'),
+        ):
+            publisher.publish(message)
+            run.wait(lambda: reason in log(), 60.0, lambda: f'no {reason}: {log()}')  # noqa: B023
+        run.advance(0.5)
+        assert not run.trajectory().input.any()
+        assert 'Traceback' not in log()
+
+
+def test_a_cart_follows_a_trajectory_from_what_is_held():
+    with Run('cart_pole', {'initial_state': [0.0] * 4}) as run:
+        trajectories = publisher_of(run, JointTrajectory, 'reference/trajectory')
+        run.advance(0.5)
+        send(run, trajectories, trajectory(['x'], [[0.3], [0.3]], [3.0, 4.0]))
+        run.advance(5.0)
+        followed = run.trajectory()
+    assert np.abs(followed.truth[-50:, 0] - 0.3).max() < 0.1
+    assert np.abs(followed.truth[:, 2]).max() < 0.3
+
+
+@pytest.mark.thorough
+def test_a_new_path_in_the_middle_is_followed_without_a_jump():
+    limits = {'transition_time': 0.5}
+    with Run(ROBOT, only={'controller': limits}) as run:
+        paths = publisher_of(run, Path, 'reference/path')
+        send(run, paths, path(CORNER))
+        run.advance(2.0)
+        send(run, paths, path([(0.5, 0.1), (2.0, 0.1)]))
+        run.advance(6.0)
+        followed = run.trajectory()
+    around = slice(195, 206)
+    assert np.abs(np.diff(followed.input[around], axis=0)).max() < 0.3
+    np.testing.assert_allclose(followed.truth[-1, :2], [2.0, 0.1], atol=0.15)
