@@ -42,6 +42,7 @@ STUDIES = (
     'sigma_points',
     'one_bearing',
     'slam',
+    'tracking',
 )
 
 
