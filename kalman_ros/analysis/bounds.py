@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lower bound of the error of any estimator."""
+"""The lower bound of the error covariance of any estimator."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def posterior_cramer_rao(
     readings: Mapping[str, Series] | None = None,
     time: Array | None = None,
 ) -> Array:
-    """Return the posterior Cramer-Rao bound of the error covariance (N, n, n), step by step.
+    """Return the posterior Cramer-Rao bound of the error covariance (N, n, n) at each step.
 
     The information J along a known path is updated by
 
@@ -28,54 +28,58 @@ def posterior_cramer_rao(
 
     with F and H taken at the truth (P. Tichavsky, C. Muravchik and A. Nehorai, Posterior
     Cramer-Rao Bounds for Discrete-Time Nonlinear Filtering, IEEE Trans. Signal Processing 46(5),
-    1998). For a linear system it is the covariance of the Kalman filter; else the expectation
-    over all paths is omitted, which is exact for small process noise. It is computed
-    as J^-1, the covariance of an extended filter whose mean is the truth, so that exactly known
-    states have a bound of 0.
+    1998). For a linear system, the bound is the covariance of the Kalman filter. For a nonlinear
+    system, the expectation over all paths is omitted, which is exact for small process noise. The
+    bound is computed as J^-1, the covariance of an extended Kalman filter whose mean is the truth,
+    so that the bound of an exactly known state is 0.
 
     Parameters
     ----------
     scenario
-        The model, the sensors with their rates, and the covariance of the first belief, which
-        is the bound at the first step: its readings count as part of it.
+        Model, sensors with their rates, and the covariance of the initial belief, which is the
+        bound at the first step and includes the readings of that step.
     truth
-        The path (N, n), a state for each step of the scenario, or for each ``time``.
+        True states (N, n), one for each step of the scenario, or for each ``time``.
     input
-        From each step on (N, m).
+        Input (N, m) that holds from each step on.
     readings
-        The actual readings by sensor, each with its covariance: then these count instead of those
-        that are due, at the first step, too.
+        Recorded readings by sensor, with the covariance of each. They replace the scheduled
+        readings, including those of the first step.
     time
-        With actual readings: the time (N,) of each state from the first step on, in seconds, where
-        steps are missing, as in real time. In between F is that of the state before, and H that
-        of the state after.
+        Time (N,) of each state in seconds after the first step, for recorded readings where
+        steps are missing, as in real time. During a gap, F is taken at the state before it, and H
+        at the state after it.
     """
     filter, plan = ExtendedKalmanFilter(scenario.model), scenario.plan
     sensors = {name: timed.sensor for name, timed in plan.sensors.items()}
-    read = _due(scenario, len(truth)) if readings is None else _read(scenario, readings)
+    readings_by_step = (
+        _scheduled_readings(scenario, len(truth))
+        if readings is None
+        else _recorded_readings(scenario, readings)
+    )
     P = scenario.initial_belief.covariance
     steps = np.arange(len(truth)) if time is None else np.rint(time * scenario.rate).astype(int)
-    bounds, done = [], -1
+    bounds, previous_step = [], -1
     for k, (step, x) in enumerate(zip(steps.tolist(), truth)):
         last = max(k - 1, 0)
-        for at in range(done + 1, step + 1):
-            if at:
-                moved = filter.predict(Gaussian(truth[last], P), input[last], plan.dt)
-                P = moved.covariance
-            for name, R in read.get(at, ()):
+        for substep in range(previous_step + 1, step + 1):
+            if substep:
+                prior = filter.predict(Gaussian(truth[last], P), input[last], plan.dt)
+                P = prior.covariance
+            for name, R in readings_by_step.get(substep, ()):
                 sensor = sensors[name].with_covariance(R)
                 P = filter.correct(Gaussian(x, P), sensor.measure(x), sensor).posterior.covariance
         bounds.append(P)
-        done = step
+        previous_step = step
     return np.array(bounds)
 
 
-#: By step: the sensors that measure there, each with its covariance (k, k).
-_Read = dict[int, list[tuple[str, Array]]]
+#: For each step, the names of the sensors that measure, with their covariances (k, k).
+_ReadingsByStep = dict[int, list[tuple[str, Array]]]
 
 
-def _due(scenario: Scenario, steps: int) -> _Read:
-    """Return the readings due after the first step."""
+def _scheduled_readings(scenario: Scenario, steps: int) -> _ReadingsByStep:
+    """Return the readings that the schedule contains after the first step."""
     sensors = scenario.plan.sensors
     return {
         step: [(name, sensors[name].sensor.covariance) for name in scenario.plan.due(step)]
@@ -83,14 +87,14 @@ def _due(scenario: Scenario, steps: int) -> _Read:
     }
 
 
-def _read(scenario: Scenario, readings: Mapping[str, Series]) -> _Read:
-    """Return the actual readings, with the covariances that the estimator used."""
-    found: _Read = {}
+def _recorded_readings(scenario: Scenario, readings: Mapping[str, Series]) -> _ReadingsByStep:
+    """Return the recorded readings with the covariances that the estimator used."""
+    by_step: _ReadingsByStep = {}
     for name, series in readings.items():
         source = scenario.sensors[name]
         for index, time in enumerate(series.time):
-            carried = None if series.covariance is None else series.covariance[index]
-            R = source.used(carried)
+            message_covariance = None if series.covariance is None else series.covariance[index]
+            R = source.used(message_covariance)
             R = source.sensor.covariance if R is None else R
-            found.setdefault(round(time * scenario.rate), []).append((name, R))
-    return found
+            by_step.setdefault(round(time * scenario.rate), []).append((name, R))
+    return by_step

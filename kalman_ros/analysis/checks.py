@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Comparison of a recorded LQG loop with theory."""
+"""Comparison of a recorded LQG loop with its theory."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import feedback, price
 from kalman_ros.simulation.trajectory import Trajectory
 
-#: The largest probability that a correct system fails a run, over all checks together.
+#: The largest probability that a correct system fails any check of a run.
 MISS = 5e-4
 
 
 @dataclass(frozen=True)
 class Check:
-    """One measured number with its expectation and bounds.
+    """A measured number with its expectation and bounds.
 
-    Poles have no bounds (NaN): they pass or fail with their dynamics.
+    A pole has no bounds (NaN): it passes or fails with the dynamics to which it belongs.
     """
 
     name: str
@@ -44,13 +44,13 @@ class Check:
 
     @property
     def counts(self) -> bool:
-        """Whether it has bounds; poles have those of their dynamics."""
+        """Whether the check has bounds; a pole passes or fails with its dynamics."""
         return not isnan(self.low)
 
 
 @dataclass(frozen=True)
 class LqgTheory:
-    """A scenario's law and the theory of its loop."""
+    """The control law of a scenario and the theory of its loop."""
 
     feedback: Feedback
     cost: Cost
@@ -59,56 +59,56 @@ class LqgTheory:
 
     @property
     def expected_cost(self) -> float:
-        """The mean cost per second."""
+        """Expected cost per second."""
         return self.loop.mean_cost(self.cost) / self.dt
 
     @property
     def settling_time(self) -> float:
-        """Seconds after which a thousandth of the initial error is left."""
+        """Time in seconds after which a thousandth of the initial error is left."""
         poles = np.concatenate((self.loop.regulator_poles, self.loop.estimator_poles))
         slowest = float(np.max(np.abs(poles)))
         return log(1e-3) / log(slowest) * self.dt
 
     @property
     def settled(self) -> int:
-        """The step, at the beginning of a period, from which a run is evaluated."""
+        """Step from which a run is evaluated; it begins a period of the schedule."""
         period = len(self.loop.schedule)
         return period * ceil(self.settling_time / self.dt / period)
 
     @property
     def least_steps(self) -> int:
-        """The number of steps after that which a run must have to be checked."""
+        """Number of steps after `settled` that a run must have to be checked."""
         return max(200, 20 * len(self.loop.schedule))
 
     @property
     def least_duration(self) -> float:
-        """The least duration of a run, in seconds, that can be checked."""
+        """Duration in seconds of the shortest run that can be checked."""
         return (self.settled + self.least_steps) * self.dt
 
 
 def schedule(scenario: Scenario, x: Array) -> list[Readings]:
-    """Return the readings at each step of a period, with sensors linearised about x (n,)."""
+    """Return the readings of each step of a period, with the sensors linearised about x (n,)."""
     plan = scenario.plan
     phases = []
     for step in range(plan.period):
         due = [plan.sensors[name].sensor for name in plan.due(step)]
         C = np.vstack([np.empty((0, x.size)), *(sensor.jacobian(x) for sensor in due)])
-        phases.append(Readings(C, _together(sensor.covariance for sensor in due)))
+        phases.append(Readings(C, _block_diagonal(sensor.covariance for sensor in due)))
     return phases
 
 
-def _together(covariances: Iterable[Array]) -> Array:
-    """Return independent covariances as one (k, k); k may be 0."""
+def _block_diagonal(covariances: Iterable[Array]) -> Array:
+    """Return the block-diagonal matrix (k, k) of independent covariances; k may be 0."""
     return np.asarray(block_diag(np.empty((0, 0)), *covariances), dtype=float)
 
 
 def theory(scenario: Scenario) -> LqgTheory:
-    """Return the law of a scenario's loop and its statistics in steady state.
+    """Return the control law of a scenario and the steady-state statistics of its loop.
 
     Raises
     ------
     DesignError
-        If the loop cannot be stabilised, or the sensors do not keep the error bounded.
+        If the loop cannot be stabilised, or if the sensors do not keep the error bounded.
     """
     law = feedback(scenario)
     model = scenario.model
@@ -119,7 +119,7 @@ def theory(scenario: Scenario) -> LqgTheory:
 
 
 def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check]:
-    """Return the comparisons of a run with theory, after the start has settled.
+    """Compare a run with theory, from the step on at which the loop has settled.
 
     Raises
     ------
@@ -132,40 +132,40 @@ def checks(scenario: Scenario, theory: LqgTheory, run: Trajectory) -> list[Check
     steps = (len(run.time) - settled) // p * p
     if steps < theory.least_steps:
         raise ValueError(f'run: expected {theory.least_duration:.4g} s or more to judge it')
-    part = slice(settled, settled + steps)
+    window = slice(settled, settled + steps)
     space, rest = scenario.model.state, scenario.model.equilibrium
-    x = space.subtract(run.truth[part], rest.state)
-    u, P = run.input[part] - rest.input, run.covariance[part]
-    e = space.subtract(run.truth[part], run.estimate[part])
-    weights, measured, labels = _averages(scenario, theory, x, e, u, P)
+    x = space.subtract(run.truth[window], rest.state)
+    u, P = run.input[window] - rest.input, run.covariance[window]
+    e = space.subtract(run.truth[window], run.estimate[window])
+    weights, measured, labels = _quadratic_averages(scenario, theory, x, e, u, P)
     expectations = loop.average(np.stack(weights), steps)
     count = len(labels) + len(scenario.enabled) + 2
     miss = MISS / count
-    found = []
+    results = []
     for (name, unit, scale), expected, value in zip(labels, expectations, measured):
         low, high = chi_square_bounds(expected.mean, expected.std**2, miss)
         root = unit not in ('', '1/s')
         numbers = np.array([expected.mean, value, low, high]) * scale
         numbers = np.sqrt(numbers) if root else numbers
         mean, value_, low_, high_ = numbers.tolist()
-        found.append(Check(name, unit, mean, value_, low_, high_, low <= value <= high))
+        results.append(Check(name, unit, mean, value_, low_, high_, low <= value <= high))
     for name in scenario.enabled:
         nis = run.innovations[name].nis
         nis = nis[run.innovations[name].time >= run.time[settled] - 0.5 * dt]
         k = scenario.sensors[name].sensor.output.size
         low, high = chi_square_bounds(1.0, 2.0 / (k * len(nis)), miss)
         value = float(nis.mean()) / k
-        found.append(
+        results.append(
             Check(f'NIS of {name} / {k}', '', 1.0, value, low, high, low <= value <= high)
         )
-    found += _dynamics(loop, run, settled, scenario.model.state, dt, miss)
-    return found
+    results += _check_dynamics(loop, run, settled, scenario.model.state, dt, miss)
+    return results
 
 
-def _averages(
+def _quadratic_averages(
     scenario: Scenario, theory: LqgTheory, x: Array, e: Array, u: Array, P: Array
 ) -> tuple[list[Array], list[float], list[tuple[str, str, float]]]:
-    """Return weights, measured means and labels of all quadratic averages of a run."""
+    """Return the weights, measured means and labels of all quadratic averages of a run."""
     loop, space = theory.loop, scenario.model.state
     n = space.size
     weights, measured, labels = [], [], []
@@ -187,25 +187,26 @@ def _averages(
     return weights, measured, labels
 
 
-def _dynamics(
+def _check_dynamics(
     loop: LqgLoop, run: Trajectory, settled: int, space: Space, dt: float, miss: float
 ) -> list[Check]:
-    """Compare the dynamics fitted to a run, and their poles, with exact ones.
+    """Compare the dynamics that are fitted to a run, and their poles, with theory.
 
-    The regulator's are constant from the first step; the filter's gain, and so its poles, settle.
-    In real time some steps lack an estimate: only pairs one step, or one period, apart are used.
+    The regulator is constant from the first step on, whereas the gain and the poles of the filter
+    settle first. In real time, some steps have no estimate, so the fit uses only pairs of steps
+    that are exactly one step, or one period, apart.
     """
     p, steps = len(loop.schedule), np.rint(run.time / dt).astype(int)
     x, e = run.truth, space.subtract(run.truth, run.estimate)
-    q = _integrals(loop.regulator, run.estimate)
+    q = _regulator_states(loop.regulator, run.estimate)
     follows = np.diff(steps) == 1
     regulator = fit(np.hstack((x, q, e))[:-1][follows], x[1:][follows])
-    last = np.flatnonzero(steps % p == p - 1)  # the last phase of each period
+    last = np.flatnonzero(steps % p == p - 1)  # the last step of each period
     last = last[last >= settled]
     follows = np.diff(steps[last]) == p
     estimator = fit(e[last[:-1]][follows], e[last[1:]][follows])
     law, n = loop.regulator_matrix, space.size
-    # the input of the integral is known; only the state is fitted
+    # the integrator rows are known, so only the rows of the state are fitted
     regulator_poles = eigenvalues(np.vstack((regulator.matrix, law[n:]))[:, : len(law)])
     cases = (
         ('regulator', regulator, law[:n], loop.step.Q, loop.regulator_poles, regulator_poles, dt),
@@ -214,23 +215,23 @@ def _dynamics(
             eigenvalues(loop.error_matrix), estimator.poles, p * dt,
         ),
     )  # fmt: skip
-    found = []
+    results = []
     for name, fitted, exact, noise, poles, fitted_poles, length in cases:
         measured = fitted.distance(exact, noise) / exact.size
         low, high = chi_square_bounds(1.0, 2.0 / exact.size, miss)
         passed = low <= measured <= high
-        for pole, nearest in zip(*_paired(poles, fitted_poles)):
+        for pole, nearest in zip(*_pair_poles(poles, fitted_poles)):
             s, near = continuous_poles(np.array([pole, nearest]), length).tolist()
-            found.append(Check(f'{name} pole', '1/s', s, near, nan, nan, passed))
+            results.append(Check(f'{name} pole', '1/s', s, near, nan, nan, passed))
         label = f'{name} dynamics, chi2/{exact.size}'
-        found.append(Check(label, '', 1.0, measured, low, high, passed))
-    return found
+        results.append(Check(label, '', 1.0, measured, low, high, passed))
+    return results
 
 
-def _integrals(regulator: StateSpace, x: Array) -> Array:
-    """Return the states (N, r) of a regulator with the input x (N, n).
+def _regulator_states(regulator: StateSpace, x: Array) -> Array:
+    """Return the states (N, r) of a regulator whose input is x (N, n).
 
-    The unknown time before the first x is ignored.
+    The states start at zero, since the input before the first x is unknown.
     """
     q = np.zeros((len(x), len(regulator.A)))
     for k in range(1, len(x) - 1):
@@ -238,12 +239,12 @@ def _integrals(regulator: StateSpace, x: Array) -> Array:
     return q
 
 
-def _paired(exact: ComplexArray, fitted: ComplexArray) -> tuple[list[complex], list[complex]]:
-    """Return the exact poles, slowest first, each with the nearest remaining fitted one."""
-    left = list(fitted)
+def _pair_poles(exact: ComplexArray, fitted: ComplexArray) -> tuple[list[complex], list[complex]]:
+    """Return the exact poles, slowest first, and the nearest remaining fitted pole of each."""
+    remaining = list(fitted)
     ordered = sorted(exact, key=lambda z: (-abs(z), z.imag))
-    near = []
+    matches = []
     for pole in ordered:
-        near.append(min(left, key=lambda z: abs(z - pole)))
-        left.remove(near[-1])
-    return ordered, near
+        matches.append(min(remaining, key=lambda z: abs(z - pole)))
+        remaining.remove(matches[-1])
+    return ordered, matches

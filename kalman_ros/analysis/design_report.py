@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The results of a design, by name."""
+"""The results of a design."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .path import Path
 
 @dataclass(frozen=True)
 class Estimator:
-    """The Kalman filter in steady state, with every sensor at its own rate.
+    """The steady-state Kalman filter, with every sensor at its own rate.
 
     Parameters
     ----------
     gains
-        L (n, k) of each sensor, its mean over a period.
+        Gain L (n, k) of each sensor, averaged over a period.
     modes
-        Of the estimation error.
+        Modes of the estimation error.
     std
         Standard deviation of the error of each state (n,), root mean square over a period.
     covariance
-        Of the error after the readings (n, n), its mean over a period.
+        Covariance of the error after the readings (n, n), averaged over a period.
     """
 
     gains: Mapping[str, Array]
@@ -42,9 +42,9 @@ class Estimator:
 
 @dataclass(frozen=True)
 class Regulator:
-    """The regulator: its gains, its modes, and its loops, broken at each input and at all.
+    """The regulator: its gains, its modes, and its loops broken at each input and at all inputs.
 
-    ``together`` is None with a single input, where it equals ``at``.
+    ``together`` is None for a single input, where it would equal the loop of that input.
     """
 
     feedback: Feedback
@@ -55,16 +55,16 @@ class Regulator:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """Regulator and estimator together.
+    """The loop of regulator and estimator.
 
-    Seconds after which a thousandth of the start is left.
+    Parameters
     ----------
     settling_time
-        Seconds after which a thousandth is left of the start.
+        Time in seconds after which a thousandth of the initial error is left.
     cost
-        The mean cost per second; with an LQR the least that any controller can have.
+        Mean cost per second; for an LQR, the least that any controller can achieve.
     state_std, input_std
-        Standard deviations of each state (n,) and input (m,), root mean square over a period.
+        Standard deviation of each state (n,) and input (m,), root mean square over a period.
     """
 
     settling_time: float
@@ -77,7 +77,7 @@ class ClosedLoop:
 class Prediction:
     """Standard deviations (N, n) of the errors of a Kalman filter at times (N,) in seconds.
 
-    The first is the belief before any reading; the others are after the readings of each step.
+    The first row is the belief before any reading; the others are after the readings of each step.
     """
 
     time: Array
@@ -91,25 +91,25 @@ class DesignReport:
     Parameters
     ----------
     scenario
-        The scenario.
+        Scenario that is analysed.
     point
-        Where model and sensors are linearised.
+        Operating point about which model and sensors are linearised.
     delay
-        Seconds between a reading and the resulting input.
+        Time in seconds between a reading and the resulting input.
     modes
-        Of the open loop.
+        Modes of the open loop.
     controllability, regulator
-        None without an input.
+        Controllability and regulator; None without an input.
     observability
-        Of the sensors.
+        Observability of the state by the sensors.
     estimator
-        None if its error has no steady state, or one operating point cannot show it.
+        Estimator; None if its error has no steady state, or if one operating point cannot show it.
     closed_loop
-        None without a regulator or an estimator.
+        Closed loop; None without a regulator or an estimator.
     prediction
-        From the initial belief on; along the path, if there is one.
+        Predicted errors from the initial belief on; along the path, if there is one.
     path
-        A simulated path of a scenario that is not linear.
+        Simulated path of a scenario that is not linear.
     """
 
     scenario: Scenario
@@ -126,11 +126,11 @@ class DesignReport:
 
     @property
     def sensor_std(self) -> dict[str, float]:
-        """The standard deviation of the best sensor of each state that is measured directly."""
-        found: dict[str, float] = {}
+        """Standard deviation of the best sensor of each state that is measured directly."""
+        best: dict[str, float] = {}
         for source in self.scenario.enabled.values():
             std = np.sqrt(source.sensor.covariance.diagonal()).tolist()
             for name, value in zip(source.sensor.output.names, std):
                 if name in self.scenario.model.state.names:
-                    found[name] = min(value, found.get(name, value))
-        return found
+                    best[name] = min(value, best.get(name, value))
+        return best

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The theory of a scenario's loop, computed before anything runs.
 
-A model with inputs is linearised about its equilibrium, where the regulator holds it; one
-without inputs, about the initial belief. Nonlinear sensors are analysed along a simulated path:
-see `path`.
+A model with inputs is linearised about its equilibrium, where the regulator holds it, and a model
+without inputs about the initial belief. Nonlinear sensors are analysed along a simulated path; see
+`path`.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from .input_loops import even_estimator, input_loops, together
 from .observability import observability, stacked
 from .path import Path
 
-#: The most steps for which the error is predicted.
+#: The largest number of steps for which the error is predicted.
 _MOST_STEPS = 6000
 
 
 def settling_time(modes: Sequence[Mode]) -> float:
-    """Return the seconds after which a thousandth of the start is left; inf if never."""
+    """Return the time in seconds after which a thousandth of the initial error is left, or inf."""
     return log(1e3) * max(mode.time_constant for mode in modes)
 
 
@@ -46,18 +46,27 @@ def report(
     duration: float | None = None,
     followed: Scenario | None = None,
 ) -> DesignReport:
-    """Return the theory of a scenario whose input is late by ``delay`` seconds.
+    """Return the theory of a scenario whose input is delayed.
 
-    ``duration`` is that of the simulated path of a scenario that is not linear, in seconds; None
-    for one with enough readings of every sensor. The path is that of ``followed``, where its
-    rate or its law differ for a long run.
+    Parameters
+    ----------
+    scenario
+        Scenario to analyse.
+    delay
+        Delay of the input, in seconds.
+    duration
+        Duration in seconds of the simulated path of a scenario that is not linear; None for a path
+        with enough readings of every sensor.
+    followed
+        Scenario that the path simulates, if its rate or its law differs from ``scenario`` for a
+        long run; None for ``scenario``.
 
     Raises
     ------
     ValueError
-        If no sensor is on, or the delay or the duration is wrong.
+        If no sensor is enabled, or if the delay or the duration is invalid.
     DesignError
-        If the input cannot stabilise the model, or a mode grows that no sensor sees.
+        If the input cannot stabilise the model, or if no sensor observes a growing mode.
     """
     if not scenario.enabled:
         raise ValueError('sensors: expected at least one that is enabled')
@@ -65,24 +74,26 @@ def report(
     point = model.equilibrium
     if not model.input.size:
         point = OperatingPoint(scenario.initial_belief.mean, point.input)
-    reach = _reach(scenario) if model.input.size else None
+    reach = _check_controllability(scenario) if model.input.size else None
     law = None if reach is None else feedback(scenario)
     path = None
     if not linear:
-        longer = followed or scenario
-        seconds = paths.default_seconds(longer) if duration is None else duration
-        path = paths.follow(longer, None if law is None else feedback(longer), seconds)
-    seen = _observability(scenario, point, path)
-    # one operating point is enough where a regulator holds the plant, or nothing changes
+        path_scenario = followed or scenario
+        seconds = paths.default_seconds(path_scenario) if duration is None else duration
+        path = paths.follow(
+            path_scenario, None if law is None else feedback(path_scenario), seconds
+        )
+    seen = _assess_observability(scenario, point, path)
+    # one operating point suffices if a regulator holds the plant there, or if all is linear
     steady = linear or law is not None
-    even = _even_estimator(scenario, point) if steady else None
+    time_invariant = _time_invariant_estimator(scenario, point) if steady else None
     dt = 1.0 / scenario.rate
     step = model.transition(*point, dt)
-    idle = static(np.zeros((model.input.size, model.state.size)), dt)
+    no_law = static(np.zeros((model.input.size, model.state.size)), dt)
     readings = schedule(scenario, point.state)
-    system_of_law = idle if law is None else law.system(dt)
-    loop = None if even is None else LqgLoop(step, readings, system_of_law)
-    estimator = None if loop is None else _estimator(scenario, loop)
+    system_of_law = no_law if law is None else law.system(dt)
+    loop = None if time_invariant is None else LqgLoop(step, readings, system_of_law)
+    estimator = None if loop is None else _design_estimator(scenario, loop)
     return DesignReport(
         scenario=scenario,
         point=point,
@@ -90,45 +101,49 @@ def report(
         modes=modes(linearize(model, *point).A),
         controllability=reach,
         observability=seen,
-        regulator=None if law is None else _regulator(scenario, law, even, delay),
+        regulator=None if law is None else _design_regulator(scenario, law, time_invariant, delay),
         estimator=estimator,
-        closed_loop=None if law is None or loop is None else _closed_loop(scenario, law, loop),
+        closed_loop=None
+        if law is None or loop is None
+        else _analyse_closed_loop(scenario, law, loop),
         prediction=(
-            _prediction(scenario, step, readings, estimator)
+            _predict_errors(scenario, step, readings, estimator)
             if path is None
-            else _prediction_along(scenario, path)
+            else _predict_along_path(scenario, path)
         ),
         path=path,
     )
 
 
-def _observability(scenario: Scenario, point: OperatingPoint, path: Path | None) -> Observability:
-    """Return the observability: along the path, if there is one."""
+def _assess_observability(
+    scenario: Scenario, point: OperatingPoint, path: Path | None
+) -> Observability:
+    """Return the observability along the path, or about a point if there is no path."""
     if path is None:
         return observability(scenario, point)
-    seen = path.observed(throughout=False)
-    unseen = tuple(name for name in path.names if name not in seen)
-    return Observability(seen, unseen, (), not set(unseen).intersection(path.growing))
+    observed = path.observed(throughout=False)
+    unobserved = tuple(name for name in path.names if name not in observed)
+    return Observability(observed, unobserved, (), not set(unobserved).intersection(path.growing))
 
 
-def _prediction_along(scenario: Scenario, path: Path) -> Prediction:
+def _predict_along_path(scenario: Scenario, path: Path) -> Prediction:
     first = np.sqrt(scenario.initial_belief.covariance.diagonal())
     return Prediction(np.append(0.0, path.time), np.vstack((first, path.std)))
 
 
-def _reach(scenario: Scenario) -> Controllability:
-    """Return the controllability; DesignError if it is insufficient."""
+def _check_controllability(scenario: Scenario) -> Controllability:
+    """Return the controllability; raise DesignError if the model cannot be stabilised."""
     model = scenario.model
     system = linearize(model, *model.equilibrium)
-    found = controllability(system.A, system.B, model.state.names)
-    if not found.stabilizable:
-        stuck = dict.fromkeys(str(mode) for mode in found.hidden if mode.pole.real >= -1e-12)
-        raise DesignError(f'input: it does not move the modes at {", ".join(stuck)}; {found}')
-    return found
+    result = controllability(system.A, system.B, model.state.names)
+    if not result.stabilizable:
+        unstable = dict.fromkeys(str(mode) for mode in result.hidden if mode.pole.real >= -1e-12)
+        raise DesignError(f'input: it does not move the modes at {", ".join(unstable)}; {result}')
+    return result
 
 
-def _even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign | None:
-    """Return the estimator as if every sensor read at every step; None without a steady state."""
+def _time_invariant_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign | None:
+    """Return the filter as if every sensor read at every step; None without a steady state."""
     try:
         if not np.all(np.isfinite(stacked(scenario, point.state))):
             return None
@@ -139,60 +154,62 @@ def _even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign | No
         return None
 
 
-def _regulator(
-    scenario: Scenario, law: Feedback, even: LqeDesign | None, delay: float
+def _design_regulator(
+    scenario: Scenario, law: Feedback, time_invariant: LqeDesign | None, delay: float
 ) -> Regulator:
     dt = 1.0 / scenario.rate
     step = scenario.model.transition(*scenario.model.equilibrium, dt)
     closed = LqgLoop(step, (), law.system(dt)).closed_matrix
-    loops = input_loops(scenario, law, even, delay)
-    joint = together(scenario, law, even, delay) if len(loops) > 1 else None
+    loops = input_loops(scenario, law, time_invariant, delay)
+    joint = together(scenario, law, time_invariant, delay) if len(loops) > 1 else None
     return Regulator(law, modes(closed, dt), loops, joint)
 
 
-def _estimator(scenario: Scenario, loop: LqgLoop) -> Estimator:
+def _design_estimator(scenario: Scenario, loop: LqgLoop) -> Estimator:
     plan, p = scenario.plan, len(loop.schedule)
     gains: dict[str, list[Array]] = {name: [] for name in plan.sensors}
     for phase, L in enumerate(loop.estimator_gains):
-        at = 0
+        column = 0
         for name in plan.due(phase):
             k = plan.sensors[name].sensor.output.size
-            gains[name].append(L[:, at : at + k])
-            at += k
+            gains[name].append(L[:, column : column + k])
+            column += k
     return Estimator(
-        {name: np.mean(each, axis=0) for name, each in gains.items()},
+        {name: np.mean(phases, axis=0) for name, phases in gains.items()},
         modes(loop.error_matrix, p * plan.dt),
-        _root_mean(loop.posterior),
+        _root_mean_variance(loop.posterior),
         loop.posterior.mean(axis=0),
     )
 
 
-def _root_mean(covariances: Array) -> Array:
-    """Return the roots (n,) of the mean variances of a period (p, n, n)."""
+def _root_mean_variance(covariances: Array) -> Array:
+    """Return the square roots (n,) of the mean variances of a period (p, n, n)."""
     variances = covariances.diagonal(axis1=1, axis2=2).mean(axis=0)
-    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))  # zero may be a rounding below
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))  # rounding may make a variance negative
 
 
-def _closed_loop(scenario: Scenario, law: Feedback, loop: LqgLoop) -> ClosedLoop:
+def _analyse_closed_loop(scenario: Scenario, law: Feedback, loop: LqgLoop) -> ClosedLoop:
     expected = LqgTheory(law, price(scenario), loop, 1.0 / scenario.rate)
     n, answer = len(loop.step.F), loop.answer
     sigma = loop.covariance
     return ClosedLoop(
         expected.settling_time,
         expected.expected_cost,
-        _root_mean(sigma[:, :n, :n]),
-        _root_mean(answer @ sigma @ answer.T),
+        _root_mean_variance(sigma[:, :n, :n]),
+        _root_mean_variance(answer @ sigma @ answer.T),
     )
 
 
-def _prediction(
+def _predict_errors(
     scenario: Scenario, step: Transition, readings: Sequence[Readings], estimator: Estimator | None
 ) -> Prediction:
-    """Return the errors until they have settled, or the last step."""
-    wanted = ceil(settling_time(estimator.modes) * scenario.rate) if estimator else _MOST_STEPS
+    """Return the errors until they have settled, or until the last step."""
+    settling_steps = (
+        ceil(settling_time(estimator.modes) * scenario.rate) if estimator else _MOST_STEPS
+    )
     P = scenario.initial_belief.covariance
     rows = [np.sqrt(P.diagonal())]
-    count = min(wanted, _MOST_STEPS) + 1
+    count = min(settling_steps, _MOST_STEPS) + 1
     for k in range(count):
         if k:
             P = symmetric(step.F @ P @ step.F.T + step.Q)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Notes and warnings on a design, as sentences."""
+"""Notes and warnings about a design, as sentences."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from .design_report import DesignReport, Regulator
 from .input_loops import InputLoops, Loop
 from .jacobians import wrong_jacobians
 
-#: A disk margin below this is small: less than 4.4 dB of gain and 28 degrees of phase.
+#: A disk margin below this value is small: less than 4.4 dB of gain and 28 degrees of phase.
 SMALL_DISK = 0.5
-#: A time constant is longer than another if it is by this factor, not by rounding.
+#: A time constant counts as longer than another if it exceeds it by this factor.
 _SLOWER = 1.001
 
 
 def notes(report: DesignReport) -> tuple[str, ...]:
-    """Return the assumptions of a report."""
+    """Return the assumptions of a report, one sentence each."""
     return tuple(_notes(report))
 
 
 def warnings(report: DesignReport, latency: float) -> tuple[str, ...]:
-    """Return what may go wrong when the loop takes ``latency`` seconds to respond."""
+    """Return the warnings for a loop with a response time of ``latency`` seconds."""
     return tuple(_warnings(report, latency))
 
 
@@ -38,7 +38,7 @@ def _notes(report: DesignReport) -> Iterator[str]:
             f'The scenario is not linear: modes, gains and margins hold for small deviations '
             f'from {where}.'
         )
-        yield from _along(report)
+        yield from _path_notes(report)
     kind = filter_class(report.scenario.filter)
     if not (kind.optimal or kind.mixture):
         name = report.scenario.filter
@@ -57,28 +57,28 @@ def _notes(report: DesignReport) -> Iterator[str]:
         yield f'The input is {report.delay:g} s late; margins are in addition to that delay.'
 
 
-def _along(report: DesignReport) -> Iterator[str]:
-    """Return what the readings determine along the path, window by window where that changes."""
+def _path_notes(report: DesignReport) -> Iterator[str]:
+    """Yield the states that the readings determine along the path, by window where they vary."""
     path = report.path
     if path is None:
         return
-    always, ever = path.observed(throughout=True), path.observed(throughout=False)
-    never = [name for name in path.names if name not in ever]
+    always, sometimes = path.observed(throughout=True), path.observed(throughout=False)
+    never = [name for name in path.names if name not in sometimes]
     text = f'Along a simulated path of {path.time[-1]:.4g} s, '
     if always:
         text += f'the readings of each quarter determine {", ".join(always)}'
         text += f', and never {", ".join(never)}' if never else ''
-    elif ever:
+    elif sometimes:
         text += 'no state is determined by the readings of every quarter'
     else:
         text += 'the readings determine no state'
     yield f'{text}.'
-    for name in ever:
+    for name in sometimes:
         if name not in always:
-            when = ', '.join(
+            spans = ', '.join(
                 f'{w.start:.4g} to {w.end:.4g} s' for w in path.windows if name in w.observed
             )
-            yield f'State {name} is determined by the readings of {when} only.'
+            yield f'State {name} is determined by the readings of {spans} only.'
     if path.growing:
         yield (
             f'The error of {", ".join(path.growing)} still grows in the second half of the path.'
@@ -87,35 +87,35 @@ def _along(report: DesignReport) -> Iterator[str]:
 
 def _warnings(report: DesignReport, latency: float) -> Iterator[str]:
     yield from wrong_jacobians(report.scenario)
-    yield from _unseen(report)
+    yield from _observability_warnings(report)
     if report.controllability and report.controllability.unreached:
         names = ', '.join(report.controllability.unreached)
         yield f'The input does not control {names}; disturbances of them decay without it.'
     if report.regulator and report.estimator:
-        slow, wanted = _slowest(report.estimator.modes), _slowest(report.regulator.modes)
-        if slow > _SLOWER * wanted:
+        estimator, regulator = _slowest(report.estimator.modes), _slowest(report.regulator.modes)
+        if estimator > _SLOWER * regulator:
             yield (
                 f'The estimator is slower than the regulator: its slowest mode has a time '
-                f"constant of {slow:.3g} s, the regulator's {wanted:.3g} s. The input answers "
-                'errors of the estimate long after they began.'
+                f"constant of {estimator:.3g} s, the regulator's {regulator:.3g} s. The input "
+                'answers errors of the estimate long after they began.'
             )
     if report.regulator:
         loops = loop_names(report.scenario.law)
-        yield from _of_loops(report.regulator, loops, report.delay, latency)
+        yield from _loop_warnings(report.regulator, loops, report.delay, latency)
 
 
-def _unseen(report: DesignReport) -> Iterator[str]:
-    seen = report.observability
-    names = ', '.join(seen.unseen)
+def _observability_warnings(report: DesignReport) -> Iterator[str]:
+    observability = report.observability
+    names = ', '.join(observability.unseen)
     if report.path is not None:
         if names:
-            growing = [name for name in seen.unseen if name in report.path.growing]
+            growing = [name for name in observability.unseen if name in report.path.growing]
             grows = f' The error of {", ".join(growing)} grows.' if growing else ''
             yield (
                 f'The readings do not determine {names} along the simulated path; they rest on '
                 f'the first belief and the model.{grows}'
             )
-    elif not seen.detectable:
+    elif not observability.detectable:
         yield (
             f'No sensor observes {names or "some mode that does not decay"}: the error grows '
             'without bound, and there is no estimator in steady state.'
@@ -134,41 +134,45 @@ def _slowest(modes: Sequence[Mode]) -> float:
 
 
 def loop_names(law: str) -> tuple[str, str]:
-    """Return the names of the loops of a law, with all states known and with the estimate."""
+    """Return the names of the loops of a law: with all states known, and with the estimate."""
     return ('LQR', 'LQG') if law == 'lqr' else ('state feedback', 'output feedback')
 
 
-def _of_loops(
+def _loop_warnings(
     regulator: Regulator, names: tuple[str, str], delay: float, latency: float
 ) -> Iterator[str]:
-    for at in regulator.loops:
-        name, loop = (names[0], at.known) if at.estimated is None else (names[1], at.estimated)
-        yield from _late(f'Input {at.input}: the {name} loop', loop, delay, latency)
+    for channel in regulator.loops:
+        name, loop = (
+            (names[0], channel.known)
+            if channel.estimated is None
+            else (names[1], channel.estimated)
+        )
+        yield from _delay_warning(f'Input {channel.input}: the {name} loop', loop, delay, latency)
         if loop.margins and loop.margins.disk.alpha < SMALL_DISK:
-            yield _small(at, name, loop.margins)
+            yield _margin_warning(channel, name, loop.margins)
     if regulator.together is not None:
-        yield from _joint(regulator, names)
+        yield from _joint_warning(regulator, names)
 
 
-def _joint(regulator: Regulator, names: tuple[str, str]) -> Iterator[str]:
-    """Warn of inputs whose margins are good one at a time, but small together."""
+def _joint_warning(regulator: Regulator, names: tuple[str, str]) -> Iterator[str]:
+    """Warn of inputs whose margins are large one at a time, but small together."""
     joint = regulator.together
     if joint is None:
         return
-    estimated = [at.estimated for at in regulator.loops if at.estimated is not None]
-    name, found, each = names[1], joint.estimated, estimated
+    estimated = [loop.estimated for loop in regulator.loops if loop.estimated is not None]
+    name, margin, loops = names[1], joint.estimated, estimated
     if not estimated:
-        name, found, each = names[0], joint.known, [at.known for at in regulator.loops]
-    alone = min((loop.margins.disk.alpha for loop in each if loop.margins), default=0.0)
-    if found is not None and found.alpha < SMALL_DISK <= alone:
+        name, margin, loops = names[0], joint.known, [loop.known for loop in regulator.loops]
+    alone_alpha = min((loop.margins.disk.alpha for loop in loops if loop.margins), default=0.0)
+    if margin is not None and margin.alpha < SMALL_DISK <= alone_alpha:
         yield (
-            f'All inputs at once: the {name} loop has small margins, gain {found.lower_gain:.3g} '
-            f'to {found.upper_gain:.3g} and phase {degrees(found.phase):.3g} deg in every input '
+            f'All inputs at once: the {name} loop has small margins, gain {margin.lower_gain:.3g} '
+            f'to {margin.upper_gain:.3g} and phase {degrees(margin.phase):.3g} deg in every input '
             'together, although each input alone has more.'
         )
 
 
-def _late(subject: str, loop: Loop, delay: float, latency: float) -> Iterator[str]:
+def _delay_warning(subject: str, loop: Loop, delay: float, latency: float) -> Iterator[str]:
     margin = loop.prompt.delay.value
     if loop.margins is None:
         yield (
@@ -181,15 +185,15 @@ def _late(subject: str, loop: Loop, delay: float, latency: float) -> Iterator[st
         )
 
 
-def _small(at: InputLoops, name: str, found: Margins) -> str:
-    text = f'Input {at.input}: the {name} loop has small margins, {bounds(found)}'
-    if at.estimated is not None and at.known.margins:
-        text += f'; with all states known they would be {bounds(at.known.margins)}'
+def _margin_warning(channel: InputLoops, name: str, loop_margins: Margins) -> str:
+    text = f'Input {channel.input}: the {name} loop has small margins, {bounds(loop_margins)}'
+    if channel.estimated is not None and channel.known.margins:
+        text += f'; with all states known they would be {bounds(channel.known.margins)}'
     return f'{text}.'
 
 
-def bounds(found: Margins) -> str:
-    """Return gain and phase margins as text, ``gain 0.5 to 2 and phase 30 deg``."""
-    phase = degrees(min(found.lead.value, found.lag.value))
-    gains = f'gain {found.lower_gain.value:.3g} to {found.upper_gain.value:.3g}'
+def bounds(loop_margins: Margins) -> str:
+    """Return the gain and phase margins as text: ``gain 0.5 to 2 and phase 30 deg``."""
+    phase = degrees(min(loop_margins.lead.value, loop_margins.lag.value))
+    gains = f'gain {loop_margins.lower_gain.value:.3g} to {loop_margins.upper_gain.value:.3g}'
     return f'{gains} and phase {phase:.3g} deg'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The loops of a scenario, broken at one input at a time or at all, and their margins."""
+"""The loops of a scenario, broken at one input at a time or at all inputs, and their margins."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from kalman_ros.scenario.regulator import regulator
 
 from .observability import stacked
 
-#: More samples of delay give matrices that take minutes.
+#: The longest delay in samples: with longer delays the matrices take minutes.
 _MOST_SAMPLES = 100
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A scalar loop that is closed by u = -L u, all other inputs closed as designed.
+    """A scalar loop that is closed by u = -L u, with all other inputs closed as designed.
 
     Parameters
     ----------
     broken
-        L, with the requested delay.
+        Open loop L with the requested delay.
     margins
-        Beyond that delay; None if the loop is unstable with it.
+        Margins in addition to the requested delay; None if the loop is unstable with it.
     prompt
-        Without that delay.
+        Margins of the loop without the requested delay.
     """
 
     broken: StateSpace
@@ -53,13 +53,14 @@ class InputLoops:
     Parameters
     ----------
     input
-        Its name.
+        Name of the input.
     known
-        With all states known: LQR, if that is the law.
+        Loop with all states known, which is the LQR loop for an LQR law.
     estimated
-        With the estimate: LQG for an LQR law. None if there is no estimator in steady state.
+        Loop with the estimate, which is the LQG loop for an LQR law; None without a steady-state
+        estimator.
     guarantee
-        The guarantee of an LQR without delay; None for other laws.
+        Guaranteed margins of an LQR without delay; None for other laws.
     """
 
     input: str
@@ -70,13 +71,13 @@ class InputLoops:
 
 @dataclass(frozen=True)
 class Together:
-    """The largest simultaneous changes of all inputs; None if that loop is unstable.
+    """The disk margins of simultaneous changes of all inputs; None for an unstable loop.
 
     Parameters
     ----------
     known, estimated
-        With all states known, and with the estimate, with the requested delay.
-        ``estimated`` is None without an estimator, too.
+        Margin with all states known, and margin with the estimate, both with the requested delay.
+        ``estimated`` is also None without an estimator.
     """
 
     known: DiskMargin | None
@@ -90,9 +91,9 @@ Broken = Callable[[float], StateSpace]
 def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
     """Return the steady-state Kalman filter as if each sensor read at every step.
 
-    A sensor that measures in a share of the steps then has 1 / share of its covariance, which
-    is as much information per second. So the loop is time-invariant and has frequency
-    responses. Where every sensor measures at every step, it is exact.
+    The covariance of a sensor that measures in a share of the steps is divided by that share, so
+    that the information per second stays the same. The loop is then time-invariant and has
+    frequency responses. The result is exact if every sensor measures at every step.
 
     Raises
     ------
@@ -111,63 +112,65 @@ def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
 def input_loops(
     scenario: Scenario, feedback: Feedback, estimator: LqeDesign | None, delay: float
 ) -> tuple[InputLoops, ...]:
-    """Return the loops at each input, with the input delayed by ``delay`` seconds.
+    """Return the loops that are broken at each input.
 
     Parameters
     ----------
     scenario
-        Linearised about its equilibrium.
+        Scenario, which is linearised about its equilibrium.
     feedback
-        The gains of its law.
+        Gains of the control law.
     estimator
-        The `even_estimator`, if there is one.
+        Result of `even_estimator`, if there is one.
     delay
-        Unknown to the estimator.
+        Delay of the input in seconds, unknown to the estimator.
 
     Raises
     ------
     ValueError
-        If the delay is negative, or many samples long.
+        If the delay is negative, or longer than 100 samples.
     """
     dt = 1.0 / scenario.rate
     if not 0.0 <= delay <= _MOST_SAMPLES * dt:
         raise ValueError(f'delay: expected 0 to {_MOST_SAMPLES * dt:g} s, got {delay:g}')
-    state, estimate = _broken(scenario, feedback, estimator)
-    known = _loops(state, delay)
-    estimated = [None] * len(known) if estimate is None else _loops(estimate, delay)
+    state, estimate = _open_loops(scenario, feedback, estimator)
+    known = _analyse_loops(state, delay)
+    estimated = [None] * len(known) if estimate is None else _analyse_loops(estimate, delay)
     names = scenario.model.input.names
-    return tuple(InputLoops(*each) for each in zip(names, known, estimated, _guarantees(scenario)))
+    return tuple(
+        InputLoops(*loops) for loops in zip(names, known, estimated, _guarantees(scenario))
+    )
 
 
 def together(
     scenario: Scenario, feedback: Feedback, estimator: LqeDesign | None, delay: float
 ) -> Together:
-    """Return the margins of simultaneous changes of all inputs; see `input_loops`."""
-    state, estimate = _broken(scenario, feedback, estimator)
+    """Return the margins of simultaneous changes of all inputs, as for `input_loops`."""
+    state, estimate = _open_loops(scenario, feedback, estimator)
     return Together(
-        _simultaneous(state(delay)), None if estimate is None else _simultaneous(estimate(delay))
+        _disk_or_none(state(delay)), None if estimate is None else _disk_or_none(estimate(delay))
     )
 
 
-def _broken(
+def _open_loops(
     scenario: Scenario, feedback: Feedback, estimator: LqeDesign | None
 ) -> tuple[Broken, Broken | None]:
-    """Return the loop of all inputs as a function of its delay: of the state, of the estimate."""
+    """Return the open loops of the state and of the estimate as functions of the delay."""
     dt = 1.0 / scenario.rate
     system = linearize(scenario.model, *scenario.model.equilibrium)
     law, states = feedback.system(dt), np.eye(system.state.size)
 
-    def known(late: float) -> StateSpace:
-        return law @ sampled_plant(system, states, dt, late)
+    def known(delay: float) -> StateSpace:
+        return law @ sampled_plant(system, states, dt, delay)
 
     if estimator is None:
         return known, None
     C = stacked(scenario, scenario.model.equilibrium.state)
     H = current_compensator(sampled_plant(system, C, dt), law, estimator)
-    return known, lambda late: H @ sampled_plant(system, C, dt, late)
+    return known, lambda delay: H @ sampled_plant(system, C, dt, delay)
 
 
-def _simultaneous(loop: StateSpace) -> DiskMargin | None:
+def _disk_or_none(loop: StateSpace) -> DiskMargin | None:
     try:
         return simultaneous_disk(loop)
     except DesignError:
@@ -184,17 +187,17 @@ def _guarantees(scenario: Scenario) -> Sequence[Guarantee | None]:
     return sampled_guarantees(design, G, weights, scenario.input_cost * dt)
 
 
-def _loops(loop: Broken, delay: float) -> list[Loop]:
-    """Return, for each input, the loop delayed by ``delay`` and its margins."""
-    prompt, late = loop(0.0), loop(delay)
-    found = []
+def _analyse_loops(loop: Broken, delay: float) -> list[Loop]:
+    """Return the loop at each input with a delay of ``delay`` seconds, and its margins."""
+    prompt, delayed = loop(0.0), loop(delay)
+    loops = []
     for index in range(len(prompt.D)):
-        broken = late.channel(index)
-        found.append(Loop(broken, _margins(broken), margins(prompt.channel(index))))
-    return found
+        broken = delayed.channel(index)
+        loops.append(Loop(broken, _margins_or_none(broken), margins(prompt.channel(index))))
+    return loops
 
 
-def _margins(loop: StateSpace) -> Margins | None:
+def _margins_or_none(loop: StateSpace) -> Margins | None:
     try:
         return margins(loop)
     except DesignError:

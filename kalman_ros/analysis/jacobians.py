@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Analytical Jacobians against the functions that they are derivatives of."""
+"""Comparison of analytical Jacobians with numerical derivatives."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import numpy as np
 from kalman_ros.core import Array, Model, Sensor
 from kalman_ros.scenario import Scenario
 
-#: A difference below this share of the largest entry may be the numerical one's error.
+#: A difference below this share of the largest entry may be an error of the numerical derivative.
 _TOLERANCE = 1e-3
 
 
 def wrong_jacobians(scenario: Scenario) -> Iterator[str]:
-    """Yield a sentence for each Jacobian that is not a derivative, at the first belief.
+    """Yield a sentence for each Jacobian that is wrong at the initial belief.
 
-    It is compared with differences of ``derivative`` or ``measure``. A filter with a wrong one is
-    wrong without any other sign.
+    Each Jacobian is compared with finite differences of ``derivative`` or ``measure``, since a
+    filter with a wrong Jacobian gives wrong results without any other symptom.
     """
     model, x = scenario.model, scenario.initial_belief.mean
     states = model.state.names
     if isinstance(model, Model):
         u = model.equilibrium.input
-        yield from _compared(
+        yield from _compare(
             "The model's state_jacobian",
             "'derivative'",
             (states, states),
             model.state_jacobian(x, u),
             Model.state_jacobian(model, x, u),
         )
-        yield from _compared(
+        yield from _compare(
             "The model's input_jacobian",
             "'derivative'",
             (states, model.input.names),
@@ -40,7 +40,7 @@ def wrong_jacobians(scenario: Scenario) -> Iterator[str]:
         )
     for name, source in scenario.sensors.items():
         sensor = source.sensor
-        yield from _compared(
+        yield from _compare(
             f'The jacobian of {name}',
             "'measure'",
             (sensor.output.names, states),
@@ -49,14 +49,19 @@ def wrong_jacobians(scenario: Scenario) -> Iterator[str]:
         )
 
 
-def _compared(
-    what: str, of: str, names: tuple[tuple[str, ...], tuple[str, ...]], own: Array, found: Array
+def _compare(
+    subject: str,
+    function: str,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    analytical: Array,
+    numerical: Array,
 ) -> Iterator[str]:
-    difference = np.abs(own - found)
-    if not difference.size or not difference.max() > _TOLERANCE * np.abs(found).max():
+    difference = np.abs(analytical - numerical)
+    if not difference.size or not difference.max() > _TOLERANCE * np.abs(numerical).max():
         return
     row, column = np.unravel_index(np.argmax(difference), difference.shape)
     yield (
-        f'{what} is not the derivative of {of} at the first belief: that of {names[0][row]} by '
-        f'{names[1][column]} is {own[row, column]:.4g}, and should be {found[row, column]:.4g}.'
+        f'{subject} is not the derivative of {function} at the first belief: that of '
+        f'{names[0][row]} by {names[1][column]} is {analytical[row, column]:.4g}, and should be '
+        f'{numerical[row, column]:.4g}.'
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The observability of the state from recent readings alone, without the initial belief."""
+"""Observability of the state from recent readings alone, without the initial belief."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from kalman_ros.scenario import Scenario
 
 from .observability import observability
 
-#: The path reaches back over N readings of the slowest sensor, but not beyond the point where the
-#: current state would change by this multiple of the initial uncertainty.
+#: The path covers the last N readings of the slowest sensor. It ends earlier where the current
+#: state changes by this multiple of the initial uncertainty.
 _PIECES, _MOST_GROWTH = 20, 1e3
-#: Information below this, relative to that of the initial belief, is rounding.
+#: Information below this share of the information of the initial belief is rounding.
 _NONE = 1e-6
-#: The step of numerical derivatives, relative to the initial belief.
+#: Step of numerical derivatives, relative to the standard deviation of the initial belief.
 _DIFFERENCE = 1e-5
 
 
 @dataclass
 class _Piece:
-    """A piece of the path: its start and end (ns), its readings, and the input's integral."""
+    """A piece of the path: start and end (ns), number of readings, and integral of the input."""
 
     start: int
     end: int
@@ -44,7 +44,7 @@ class _Piece:
 class LocalObservability:
     """The standard deviation (n,) of each state from readings alone, and the observability.
 
-    A state counts as observed if they are more certain than the initial belief.
+    A state is observed if its standard deviation does not exceed that of the initial belief.
     """
 
     std: Array
@@ -57,44 +57,44 @@ def readings_alone(gramian: Array, first: Array) -> Array:
     Parameters
     ----------
     gramian
-        The information of the readings (n, n), the sum of H' R^-1 H.
+        Information of the readings (n, n), the sum of H' R^-1 H.
     first
-        Standard deviations of the initial belief (n,), relative to which information is rounding
-        or not; an exactly known state counts in its unit.
+        Standard deviations of the initial belief (n,), the scale on which small information is
+        rounding. The scale of an exactly known state is its unit.
     """
-    units = _units(first)
-    size, directions = np.linalg.eigh(units * symmetric(gramian) * units[:, None])
+    scales = _scales(first)
+    size, directions = np.linalg.eigh(scales * symmetric(gramian) * scales[:, None])
     variance = np.array([1.0 / s if s > _NONE else inf for s in size.tolist()])
-    taking_part = np.where(np.abs(directions) > _NONE, variance, 0.0) * directions**2
-    return np.asarray(units * np.sqrt(taking_part.sum(axis=1)))
+    components = np.where(np.abs(directions) > _NONE, variance, 0.0) * directions**2
+    return np.asarray(scales * np.sqrt(components.sum(axis=1)))
 
 
-def _units(first: Array) -> Array:
+def _scales(first: Array) -> Array:
     return np.where(first > 0.0, first, 1.0)
 
 
 class ObservabilityMeter:
-    """Records recent readings and inputs, and evaluates their observability on request.
+    """A recorder of recent readings and inputs that evaluates the observability of the state.
 
-    The Gramian of the readings, by the current state x,
+    The Gramian of the readings with respect to the current state x,
 
         M = sum of (H dx_k/dx)' R^-1 (H dx_k/dx),
 
-    is the inverse of the covariance of an estimate from them alone (R. Hermann and
+    is the inverse of the covariance of an estimate from the readings alone (R. Hermann and
     A. Krener, Nonlinear Controllability and Observability, IEEE Trans. Automatic Control 22(5),
-    1977, for the rank). All is linearised along one path, back from the current estimate with the
-    recorded inputs. Along the estimates of each time, which every reading moves, M would count
-    unobservable states as observed (G. Huang, A. Mourikis and S. Roumeliotis,
-    Observability-based Rules for Designing Consistent EKF SLAM Estimators, Int. J. Robotics
-    Research 29(5), 2010).
+    1977, for the rank). The linearisation follows one path, which leads back from the current
+    estimate with the recorded inputs. If M were linearised about the estimate of each time, which
+    every reading moves, it would count unobservable states as observed (G. Huang, A. Mourikis and
+    S. Roumeliotis, Observability-based Rules for Designing Consistent EKF SLAM Estimators, Int. J.
+    Robotics Research 29(5), 2010).
 
-    The observability of a linear scenario is constant and needs no record; a model in discrete
-    time, which cannot go back, is taken where it begins.
+    The observability of a linear scenario is constant and needs no record. A discrete-time model
+    cannot be integrated backwards, so it is linearised about the initial belief.
 
-    Where the state has many numbers, the whole path takes tens of milliseconds, in which a node
-    would answer no reading. A node in real time lets the meter `work` now and then, step by
-    step, and `report` has the last path that was completed. Without such work `report` follows
-    the whole path.
+    If the state is large, the whole path takes tens of milliseconds, during which a node would
+    process no reading. A node in real time therefore calls `work` regularly, which follows the
+    path by one step, and `report` returns the result of the last completed path. If `work` is
+    never called, `report` follows the whole path.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -102,7 +102,7 @@ class ObservabilityMeter:
         self.configure(scenario)
 
     def configure(self, scenario: Scenario) -> None:
-        """Use another model, or changed sensors."""
+        """Use another model or other sensors, and clear the path."""
         self._scenario = scenario
         constant = scenario.plan.linear or scenario.model.is_discrete
         self._linear = observability(scenario) if constant else None
@@ -113,26 +113,26 @@ class ObservabilityMeter:
     def reset(self) -> None:
         """Clear the path."""
         self._pieces.clear()
-        self._walk: Iterator[Array] | None = None
-        self._found: LocalObservability | None = None
+        self._pass: Iterator[Array] | None = None
+        self._latest: LocalObservability | None = None
         self._gramian: Array = np.empty(0)
         self._zero: Array = np.zeros(self._scenario.model.input.size)
         self._u: Array = self._zero
 
     def input(self, time: int, u: Array) -> None:
-        """Record the input (m,) in effect from a time in nanoseconds."""
+        """Record the input (m,) that holds from a time in nanoseconds on."""
         if self._linear is None:
-            self._piece(time)
+            self._piece_at(time)
             self._u = u
 
     def reading(self, name: str, time: int) -> None:
-        """Record that a sensor's reading was used."""
+        """Record a reading of a sensor that was used, with its time in nanoseconds."""
         if self._linear is None:
-            self._piece(time).readings[name] += 1
+            self._piece_at(time).readings[name] += 1
 
-    def _piece(self, time: int) -> _Piece:
-        """Return the piece at ``time``, after the input has acted until then."""
-        if not self._pieces or time < self._pieces[0].start:  # or the clock went back
+    def _piece_at(self, time: int) -> _Piece:
+        """Return the piece at ``time``, with the input integrated until then."""
+        if not self._pieces or time < self._pieces[0].start:  # no path yet, or the clock went back
             self.reset()
             self._pieces.append(_Piece(time, time, self._zero))
         piece = self._pieces[-1]
@@ -145,67 +145,67 @@ class ObservabilityMeter:
         return piece
 
     def report(self, x: Array) -> dict[str, str]:
-        """Return the observability and its standard deviations, as text."""
+        """Return the observability and the standard deviations from readings alone, as text."""
         if self._linear is not None:
             return {'observability': str(self._linear)}
-        if self._found is None and self._walk is not None:
+        if self._latest is None and self._pass is not None:
             return {'observability': 'not known yet'}
-        found, space = self._found or self(x), self._scenario.model.state
-        deviations = zip(space.names, space.units, found.std.tolist())
+        result, space = self._latest or self(x), self._scenario.model.state
+        deviations = zip(space.names, space.units, result.std.tolist())
         listed = ', '.join(f'{name} {std:.3g} {unit}'.rstrip() for name, unit, std in deviations)
-        return {'observability': str(found.verdict), 'latest readings alone, 1 sigma': listed}
+        return {'observability': str(result.verdict), 'latest readings alone, 1 sigma': listed}
 
     def __call__(self, x: Array) -> LocalObservability:
-        """Return the observability, with ``x`` (n,) the current estimate."""
+        """Return the observability about the current estimate ``x`` (n,)."""
         *_, M = self._gramians(x, reversed(self._pieces))
-        return self._judged(M)
+        return self._assess(M)
 
     def work(self, estimate: Callable[[], Array]) -> None:
-        """Follow the path by one step, and begin again from the ``estimate`` at its end."""
+        """Follow the path by one step; after its end, start again from the ``estimate``."""
         if self._linear is not None:
             return
-        if self._walk is None:
+        if self._pass is None:
             past = [replace(piece, readings=piece.readings.copy()) for piece in self._pieces]
-            self._walk = self._gramians(estimate(), reversed(past))
-            next(self._walk)
-        M = next(self._walk, None)
+            self._pass = self._gramians(estimate(), reversed(past))
+            next(self._pass)
+        M = next(self._pass, None)
         if M is None:
-            self._walk, self._found = None, self._judged(self._gramian)
+            self._pass, self._latest = None, self._assess(self._gramian)
         else:
             self._gramian = M
 
-    def _judged(self, M: Array) -> LocalObservability:
+    def _assess(self, M: Array) -> LocalObservability:
         first = self._scenario.initial_belief.std
         std = readings_alone(M, first)
-        return LocalObservability(std, self._verdict(std, first))
+        return LocalObservability(std, self._classify(std, first))
 
-    def _verdict(self, std: Array, first: Array) -> Observability:
+    def _classify(self, std: Array, first: Array) -> Observability:
         names = self._scenario.model.state.names
-        seen = tuple(name for name, s, belief in zip(names, std, first) if s <= belief)
-        unseen = tuple(name for name in names if name not in seen)
-        return Observability(seen, unseen, (), not unseen)
+        observed = tuple(name for name, s, belief in zip(names, std, first) if s <= belief)
+        unobserved = tuple(name for name in names if name not in observed)
+        return Observability(observed, unobserved, (), not unobserved)
 
     def _gramians(self, x: Array, path: Iterable[_Piece]) -> Iterator[Array]:
         """Yield the Gramian before the path, which leads back from ``x``, and after each step."""
         model, sensors = self._scenario.model, self._scenario.sensors
-        first = _units(self._scenario.initial_belief.std)
-        n, h = x.size, _DIFFERENCE * np.diag(first)  # many points take as long as one
-        back, M = np.eye(n), np.zeros((n, n))
+        scales = _scales(self._scenario.initial_belief.std)
+        n, h = x.size, _DIFFERENCE * np.diag(scales)  # the model evaluates all points in one call
+        sensitivity, M = np.eye(n), np.zeros((n, n))
         yield M
         for piece in path:
             for name, count in piece.readings.items():
                 sensor = sensors[name].sensor
-                H = sensor.jacobian(x) @ back
+                H = sensor.jacobian(x) @ sensitivity
                 M = M + count * H.T @ solve(sensor.covariance, H)
             if not piece.seconds:
                 break
             u = piece.impulse / piece.seconds
             count = parts(model, piece.seconds)
             for _ in range(count):
-                x, *near = model.step(np.vstack((x, x + h, x - h)), u, -piece.seconds / count)
-                change = model.state.subtract(np.array(near[:n]), np.array(near[n:]))
-                back = (change.T / (2.0 * h.diagonal())) @ back
+                x, *perturbed = model.step(np.vstack((x, x + h, x - h)), u, -piece.seconds / count)
+                change = model.state.subtract(np.array(perturbed[:n]), np.array(perturbed[n:]))
+                sensitivity = (change.T / (2.0 * h.diagonal())) @ sensitivity
                 yield M
-                if not np.abs(back / first[:, None] * first).max() < _MOST_GROWTH:
+                if not np.abs(sensitivity / scales[:, None] * scales).max() < _MOST_GROWTH:
                     return
         yield M

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Analysis along a simulated path of a scenario, where one operating point is not enough.
 
-A bearing has no derivative at its own place, and a robot at rest cannot observe its heading:
-what a nonlinear system's readings determine depends on its path.
+A bearing has no derivative at the position of its target, and a robot at rest cannot observe its
+heading: the states that the readings of a nonlinear system determine depend on its path.
 """
 
 from __future__ import annotations
@@ -23,35 +23,35 @@ from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 from .local_observability import readings_alone
 
-#: The default length of a path in seconds, and its most steps.
+#: The default duration of a path in seconds, and the largest number of steps for it.
 _SECONDS, _STEPS = 60.0, 2_000
-#: The slowest sensor gets N readings, unless that takes more steps.
+#: The slowest sensor gets this number of readings, within the largest number of steps for them.
 _READINGS, _STEPS_FOR_READINGS = 20, 6_000
-#: The most steps of a path.
+#: The largest number of steps of a path.
 _MOST_STEPS = 100_000
-#: The model is linearised at about N points of a path.
+#: The model is linearised at about this number of points of a path.
 _POINTS = 400
-#: A window ends where a change of its start has grown by this factor.
+#: Readings count until a change of the state at the start of a window has grown by this factor.
 _MOST_GROWTH = 1e3
 #: The number of windows of a path.
 _WINDOWS = 4
-#: An error that is larger at the end than halfway by this factor grows.
+#: An error grows if it is larger at the end than halfway by this factor.
 _GROWTH = 1.05
 
 
 @dataclass(frozen=True)
 class Window:
-    """A part of a path, and the states that its readings alone determine.
+    """A window of a path, and the states that its readings alone determine.
 
     Parameters
     ----------
     start, end
-        In seconds.
+        Start and end of the window, in seconds.
     std
-        Of an estimate of the state (n,) at ``start`` from these readings alone; inf if they do
-        not determine it.
+        Standard deviations (n,) of an estimate of the state at ``start`` from the readings of the
+        window alone; inf for a state that they do not determine.
     observed
-        The states that they determine better than the initial belief did.
+        Names of the states that the readings determine at least as well as the initial belief.
     """
 
     start: float
@@ -67,18 +67,18 @@ class Path:
     Parameters
     ----------
     time
-        Of each step (N,), in seconds.
+        Time of each step (N,), in seconds.
     truth
-        The states (N, n).
+        True states (N, n).
     std
-        Of the error after the readings of each step (N, n): the posterior Cramer-Rao bound, which
-        is the covariance of an EKF that is linearised about the truth.
+        Standard deviation of the error after the readings of each step (N, n): the posterior
+        Cramer-Rao bound, which is the covariance of an EKF that is linearised about the truth.
     covariance
-        At the end (n, n).
+        Covariance of the error at the end (n, n).
     windows
-        The windows of the path.
+        Windows of the path.
     names
-        Of the states.
+        Names of the states.
     """
 
     time: Array
@@ -89,15 +89,15 @@ class Path:
     names: tuple[str, ...]
 
     def observed(self, *, throughout: bool) -> tuple[str, ...]:
-        """Return the states that the readings determine in every window, or in some."""
+        """Return the states that the readings determine in every window, or in any window."""
         test = all if throughout else any
         return tuple(n for n in self.names if test(n in w.observed for w in self.windows))
 
     @property
     def growing(self) -> tuple[str, ...]:
-        """The states whose error still grows over the second half.
+        """Names of the states whose error still grows in the second half of the path.
 
-        What every window determines again does not grow; it varies with the path.
+        The error of a state that every window determines varies with the path, but does not grow.
         """
         half, always = self.std[len(self.std) // 2], self.observed(throughout=True)
         ends = zip(self.names, half, self.std[-1])
@@ -105,9 +105,9 @@ class Path:
 
 
 def default_seconds(scenario: Scenario, usual: float = 0.0) -> float:
-    """Return how long a path has to be to say something of every sensor.
+    """Return the duration of a path, in seconds, that has enough readings of every sensor.
 
-    The ``usual`` duration of a run is right, too, if it takes no more steps than that may.
+    It is the ``usual`` duration of a run if that duration is positive and has few enough steps.
     """
     if 0.0 < usual * scenario.rate <= _STEPS_FOR_READINGS:
         return usual
@@ -117,25 +117,25 @@ def default_seconds(scenario: Scenario, usual: float = 0.0) -> float:
 
 
 def follow(scenario: Scenario, law: Feedback | None, seconds: float, seed: int = 0) -> Path:
-    """Return the analysis of the path that the plant takes from its initial state.
+    """Simulate the path of the plant from its initial state, and analyse it.
 
-    It has the process noise of ``seed``, and the law acts on the true state.
+    The control law acts on the true state.
 
     Parameters
     ----------
     scenario
-        Model, sensors with their rates, and first belief.
+        Model, sensors with their rates, and initial belief.
     law
-        Regulates to the equilibrium; None leaves the input at rest.
+        Control law that regulates to the equilibrium; None holds the input of the equilibrium.
     seconds
-        How long.
+        Duration of the path.
     seed
-        Of the process noise.
+        Seed of the process noise.
 
     Raises
     ------
     ValueError
-        If there are too few steps, or too many.
+        If there are too few or too many steps.
     DesignError
         If the path does not stay finite.
     """
@@ -145,7 +145,7 @@ def follow(scenario: Scenario, law: Feedback | None, seconds: float, seed: int =
         raise ValueError(f'duration: expected {least:g} to {most:g} s, got {seconds:g}')
     try:
         with np.errstate(all='ignore'):
-            path = _known(scenario, *_simulated(scenario, law, steps, seed))
+            path = _analyse(scenario, *_simulate(scenario, law, steps, seed))
     except np.linalg.LinAlgError:
         path = None
     if path is None or not np.all(np.isfinite(path.truth)):
@@ -153,10 +153,10 @@ def follow(scenario: Scenario, law: Feedback | None, seconds: float, seed: int =
     return path
 
 
-def _simulated(
+def _simulate(
     scenario: Scenario, law: Feedback | None, steps: int, seed: int
 ) -> tuple[Array, Array]:
-    """Return the states (steps + 1, n) and the inputs (steps + 1, m)."""
+    """Return the simulated states (steps + 1, n) and inputs (steps + 1, m)."""
     model = scenario.model
     plant = SimulatedPlant(model, {}, scenario.rate, scenario.initial_state, seed)
     rest = model.equilibrium
@@ -174,42 +174,46 @@ def _simulated(
     return np.array(states), np.array(inputs)
 
 
-def _known(scenario: Scenario, truth: Array, input: Array) -> Path:
-    """Return the analysis of a path."""
+def _analyse(scenario: Scenario, truth: Array, input: Array) -> Path:
+    """Return the analysis of the path with these states (N, n) and inputs (N, m)."""
     model, plan = scenario.model, scenario.plan
     filter: Any = ExtendedKalmanFilter(model)
     first, names = scenario.initial_belief, model.state.names
-    P, over, gramian = first.covariance, np.eye(model.state.size), np.zeros_like(first.covariance)
+    P, transition, gramian = (
+        first.covariance,
+        np.eye(model.state.size),
+        np.zeros_like(first.covariance),
+    )
     ends = np.linspace(0, len(truth) - 1, _WINDOWS + 1).astype(int)
-    often = ceil(len(truth) / _POINTS)
+    interval = ceil(len(truth) / _POINTS)
     stds: list[Array] = []
     windows: list[Window] = []
     for step, x in enumerate(truth):
-        near = np.abs(over).max() < _MOST_GROWTH
-        for sensor in _read(scenario, step, x):
-            found = filter.correct(Gaussian(x, P), sensor.measure(x), sensor)
-            P = found.posterior.covariance
-            if near:
-                seen = found.jacobian @ over
-                gramian += seen.T @ solve(sensor.covariance, seen)
+        reliable = np.abs(transition).max() < _MOST_GROWTH
+        for sensor in _usable_sensors(scenario, step, x):
+            correction = filter.correct(Gaussian(x, P), sensor.measure(x), sensor)
+            P = correction.posterior.covariance
+            if reliable:
+                sensitivity = correction.jacobian @ transition
+                gramian += sensitivity.T @ solve(sensor.covariance, sensitivity)
         stds.append(np.sqrt(P.diagonal()))
         if step and step in ends:
             std = readings_alone(gramian, first.std)
             observed = tuple(n for n, s, b in zip(names, std, first.std) if s <= b)
             start = ends[len(windows)] * plan.dt
             windows.append(Window(start, step * plan.dt, std, observed))
-            over, gramian = np.eye(len(over)), np.zeros_like(gramian)
-        if step % often == 0:
+            transition, gramian = np.eye(len(transition)), np.zeros_like(gramian)
+        if step % interval == 0:
             _, F, Q = filter.linearized(Gaussian(x, P), input[step], plan.dt)
         if step < len(truth) - 1:
             P = symmetric(sandwich(F, P, Q))
-            over = F @ over if near else over
+            transition = F @ transition if reliable else transition
     time = np.asarray(np.arange(len(truth)) * plan.dt)
     return Path(time, truth, np.array(stds), P, tuple(windows), names)
 
 
-def _read(scenario: Scenario, step: int, x: Array) -> Iterator[Sensor]:
-    """Yield the sensors that read at a step, where they have a derivative."""
+def _usable_sensors(scenario: Scenario, step: int, x: Array) -> Iterator[Sensor]:
+    """Yield the sensors that read at a step, unless their Jacobian at x is not finite."""
     plan = scenario.plan
     for name in plan.due(step):
         sensor = plan.sensors[name].sensor

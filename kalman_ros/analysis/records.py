@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording as a filter has seen it, as arrays: readings, inputs and beliefs."""
+"""The readings, inputs and beliefs of a recording as arrays."""
 
 from __future__ import annotations
 
@@ -18,21 +18,23 @@ class SensorRecord:
     Parameters
     ----------
     received, stamp
-        When each was received and its stamp, when it was taken (N,), in seconds
-        of one origin. A reading without a stamp has that of its receipt.
+        Times at which the readings were received, and their stamps, the times at which they were
+        taken (N,), in seconds from one origin. A reading without a stamp has the time at which it
+        was received.
     stamped
-        Whether each has a stamp (N,).
+        Whether each reading has a stamp (N,).
     completed
-        Whether the message of each has zeros for a covariance (N,), so that it was fused with the
-        configured one.
+        Whether the covariance in the message of each reading is zero (N,), so that the reading was
+        fused with the configured covariance.
     value
-        The readings (N, k).
+        Readings (N, k).
     covariance
-        The noise covariance that each was fused with (N, k, k).
+        Noise covariance with which each reading was fused (N, k, k).
     outcome
-        What became of each (N,), as the name of an `Outcome`; '' where that is not known.
+        Name of the `Outcome` of each reading (N,); '' if it is not known.
     innovation, innovation_covariance, nis
-        Of each, (N, k), (N, k, k) and (N,); NaN where there was no correction.
+        Innovation (N, k), its covariance (N, k, k) and the NIS (N,) of each reading; NaN without a
+        correction.
     """
 
     received: Array
@@ -50,13 +52,13 @@ class SensorRecord:
         return len(self.received)
 
     def select(self, keep: Any) -> SensorRecord:
-        """Return the readings that ``keep`` (N,), a mask or indices, selects."""
-        return SensorRecord(*(getattr(self, each.name)[keep] for each in fields(SensorRecord)))
+        """Return the readings that ``keep`` selects, a mask (N,) or indices."""
+        return SensorRecord(*(getattr(self, field.name)[keep] for field in fields(SensorRecord)))
 
 
 @dataclass(frozen=True)
 class InputRecord:
-    """Inputs in the order of receipt: ``received`` and ``stamp`` (N,) in s, ``value`` (N, m)."""
+    """The inputs in the order of receipt: ``received``, ``stamp`` (N,) in s, ``value`` (N, m)."""
 
     received: Array
     stamp: Array
@@ -65,7 +67,7 @@ class InputRecord:
 
 @dataclass(frozen=True)
 class Beliefs:
-    """What the filter published: ``time`` (N,) in s, ``mean`` (N, n), ``covariance`` (N, n, n)."""
+    """The published beliefs: ``time`` (N,) in s, ``mean`` (N, n), ``covariance`` (N, n, n)."""
 
     time: Array
     mean: Array
@@ -73,5 +75,5 @@ class Beliefs:
 
     @property
     def std(self) -> Array:
-        """The standard deviation of each state (N, n)."""
+        """Standard deviation of each state (N, n)."""
         return np.asarray(np.sqrt(self.covariance.diagonal(axis1=1, axis2=2)))

@@ -8,8 +8,7 @@ from math import isfinite
 
 from .checks import Check
 
-#: By the start of a check's name: what is compared, and the causes of too large and of too small
-#: values.
+#: The start of a check's name, with the causes of values that are too large and too small.
 _SUSPECTS = (
     (
         'NIS of ',
@@ -59,14 +58,16 @@ _SUSPECTS = (
 
 def suspects(checks: Sequence[Check]) -> list[str]:
     """Return the likely causes of failed checks, one sentence each."""
-    found = []
+    sentences = []
     for start, large, small in _SUSPECTS:
         for check in checks:
             if check.passed or not check.counts or not check.name.startswith(start):
                 continue
-            what, value = check.name[len(start) :].partition(' / ')[0], check.measured.real
+            subject, value = check.name[len(start) :].partition(' / ')[0], check.measured.real
             if isfinite(value):
-                found.append((large if value > check.high else small).format(what=what))
+                sentences.append((large if value > check.high else small).format(what=subject))
             elif start == 'NIS of ':
-                found.append(f'No reading of {what} was fused: suspect its topic or its gate.')
-    return [sentence for sentence in dict.fromkeys(found) if sentence]
+                sentences.append(
+                    f'No reading of {subject} was fused: suspect its topic or its gate.'
+                )
+    return [sentence for sentence in dict.fromkeys(sentences) if sentence]

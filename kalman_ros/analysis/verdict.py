@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The evaluation of a run: by the theory of the LQG loop where it applies, else by consistency."""
+"""Evaluation of a run by the theory of its LQG loop, or by consistency if there is no theory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from . import checks as verdicts
 from .checks import MISS, Check
 from .nees_spread import average_nees
 
-#: The least steps, and readings of each sensor, of a run for an evaluation of its consistency.
+#: The smallest numbers of steps, and of readings of each sensor, to evaluate consistency.
 _LEAST_STEPS, _LEAST_READINGS = 100, 20
 
 
@@ -28,13 +28,13 @@ class Judgement:
     Parameters
     ----------
     checks
-        The comparisons.
+        Checks of the run.
     settling_time
-        The initial part of the run, in seconds, that is excluded.
+        Duration in seconds of the start of the run, which is excluded.
     basis
-        What the expectations are based on, in a sentence.
+        Basis of the expectations, as a sentence.
     claim
-        The conclusion if every check passes.
+        Conclusion if every check passes.
     """
 
     checks: list[Check]
@@ -44,7 +44,7 @@ class Judgement:
 
 
 def least_duration(scenario: Scenario) -> float:
-    """Return the least duration of a run in seconds; DesignError as `judge`."""
+    """Return the least duration of a run in seconds; raise DesignError as `judge` does."""
     if _has_theory(scenario):
         return verdicts.theory(scenario).least_duration
     slowest = min((source.timed.rate for source in scenario.enabled.values()), default=0.0)
@@ -57,7 +57,7 @@ def _has_theory(scenario: Scenario) -> bool:
 
 
 def judge(scenario: Scenario, run: Trajectory) -> Judgement:
-    """Return the judgement of a run.
+    """Compare a run with its expectations.
 
     Raises
     ------
@@ -68,14 +68,14 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
     """
     if _has_theory(scenario):
         theory = verdicts.theory(scenario)
-        found = verdicts.checks(scenario, theory, run)
+        results = verdicts.checks(scenario, theory, run)
         basis = "The theory of J is the LQG optimum tr(S Q) + tr(K'(R + G'S G) K P)."
         if scenario.law != 'lqr':
             basis = 'The theory of J is that of these gains, which are not the optimum.'
         claim = 'The loop is stable and its statistics hold.'
-        return Judgement(found, theory.settling_time, basis, claim)
-    what = 'This loop has no theory' if scenario.law else 'There is no input'
-    basis = f'{what}; the filter is judged by its consistency.'
+        return Judgement(results, theory.settling_time, basis, claim)
+    reason = 'This loop has no theory' if scenario.law else 'There is no input'
+    basis = f'{reason}; the filter is judged by its consistency.'
     claim = 'The filter is consistent.'
     least = least_duration(scenario)
     if not len(run.time) or run.time[-1] - run.time[0] + 0.5 / scenario.rate < least:
@@ -84,35 +84,35 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
 
 
 def consistency(scenario: Scenario, run: Trajectory) -> list[Check]:
-    """Return whether the errors of a run match the filter's covariance, start included.
+    """Check whether the errors of a run match the covariance of the filter, start included.
 
-    Innovations are white, so the average of their NIS is chi-square. Errors are not, so for each
-    state the largest one is tested, in standard deviations: with any correlation, N of them
-    all stay below the quantile of 1 - miss / N (Bonferroni). How much the average NEES scatters
-    follows from how fast the filter forgets; see `nees_spread`.
+    Innovations are white, so the sum of their NIS is chi-square. Errors are not white, so the test
+    for each state is of its largest error in standard deviations: for any correlation, N errors
+    all stay below the quantile of 1 - miss / N (Bonferroni). The scatter of the average NEES
+    follows from the memory of the filter; see `nees_spread`.
     """
     space = scenario.model.state
     miss = MISS / (space.size + len(scenario.enabled) + 1)
     error = np.abs(space.subtract(run.truth, run.estimate))
-    worst = (error / np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))).max(axis=0)
-    most = float(-ndtri(miss / (2.0 * len(error))))
-    found = [
-        Check(f'largest error of {name} / std', '', nan, value, 0.0, most, value <= most)
-        for name, value in zip(space.names, worst.tolist())
+    largest = (error / np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))).max(axis=0)
+    limit = float(-ndtri(miss / (2.0 * len(error))))
+    results = [
+        Check(f'largest error of {name} / std', '', nan, value, 0.0, limit, value <= limit)
+        for name, value in zip(space.names, largest.tolist())
     ]
-    found.append(nees_check(scenario, run, miss))
+    results.append(nees_check(scenario, run, miss))
     for name in scenario.enabled:
         nis = run.innovations[name].nis
         k = scenario.sensors[name].sensor.output.size
         low, high = chi_square_bounds(1.0, 2.0 / (k * max(1, len(nis))), miss)
         value = float(nis.mean()) / k if len(nis) else np.nan
         label = f'NIS of {name} / {k}'
-        found.append(Check(label, '', 1.0, value, low, high, low <= value <= high))
-    return found
+        results.append(Check(label, '', 1.0, value, low, high, low <= value <= high))
+    return results
 
 
 def nees_check(scenario: Scenario, run: Trajectory, miss: float = MISS) -> Check:
-    """Return the check of the average NEES after the start; it fails without a covariance.
+    """Check the average NEES after the start; the check fails if a covariance is singular.
 
     A consistent filter passes with the probability 1 - ``miss``.
     """

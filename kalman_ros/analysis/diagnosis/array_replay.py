@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A replay of arrays by the online estimator, as the estimator's node takes messages."""
+"""Replay of recorded arrays by the online estimator, as in the node of the estimator."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kalman_ros.scenario.estimation import estimation
 
 from .evidence import Evidence, changed
 
-#: Parameters of the estimator's node that the policy takes, by its own names.
+#: Options of the policy, with the parameters of the estimator's node that set them.
 _POLICY = {
     'window': 'window',
     'recover_after': 'gate_recover_after',
@@ -36,19 +36,19 @@ def replay(
     inputs: InputRecord,
     seconds: float = inf,
 ) -> Evidence:
-    """Return the evidence of a recording: what the estimator makes of it as it was received.
+    """Replay a recording in the order of receipt, and return its evidence.
 
     Parameters
     ----------
     parameters
-        The estimator's, flat.
+        Parameters of the estimator, flat.
     readings
-        By sensor: received (N,), stamp (N,), value (N, k) and the covariance (N, k, k) that
-        messages carried, None if they carried none.
+        Readings by sensor: received (N,), stamp (N,), value (N, k) and the covariance (N, k, k) in
+        the messages, None if they have none.
     inputs
-        What was commanded.
+        Commanded inputs.
     seconds
-        How much of it is replayed; later readings have no outcome.
+        Duration that is replayed; later readings have no outcome.
     """
     scenario = scenarios.build(parameters, with_law=False)
     run = _Replay(parameters, scenario, readings)
@@ -83,57 +83,59 @@ def _stamp(seconds: float) -> int:
 
 
 class _Replay:
-    """An online estimator, and what became of each reading."""
+    """An online estimator, and the result of each reading."""
 
     def __init__(
         self, parameters: Mapping[str, Any], scenario: Scenario, readings: Mapping[str, Any]
     ) -> None:
-        given = {own: parameters[key] for own, key in _POLICY.items() if key in parameters}
-        found = estimation(scenario, Policy(**given), biases=False)
-        self.online = found.online(np.zeros(scenario.model.input.size))
+        options = {option: parameters[key] for option, key in _POLICY.items() if key in parameters}
+        estimator = estimation(scenario, Policy(**options), biases=False)
+        self.online = estimator.online(np.zeros(scenario.model.input.size))
         self._scenario, self._readings = scenario, readings
-        self._found: dict[str, list[Any]] = {name: [] for name in scenario.enabled}
+        self._results: dict[str, list[Any]] = {name: [] for name in scenario.enabled}
         self._beliefs: list[tuple[float, Array, Array]] = []
 
     def read(self, received: float, name: str, index: int) -> None:
-        """Take in a reading as the node does."""
+        """Process a reading as the node does."""
         _, stamps, values, covariances = self._readings[name]
         source, stamp = self._scenario.sensors[name], _stamp(stamps[index])
-        carried = None if covariances is None else covariances[index]
-        R = source.used(carried)
+        message_covariance = None if covariances is None else covariances[index]
+        R = source.used(message_covariance)
         now = _stamp(received)
         arrival = Arrival(name, stamp or now, values[index], R)
         outcome, correction = self.online.add([arrival], now)[0]
-        self._found[name].append((outcome.name, correction))
+        self._results[name].append((outcome.name, correction))
         if outcome.accepted and self.online.time is not None:
             self._beliefs.append((self.online.time * 1e-9, *self.online.belief))
 
     def records(self) -> dict[str, SensorRecord]:
         """Return the record of every sensor."""
-        return {name: self._record(name, found) for name, found in self._found.items()}
+        return {name: self._record(name, results) for name, results in self._results.items()}
 
-    def _record(self, name: str, found: list[Any]) -> SensorRecord:
+    def _record(self, name: str, results: list[Any]) -> SensorRecord:
         source, k = self._scenario.sensors[name], self._scenario.sensors[name].sensor.output.size
-        none = (np.zeros(0), np.zeros(0), np.zeros((0, k)), None)
-        received, stamp, value, carried = self._readings.get(name, none)
+        no_readings = (np.zeros(0), np.zeros(0), np.zeros((0, k)), None)
+        received, stamp, value, message_covariances = self._readings.get(name, no_readings)
         N = len(received)
-        # the node takes a reading without a stamp for one taken when it was received
+        # as in the node, the stamp of a reading without one is the time of receipt
         stamped = stamp != 0.0
         stamp = np.where(stamped, stamp, received)
         covariance = np.broadcast_to(source.sensor.covariance, (N, k, k)).copy()
         completed = np.zeros(N, dtype=bool)
-        for index in range(N if carried is not None else 0):
-            used = source.used(carried[index])
-            completed[index] = used is not None and not np.array_equal(used, carried[index])
+        for index in range(N if message_covariances is not None else 0):
+            used = source.used(message_covariances[index])
+            completed[index] = used is not None and not np.array_equal(
+                used, message_covariances[index]
+            )
             covariance[index] = covariance[index] if used is None else used
         innovation, S = np.full((N, k), np.nan), np.full((N, k, k), np.nan)
         nis = np.full(N, np.nan)
-        for index, (_, correction) in enumerate(found):
+        for index, (_, correction) in enumerate(results):
             if correction is not None:
                 innovation[index] = correction.innovation
                 S[index], nis[index] = correction.innovation_covariance, correction.nis
         outcome = np.full(N, '', dtype=object)
-        outcome[: len(found)] = [outcome for outcome, _ in found]
+        outcome[: len(results)] = [outcome for outcome, _ in results]
         return SensorRecord(
             received, stamp, stamped, completed, value, covariance, outcome, innovation, S, nis
         )

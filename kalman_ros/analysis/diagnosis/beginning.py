@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From which belief one extended Kalman filter can follow a recording."""
+"""The initial belief from which one extended Kalman filter can follow a recording."""
 
 from __future__ import annotations
 
@@ -13,49 +13,49 @@ from kalman_ros.core import Gaussian, Space
 from kalman_ros.estimators.filters.gaussian_sum import HYPOTHESES
 from kalman_ros.estimators.mixture import turned_parts
 
-#: Parts whose misfit, -2 log likelihood, is worse by this are given up, looked at after each N
-#: readings; after the most of them the best is taken.
-_WORSE, _EACH, _MOST = 40.0, 50, 4000
+#: A part is abandoned if its misfit, -2 log likelihood, exceeds the least misfit by this. Misfits
+#: are compared after each block of readings, and the best part is chosen after the last block.
+_MUCH_WORSE, _BLOCK, _MOST_READINGS = 40.0, 50, 4000
 
 
 def likeliest(
     belief: Gaussian, space: Space, follow: Callable[[Gaussian], Iterator[float]]
 ) -> Gaussian:
-    """Return the part of a first belief that the readings make likeliest.
+    """Return the part of an initial belief that the readings make likeliest.
 
-    A filter that divides angles which are too uncertain for one Gaussian follows all of its parts
-    until one is left; here it is known afterwards which one.
+    A filter that splits angles that are too uncertain for one Gaussian follows all parts until one
+    is left. A recording shows afterwards which part that is.
 
     Parameters
     ----------
     belief
-        The first belief.
+        Initial belief.
     space
-        Of the state.
+        Space of the state.
     follow
-        Yields what each reading adds to the misfit of a filter that begins with a part; raises
-        LinAlgError where the filter fails.
+        Function that yields the term of each reading in the misfit of a filter that begins with a
+        part, and raises LinAlgError if the filter fails.
     """
     weights, parts = turned_parts(belief, space, HYPOTHESES)
     if len(parts) == 1:
         return belief
-    paths = [follow(part) for part in parts]
+    passes = [follow(part) for part in parts]
     misfits = [-2.0 * log(weight) if weight > 0.0 else inf for weight in weights.tolist()]
-    count, left = 0, [index for index, misfit in enumerate(misfits) if misfit < inf]
-    while len(left) > 1 and count < _MOST:
-        count += _EACH
-        ended = False
-        for index in left:
+    count, remaining = 0, [index for index, misfit in enumerate(misfits) if misfit < inf]
+    while len(remaining) > 1 and count < _MOST_READINGS:
+        count += _BLOCK
+        exhausted = False
+        for index in remaining:
             try:
-                terms = list(islice(paths[index], _EACH))
+                terms = list(islice(passes[index], _BLOCK))
             except np.linalg.LinAlgError:
                 misfits[index] = inf
                 continue
             misfits[index] += sum(terms)
-            ended = ended or len(terms) < _EACH
-        best = min(misfits[index] for index in left)
-        left = [index for index in left if misfits[index] < best + _WORSE]
-        if ended:
+            exhausted = exhausted or len(terms) < _BLOCK
+        best = min(misfits[index] for index in remaining)
+        remaining = [index for index in remaining if misfits[index] < best + _MUCH_WORSE]
+        if exhausted:
             break
-    # infinite is the misfit of all if every filter failed
-    return parts[min(left, key=misfits.__getitem__)] if left else belief
+    # no part remains if every filter failed
+    return parts[min(remaining, key=misfits.__getitem__)] if remaining else belief

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The belief of a filter on its way from reading to reading, with what each step did."""
+"""Propagation of the belief of a filter from reading to reading, with each linearised step."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .evidence import Evidence
 
 
 class Walk:
-    """The belief on its way through time from a first one, with the inputs held in between."""
+    """A belief that is propagated through time, with inputs held until the next input."""
 
     def __init__(self, filter: SmoothableFilter, evidence: Evidence, first: Gaussian) -> None:
         self._filter = filter
@@ -31,30 +31,30 @@ class Walk:
         self.u: Array = np.zeros(filter.model.input.size)
 
     def skip(self, F: Array, Q: Array, dt: float) -> None:
-        """Count the step to a reading that is left out as part of the next one."""
+        """Merge the step to a reading that is omitted into the next step."""
         self._skipped = F, Q, dt
 
     def to(self, time: float) -> tuple[Array, Array, float]:
-        """Go on to ``time`` (s); return F, Q and the length of that step."""
+        """Propagate the belief to ``time`` (s); return F, Q and the duration of the step."""
         begin = self._time
-        F, Q, before = self._skipped or (None, None, 0.0)
+        F, Q, skipped = self._skipped or (None, None, 0.0)
         self._skipped = None
         while self._times[self._next] < time:
-            at = self._times[self._next]
-            F, Q = self._moved(at, F, Q)
+            input_time = self._times[self._next]
+            F, Q = self._propagate(input_time, F, Q)
             self.u, self._resting = self._inputs[self._next], False
             self._next += 1
-        F, Q = self._moved(time, F, Q)
+        F, Q = self._propagate(time, F, Q)
         if F is None or Q is None:
             n = self._filter.model.state.size
             F, Q = identity(n), np.zeros((n, n))
-        return F, Q, before + (time - begin if np.isfinite(begin) else 0.0)
+        return F, Q, skipped + (time - begin if np.isfinite(begin) else 0.0)
 
-    def _moved(
+    def _propagate(
         self, time: float, F: Array | None, Q: Array | None
     ) -> tuple[Array | None, Array | None]:
-        """Go on to ``time`` (s); return F and Q, None if nothing has moved, so far."""
-        dt = round(time - self._time, 9)  # so that equal steps are equal numbers
+        """Propagate the belief to ``time`` (s); return the F and Q so far, None without a step."""
+        dt = round(time - self._time, 9)  # rounded, so that equal steps have equal durations
         if isfinite(dt) and dt > 0.0 and not self._resting:
             self.belief, F_k, Q_k = self._filter.linearized(self.belief, self.u, dt)
             if F is None or Q is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Offsets of readings: constant, since a time, growing, or wandering."""
+"""Offsets of readings: constant, stepwise, growing, or wandering."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from .finding import Curve, Figure, Finding
 from .hypotheses import edges
 from .responses import Fit, Responses
 
-#: What one more number that is fitted must gain, about log N of a recording.
+#: The gain that each further fitted number must have, about log N of a recording.
 _COST = 10.0
-#: The kinds of courses, the simplest first.
+#: Kinds of courses, from the simplest on.
 _KINDS = ('constant', 'ramp', 'step', 'walk')
-#: A simpler course is preferred if it explains as much, except for chance and this part; beside a
-#: walk one is looked at that promises no less than that, since promises are of a linearisation.
+#: A simpler course is preferred if its gain is smaller by no more than chance and the first share.
+#: A simpler course is tried in addition to a walk if its gain is smaller by no more than the
+#: second share, since predicted gains hold for a linearisation only.
 _AS_MUCH, _NEARLY = 0.005, 0.1
-#: Intensities of random walks that are tried, relative to the variance that the data allow.
+#: Trial intensities of random walks, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
 
 
 @dataclass(frozen=True)
 class Course:
-    """The course of something over the pieces of a recording, and how much it explains.
+    """The course of an offset over the B pieces of a recording, and its gain.
 
-    ``kind`` is 'constant', 'step', 'ramp' or 'walk', ``values`` (B,) are by piece, ``began`` is
-    the piece in which a step begins.
+    ``kind`` is 'constant', 'step', 'ramp' or 'walk', ``values`` (B,) has an offset for each piece,
+    and ``began`` is the piece in which a step begins.
     """
 
     kind: str
@@ -43,8 +44,8 @@ class Course:
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the offsets of each sensor: a bias, a drift or a random walk of some coordinates."""
-    found = []
+    """Return the offsets of each sensor: a bias, a drift or a random walk of its coordinates."""
+    findings = []
     limits = edges(case.passage)
     for name in case.evidence.sensors:
         size = case.evidence.scenario.sensors[name].sensor.output.size
@@ -52,19 +53,19 @@ def find(case: Examination) -> list[Finding]:
         courses = courses_of(case.responses, groups)
         if not courses:
             continue
-        found.append(_finding(case, name, courses, limits))
+        findings.append(_finding(case, name, courses, limits))
         simpler = courses_of(case.responses, groups, kinds=_KINDS[:-1])
-        nearly = _total(simpler) > (1.0 - _NEARLY) * _total(courses)
-        if nearly and _kind_of(courses) == 'walk':
-            found.append(_finding(case, name, simpler, limits))
-    return found
+        similar = _total_gain(simpler) > (1.0 - _NEARLY) * _total_gain(courses)
+        if similar and _kind_of(courses) == 'walk':
+            findings.append(_finding(case, name, simpler, limits))
+    return findings
 
 
 def _kind_of(courses: Mapping[int, Course]) -> str:
     return next(iter(courses.values())).kind
 
 
-def _total(courses: Mapping[int, Course]) -> float:
+def _total_gain(courses: Mapping[int, Course]) -> float:
     return sum(course.gain for course in courses.values())
 
 
@@ -74,75 +75,75 @@ def courses_of(
     cost: float = _COST,
     kinds: Sequence[str] = _KINDS,
 ) -> dict[int, Course]:
-    """Return the courses of several coordinates, by index, of those that explain anything.
+    """Return the significant courses of several coordinates, by index.
 
-    They are of one kind: the simplest that explains as much as any. A walk is a random
-    effect with the covariance min(t, s) times an intensity, whose likelihood counts what its
-    freedom costs (N. Laird and J. Ware, Random-Effects Models for Longitudinal Data, Biometrics
-    38(4), 1982); the others are single numbers.
+    All courses are of one kind, the simplest that explains as much as any other. A walk is a
+    random effect with the covariance min(t, s) times an intensity, whose likelihood accounts for
+    its degrees of freedom (N. Laird and J. Ware, Random-Effects Models for Longitudinal Data,
+    Biometrics 38(4), 1982). The other kinds have a single parameter.
     """
-    found = []
+    candidates = []
     for kind in kinds:
         courses = {
-            index: _of_kind(responses, columns, kind, cost)
+            index: _best_course(responses, columns, kind, cost)
             for index, columns in groups.items()
             if columns
         }
         courses = {i: course for i, course in courses.items() if course.gain > CHANCE}
-        found.append((_total(courses), courses))
-    most = max(total for total, _ in found)
-    least = (1.0 - _AS_MUCH) * most - CHANCE
-    return next(courses for total, courses in found if total >= least)
+        candidates.append((_total_gain(courses), courses))
+    highest = max(total for total, _ in candidates)
+    least = (1.0 - _AS_MUCH) * highest - CHANCE
+    return next(courses for total, courses in candidates if total >= least)
 
 
-def _of_kind(responses: Responses, columns: Sequence[int], kind: str, cost: float) -> Course:
-    """Return the best course of a kind through the pieces of one coordinate."""
+def _best_course(responses: Responses, columns: Sequence[int], kind: str, cost: float) -> Course:
+    """Return the best course of a kind over the pieces of one coordinate."""
     if kind == 'walk':
-        walk = _walk(responses, columns)
+        walk = _likeliest_walk(responses, columns)
         return replace(walk, gain=walk.gain - cost)
     B = len(columns)
     bases: list[tuple[int, Array]]
     if kind == 'ramp':
         bases = [(0, np.arange(0.5, B)[:, None])]
     else:
-        begins = range(1, B) if kind == 'step' else (0,)
-        bases = [(j, (np.arange(B) >= j).astype(float)[:, None]) for j in begins]
-    dues = cost + (2.0 * np.log(max(B, 2)) if kind == 'step' else 0.0)
+        first_pieces = range(1, B) if kind == 'step' else (0,)
+        bases = [(j, (np.arange(B) >= j).astype(float)[:, None]) for j in first_pieces]
+    penalty = cost + (2.0 * np.log(max(B, 2)) if kind == 'step' else 0.0)
     best = Course(kind, np.zeros(B), -np.inf)
-    for began, basis in bases:
+    for first_piece, basis in bases:
         fit = responses.fit(basis, columns)
-        if fit.gain - dues > best.gain:
-            best = Course(kind, basis @ fit.size, fit.gain - dues, fit, began)
+        if fit.gain - penalty > best.gain:
+            best = Course(kind, basis @ fit.size, fit.gain - penalty, fit, first_piece)
     return best
 
 
-def _walk(responses: Responses, columns: Sequence[int]) -> Course:
-    """Return the likeliest random walk."""
+def _likeliest_walk(responses: Responses, columns: Sequence[int]) -> Course:
+    """Return the likeliest random walk over the pieces of one coordinate."""
     g = responses.gradient[list(columns)]
     M = responses.information[np.ix_(columns, columns)]
     t = np.arange(len(columns)) + 1.0
     root = np.linalg.cholesky(np.minimum.outer(t, t))
     values, vectors = np.linalg.eigh(root.T @ M @ root)
     values = np.maximum(values, 0.0)
-    turned = vectors.T @ root.T @ g
+    projected = vectors.T @ root.T @ g
     scale = 1.0 / max(float(values.mean()), 1e-300)
     gains = [
-        float(np.sum(q * turned**2 / (1.0 + q * values) - np.log1p(q * values)))
+        float(np.sum(q * projected**2 / (1.0 + q * values) - np.log1p(q * values)))
         for q in scale * _INTENSITIES
     ]
     best = int(np.argmax(gains))
     q = scale * _INTENSITIES[best]
-    path = root @ (vectors @ (q * turned / (1.0 + q * values)))
+    path = root @ (vectors @ (q * projected / (1.0 + q * values)))
     return Course('walk', path, gains[best])
 
 
 def _finding(case: Examination, name: str, courses: dict[int, Course], limits: Array) -> Finding:
     evidence, record = case.evidence, case.evidence.sensors[name]
     space = evidence.scenario.sensors[name].sensor.output
-    leading = max(courses.values(), key=lambda course: course.gain)
-    kind = {'ramp': 'drift', 'walk': 'random walk'}.get(leading.kind, 'bias')
+    main = max(courses.values(), key=lambda course: course.gain)
+    kind = {'ramp': 'drift', 'walk': 'random walk'}.get(main.kind, 'bias')
     words = ', '.join(
-        f'{space.label(space.names[index])} {_words(course, limits)}'
+        f'{space.label(space.names[index])} {_describe(course, limits)}'
         for index, course in courses.items()
     )
     middles = 0.5 * (limits[1:] + limits[:-1]) - limits[0]
@@ -168,7 +169,7 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
     )  # fmt: skip
 
 
-def _words(course: Course, limits: Array) -> str:
+def _describe(course: Course, limits: Array) -> str:
     if course.kind == 'walk':
         return f'wanders between {course.values.min():+.3g} and {course.values.max():+.3g}'
     if course.kind == 'ramp':

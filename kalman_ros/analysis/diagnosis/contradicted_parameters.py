@@ -11,17 +11,17 @@ from .examination import CHANCE, Examination
 from .finding import Finding
 from .hypotheses import value_of
 
-#: Changes below this, relative, are no finding.
+#: Relative changes below this are no finding.
 _RELEVANT = 0.03
 
 
 def find(case: Examination) -> list[Finding]:
     """Return the parameters whose change explains the innovations, each by a regression.
 
-    One Newton step of the likelihood (Gupta and Mehra, 1974); the replay that proves it shows how
-    far it carries.
+    The change is one Newton step of the likelihood (Gupta and Mehra, 1974). The replay that proves
+    a finding shows how well the linearisation holds.
     """
-    found = []
+    findings = []
     for column in case.responses.columns('parameter'):
         name = case.responses.labels[column][1]
         fit = case.responses.alone(column)
@@ -35,7 +35,7 @@ def find(case: Examination) -> list[Finding]:
             case.evidence.adopting(change)
         except ValueError:
             continue
-        found.append(
+        findings.append(
             Finding(
                 'parameter',
                 name,
@@ -47,4 +47,4 @@ def find(case: Examination) -> list[Finding]:
                 mended=partial(case.evidence.adopting, change),
             )
         )
-    return found
+    return findings

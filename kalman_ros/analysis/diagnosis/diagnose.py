@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The diagnosis: what explains most is found first, corrected, and the rest is looked at again.
+"""Diagnosis of a recording by forward selection of faults.
 
-First what stamps and values show without a filter, then a forward selection by likelihood: of all
-hypotheses the one whose correction reduces -2 log likelihood most, the simpler one where two
-explain nearly the same, until what is left is chance. So a delay is found before the noise that
-would hide it, and what only follows from a fault is gone once the fault is corrected.
+The first findings are those that stamps and values show without a filter. Each further finding is
+the hypothesis whose correction reduces -2 log likelihood most, or the simpler one if two explain
+nearly the same. The fault is corrected, and the search is repeated until the remaining misfit is
+chance. Thus a delay is found before the noise that would hide it, and the consequences of a fault
+vanish once the fault is corrected.
 """
 
 from __future__ import annotations
@@ -42,41 +43,42 @@ from .passage import explained
 
 Detector = Callable[[Examination], Iterable[Finding]]
 
-#: What shows without a filter.
+#: Detectors of findings that need no filter.
 PLAIN: Sequence[Detector] = (
     stamps.find, message_covariances.find, lateness.find, rate.find, frozen.find,
     quantisation.find,
 )  # fmt: skip
-#: What a filter's innovations show.
+#: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
     units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
     inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
 )  # fmt: skip
-#: How much simpler a cause is than others that explain as much: its gain is multiplied by this,
-#: or increased by the `_MOST_FAVOUR` where that is less.
+#: Weights that favour simple causes: the gain of a kind is multiplied by its weight, or increased
+#: by `_MOST_FAVOUR` if that is less.
 SIMPLER = {
     'unit': 1.1, 'sign': 1.1, 'swapped': 1.1, 'rotated': 1.05,
     'outliers': 1.1, 'bias': 1.02, 'noise too small': 0.9, 'noise too large': 0.9,
     'process noise too small': 0.85, 'process noise too large': 0.85,
     'parameter': 0.9, 'scale': 0.25, 'input gain': 1.02, 'input sign': 1.1,
 }  # fmt: skip
-#: Where a filter is lost, a part of any gain is more than what one cause explains beyond another.
+#: Largest increase of a weighted gain: for a lost filter, a share of any gain exceeds the
+#: difference between two causes.
 _MOST_FAVOUR = 3000.0
-#: At most this many causes are looked for, and tried for one, and of one kind.
+#: Largest numbers of rounds, of findings that are tried in a round, and of those of one kind.
 _ROUNDS, _TRIED, _ALIKE = 6, 5, 2
-#: Other candidates are tried if they promise this part of the best reduction; the second where
-#: promises hold: of a filter that is not lost, and of reductions that are not chance in part.
+#: A finding is tried if its predicted gain is at least this share of the best gain. The second
+#: share applies to reliable predictions: the filter is not lost, and the gain is above `_SURE`.
 _CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
-#: A change is proven by a replay of the first seconds, if it explains this part of the misfit:
-#: less does not show beside the faults that are still in.
+#: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
+#: smaller effect is hidden by the other faults, which the replay does not correct.
 PROOF, _PROVEN = 20.0, 0.01
-#: A gain below this part of all numbers read is of no account, whatever its significance.
+#: A gain below this share of the number of values read is irrelevant, even if it is significant.
 _RELEVANT = 0.002
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What was found, ranked, and notes that are no faults; misfit before and after it all."""
+    """The ranked findings, notes that are no faults, and the misfit before and after."""
 
     findings: tuple[Finding, ...]
     notes: tuple[Finding, ...]
@@ -84,49 +86,49 @@ class Diagnosis:
     after: float
 
 
-def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda what: None) -> Diagnosis:
-    """Return what is wrong with a recording and its parameters.
+def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: None) -> Diagnosis:
+    """Return the faults of a recording and of its parameters.
 
     Parameters
     ----------
     evidence
-        The recording, and what the estimator made of it.
+        Recording, and the results of the estimator.
     progress
-        Called with what is looked at.
+        Receives the current activity.
     """
     before = misfit(evidence)
     progress('stamps, rates and values')
-    found, case = _plain(evidence)
+    findings, case = _find_without_filter(evidence)
     if not case.passage.events:
-        return Diagnosis(_ranked(found), (), before, before)
+        return Diagnosis(_rank(findings), (), before, before)
     notes = tuple(unobserved_states.find(case))
-    found += gates.find(case)
+    findings += gates.find(case)
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}')
-        best = _best(case, found)
+        best = _find_best(case, findings)
         if best is None:
             break
         finding, case = best
-        found.append(finding)
+        findings.append(finding)
     progress('proofs')
-    proven = tuple(_proven(evidence, finding) for finding in _ranked(found))
+    proven = tuple(_prove(evidence, finding) for finding in _rank(findings))
     return Diagnosis(proven, notes, before, case.passage.misfit)
 
 
-def _plain(evidence: Evidence) -> tuple[list[Finding], Examination]:
-    """Return what shows without a filter, with what its correction gains, and all corrected."""
-    found: list[Finding] = []
+def _find_without_filter(evidence: Evidence) -> tuple[list[Finding], Examination]:
+    """Return the findings that need no filter, and the case with all of them corrected."""
+    findings: list[Finding] = []
     case = Examination(evidence, strict=False)
     for detector in PLAIN:
-        while finding := next((f for f in detector(case) if _is_new(f, found)), None):
+        while finding := next((f for f in detector(case) if _is_new(f, findings)), None):
             if finding.mended is not None:
                 after = Examination(finding.mended(), strict=False, known=finding.passage)
-                if finding.passage is None:  # else it is the same pass
+                if finding.passage is None:  # otherwise the pass does not change
                     gain = max(0.0, explained(case.passage, after.passage))
                     finding = replace(finding, gain=gain)
                 case = after
-            found.append(finding)
-    return found, case
+            findings.append(finding)
+    return findings, case
 
 
 def _is_new(finding: Finding, known: Sequence[Finding]) -> bool:
@@ -138,60 +140,60 @@ def same(one: Finding, other: Finding) -> bool:
     return (one.kind, one.subject) == (other.kind, other.subject)
 
 
-def _best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examination] | None:
-    """Return the finding that explains most, with what it really gains, and the case after it."""
-    numbers = sum(len(e) for e in case.passage.whitened)
-    least = max(CHANCE, _RELEVANT * numbers)
+def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Examination] | None:
+    """Return the finding that explains most, with its actual gain, and the corrected case."""
+    count = sum(len(e) for e in case.passage.whitened)
+    threshold = max(CHANCE, _RELEVANT * count)
     promised = [finding for detector in FITTED for finding in detector(case)]
-    promised.sort(key=_promise, reverse=True)
+    promised.sort(key=_weighted_gain, reverse=True)
     tried: list[tuple[Finding, Examination]] = []
-    sure = bool(promised) and _promise(promised[0]) > _SURE and not gross.lost(case)
-    close = _CLOSER if sure else _CLOSE
-    # what passes have shown first: where a filter is lost, regressions promise anything
-    shown = gross.find(case)
-    others = [f for f in promised if _is_new(f, (*known, *shown))]
-    for finding in [*shown, *_few_of_a_kind(others)][:_TRIED]:
-        if finding.gain <= least or not _is_new(finding, known):
+    sure = bool(promised) and _weighted_gain(promised[0]) > _SURE and not gross.lost(case)
+    share = _CLOSER if sure else _CLOSE
+    # findings of filter passes come first: for a lost filter, regressions predict arbitrary gains
+    from_passes = gross.find(case)
+    others = [f for f in promised if _is_new(f, (*known, *from_passes))]
+    for finding in [*from_passes, *_limit_kinds(others)][:_TRIED]:
+        if finding.gain <= threshold or not _is_new(finding, known):
             continue
-        best = max((_promise(other) for other, _ in tried), default=0.0)
-        if finding not in shown and _promise(finding) < close * best:
+        best = max((_weighted_gain(other) for other, _ in tried), default=0.0)
+        if finding not in from_passes and _weighted_gain(finding) < share * best:
             break
         after = Examination(finding.mended(), known=finding.passage) if finding.mended else case
         try:
             gain = explained(case.passage, after.passage) - finding.dues
         except np.linalg.LinAlgError:
             continue
-        if gain > least:
+        if gain > threshold:
             tried.append((replace(finding, gain=gain), after))
     if not tried:
         return None
-    finding, after = max(tried, key=lambda each: _promise(each[0]))
-    alike = [
+    finding, after = max(tried, key=lambda pair: _weighted_gain(pair[0]))
+    equivalent = [
         (other.kind, other.subject)
         for other, _ in tried
         if other.gain > 0.85 * finding.gain and not same(other, finding)
     ]
-    return replace(finding, same_as=(*finding.same_as, *alike)), after
+    return replace(finding, same_as=(*finding.same_as, *equivalent)), after
 
 
-def _few_of_a_kind(found: Sequence[Finding]) -> list[Finding]:
-    """Return the first of each kind, so that no kind leaves the others untried."""
+def _limit_kinds(findings: Sequence[Finding]) -> list[Finding]:
+    """Return the first findings of each kind, so that every kind is tried."""
     seen: Counter[str] = Counter()
-    few = []
-    for finding in found:
+    kept = []
+    for finding in findings:
         seen[finding.kind] += 1
         if seen[finding.kind] <= _ALIKE:
-            few.append(finding)
-    return few
+            kept.append(finding)
+    return kept
 
 
-def _promise(finding: Finding) -> float:
+def _weighted_gain(finding: Finding) -> float:
     favoured = finding.gain * SIMPLER.get(finding.kind, 1.0)
     return min(favoured, finding.gain + _MOST_FAVOUR)
 
 
-def _proven(evidence: Evidence, finding: Finding) -> Finding:
-    """Return a finding with what a replay with its change alone gains in the first seconds."""
+def _prove(evidence: Evidence, finding: Finding) -> Finding:
+    """Return a finding with the improvement of a replay of the first seconds with its change."""
     if not finding.change or 0.0 < finding.share < _PROVEN:
         return finding
     try:
@@ -201,11 +203,11 @@ def _proven(evidence: Evidence, finding: Finding) -> Finding:
     return replace(finding, proof=improvement(evidence, after))
 
 
-def _ranked(found: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return findings with their shares: silent sensors, what explains most, the plain ones."""
-    total = sum(max(0.0, finding.gain) for finding in found)
+def _rank(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return findings with their shares: silent sensors first, then by their weighted gain."""
+    total = sum(max(0.0, finding.gain) for finding in findings)
     shared = [
         replace(finding, share=max(0.0, finding.gain) / total if total > 0.0 else 0.0)
-        for finding in found
+        for finding in findings
     ]
-    return tuple(sorted(shared, key=lambda f: (not f.silent, -_promise(f))))
+    return tuple(sorted(shared, key=lambda f: (not f.silent, -_weighted_gain(f))))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis looks at: a recording and what the filter made of it, as arrays."""
+"""The input of a diagnosis: a recording and the results of the filter, as arrays."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from kalman_ros.scenario import Scenario, build
 
 
 class Rerun(Protocol):
-    """Replays a recording, or its first seconds, with some parameters changed."""
+    """A function that replays a recording, or its first seconds, with changed parameters."""
 
     def __call__(self, changes: Mapping[str, Any], seconds: float = inf) -> Evidence:
-        """Return the evidence; a parameter of the file that is changed to None is removed."""
+        """Return the evidence of the replay; a change to None removes a parameter of the file."""
         ...
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A recording, what a filter made of it, and a way to replay it with other parameters.
+    """A recording, the results of a filter, and a function that replays it.
 
     Parameters
     ----------
     parameters
-        The estimator's parameters, flat, as the parameter file has them.
+        Parameters of the estimator, flat, by their names in the parameter file.
     scenario
-        The scenario that they build.
+        Scenario with these parameters.
     sensors
-        By name.
+        Records of the sensors, by name.
     inputs
-        The inputs that the estimator received.
+        Inputs that the estimator received.
     beliefs
-        The estimates.
+        Beliefs of the estimator.
     rerun
-        Replays the recording, or its first seconds, with some parameters changed, by their names
-        in the file.
+        Function that replays the recording, or its first seconds, with changed parameters, by
+        their names in the file.
     """
 
     parameters: Mapping[str, Any]
@@ -56,14 +56,15 @@ class Evidence:
         return replace(self, sensors={**self.sensors, name: record})
 
     def adopting(self, changes: Mapping[str, Any]) -> Evidence:
-        """Return the evidence with other parameters, not replayed.
+        """Return the evidence with other parameters, without a replay.
 
-        Readings keep the covariances that they were fused with, scaled to a changed noise.
+        The readings of a sensor with a changed noise get the new covariance; all other readings
+        keep the covariances with which they were fused.
 
         Raises
         ------
         ValueError
-            If the changes do not fit.
+            If the changes are invalid.
         """
         parameters = changed(self.parameters, changes)
         scenario = build(parameters, with_law=False)
@@ -77,19 +78,19 @@ class Evidence:
 
     @property
     def start(self) -> float:
-        """When the recording begins, by the recorder's clock, in seconds."""
-        begins = [each.received[0] for each in self.sensors.values() if len(each)]
+        """Start of the recording by the clock of the recorder, in seconds."""
+        begins = [record.received[0] for record in self.sensors.values() if len(record)]
         return float(min(begins, default=0.0))
 
     @property
     def duration(self) -> float:
-        """How long the recording is, by the recorder's clock, in seconds."""
-        ends = [each.received[-1] for each in self.sensors.values() if len(each)]
+        """Duration of the recording by the clock of the recorder, in seconds."""
+        ends = [record.received[-1] for record in self.sensors.values() if len(record)]
         return float(max(ends, default=self.start)) - self.start
 
 
 def changed(parameters: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters with changes; one that is changed to None is removed."""
+    """Return parameters with changes; a change to None removes a parameter."""
     merged = {**parameters, **changes}
     return {name: value for name, value in merged.items() if value is not None}
 
@@ -100,28 +101,28 @@ def misfit(evidence: Evidence) -> float:
     F. C. Schweppe, Evaluation of Likelihood Functions for Gaussian Signals, IEEE Trans.
     Information Theory 11(1), 1965.
     """
-    return sum(float(np.nansum(_terms(record))) for record in evidence.sensors.values())
+    return sum(float(np.nansum(_misfit_terms(record))) for record in evidence.sensors.values())
 
 
 def improvement(before: Evidence, after: Evidence) -> float:
-    """Return by how much the misfit of a replay is smaller than that of another.
+    """Return the reduction of the misfit from one replay to another.
 
-    Only readings with an innovation in both count, and one may end before the other; NaN if there
-    are none.
+    Only readings with an innovation in both replays count. The replays may differ in length. The
+    result is NaN if no reading counts.
     """
     total, compared = 0.0, 0
     for name, record in before.sensors.items():
         other = after.sensors.get(name)
         count = 0 if other is None else min(len(record), len(other))
         if other is not None and np.array_equal(record.received[:count], other.received[:count]):
-            change = _terms(record)[:count] - _terms(other)[:count]
+            change = _misfit_terms(record)[:count] - _misfit_terms(other)[:count]
             total += float(np.nansum(change))
             compared += int(np.isfinite(change).sum())
     return total if compared else float('nan')
 
 
-def _terms(record: SensorRecord) -> Array:
-    """Return what each reading adds to the misfit (N,), NaN without an innovation."""
+def _misfit_terms(record: SensorRecord) -> Array:
+    """Return the term of each reading in the misfit (N,); NaN without an innovation."""
     known = np.isfinite(record.nis)
     terms = np.full(len(record), np.nan)
     S = record.innovation_covariance[known]

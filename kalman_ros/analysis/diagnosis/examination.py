@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Evidence with what all kinds of findings need of it, computed once."""
+"""Evidence with the quantities that all detectors need, each computed once."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from .noise_scores import NoiseScores, noise_scores
 from .passage import Passage, passage
 from .responses import Responses, responses
 
-#: A gain of -2 log likelihood below this is chance. Some 200 hypotheses are tested; of each the
-#: gain is chi-square with one degree of freedom, and above 30 with a probability of 4e-8.
+#: A gain of -2 log likelihood below this is chance. About 200 hypotheses are tested; the gain of
+#: each is chi-square with one degree of freedom, and exceeds 30 with a probability of 4e-8.
 CHANCE = 30.0
 
 
 @dataclass(frozen=True)
 class Examination:
-    """Evidence, the pass of a filter over it, and how its innovations respond to faults.
+    """Evidence, the pass of a filter over it, and the responses of its innovations to faults.
 
-    Unless it is ``strict``, the pass of a filter that fails ends there. The pass is computed if it
-    is not ``known``.
+    If the filter fails, the pass ends there, or raises an error if it is ``strict``. The pass is
+    computed unless it is ``known``.
     """
 
     evidence: Evidence
@@ -35,18 +35,17 @@ class Examination:
 
     @cached_property
     def passage(self) -> Passage:
-        """The pass in the order of stamps."""
+        """Filter pass in the order of stamps."""
         return self.known or passage(self.evidence, strict=self.strict)
 
     @cached_property
     def responses(self) -> Responses:
-        """The regression of the innovations on every additive fault."""
-        found = self.passage
-        return responses(found, columns(self.evidence, found, self.tones))
+        """Regression of the innovations on every additive fault."""
+        return responses(self.passage, columns(self.evidence, self.passage, self.tones))
 
     @cached_property
     def scores(self) -> NoiseScores:
-        """The scores of every noise variance."""
+        """Scores of every noise variance."""
         noise = {
             name: np.median(self.evidence.sensors[name].covariance, axis=0).diagonal()
             for name in dict.fromkeys(event.sensor for event in self.passage.events)
@@ -55,18 +54,18 @@ class Examination:
 
     @cached_property
     def densities(self) -> dict[str, Array]:
-        """By parameter of process noise, the spectral density (n, n) that it adds."""
+        """Spectral density (n, n) of each parameter of the process noise, by name."""
         model, x = self.evidence.scenario.model, self.passage.events[-1].x
-        found = {}
+        by_parameter = {}
         for name, other, size in varied(self.evidence):
             change = (other.noise_density(x) - model.noise_density(x)) / size
             if 'noise' in name and np.any(change):
-                found[name] = change * value_of(self.evidence, name)
-        return found
+                by_parameter[name] = change * value_of(self.evidence, name)
+        return by_parameter
 
     @cached_property
     def tones(self) -> Array | None:
-        """Of each input, the frequency (Hz) at which the state is pushed most; None without."""
+        """Frequency (Hz) of the largest disturbance at each input; None if not determined."""
         m = self.evidence.scenario.model.input.size
         times = np.array([event.time for event in self.passage.events])
         if not m or len(times) < 100 or times[-1] <= times[0]:
@@ -74,16 +73,16 @@ class Examination:
         rate = min(self.evidence.scenario.rate, 40.0)
         bins = ((times - times[0]) * rate).astype(int)
         series = np.zeros((bins[-1] + 1, m))
-        np.add.at(series, bins, self._pushes())
-        padded = 4 * len(series)  # finer than the resolution, so that no peak falls between
+        np.add.at(series, bins, self._equivalent_inputs())
+        padded = 4 * len(series)  # padded, so that no peak falls between two frequencies
         power = np.abs(np.fft.rfft(series - series.mean(axis=0), padded, axis=0))
         grid = np.fft.rfftfreq(padded, 1.0 / rate)
         return np.asarray(grid[np.argmax(np.where(grid[:, None] > 0.05, power, 0.0), axis=0)])
 
-    def _pushes(self) -> Array:
-        """Return the inputs (E, m) that the events' corrections amount to, along their effect."""
+    def _equivalent_inputs(self) -> Array:
+        """Return the inputs (E, m) that are equivalent to the corrections of the events."""
         events, model = self.passage.events, self.evidence.scenario.model
         X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
         B = np.stack([effect(model, X, U, i) for i in range(model.input.size)], axis=2)
-        moved = np.array([event.K.dot(event.innovation) for event in events])
-        return np.asarray((np.linalg.pinv(B) @ moved[:, :, None])[:, :, 0])
+        corrections = np.array([event.K.dot(event.innovation) for event in events])
+        return np.asarray((np.linalg.pinv(B) @ corrections[:, :, None])[:, :, 0])

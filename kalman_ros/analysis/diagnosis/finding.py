@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a diagnosis finds."""
+"""Findings of a diagnosis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .passage import Passage
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of a picture: ``x`` and ``y`` (N,), a style ('line', 'dots' or 'bound')."""
+    """A curve of a picture: ``x`` and ``y`` (N,), and a style ('line', 'dots' or 'bound')."""
 
     label: str
     x: Array
@@ -26,7 +26,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Figure:
-    """The evidence of a finding, as a picture: a title, the names of its axes, and curves."""
+    """The evidence of a finding as a picture: a title, the labels of its axes, and curves."""
 
     title: str
     across: str
@@ -36,41 +36,40 @@ class Figure:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong with a recording or with the parameters.
+    """A fault of a recording or of the parameters.
 
     Parameters
     ----------
     kind
-        What is wrong, in a few words: 'bias', 'process noise too small'.
+        Kind of the fault in a few words, such as 'bias' or 'process noise too small'.
     subject
-        The sensor, the coordinate of one, or the parameter.
+        Sensor, coordinate of a sensor, or parameter.
     sentence
-        What was measured, with numbers, and what to do.
+        Description of the fault, with measured numbers, and of the remedy.
     z
-        By how many standard deviations of pure chance this differs from nothing; infinite for
-        what chance never does.
+        Significance in standard deviations of pure chance; infinite if chance cannot cause it.
     change
-        Lines of the parameter file to change, name to value; empty if none mends it.
+        Values of the parameter file to change, by name; empty if no change corrects the fault.
     gain
-        By how much the misfit, -2 log likelihood, becomes smaller once this is corrected.
+        Reduction of the misfit, -2 log likelihood, by the correction.
     share
-        The same as a part of the misfit that all findings together explain.
+        The gain as a share of the misfit that all findings together explain.
     proof
-        By how much a replay of the first seconds, with the change alone, reduces their misfit; NaN
-        without a change.
+        Reduction of the misfit of a replay of the first seconds by the change alone; NaN without a
+        change.
     figure
-        The evidence as a picture.
+        Evidence as a picture.
     same_as
-        Other (kind, subject) that explain these data as well, so that the data do not decide.
+        Other findings (kind, subject) that explain these data equally well.
     silent
-        Nothing usable comes from a sensor: what it would have explained, no likelihood says.
+        Whether a sensor has no usable reading, so that no likelihood measures its effect.
     dues
-        What the correction itself costs in -2 log likelihood, beside the misfit after it.
+        Cost of the correction in -2 log likelihood, in addition to the misfit after it.
     mended
-        Returns the evidence with this corrected, for the search for what else is wrong; None
-        where nothing needs to be.
+        Function that returns the corrected evidence, for the search for further faults; None if
+        the evidence needs no correction.
     passage
-        The pass over the corrected evidence, where it is known already.
+        Filter pass over the corrected evidence, if it is already known.
     """
 
     kind: str

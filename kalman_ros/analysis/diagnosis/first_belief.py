@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A first belief that was surer than it should have been."""
+"""Initial beliefs with a covariance that is too small."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .responses import fitted
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return whether the first belief was wrong by more than it claimed."""
+    """Return a finding if the error of the initial belief exceeds its covariance."""
     columns = case.responses.columns('first')
     if not columns:
         return []
@@ -21,20 +21,20 @@ def find(case: Examination) -> list[Finding]:
     if fit.gain < CHANCE + 2.0 * len(columns):
         return []
     belief, space = case.evidence.scenario.initial_belief, case.evidence.scenario.model.state
-    seen = np.abs(fit.size) > 3.0 * fit.std
-    if not seen.any():
+    significant = np.abs(fit.size) > 3.0 * fit.std
+    if not significant.any():
         return []
-    wrong = np.where(seen, np.abs(fit.size), 0.0)
-    worst = int(np.argmax(wrong))
-    std = belief.std * np.maximum(1.0, 1.2 * wrong)
-    if wrong[worst] < 1.5:
+    error = np.where(significant, np.abs(fit.size), 0.0)
+    worst = int(np.argmax(error))
+    std = belief.std * np.maximum(1.0, 1.2 * error)
+    if error[worst] < 1.5:
         return []
-    change = {'initial_std': [float(f'{each:.3g}') for each in std]}
+    change = {'initial_std': [float(f'{value:.3g}') for value in std]}
     return [
         Finding(
             'first belief too narrow',
             'initial_std',
-            f'at the start {space.names[worst]} was {wrong[worst]:.3g} standard deviations from '
+            f'at the start {space.names[worst]} was {error[worst]:.3g} standard deviations from '
             f'initial_estimate ({belief.mean[worst]:g} +- {belief.std[worst]:.3g}): widen '
             'initial_std, or start from the first reading (initialize: reading).',
             fit.gain**0.5,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values that stand still under new stamps."""
+"""Values that do not change under new stamps."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .evidence import Evidence
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 
-#: A value that is repeated this often, for this long (s), is frozen.
+#: A value is frozen if it is repeated this number of times, and for this time in seconds.
 _REPEATED, _FROZEN = 10, 0.5
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the sensors that repeat one value for long, except those that read zeros."""
+    """Return the sensors that repeat one value for a long time, except unjudged sensors."""
     sources = case.evidence.scenario.sensors
     return [
         finding
@@ -31,33 +31,33 @@ def find(case: Examination) -> list[Finding]:
 
 
 def _frozen(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
-    stuck = repeats(record)
-    if stuck is None:
+    rows = repeats(record)
+    if rows is None:
         return
-    seconds = float(np.ptp(record.stamp[stuck]))
-    begin = float(record.stamp[stuck][0]) - evidence.start
+    seconds = float(np.ptp(record.stamp[rows]))
+    start = float(record.stamp[rows][0]) - evidence.start
     figure = Figure(
         f'{name}: its values', 'time [s]', name,
         tuple(Curve(label, record.stamp - evidence.start, column)
               for label, column in zip(evidence.scenario.sensors[name].sensor.output.names,
                                        record.value.T)),
     )  # fmt: skip
-    keep = np.setdiff1d(np.arange(len(record)), stuck[1:])
+    keep = np.setdiff1d(np.arange(len(record)), rows[1:])
     yield Finding(
         'frozen', name,
-        f'{name} repeats one value for {seconds:.3g} s from t = {begin:.3g} s on '
-        f'({len(stuck)} readings) under new stamps: its driver repeats its last value.',
+        f'{name} repeats one value for {seconds:.3g} s from t = {start:.3g} s on '
+        f'({len(rows)} readings) under new stamps: its driver repeats its last value.',
         inf, figure=figure, mended=lambda: evidence.with_sensor(name, record.select(keep)),
     )  # fmt: skip
 
 
 def repeats(record: SensorRecord) -> Array | None:
-    """Return the indices of readings of the longest frozen value; None if there is none."""
-    same = (np.diff(record.value, axis=0) == 0.0).all(axis=1)
-    breaks = np.flatnonzero(np.concatenate(([True], ~same, [True])))
+    """Return the indices of the readings of the longest frozen value; None without one."""
+    unchanged = (np.diff(record.value, axis=0) == 0.0).all(axis=1)
+    breaks = np.flatnonzero(np.concatenate(([True], ~unchanged, [True])))
     lengths = np.diff(breaks)
     longest = int(np.argmax(lengths))
     run = np.arange(breaks[longest], breaks[longest + 1])
-    usual = float(np.median(lengths))
-    enough = len(run) >= max(_REPEATED, 10.0 * usual) or len(run) == len(record) > _REPEATED
+    typical = float(np.median(lengths))
+    enough = len(run) >= max(_REPEATED, 10.0 * typical) or len(run) == len(record) > _REPEATED
     return run if enough and np.ptp(record.stamp[run]) >= _FROZEN else None

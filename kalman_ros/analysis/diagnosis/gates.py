@@ -11,15 +11,15 @@ from kalman_ros.estimators.outcome import Outcome
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 
-#: Readings that a gate rejects are good if without it their NIS are of one distribution with
-#: those of the others: their median is above that of all by no more than this factor.
+#: Rejected readings are good if their NIS in a pass without the gate has the same distribution as
+#: that of the other readings: its median exceeds the median of all by no more than this factor.
 _GOOD = 15.0
 _REJECTED = (Outcome.REJECTED.name, Outcome.OUTVOTED.name)
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the gates that reject far more than they should, of readings that are good."""
-    found = []
+    """Return the gates that reject far more good readings than expected."""
+    findings = []
     for name, record in case.evidence.sensors.items():
         gate = case.evidence.scenario.sensors[name].gate
         rejected = np.isin(record.outcome, _REJECTED)
@@ -33,12 +33,14 @@ def find(case: Examination) -> list[Finding]:
             )
             for i in case.passage.of(name)
         }
-        refused = [square for index, square in squares.items() if rejected[index]]
-        if not refused or np.median(refused) > _GOOD * np.median([*squares.values()]):
+        rejected_squares = [square for index, square in squares.items() if rejected[index]]
+        if not rejected_squares or np.median(rejected_squares) > _GOOD * np.median(
+            [*squares.values()]
+        ):
             continue
-        when = record.received - case.evidence.start
+        times = record.received - case.evidence.start
         change = {f'{name}.gate': 1.0}
-        found.append(
+        findings.append(
             Finding(
                 'gate',
                 name,
@@ -52,10 +54,10 @@ def find(case: Examination) -> list[Finding]:
                     'time [s]',
                     'NIS',
                     (
-                        Curve('NIS', when, record.nis, 'dots'),
-                        Curve('rejected', when[rejected], record.nis[rejected], 'dots'),
+                        Curve('NIS', times, record.nis, 'dots'),
+                        Curve('rejected', times[rejected], record.nis[rejected], 'dots'),
                     ),
                 ),
             )
         )
-    return found
+    return findings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings that are so wrong that a filter is lost, and no linearisation along its path holds."""
+"""Readings so wrong that the filter is lost, and no linearisation along its path holds."""
 
 from __future__ import annotations
 
@@ -17,42 +17,43 @@ from .mounting import best_rotation, exchanged, nearest_rotation, turned, vector
 from .passage import Passage, explained, passage
 from .units import conversions, groups, mixed, scaled
 
-#: A filter is lost if its innovations squared are larger than expected by this factor.
+#: A filter is lost if its squared innovations exceed their expectation by this factor.
 _LOST = 2.0
-#: Candidates are compared on the first seconds; those that make it worse are dropped sooner.
+#: Candidates are compared on the first seconds of this duration. Candidates that increase the
+#: misfit are dropped after the second, shorter duration.
 _SECONDS, _SOONER = 8.0, 2.0
-#: Rotations are found in the first seconds; smaller ones (rad) make no filter lost.
-_TURNED_SECONDS, _TURNED = 20.0, 0.2
-#: Factors that are tried on each coordinate.
+#: Rotations are estimated on the first seconds; no smaller rotation (rad) causes a lost filter.
+_ROTATION_SECONDS, _SMALLEST_ROTATION = 20.0, 0.2
+#: Trial factors of each coordinate.
 _FACTORS = (-1.0, pi / 180.0, 180.0 / pi, 1.0 / 3.6, 1e-3)
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return units, signs, exchanges and turns of axes that bring a lost filter back, by passes.
+    """Return the units, signs, exchanges and rotations of axes that recover a lost filter.
 
-    Each candidate is passed itself, on the first seconds; of a linear system the regressions have
-    the same at once.
+    Each candidate is evaluated by a filter pass over the first seconds. For a linear system the
+    regressions give the same result at once.
     """
     if not lost(case):
         return []
     begin = case.passage.events[0].time
-    sooner, compared = (_Span(case, begin + seconds) for seconds in (_SOONER, _SECONDS))
-    part = len(case.passage.events) / len(compared)
-    found = []
+    first_span, span = (_Span(case, begin + seconds) for seconds in (_SOONER, _SECONDS))
+    ratio = len(case.passage.events) / len(span)
+    findings = []
     for finding in _candidates(case):
         try:
-            if sooner.gain(finding) < -CHANCE:
+            if first_span.gain(finding) < -CHANCE:
                 continue
-            gain = part * compared.gain(finding) - finding.dues
+            gain = ratio * span.gain(finding) - finding.dues
         except np.linalg.LinAlgError:
             continue
         if gain > CHANCE:
-            found.append(replace(finding, gain=gain, z=gain**0.5))
-    return sorted(found, key=lambda finding: -finding.gain)[:2]
+            findings.append(replace(finding, gain=gain, z=gain**0.5))
+    return sorted(findings, key=lambda finding: -finding.gain)[:2]
 
 
 class _Span:
-    """The first seconds of a recording, up to a stamp, on which candidates are passed."""
+    """The first seconds of a recording, up to a stamp, on which candidates are evaluated."""
 
     def __init__(self, case: Examination, until: float) -> None:
         self._until = until
@@ -64,19 +65,19 @@ class _Span:
         return len(self._before.events)
 
     def gain(self, finding: Finding) -> float:
-        """Return what a finding explains of this span.
+        """Return the gain of a finding on this span.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If the filter fails with it.
+            If the filter fails after the correction.
         """
         assert finding.mended is not None
         return explained(self._before, passage(finding.mended(), self._until))
 
 
 def lost(case: Examination) -> bool:
-    """Return whether the filter is so far off that its linearisation holds nowhere."""
+    """Return whether the errors of the filter are so large that no linearisation holds."""
     squares = np.array([e @ e / len(e) for e in case.passage.whitened])
     return not case.evidence.scenario.plan.linear and bool(squares.mean() >= _LOST)
 
@@ -92,28 +93,32 @@ def _candidates(case: Examination) -> Iterator[Finding]:
                 yield scaled(case, name, group, factor, 0.0, 0.0)
         if space.size == 2:
             yield exchanged(case, name, (1, 0), 0.0)
-        yield from _turned(case, name)
+        yield from _rotation_findings(case, name)
 
 
-def _turned(case: Examination, name: str) -> Iterator[Finding]:
-    """Yield the rotation of each vector reading by which it fits what the others predict.
+def _rotation_findings(case: Examination, name: str) -> Iterator[Finding]:
+    """Yield the rotation of each vector reading that fits the predictions of the other sensors.
 
-    From there the filter is no longer lost, and the regressions hold.
+    After the rotation the filter is no longer lost, and the regressions hold.
     """
     space = case.evidence.scenario.sensors[name].sensor.output
     axes = vectors(space)
-    until = case.passage.events[0].time + _TURNED_SECONDS
+    until = case.passage.events[0].time + _ROTATION_SECONDS
     others = left_out(case, name, until) if axes else None
     if others is None:
         return
     for group in axes:
         y, expected = others.record.value[:, group], others.predicted[:, group]
         turn = nearest_rotation(expected.T @ y)
-        if np.linalg.norm(turn - np.eye(len(turn))) < _TURNED:
+        if np.linalg.norm(turn - np.eye(len(turn))) < _SMALLEST_ROTATION:
             continue
-        near = mixed(case.evidence, name, within(case, name, group, turn))
-        first = passage(near, until, strict=False)
-        turn = best_rotation(Examination(near, strict=False, known=first), name, group) @ turn
+        rotated = mixed(case.evidence, name, within(case, name, group, turn))
+        first_pass = passage(rotated, until, strict=False)
+        turn = (
+            best_rotation(Examination(rotated, strict=False, known=first_pass), name, group) @ turn
+        )
         rms = float(np.sqrt(np.mean(np.sum((y @ turn.T - expected) ** 2, axis=1))))
-        left = f'Then {rms:.3g} {space.units[group[0]]} rms are left to what the others predict.'
-        yield turned(case, name, group, turn, 0.0, left)
+        residual = (
+            f'Then {rms:.3g} {space.units[group[0]]} rms are left to what the others predict.'
+        )
+        yield turned(case, name, group, turn, 0.0, residual)

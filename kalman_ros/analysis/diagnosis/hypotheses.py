@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The faults whose responses are computed, as columns: of readings, inputs, parameters, start."""
+"""Fault hypotheses as columns of a regression: readings, inputs, parameters, initial belief."""
 
 from __future__ import annotations
 
@@ -16,54 +16,56 @@ from .evidence import Evidence
 from .passage import Passage
 from .responses import Columns
 
-#: An offset that changes is followed in pieces: at most N, and none shorter than (s).
+#: A changing offset is constant in each piece: largest number of pieces, and shortest piece (s).
 PIECES, _SHORTEST = 30, 1.0
-#: How late inputs may act, in samples of the loop.
+#: Delays of inputs, in samples of the loop.
 LAGS = (1, 2, 3, 5, 8, 12, 20, 30)
-#: Dead zones that are tried, as quantiles of the size of the input.
+#: Trial dead zones, as quantiles of the magnitude of the input.
 DEAD = (0.2, 0.35, 0.5, 0.65, 0.8)
-#: Of numerical derivatives, relative.
+#: Relative step of numerical derivatives.
 _STEP = 1e-4
 
 
-def edges(found: Passage) -> Array:
+def edges(passage: Passage) -> Array:
     """Return the edges (B + 1,) of the pieces of a recording, in seconds."""
-    first, last = found.events[0].time, found.events[-1].time
+    first, last = passage.events[0].time, passage.events[-1].time
     count = int(np.clip((last - first) / _SHORTEST, 1, PIECES))
     return np.linspace(first, last + 1e-6, count + 1)
 
 
-def columns(evidence: Evidence, found: Passage, tones: Array | None = None) -> Columns:
-    """Return the columns of every fault of a recording that acts additively.
+def columns(evidence: Evidence, passage: Passage, tones: Array | None = None) -> Columns:
+    """Return the columns of every additive fault of a recording.
 
-    ``tones`` are the frequencies (Hz) of sines, one an input, that may add to the input.
+    ``tones`` has one frequency (Hz) for each input, of a sine that may be added to the input.
     """
     labels: list[tuple[str, ...]] = []
     readings = {}
-    for name in dict.fromkeys(event.sensor for event in found.events):
-        block, own = _of_sensor(evidence, found, name)
+    for name in dict.fromkeys(event.sensor for event in passage.events):
+        block, sensor_labels = _sensor_columns(evidence, passage, name)
         readings[name] = (len(labels), block)
-        labels += own
-    parts = [part for part in _of_state(evidence, found, tones) if part[1].shape[2]]
+        labels += sensor_labels
+    parts = [part for part in _state_columns(evidence, passage, tones) if part[1].shape[2]]
     state = np.concatenate([block for _, block in parts], axis=2)
-    return Columns([*labels, *(label for own, _ in parts for label in own)], readings, state)
+    return Columns(
+        [*labels, *(label for part_labels, _ in parts for label in part_labels)], readings, state
+    )
 
 
-def _of_sensor(
-    evidence: Evidence, found: Passage, name: str
+def _sensor_columns(
+    evidence: Evidence, passage: Passage, name: str
 ) -> tuple[Array, list[tuple[str, ...]]]:
-    """Return mixes of coordinates, offsets in pieces, and stamps that are early."""
+    """Return the columns of a sensor: mixed coordinates, piecewise offsets, and early stamps."""
     model = evidence.scenario.model
-    events = [found.events[i] for i in found.of(name)]
-    read = evidence.sensors[name].value[[event.index for event in events]]
-    # as predicted, for the noise of a reading is correlated with its innovation
+    events = [passage.events[i] for i in passage.of(name)]
+    recorded = evidence.sensors[name].value[[event.index for event in events]]
+    # predictions, since the noise of a reading is correlated with its innovation
     values = evidence.scenario.sensors[name].sensor.measure(np.array([e.x for e in events]))
     N, k = values.shape
-    pieces = np.searchsorted(edges(found), [event.time for event in events], 'right') - 1
-    B = len(edges(found)) - 1
+    pieces = np.searchsorted(edges(passage), [event.time for event in events], 'right') - 1
+    B = len(edges(passage)) - 1
     block = np.zeros((N, k, 2 * k * k + k * B + 1))
     labels: list[tuple[str, ...]] = []
-    for kind, mixed in (('mix', values), ('read', read)):
+    for kind, mixed in (('mix', values), ('read', recorded)):
         for i in range(k):
             for j in range(k):
                 block[:, i, len(labels)] = mixed[:, j]
@@ -77,31 +79,34 @@ def _of_sensor(
     return block, [*labels, ('stamp', name)]
 
 
-def _of_state(
-    evidence: Evidence, found: Passage, tones: Array | None
+def _state_columns(
+    evidence: Evidence, passage: Passage, tones: Array | None
 ) -> Iterator[tuple[list[tuple[str, ...]], Array]]:
-    """Yield the first belief, the inputs and the parameters, each with its labels."""
-    model, n, E = evidence.scenario.model, evidence.scenario.model.state.size, len(found.events)
+    """Yield the columns of the initial belief, the inputs and the parameters, with labels."""
+    model, n, E = evidence.scenario.model, evidence.scenario.model.state.size, len(passage.events)
     first = np.zeros((E, n, n))
     first[0] = np.diag(evidence.scenario.initial_belief.std)
     yield [('first', name) for name in model.state.names], first
-    X, U = (np.array([getattr(e, name) for e in found.events]) for name in ('x', 'u'))
-    dt = np.array([event.dt for event in found.events])
+    X, U = (np.array([getattr(e, name) for e in passage.events]) for name in ('x', 'u'))
+    dt = np.array([event.dt for event in passage.events])
     for index, name in enumerate(model.input.names):
-        labels, pushes = _pushes(evidence, found, index, tones)
-        moved = effect(model, X, U, index) * dt[:, None]
-        yield [(kind, name, *rest) for kind, *rest in labels], moved[:, :, None] * pushes[:, None]
+        labels, pushes = _input_columns(evidence, passage, index, tones)
+        effects = effect(model, X, U, index) * dt[:, None]
+        yield (
+            [(kind, name, *rest) for kind, *rest in labels],
+            effects[:, :, None] * pushes[:, None],
+        )
     names: list[tuple[str, ...]] = []
     blocks: list[Array] = []
-    for name, other, size in varied(evidence):
-        change = (other.time_derivative(X, U) - model.time_derivative(X, U)) / size
+    for name, varied_model, size in varied(evidence):
+        change = (varied_model.time_derivative(X, U) - model.time_derivative(X, U)) / size
         names.append(('parameter', name))
         blocks.append(change * dt[:, None])
     yield names, np.stack(blocks, axis=2) if blocks else np.zeros((E, n, 0))
 
 
 def effect(model: Dynamics, X: Array, U: Array, index: int) -> Array:
-    """Return d rate / d u_index (E, n) at states (E, n) and inputs (E, m)."""
+    """Return the derivative of the rate by an input (E, n), at states (E, n), inputs (E, m)."""
     step = np.zeros(U.shape[1])
     step[index] = _STEP * max(1.0, float(np.abs(U[:, index]).max(initial=0.0)))
     return np.asarray(
@@ -109,18 +114,18 @@ def effect(model: Dynamics, X: Array, U: Array, index: int) -> Array:
     )
 
 
-def _pushes(
-    evidence: Evidence, found: Passage, index: int, tones: Array | None
+def _input_columns(
+    evidence: Evidence, passage: Passage, index: int, tones: Array | None
 ) -> tuple[list[tuple[str, ...]], Array]:
-    """Return what may add to an input (E, p): its own multiple, pieces, delays, dead zones."""
-    times = np.array([event.time for event in found.events])
-    u = np.array([event.u[index] for event in found.events])
+    """Return the columns of an input (E, p): gain, pieces, delays, dead zones and tones."""
+    times = np.array([event.time for event in passage.events])
+    u = np.array([event.u[index] for event in passage.events])
     labels: list[tuple[str, ...]] = [('gain',)]
     pushes: list[Array] = [u]
-    where = np.searchsorted(edges(found), times, 'right') - 1
-    for b in range(len(edges(found)) - 1):
+    pieces = np.searchsorted(edges(passage), times, 'right') - 1
+    for b in range(len(edges(passage)) - 1):
         labels.append(('push', str(b)))
-        pushes.append((where == b).astype(float))
+        pushes.append((pieces == b).astype(float))
     stamps, values = evidence.inputs.stamp, evidence.inputs.value[:, index]
     for lag in LAGS:
         labels.append(('lag', str(lag)))
@@ -137,32 +142,36 @@ def _pushes(
 
 
 def held(stamps: Array, values: Array, times: Array) -> Array:
-    """Return the input that was in effect just before each of ``times``; the first before all."""
+    """Return the input that held just before each of ``times``, at first the first input."""
     if not len(stamps):
         return np.zeros(len(times))
-    at = np.searchsorted(stamps, times - 1e-6, 'right') - 1
-    return np.asarray(values[np.maximum(at, 0)])
+    rows = np.searchsorted(stamps, times - 1e-6, 'right') - 1
+    return np.asarray(values[np.maximum(rows, 0)])
 
 
 def value_of(evidence: Evidence, name: str) -> float:
-    """Return the value of a parameter of the model, its default if the file has none."""
-    given = evidence.parameters.get(f'model_parameters.{name}')
-    if given is not None:
-        return float(given)
+    """Return the value of a parameter of the model, or its default if the file has none."""
+    value = evidence.parameters.get(f'model_parameters.{name}')
+    if value is not None:
+        return float(value)
     options = options_of(system(str(evidence.parameters.get('model', ''))).build)
     return float(next(option.default for option in options if option.name == name))  # type: ignore[arg-type]
 
 
 def varied(evidence: Evidence) -> Iterator[tuple[str, Dynamics, float]]:
-    """Yield each parameter of the model that is a number, the model with another, by how much."""
+    """Yield each numerical parameter of the model, the model with a changed value, the change."""
     values = section(evidence.parameters, 'model_parameters')
-    used = system(str(evidence.parameters.get('model', '')))
-    for option in options_of(used.build):
+    declaration = system(str(evidence.parameters.get('model', '')))
+    for option in options_of(declaration.build):
         value = values.get(option.name, option.default)
         if not isinstance(value, (int, float)) or isinstance(value, bool):
             continue
         size = _STEP * (abs(float(value)) or 1.0)
         try:
-            yield option.name, model_of(used, {**values, option.name: float(value) + size}), size
+            yield (
+                option.name,
+                model_of(declaration, {**values, option.name: float(value) + size}),
+                size,
+            )
         except ValueError:
             continue

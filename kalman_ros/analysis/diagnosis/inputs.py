@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inputs that act otherwise than believed: gain, sign, delay, dead zone, disturbances."""
+"""Faults of inputs: gain, sign, delay, dead zone, and disturbances."""
 
 from __future__ import annotations
 
@@ -17,30 +17,37 @@ from .finding import Curve, Figure, Finding
 from .hypotheses import edges, held
 from .responses import Fit
 
-#: Gains within this of 1 are no finding; those this far below 1 are of the wrong sign.
+#: A gain that differs from 1 by less than the first number is no finding; a gain of 1 plus the
+#: second number or less has the wrong sign.
 _RELEVANT, _REVERSED = 0.05, -1.3
-#: Of the zone that fits best, the part that fits: more than all of it is no dead zone.
-_DEAD = (0.3, 1.5)
+#: Range of the fitted share of the best zone; a share outside this range is no dead zone.
+_DEAD_SHARE = (0.3, 1.5)
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return what is wrong with the inputs."""
-    found = []
+    """Return the faults of the inputs."""
+    delays = []
     for index, name in enumerate(case.evidence.scenario.model.input.names):
         if case.responses.columns('gain', name):
-            found += _late(case, name, index)
-    return [*_gains(case), *found, *_dead(case), *_disturbed(case), *_tones(case)]
+            delays += _find_delay(case, name, index)
+    return [
+        *_find_gains(case),
+        *delays,
+        *_find_dead_zones(case),
+        *_find_disturbances(case),
+        *_find_tones(case),
+    ]
 
 
-def _with(evidence: Evidence, index: int, column: Array) -> Evidence:
+def _with_input(evidence: Evidence, index: int, column: Array) -> Evidence:
     """Return the evidence with other values (N,) of an input."""
     value = evidence.inputs.value.copy()
     value[:, index] = column
     return replace(evidence, inputs=replace(evidence.inputs, value=value))
 
 
-def _gains(case: Examination) -> list[Finding]:
-    """Return the inputs that act with another sign, and those at a part of their command."""
+def _find_gains(case: Examination) -> list[Finding]:
+    """Return the inputs that act with the wrong sign, or with another gain."""
     evidence, names = case.evidence, case.evidence.scenario.model.input.names
     fits: dict[str, dict[int, Fit]] = {'input sign': {}, 'input gain': {}}
     for index, name in enumerate(names):
@@ -48,18 +55,18 @@ def _gains(case: Examination) -> list[Finding]:
             fit = case.responses.alone(column)
             if fit.gain >= CHANCE and abs(fit.size[0]) >= _RELEVANT:
                 fits['input sign' if fit.size[0] < _REVERSED else 'input gain'][index] = fit
-    return [_gain(evidence, kind, those) for kind, those in fits.items() if those]
+    return [_gain_finding(evidence, kind, by_index) for kind, by_index in fits.items() if by_index]
 
 
-def _gain(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Finding:
-    """Return the finding of the inputs with these fits, by index."""
+def _gain_finding(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Finding:
+    """Return the finding of the inputs with these fits, by index of the input."""
     names = evidence.scenario.model.input.names
     value, words, total = evidence.inputs.value.copy(), [], 0.0
     for index, fit in fits.items():
         gain, total = 1.0 + float(fit.size[0]), total + fit.gain
         value[:, index] *= gain
-        how = f'at {gain:.3g} +- {fit.std[0]:.1g} of its command'
-        words.append(f'{names[index]} {"with the wrong sign" if kind == "input sign" else how}')
+        share = f'at {gain:.3g} +- {fit.std[0]:.1g} of its command'
+        words.append(f'{names[index]} {"with the wrong sign" if kind == "input sign" else share}')
     mended = replace(evidence, inputs=replace(evidence.inputs, value=value))
     return Finding(
         kind,
@@ -71,11 +78,11 @@ def _gain(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Finding:
     )
 
 
-def _late(case: Examination, name: str, index: int) -> list[Finding]:
-    """Return a delay: the lag at which what acts is what was commanded, or lost commands.
+def _find_delay(case: Examination, name: str, index: int) -> list[Finding]:
+    """Return the delay of an input, from the lag of its effect or from lost commands.
 
-    A command that is lost with the probability p leaves the one before in effect, on average
-    the mixture (1 - p) u_k + p u_{k-1}: a lag of one sample with the weight p.
+    A command that is lost with the probability p leaves the previous command in effect. The
+    average is (1 - p) u_k + p u_{k-1}, a lag of one sample with the weight p.
     """
     labels = case.responses.columns('lag', name)
     fits = {int(case.responses.labels[c][2]): case.responses.alone(c) for c in labels}
@@ -85,23 +92,23 @@ def _late(case: Examination, name: str, index: int) -> list[Finding]:
         return []
     evidence, dt = case.evidence, 1.0 / case.evidence.scenario.rate
     stamps, u = evidence.inputs.stamp, evidence.inputs.value[:, index]
-    before = held(stamps, u, stamps - lag * dt + 2e-6)
-    late = weight * lag * dt
+    delayed = held(stamps, u, stamps - lag * dt + 2e-6)
+    delay = weight * lag * dt
     return [
         Finding(
             'input delay',
             name,
-            f'the input {name} acts {late:.3g} s after its command on average: a delay of the '
+            f'the input {name} acts {delay:.3g} s after its command on average: a delay of the '
             f'actuator, or commands that are lost while the one before stays in effect.',
             fit.gain**0.5,
             gain=fit.gain,
-            mended=lambda: _with(evidence, index, u + min(weight, 1.0) * (before - u)),
+            mended=lambda: _with_input(evidence, index, u + min(weight, 1.0) * (delayed - u)),
         )
     ]
 
 
-def _dead(case: Examination) -> list[Finding]:
-    """Return the inputs of which a part about zero has no effect."""
+def _find_dead_zones(case: Examination) -> list[Finding]:
+    """Return the inputs with a dead zone, in which they have no effect."""
     evidence = case.evidence
     value, words, first, gain = evidence.inputs.value.copy(), [], '', 0.0
     for index, name in enumerate(evidence.scenario.model.input.names):
@@ -110,7 +117,7 @@ def _dead(case: Examination) -> list[Finding]:
         best = max(range(len(fits)), key=lambda i: fits[i].gain, default=None)
         if best is None or fits[best].gain < CHANCE:
             continue
-        if not _DEAD[0] < fits[best].size[0] < _DEAD[1]:
+        if not _DEAD_SHARE[0] < fits[best].size[0] < _DEAD_SHARE[1]:
             continue
         zone = float(fits[best].size[0]) * float(case.responses.labels[columns[best]][2])
         value[:, index] -= np.clip(value[:, index], -zone, zone)
@@ -132,8 +139,8 @@ def _dead(case: Examination) -> list[Finding]:
     ]
 
 
-def _disturbed(case: Examination) -> list[Finding]:
-    """Return what adds to the inputs: a constant, or what grows or wanders."""
+def _find_disturbances(case: Examination) -> list[Finding]:
+    """Return the disturbances of the inputs: constant, growing, or wandering."""
     evidence, limits = case.evidence, edges(case.passage)
     names = evidence.scenario.model.input.names
     groups = {i: case.responses.columns('push', name) for i, name in enumerate(names)}
@@ -165,8 +172,8 @@ def _disturbed(case: Examination) -> list[Finding]:
     ]
 
 
-def _tones(case: Examination) -> list[Finding]:
-    """Return sines that add to the inputs."""
+def _find_tones(case: Examination) -> list[Finding]:
+    """Return the sines that are added to the inputs."""
     evidence = case.evidence
     stamps, value = evidence.inputs.stamp, evidence.inputs.value.copy()
     gain, words, first = 0.0, [], ''
@@ -176,8 +183,8 @@ def _tones(case: Examination) -> list[Finding]:
         if fit is None or fit.gain < CHANCE + 20.0:
             continue
         frequency = float(case.responses.labels[columns[0]][2])
-        turn = 2.0 * np.pi * frequency * (stamps + 0.5 / evidence.scenario.rate)
-        value[:, index] += fit.size[0] * np.sin(turn) + fit.size[1] * np.cos(turn)
+        phase = 2.0 * np.pi * frequency * (stamps + 0.5 / evidence.scenario.rate)
+        value[:, index] += fit.size[0] * np.sin(phase) + fit.size[1] * np.cos(phase)
         gain, first = gain + fit.gain, first or name
         words.append(f'{np.hypot(*fit.size):.3g} at {frequency:.3g} Hz to {name}')
     mended = replace(evidence, inputs=replace(evidence.inputs, value=value))

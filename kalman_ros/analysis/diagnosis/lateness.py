@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How late readings are received, and how evenly; and stamps that are late themselves."""
+"""Delay and jitter of the receipt of readings, and stamps that are late or early."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from .examination import CHANCE, Examination
 from .finding import Finding
 from .stamps import latency, picture, slope
 
-#: Delays and jitter below this do no harm (s).
+#: Delays and jitter below this duration (s) are harmless.
 _HARMLESS = 0.02
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the delays and jitter of each sensor on its way to the recorder."""
-    found = []
+    """Return the delay and jitter of each sensor from its stamp to the recorder."""
+    findings = []
     for name, record in case.evidence.sensors.items():
         if len(record) > 2:
-            found += [*_late(case.evidence, name, record)]
-    return found
+            findings += [*_delay_findings(case.evidence, name, record)]
+    return findings
 
 
-def _late(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+def _delay_findings(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
     late = latency(record)
     late = late[late != 0.0]
     if not len(late):
@@ -39,31 +39,31 @@ def _late(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Findi
     low, middle, high = np.quantile(late, (0.1, 0.5, 0.9))
     window = float(evidence.parameters.get('window', 1.0))
     old = int((record.outcome == Outcome.TOO_OLD.name).sum())
-    loss = f'; {old} were dropped as older than the window of {window:g} s' if old else ''
-    needed = round(float(1.2 * late.max()) + 0.05, 2)
-    change = {'window': needed} if needed > window else {}
+    note = f'; {old} were dropped as older than the window of {window:g} s' if old else ''
+    sufficient = round(float(1.2 * late.max()) + 0.05, 2)
+    change = {'window': sufficient} if sufficient > window else {}
     if high - low > max(_HARMLESS, 0.5 * middle):
         yield Finding(
             'jitter', name,
             f'readings of {name} are received {late.min():.3g} to {late.max():.3g} s after their '
-            f'stamp, half of them before {middle:.3g} s{loss}.',
+            f'stamp, half of them before {middle:.3g} s{note}.',
             inf, change, figure=picture(name, record, 'latency'),
         )  # fmt: skip
     elif low > _HARMLESS:
         yield Finding(
             'delay', name,
-            f'readings of {name} are received {middle:.3g} s after their stamp{loss}. Their '
+            f'readings of {name} are received {middle:.3g} s after their stamp{note}. Their '
             'stamps are right: with a window that is longer than that, none is lost.',
             inf, change, figure=picture(name, record, 'latency'),
         )  # fmt: skip
 
 
 def hidden(case: Examination) -> list[Finding]:
-    """Return sensors whose readings are older, or newer, than their stamps claim.
+    """Return the sensors whose readings are older or newer than their stamps.
 
-    The reading h(x(t + tau)) is h(x) + tau d h(x)/dt to first order: tau is regressed.
+    The reading h(x(t + tau)) is h(x) + tau d h(x)/dt to first order. A regression estimates tau.
     """
-    found = []
+    findings = []
     for name, record in case.evidence.sensors.items():
         for column in case.responses.columns('stamp', name):
             fit = case.responses.alone(column)
@@ -74,7 +74,7 @@ def hidden(case: Examination) -> list[Finding]:
             rate = slope(record.received, latency(record))
             if abs(rate) > 1e-3:
                 continue
-            found.append(
+            findings.append(
                 Finding(
                     'stamps late' if tau < 0.0 else 'stamps early',
                     name,
@@ -86,13 +86,13 @@ def hidden(case: Examination) -> list[Finding]:
                     {option: round(float(case.evidence.parameters.get(option, 0.0)) + tau, 4)},
                     gain=fit.gain,
                     figure=picture(name, record, 'latency'),
-                    mended=partial(_restamped, case.evidence, name, tau),
+                    mended=partial(_shift_stamps, case.evidence, name, tau),
                 )
             )
-    return found
+    return findings
 
 
-def _restamped(evidence: Evidence, name: str, tau: float) -> Evidence:
-    """Return the evidence with the stamps of a sensor ``tau`` seconds later."""
+def _shift_stamps(evidence: Evidence, name: str, tau: float) -> Evidence:
+    """Return the evidence with the stamps of a sensor increased by ``tau`` seconds."""
     record = evidence.sensors[name]
     return evidence.with_sensor(name, replace(record, stamp=record.stamp + tau))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sensor should have read, as the others predict it."""
+"""Leave-one-out prediction: the readings of a sensor as the other sensors predict them."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from .evidence import Evidence
 from .examination import Examination
 from .passage import Event, Passage, passage, usable
 
-#: The fewest readings that are compared.
+#: The smallest number of readings that are compared.
 _FEWEST = 50
 
 
 class LeftOut(NamedTuple):
-    """The usable readings of a sensor by stamp, and what a pass without them predicts.
+    """The usable readings of a sensor in order of stamps, and their leave-one-out prediction.
 
     Parameters
     ----------
     evidence, without
-        The recording without the sensor, and its pass.
+        Recording without the sensor, and its filter pass.
     record, predicted
-        The readings, and their predictions (N, k).
+        Readings of the sensor, and their predictions (N, k).
     events
-        Of each reading, the last event of the pass before it.
+        Last event of the pass before each reading.
     """
 
     evidence: Evidence
@@ -39,7 +39,7 @@ class LeftOut(NamedTuple):
 
 
 def left_out(case: Examination, name: str, until: float = np.inf) -> LeftOut | None:
-    """Return the readings of a sensor beside predictions, up to a stamp (s); None if too few."""
+    """Return a sensor's readings and predictions up to a stamp (s); None if they are too few."""
     record = case.evidence.sensors[name]
     rest = case.evidence.with_sensor(name, record.select(slice(0)))
     without = passage(rest, until, strict=False)
@@ -47,8 +47,8 @@ def left_out(case: Examination, name: str, until: float = np.inf) -> LeftOut | N
     if len(record) < _FEWEST or len(without.events) < _FEWEST:
         return None
     record = record.select(np.argsort(record.stamp, kind='stable'))
-    at = np.searchsorted([event.time for event in without.events], record.stamp, 'right') - 1
-    events = [without.events[i] for i in np.maximum(at, 0)]
+    rows = np.searchsorted([event.time for event in without.events], record.stamp, 'right') - 1
+    events = [without.events[i] for i in np.maximum(rows, 0)]
     sensor = case.evidence.scenario.sensors[name].sensor
     predicted = np.array([sensor.measure(event.x) for event in events])
     return LeftOut(rest, without, record, predicted, events)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Axes of a vector reading: swapped, of another frame, or turned by a mounting."""
+"""Axes of vector readings that are swapped, of another frame, or rotated by the mounting."""
 
 from __future__ import annotations
 
@@ -15,48 +15,48 @@ from .finding import Curve, Figure, Finding
 from .responses import fitted
 from .units import alike, label_of, mixed, mixing, replaced
 
-#: Rotations below this (rad) are no finding, and those this near to a quarter turn are one.
+#: Smallest rotation that is a finding, and largest difference from a quarter turn, in rad.
 _SMALL, _NEAR = 0.03, 0.1
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return sensors whose readings fit once their axes are exchanged or turned."""
-    found = []
+    """Return the sensors whose readings fit after an exchange or a rotation of axes."""
+    findings = []
     for name in case.evidence.sensors:
         space = case.evidence.scenario.sensors[name].sensor.output
         if space.size < 2 or not case.responses.columns('mix', name):
             continue
-        found += [*_swaps(case, name, space.size)]
+        findings += [*_find_swap(case, name, space.size)]
         for group in vectors(space):
-            found += [*_rotations(case, name, group)]
-    return found
+            findings += [*_find_rotation(case, name, group)]
+    return findings
 
 
 def vectors(space: Space) -> list[tuple[int, ...]]:
-    """Return the groups of coordinates that are a vector of two or three axes, to be turned."""
-    # the numbers of a rotation are no components
+    """Return the groups of coordinates that form a vector of two or three axes."""
+    # the coordinates of a rotation are not components of a vector
     turns = {index for turn in space.turns for index in range(turn.start, turn.stop)}
     return [group for group in alike(space) if len(group) <= 3 and not turns.intersection(group)]
 
 
 def within(case: Examination, name: str, group: tuple[int, ...], turn: Array) -> Array:
-    """Return the matrix that turns some coordinates of a sensor, and leaves the others."""
+    """Return the matrix that rotates one group of coordinates of a sensor by ``turn``."""
     M = np.eye(case.evidence.scenario.sensors[name].sensor.output.size)
     M[np.ix_(group, group)] = turn
     return M
 
 
-def _gain(case: Examination, name: str, M: Array) -> float:
+def _gain_of(case: Examination, name: str, M: Array) -> float:
     return replaced(case, name, M)[0]
 
 
-def _swaps(case: Examination, name: str, size: int) -> list[Finding]:
-    """Return the best exchange of axes, with or without signs, if one explains anything."""
+def _find_swap(case: Examination, name: str, size: int) -> list[Finding]:
+    """Return the best exchange of axes, if one is significant."""
     best, best_gain = None, CHANCE
     for order in permutations(range(size)):
         if order == tuple(range(size)):
             continue
-        gain = _gain(case, name, np.eye(size)[list(order)])
+        gain = _gain_of(case, name, np.eye(size)[list(order)])
         if gain > best_gain:
             best, best_gain = order, gain
     if best is None:
@@ -65,38 +65,44 @@ def _swaps(case: Examination, name: str, size: int) -> list[Finding]:
 
 
 def exchanged(case: Examination, name: str, order: tuple[int, ...], gain: float) -> Finding:
-    """Return the finding that the axes of a sensor are read in another order."""
+    """Return the finding that the axes of a sensor have another order."""
     names = case.evidence.scenario.sensors[name].sensor.output.names
     M = np.eye(len(order))[list(order)]
-    what = ', '.join(f'{names[i]} is read as {names[j]}' for i, j in enumerate(order) if i != j)
+    exchanges = ', '.join(
+        f'{names[i]} is read as {names[j]}' for i, j in enumerate(order) if i != j
+    )
     fields = case.evidence.scenario.sensors[name].signal.fields
     change = {f'{name}.fields': [fields[j] for j in order]} if fields else {}
     return Finding(
-        'swapped', name, f'axes of {name} are swapped: {what}. Exchange its fields.',
+        'swapped', name, f'axes of {name} are swapped: {exchanges}. Exchange its fields.',
         gain**0.5, change, gain=gain, figure=_picture(case, name, M),
         mended=lambda: mixed(case.evidence, name, M),
     )  # fmt: skip
 
 
-def _rotations(case: Examination, name: str, group: tuple[int, ...]) -> list[Finding]:
-    """Return the best rotation of two axes or, of three, about any axis."""
+def _find_rotation(case: Examination, name: str, group: tuple[int, ...]) -> list[Finding]:
+    """Return the best rotation of a group of two or three axes, if it is significant."""
     turn = best_rotation(case, name, group)
-    gain = _gain(case, name, within(case, name, group, turn))
-    if gain < CHANCE or abs(_angle(turn)) < _SMALL:
+    gain = _gain_of(case, name, within(case, name, group, turn))
+    if gain < CHANCE or abs(_rotation_angle(turn)) < _SMALL:
         return []
-    left = case.passage.misfit - gain
-    becomes = f'Misfit {case.passage.misfit:.4g} becomes {left:.4g}.'
-    return [turned(case, name, group, turn, gain, becomes)]
+    residual = case.passage.misfit - gain
+    sentence = f'Misfit {case.passage.misfit:.4g} becomes {residual:.4g}.'
+    return [turned(case, name, group, turn, gain, sentence)]
 
 
 def turned(
     case: Examination, name: str, group: tuple[int, ...], turn: Array, gain: float, residual: str
 ) -> Finding:
-    """Return the finding that some coordinates of a sensor fit once turned by a matrix.
+    """Return the finding that a group of coordinates fits after a rotation by ``turn``.
 
-    ``residual`` is a sentence on what is left then.
+    ``residual`` is a sentence about the remaining misfit.
     """
-    angle, M, label = _angle(turn), within(case, name, group, turn), label_of(case, name, group)
+    angle, M, label = (
+        _rotation_angle(turn),
+        within(case, name, group, turn),
+        label_of(case, name, group),
+    )
     quarter = abs(abs(angle) - 0.5 * np.pi) < _NEAR
     why = (
         ' A quarter turn is what east-north-up leaves in place of north-east-down.'
@@ -104,7 +110,7 @@ def turned(
         else ''
     )
     if len(turn) == 3:
-        angles = ', '.join(f'{each:.4g}' for each in rotations.to_euler(rotations.log(turn)))
+        angles = ', '.join(f'{euler:.4g}' for euler in rotations.to_euler(rotations.log(turn)))
         why += f' If it is a vector of the body, {name}.mount.rotation: [{angles}] says the same.'
     return Finding(
         'rotated',
@@ -119,18 +125,21 @@ def turned(
     )
 
 
-def _angle(M: Array) -> float:
-    """Return the angle of a rotation, with its sign in the plane."""
+def _rotation_angle(M: Array) -> float:
+    """Return the angle of a rotation; in the plane, it has a sign."""
     if len(M) == 2:
         return float(np.arctan2(M[1, 0], M[0, 0]))
     return float(np.arccos(np.clip(0.5 * (np.trace(M) - 1.0), -1.0, 1.0)))
 
 
 def best_rotation(case: Examination, name: str, group: tuple[int, ...]) -> Array:
-    """Return the rotation that gains most: by a grid in the plane, else near that of the fit."""
+    """Return the rotation with the largest gain.
+
+    The search is over a grid in the plane, or starts at the fitted rotation in space.
+    """
 
     def gain(turn: Array) -> float:
-        return _gain(case, name, within(case, name, group, turn))
+        return _gain_of(case, name, within(case, name, group, turn))
 
     if len(group) == 2:
         angles = np.linspace(-np.pi, np.pi, 721)
@@ -145,15 +154,15 @@ def best_rotation(case: Examination, name: str, group: tuple[int, ...]) -> Array
 
     from scipy.optimize import minimize  # slow import
 
-    found = minimize(lambda turn: -gain(rotations.exp(turn) @ start), np.zeros(3), method='BFGS')
-    return np.asarray(rotations.exp(found.x) @ start)
+    best = minimize(lambda turn: -gain(rotations.exp(turn) @ start), np.zeros(3), method='BFGS')
+    return np.asarray(rotations.exp(best.x) @ start)
 
 
 def nearest_rotation(M: Array) -> Array:
     """Return the rotation (k, k) nearest to a matrix.
 
-    It is that of its polar decomposition (P. Schoenemann, A Generalized Solution of the Orthogonal
-    Procrustes Problem, Psychometrika 31(1), 1966).
+    It is the rotation of the polar decomposition (P. Schoenemann, A Generalized Solution of the
+    Orthogonal Procrustes Problem, Psychometrika 31(1), 1966).
     """
     U, _, V = np.linalg.svd(M)
     return np.asarray(U @ np.diag([*np.ones(len(M) - 1), np.linalg.det(U @ V)]) @ V)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise of sensors and of the process that is declared too small or too large."""
+"""Sensor noise and process noise that is declared too small or too large."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from .finding import Curve, Figure, Finding
 from .hypotheses import value_of
 from .refilter import misfits
 
-#: A variance is suspected beyond N deviations of its score.
+#: A variance is suspected if its score exceeds this number of standard deviations.
 _SUSPECT = 5.0
-#: Logarithms of factors of a variance that are tried, and how they are refined.
+#: Logarithms of trial factors of a variance, and their refinement.
 _FACTORS = np.array([-6.0, -4.0, -2.5, -1.2, -0.5, 0.5, 1.2, 2.5, 4.0, 6.0, 9.0])
 _FINER = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
-#: Standard deviations that differ by less than this factor are no finding.
+#: A standard deviation that differs by less than this factor is no finding.
 _RELEVANT = 1.2
-#: No more variances than these are tried in a round: those with the largest scores.
+#: Largest number of variances that are tried in a round, those with the largest scores.
 _TRIED = 4
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the variances, of readings and of the process, that the data contradict.
+    """Return the variances of readings and of the process that the data contradict.
 
-    A suspect has a large derivative of the likelihood; the factor comes from the
-    likelihood itself, with the filter run again for each candidate (R. Mehra, On the
-    Identification of Variances and Adaptive Kalman Filtering, IEEE Trans. Automatic Control
-    15(2), 1970, for what innovations reveal of both).
+    A variance is suspected if the derivative of the likelihood by it is large. Its factor follows
+    from the likelihood itself, for which the filter is run with each candidate. R. Mehra, On the
+    Identification of Variances and Adaptive Kalman Filtering, IEEE Trans. Automatic Control 15(2),
+    1970, shows which variances the innovations determine.
     """
     scores = case.scores
     suspects = {}
@@ -43,23 +43,23 @@ def find(case: Examination) -> list[Finding]:
         score = scores.gradient[list(group)].sum()
         information = scores.information[np.ix_(group, group)].sum()
         suspects[group] = abs(float(score)) / np.sqrt(max(float(information), 1e-12))
-    worst = sorted(suspects, key=lambda group: -suspects[group])[:_TRIED]
-    worst = [group for group in worst if suspects[group] > _SUSPECT]
-    found = []
-    for group, log, gain, spread in _searched(case, worst) if worst else ():
+    largest = sorted(suspects, key=lambda group: -suspects[group])[:_TRIED]
+    largest = [group for group in largest if suspects[group] > _SUSPECT]
+    findings = []
+    for group, log, gain, spread in _search_factors(case, largest) if largest else ():
         if gain > CHANCE and abs(log) > 2.0 * np.log(_RELEVANT):
             label = scores.labels[group[0]]
             factor = exp(0.5 * log)
             if len(label) == 2:
                 indices = [int(scores.labels[i][1]) for i in group]
-                found.append(_of_sensor(case, label[0], indices, factor, gain, spread))
+                findings.append(_sensor_finding(case, label[0], indices, factor, gain, spread))
             else:
-                found += _of_process(case, label[0], factor, gain, spread)
-    return found
+                findings += _process_finding(case, label[0], factor, gain, spread)
+    return findings
 
 
 def _groups(labels: Sequence[tuple[str, ...]]) -> list[tuple[int, ...]]:
-    """Return each variance alone, and those of all coordinates of a sensor together."""
+    """Return the groups of variances: each alone, and all coordinates of a sensor together."""
     groups: list[tuple[int, ...]] = [(i,) for i in range(len(labels))]
     for name in dict.fromkeys(label[0] for label in labels if len(label) == 2):
         whole = tuple(i for i, label in enumerate(labels) if label[0] == name and len(label) == 2)
@@ -68,13 +68,13 @@ def _groups(labels: Sequence[tuple[str, ...]]) -> list[tuple[int, ...]]:
     return groups
 
 
-def _searched(
+def _search_factors(
     case: Examination, suspects: Sequence[tuple[int, ...]]
 ) -> list[tuple[tuple[int, ...], float, float, float]]:
-    """Return of each suspect the best logarithm of a factor, its gain, and its deviation."""
+    """Return each suspect with the best logarithm of its factor, its gain, and its deviation."""
     labels, p = case.scores.labels, len(case.scores.labels)
 
-    def tried(logs: dict[tuple[int, ...], Array]) -> dict[tuple[int, ...], Array]:
+    def gains_of(logs: dict[tuple[int, ...], Array]) -> dict[tuple[int, ...], Array]:
         rows = [(group, log) for group, many in logs.items() for log in many.tolist()]
         candidates = np.zeros((len(rows) + 1, p))
         for row, (group, log) in enumerate(rows):
@@ -83,34 +83,34 @@ def _searched(
         gains = iter(values[-1] - values[:-1])
         return {group: np.array([next(gains) for _ in many]) for group, many in logs.items()}
 
-    coarse = tried(dict.fromkeys(suspects, _FACTORS))
-    finer = {group: _FACTORS[np.argmax(gains)] + _FINER for group, gains in coarse.items()}
-    found = []
-    for group, gains in tried(finer).items():
-        logs, best = finer[group], int(np.argmax(gains))
-        bend = np.polyfit(logs, gains, 2)[0]
-        spread = float(1.0 / np.sqrt(max(-bend, 1e-6)))
-        found.append((group, float(logs[best]), float(gains[best]), spread))
-    return found
+    coarse = gains_of(dict.fromkeys(suspects, _FACTORS))
+    fine = {group: _FACTORS[np.argmax(gains)] + _FINER for group, gains in coarse.items()}
+    results = []
+    for group, gains in gains_of(fine).items():
+        logs, best = fine[group], int(np.argmax(gains))
+        curvature = np.polyfit(logs, gains, 2)[0]
+        spread = float(1.0 / np.sqrt(max(-curvature, 1e-6)))
+        results.append((group, float(logs[best]), float(gains[best]), spread))
+    return results
 
 
-def _words(factor: float, spread: float) -> tuple[str, str]:
+def _describe(factor: float, spread: float) -> tuple[str, str]:
     way = 'small' if factor > 1.0 else 'large'
     size = factor if factor > 1.0 else 1.0 / factor
     low, high = size * exp(-min(spread, 3.0)), size * exp(min(spread, 3.0))
     return way, f'by a factor of {size:.3g} ({low:.3g} to {high:.3g}, 95 %)'
 
 
-def _of_sensor(
+def _sensor_finding(
     case: Examination, name: str, indices: list[int], factor: float, gain: float, spread: float
 ) -> Finding:
     evidence, record = case.evidence, case.evidence.sensors[name]
     space = evidence.scenario.sensors[name].sensor.output
-    way, size = _words(factor, spread)
+    way, size = _describe(factor, spread)
     std = np.sqrt(np.median(record.covariance, axis=0).diagonal())
     scale = np.ones(space.size)
     scale[indices] = factor
-    change: dict[str, Any] = {f'{name}.noise': [float(f'{each:.3g}') for each in scale * std]}
+    change: dict[str, Any] = {f'{name}.noise': [float(f'{value:.3g}') for value in scale * std]}
     configured = np.sqrt(evidence.scenario.sensors[name].sensor.covariance.diagonal())
     if not np.allclose(std, configured, rtol=1e-3):
         change[f'{name}.covariance_from'] = 'configuration'
@@ -122,19 +122,19 @@ def _of_sensor(
         f'the declared noise of {subject} is too {way} {size}: standard deviations that fit are '
         f'{words}.',
         gain**0.5, change, gain=gain, figure=innovations(case, name, indices[0]),
-        mended=lambda: _renoised(evidence, name, covariance),
+        mended=lambda: _with_covariance(evidence, name, covariance),
     )  # fmt: skip
 
 
-def _renoised(evidence: Evidence, name: str, covariance: Array) -> Evidence:
+def _with_covariance(evidence: Evidence, name: str, covariance: Array) -> Evidence:
     record = replace(evidence.sensors[name], covariance=covariance)
     return evidence.with_sensor(name, record)
 
 
-def _of_process(
+def _process_finding(
     case: Examination, name: str, factor: float, gain: float, spread: float
 ) -> list[Finding]:
-    way, size = _words(factor, spread)
+    way, size = _describe(factor, spread)
     value = value_of(case.evidence, name)
     change = {f'model_parameters.{name}': float(f'{value * factor**2:.3g}')}
     try:
@@ -152,15 +152,15 @@ def _of_process(
 
 
 def innovations(case: Examination, name: str, index: int) -> Figure:
-    """Return the innovations of a coordinate with their bounds."""
+    """Return the picture of the innovations of a coordinate with their bounds."""
     events = [case.passage.events[i] for i in case.passage.of(name)]
-    when = np.array([event.time for event in events]) - case.evidence.start
+    times = np.array([event.time for event in events]) - case.evidence.start
     values = np.array([event.innovation[index] for event in events])
     bound = 2.0 * np.sqrt(np.array([event.S[index, index] for event in events]))
     label = case.evidence.scenario.sensors[name].sensor.output.names[index]
     curves = (
-        Curve('innovation', when, values, 'dots'),
-        Curve('2 sigma', when, bound, 'bound'),
-        Curve('', when, -bound, 'bound'),
+        Curve('innovation', times, values, 'dots'),
+        Curve('2 sigma', times, bound, 'bound'),
+        Curve('', times, -bound, 'bound'),
     )
     return Figure(f'{name}: innovations of {label}', 'time [s]', label, curves)

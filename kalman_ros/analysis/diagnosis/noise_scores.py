@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the likelihood of innovations depends on the noise that a filter assumes.
+"""Derivatives of the likelihood of innovations by the noise that a filter assumes.
 
-With Q and R changing by dQ and dR, the covariances of a Kalman filter change to first order by
+If Q and R change by dQ and dR, the covariances of a Kalman filter change to first order by
 
     dP' = F dP F' + dQ,  dS = H dP' H' + dR,  dK = (dP' H' - K dS) S^-1,
     dP = (I - K H) dP' (I - K H)' + K dR K',
 
-and with the gain the innovations, by dnu. So the derivative of the log likelihood and its Fisher
-information follow in one pass (N. Gupta and R. Mehra, Computational Aspects of Maximum Likelihood
-Estimation and Reduction in Sensitivity Function Calculations, IEEE Trans. Automatic Control 19(6),
-1974). Sizes are logarithms of variances: 0.1 stands for a tenth more.
+and the innovations, which depend on the gain, change by dnu. The derivative of the log likelihood
+and its Fisher information follow in one pass (N. Gupta and R. Mehra, Computational Aspects of
+Maximum Likelihood Estimation and Reduction in Sensitivity Function Calculations, IEEE Trans.
+Automatic Control 19(6), 1974). The derivatives are by logarithms of variances: a change of 0.1 is
+an increase by a tenth.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from .passage import Event, Passage
 
 @dataclass(frozen=True)
 class NoiseScores:
-    """The derivative of log likelihood by the logarithms of variances, and its information.
+    """The derivative of the log likelihood by logarithms of variances, and its information.
 
     Parameters
     ----------
     labels
-        (sensor, coordinate) or (parameter,), one a variance.
+        Label of each variance, (sensor, coordinate) or (parameter,).
     gradient, information
-        (p,) and (p, p).
+        Derivative (p,) and Fisher information (p, p).
     """
 
     labels: Sequence[tuple[str, ...]]
@@ -42,40 +43,40 @@ class NoiseScores:
 
 
 def noise_scores(
-    found: Passage,
+    passage: Passage,
     noise: Mapping[str, Array],
     densities: Mapping[str, Array],
     most: int = 2000,
 ) -> NoiseScores:
-    """Return the scores of the variance of each coordinate read and of each process noise.
+    """Return the scores of the variances of all coordinates and of all process noise.
 
     Parameters
     ----------
-    found
-        The passage of a filter.
+    passage
+        Filter pass.
     noise
-        By sensor, the variances (k,) of its coordinates.
+        Variances (k,) of the coordinates, by sensor.
     densities
-        By parameter, the spectral density (n, n) that its process noise adds.
+        Spectral density (n, n) of the process noise, by parameter.
     most
-        Only the last N events count.
+        Number of last events that count.
     """
     labels: list[tuple[str, ...]] = [
         (name, str(i)) for name, R in noise.items() for i in range(len(R))
     ]
     labels += [(name,) for name in densities]
-    p, n = len(labels), len(found.events[0].x)
+    p, n = len(labels), len(passage.events[0].x)
     rates = np.zeros((p, n, n))
     for index, density in enumerate(densities.values()):
         rates[p - len(densities) + index] = density
-    walk = _Sensitivity(labels, noise, rates)
-    for event, e in zip(found.events[-most:], found.whitened[-most:]):
-        walk.take(event, e)
-    return NoiseScores(labels, walk.gradient, walk.information)
+    sensitivity = _Sensitivity(labels, noise, rates)
+    for event, e in zip(passage.events[-most:], passage.whitened[-most:]):
+        sensitivity.take(event, e)
+    return NoiseScores(labels, sensitivity.gradient, sensitivity.information)
 
 
 class _Sensitivity:
-    """The derivatives on their way through time."""
+    """The derivatives of covariance and state, which are propagated through time."""
 
     def __init__(
         self, labels: Sequence[tuple[str, ...]], noise: Mapping[str, Array], rates: Array
@@ -92,7 +93,7 @@ class _Sensitivity:
             self._dR[name] = dR
 
     def take(self, event: Event, e: Array) -> None:
-        """Go on to an event and take its innovation into account."""
+        """Propagate to an event and add the terms of its innovation."""
         F, H, K, dR = event.F, event.H, event.K, self._dR[event.sensor]
         dP = F @ self._dP @ F.T
         if event.dt > 0.0:
@@ -101,15 +102,15 @@ class _Sensitivity:
         PH = dP @ H.T
         dS = H @ PH + dR
         L = event.white
-        white = L @ dS @ L.T
+        white_dS = L @ dS @ L.T
         dnu = -H @ dx
-        wnu = L @ dnu
+        white_dnu = L @ dnu
         self.gradient += 0.5 * (
-            np.einsum('i,pij,j->p', e, white, e) - np.trace(white, axis1=1, axis2=2)
+            np.einsum('i,pij,j->p', e, white_dS, e) - np.trace(white_dS, axis1=1, axis2=2)
         )
-        self.gradient -= e @ wnu
-        flat = white.reshape(len(white), -1)
-        self.information += 0.5 * flat @ flat.T + wnu.T @ wnu
+        self.gradient -= e @ white_dnu
+        rows = white_dS.reshape(len(white_dS), -1)
+        self.information += 0.5 * rows @ rows.T + white_dnu.T @ white_dnu
         Sinv = L.T @ L
         dK = (PH - K @ dS) @ Sinv
         A = np.eye(len(F)) - K @ H

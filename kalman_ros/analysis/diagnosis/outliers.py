@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings now and then far off."""
+"""Occasional readings with a large error."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .passage import DROPPED, gated
 
-#: Outliers are so rare under the declared noise, a reading; and more than this share are none.
+#: Probability of an outlier under the declared noise, and largest share of outliers.
 _RARE, _MOST = 1e-6, 0.25
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the sensors of which a few readings are far off and the others are not.
+    """Return the sensors of which a few readings have large errors and the others have not.
 
-    What is far is judged by the median of the normalised innovations squared, which outliers
-    hardly move (F. Hampel, The Influence Curve and its Role in Robust Estimation, J. American
+    The limit follows from the median of the normalised innovations squared, which outliers hardly
+    change (F. Hampel, The Influence Curve and its Role in Robust Estimation, J. American
     Statistical Association 69, 1974).
     """
-    found = []
+    findings = []
     for name in case.evidence.sensors:
-        finding = _of(case, name)
+        finding = _find_outliers(case, name)
         if finding is not None:
-            found.append(finding)
-    return found
+            findings.append(finding)
+    return findings
 
 
-def _of(case: Examination, name: str) -> Finding | None:
+def _find_outliers(case: Examination, name: str) -> Finding | None:
     events = case.passage.of(name)
     if len(events) < 20:
         return None
@@ -44,30 +44,30 @@ def _of(case: Examination, name: str) -> Finding | None:
     limit = typical * 2.0 * float(gammainccinv(k / 2.0, _RARE))
     if not (squares > limit).any():
         return None
-    far, rest = gated(case.evidence, name, limit)
-    share = len(far) / len(events)
+    rows, passage = gated(case.evidence, name, limit)
+    share = len(rows) / len(events)
     indices = np.array([case.passage.events[i].index for i in events])
-    gain = float(np.sum(squares[np.isin(indices, far)] - k - DROPPED))
-    kept = squares[~np.isin(indices, far)]
+    gain = float(np.sum(squares[np.isin(indices, rows)] - k - DROPPED))
+    kept = squares[~np.isin(indices, rows)]
     gain += float(np.sum(kept[kept > limit] - k))
     if not 0.0 < share <= _MOST or gain < CHANCE:
         return None
     record = case.evidence.sensors[name]
-    size = float(np.sqrt(np.median(squares[np.isin(indices, far)]) / k))
+    size = float(np.sqrt(np.median(squares[np.isin(indices, rows)]) / k))
     gate = case.evidence.scenario.sensors[name].gate
     change = {f'{name}.gate': 0.9999} if gate >= 1.0 else {}
 
     def mended() -> Evidence:
         value = record.value.copy()
-        value[far] = np.nan
+        value[rows] = np.nan
         return case.evidence.with_sensor(name, replace(record, value=value))
 
     return Finding(
         'outliers', name,
-        f'{len(far)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers, '
+        f'{len(rows)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers, '
         f'about {size:.2g} standard deviations off. A gate rejects them.',
         gain**0.5, change, gain=gain, figure=_picture(case, name, events, squares, limit),
-        mended=mended, passage=rest,
+        mended=mended, passage=passage,
     )  # fmt: skip
 
 

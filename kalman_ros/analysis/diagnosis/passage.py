@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One pass of an extended Kalman filter in the order of stamps, with its linearisation kept.
+"""Pass of an extended Kalman filter in the order of stamps, with the matrices of each step.
 
-The estimator's own replay has what it did; this has what a filter makes of the readings once
-they are in order, and by which matrices: that is what the responses of innovations to faults are
-computed from (`responses`).
+A replay has the results of the online estimator, which processes readings as they are received. A
+pass has the results of a filter that processes the readings in order, and its linearisation, from
+which the responses of innovations to faults are computed; see `responses`.
 """
 
 from __future__ import annotations
@@ -29,29 +29,30 @@ from .belief_walk import Walk
 from .evidence import Evidence
 
 LOG_2_PI = log(2.0 * pi)
-#: Innovations beyond this many of their standard deviations count as this many.
+#: Normalised innovations are limited to this magnitude.
 _FAR = 1e6
-#: Squares beyond this decide no more between first beliefs: they are those of outliers.
+#: Normalised squares are limited to this value for the choice of an initial belief, since larger
+#: squares are those of outliers.
 _OUTLYING = 30.0
 
 
 @dataclass(frozen=True)
 class Event:
-    """A reading in its place: what led to it, and how it was taken in.
+    """A reading in a filter pass: the step that led to it, and its correction.
 
     Parameters
     ----------
     sensor, index
-        Whose it is, and which of its record.
+        Name of the sensor, and index of the reading in its record.
     time
-        Its stamp in seconds.
-    steps
-        The transition F (n, n) from the event before, its Q (n, n), and its length in seconds.
+        Stamp in seconds.
+    F, Q, dt
+        Transition matrix (n, n) from the previous event, its noise covariance (n, n), and its
+        duration in seconds.
     x, P, u
-        The prediction (n,), its covariance (n, n), and the input (m,) that led to it.
+        Prediction (n,), its covariance (n, n), and the input (m,) that led to it.
     H, K, S, innovation
-        The sensor's Jacobian, the gain (zero if it was not fused), innovation covariance and
-        innovation.
+        Jacobian of the sensor, gain, innovation covariance and innovation.
     white, log
         L^-1 (k, k) with S = L L', and log |2 pi S|.
     """
@@ -75,28 +76,28 @@ class Event:
 
 @dataclass(frozen=True)
 class Passage:
-    """All events in the order of stamps, and whitened innovations e = L^-1 nu with S = L L'."""
+    """The events of a filter pass, with whitened innovations e = L^-1 nu where S = L L'."""
 
     events: list[Event]
     whitened: list[Array]
 
     @property
     def misfit(self) -> float:
-        """The sum of e'e + log |2 pi S|, which is -2 log likelihood."""
+        """Misfit of the pass, the sum of e'e + log |2 pi S|, which is -2 log likelihood."""
         squares = sum(float(e.dot(e)) for e in self.whitened)
         return squares + sum(event.log for event in self.events)
 
     @cached_property
     def _indices(self) -> dict[str, list[int]]:
-        found = defaultdict[str, list[int]](list)
+        by_sensor = defaultdict[str, list[int]](list)
         for index, event in enumerate(self.events):
-            found[event.sensor].append(index)
-        return found
+            by_sensor[event.sensor].append(index)
+        return by_sensor
 
     def selected(self, sensor: str, rows: Any) -> Passage:
-        """Return the same pass over a record of which only these ``rows`` are left, in this order.
+        """Return the pass over a record that is reduced to ``rows``, in this order.
 
-        They have to contain all events of the sensor.
+        The rows must contain all events of the sensor.
         """
         index = {row: i for i, row in enumerate(rows.tolist())}
         events = [
@@ -106,7 +107,7 @@ class Passage:
         return Passage(events, self.whitened)
 
     def of(self, sensor: str) -> Array:
-        """Return the indices of a sensor's events."""
+        """Return the indices of the events of a sensor."""
         return np.array(self._indices.get(sensor, []), dtype=int)
 
 
@@ -116,20 +117,20 @@ def passage(
     gate: tuple[str, float, list[int]] | None = None,
     strict: bool = True,
 ) -> Passage:
-    """Return what an extended filter makes of the usable readings, up to a stamp (s).
+    """Run an extended Kalman filter over the usable readings, up to a stamp (s).
 
-    Duplicates and what is not `usable` are left out. A ``gate`` (sensor, largest NIS, list) leaves
-    out what is beyond it, and lists the indices.
+    Duplicates and readings that are not `usable` are omitted. A ``gate`` (sensor, largest NIS,
+    list) omits the readings beyond it, and appends their indices to the list.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the filter fails; unless it is ``strict``, the pass ends there instead.
+        If the filter fails and the pass is ``strict``; otherwise the pass ends there.
     """
     events: list[Event] = []
     whitened: list[Array] = []
     try:
-        for event, e in _followed(evidence, _first(evidence, until), until, gate):
+        for event, e in _run_filter(evidence, _initial_belief(evidence, until), until, gate):
             events.append(event)
             whitened.append(e)
     except np.linalg.LinAlgError:
@@ -138,23 +139,24 @@ def passage(
     return Passage(events, whitened)
 
 
-def _first(evidence: Evidence, until: float) -> Gaussian:
-    """Return the belief from which one filter can follow the readings: if it must, a part.
+def _initial_belief(evidence: Evidence, until: float) -> Gaussian:
+    """Return the belief from which one filter can follow the readings, or the likeliest part.
 
-    Passes through the first seconds alone are many, and too short to choose one.
+    A pass over the first seconds starts at the whole belief, since such passes are many, and too
+    short to choose a part.
     """
     scenario = evidence.scenario
     if not filter_class(scenario.filter).mixture or until < inf:
         return scenario.initial_belief
 
     def follow(part: Gaussian) -> Iterator[float]:
-        for event, e in _followed(evidence, part, inf):
+        for event, e in _run_filter(evidence, part, inf):
             yield min(float(e.dot(e)), _OUTLYING) + event.log
 
     return likeliest(scenario.initial_belief, scenario.model.state, follow)
 
 
-def _followed(
+def _run_filter(
     evidence: Evidence,
     first: Gaussian,
     until: float,
@@ -165,21 +167,28 @@ def _followed(
     filter = ExtendedKalmanFilter(scenario.model)
     sensors = {name: source.sensor for name, source in scenario.sensors.items()}
     walk = Walk(filter, evidence, first)
-    for time, name, index in _in_order(evidence, until):
+    for time, name, index in _order_readings(evidence, until):
         F, Q, dt = walk.to(time)
         record, prior = evidence.sensors[name], walk.belief
         if not is_finite(prior.mean):
             raise np.linalg.LinAlgError('the estimate is not finite')
         sensor = sensors[name].with_covariance(record.covariance[index])
-        found: Any = filter.correct(prior, record.value[index], sensor)
-        if gate and name == gate[0] and found.nis > gate[1]:
+        correction: Any = filter.correct(prior, record.value[index], sensor)
+        if gate and name == gate[0] and correction.nis > gate[1]:
             gate[2].append(index)
             walk.skip(F, Q, dt)
             continue
-        walk.belief = found.posterior
-        nu, S, H, K = found.innovation, found.innovation_covariance, found.jacobian, found.gain
-        white, size = whitener(S)
-        event = Event(name, index, time, F, Q, dt, *prior, walk.u, H, K, S, nu, white, size)
+        walk.belief = correction.posterior
+        nu, S, H, K = (
+            correction.innovation,
+            correction.innovation_covariance,
+            correction.jacobian,
+            correction.gain,
+        )
+        white, log_determinant = whitener(S)
+        event = Event(
+            name, index, time, F, Q, dt, *prior, walk.u, H, K, S, nu, white, log_determinant
+        )
         yield event, np.minimum(np.maximum(white.dot(nu), -_FAR), _FAR)
 
 
@@ -198,54 +207,54 @@ def whitener(S: Array) -> tuple[Array, float]:
 
 
 def gated(evidence: Evidence, name: str, limit: float) -> tuple[Array, Passage]:
-    """Return the readings of a sensor that a gate rejects, at this NIS, and the pass without."""
-    far: list[int] = []
-    found = passage(evidence, gate=(name, limit, far), strict=False)
-    return np.array(far, dtype=int), found
+    """Return the readings that a gate at a NIS rejects, and the pass without them."""
+    rejected: list[int] = []
+    passage_without = passage(evidence, gate=(name, limit, rejected), strict=False)
+    return np.array(rejected, dtype=int), passage_without
 
 
 def usable(record: SensorRecord) -> Any:
-    """Return the mask (N,) of the readings that a filter can take: finite, with a covariance."""
+    """Return the mask (N,) of usable readings: finite, with a positive definite covariance."""
     finite: Any = np.isfinite(record.value).all(axis=1) & np.isfinite(record.stamp)
     sound: Any = np.isfinite(record.covariance).all(axis=(1, 2))
     lowest = np.linalg.eigvalsh(np.where(sound[:, None, None], record.covariance, 0.0))[:, 0]
     return finite & sound & (lowest > 0.0)
 
 
-def _in_order(evidence: Evidence, until: float) -> list[tuple[float, str, int]]:
-    """Return the usable readings by stamp, those of one stamp in the order of the sensors."""
-    found = []
+def _order_readings(evidence: Evidence, until: float) -> list[tuple[float, str, int]]:
+    """Return the usable readings in the order of stamps, and of sensors for equal stamps."""
+    readings = []
     for order, name in enumerate(evidence.scenario.enabled):
         record = evidence.sensors.get(name)
         if record is None or not len(record):
             continue
         indices = np.flatnonzero(usable(record) & (record.stamp <= until))
         stamps, first = np.unique(np.round(record.stamp[indices], 9), return_index=True)
-        found += [(t, order, name, int(indices[i])) for t, i in zip(stamps.tolist(), first)]
-    return [(time, name, index) for time, _, name, index in sorted(found)]
+        readings += [(t, order, name, int(indices[i])) for t, i in zip(stamps.tolist(), first)]
+    return [(time, name, index) for time, _, name, index in sorted(readings)]
 
 
 def explained(before: Passage, after: Passage) -> float:
-    """Return by how much the misfit is smaller after a correction.
+    """Return the reduction of the misfit by a correction.
 
-    Readings that were left out by it count as far as they were worse than expected.
+    A reading that the correction omits counts by the excess of its misfit over the expectation.
     """
 
-    def each(found: Passage) -> dict[tuple[str, int], tuple[float, float, int]]:
+    def terms_of(filter_pass: Passage) -> dict[tuple[str, int], tuple[float, float, int]]:
         terms = {}
-        for event, e in zip(found.events, found.whitened):
+        for event, e in zip(filter_pass.events, filter_pass.whitened):
             terms[event.sensor, event.index] = (float(e.dot(e)), event.log, len(e))
         return terms
 
-    first, second = each(before), each(after)
+    terms_before, terms_after = terms_of(before), terms_of(after)
     gain = 0.0
-    for key, (square, size, k) in first.items():
-        if key in second:
-            gain += square + size - second[key][0] - second[key][1]
+    for key, (square, log_size, k) in terms_before.items():
+        if key in terms_after:
+            gain += square + log_size - terms_after[key][0] - terms_after[key][1]
         else:
             gain += square - k - DROPPED
     return gain
 
 
-#: What it costs to leave a reading out, in -2 log likelihood: as one at some 3 sigma.
+#: Cost of the omission of a reading in -2 log likelihood, as of a reading at about 3 sigma.
 DROPPED = 10.0

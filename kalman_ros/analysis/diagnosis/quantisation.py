@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings in steps: few bits, or a display's rounding."""
+"""Quantised readings, by few bits or by rounding."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from kalman_ros.core import Array
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 
-#: Steps below this part of the declared standard deviation do no harm.
+#: Steps below this share of the declared standard deviation are harmless.
 _HARMLESS = 0.5
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the coordinates whose values are multiples of a step that is not small.
+    """Return the coordinates whose values are multiples of a relevant step.
 
     Rounding to a step q adds the variance q^2 / 12 (B. Widrow, Statistical Analysis of
     Amplitude-Quantized Sampled-Data Systems, Trans. AIEE 79(2), 1961).
     """
-    found = []
+    findings = []
     for name, record in case.evidence.sensors.items():
         source = case.evidence.scenario.sensors[name]
         finite = record.value[np.isfinite(record.value).all(axis=1)]
@@ -34,9 +34,9 @@ def find(case: Examination) -> list[Finding]:
                 continue
             noise = np.sqrt(source.sensor.covariance.diagonal())
             noise[index] = np.hypot(std, step / np.sqrt(12.0))
-            change = {f'{name}.noise': [float(f'{each:.3g}') for each in noise]}
-            shown = record.stamp - case.evidence.start, record.value[:, index]
-            found.append(
+            change = {f'{name}.noise': [float(f'{value:.3g}') for value in noise]}
+            points = record.stamp - case.evidence.start, record.value[:, index]
+            findings.append(
                 Finding(
                     'quantised',
                     f'{name}.{label}',
@@ -48,16 +48,16 @@ def find(case: Examination) -> list[Finding]:
                         f'{name}: steps of {label}',
                         'time [s]',
                         label,
-                        (Curve(label, *shown, 'dots'),),
+                        (Curve(label, *points, 'dots'),),
                     ),
                     mended=partial(case.evidence.adopting, change),
                 )
             )
-    return found
+    return findings
 
 
 def grid(values: Array) -> float | None:
-    """Return the step that all values are multiples of; None if they have none of account."""
+    """Return the step of which all values are multiples; None if there is none."""
     levels = np.unique(values)
     if not 3 <= len(levels) <= 0.6 * len(values):
         return None

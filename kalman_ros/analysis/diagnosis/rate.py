@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rate of readings: losses, bursts of losses, and what is not a number."""
+"""Rate of readings: losses, bursts of losses, and readings that are not finite."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from kalman_ros.analysis.records import SensorRecord
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 
-#: Losses below this share, and rates that differ by less, are no finding.
+#: Smallest share of losses, and smallest relative difference of rates, that is a finding.
 _LOST, _DIFFERENT = 0.01, 0.1
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return what is wrong with the rate of each sensor, and what is not a number."""
-    found = []
+    """Return the faults in the rate of each sensor, and readings that are not finite."""
+    findings = []
     for name, record in case.evidence.sensors.items():
         rate = case.evidence.scenario.sensors[name].timed.rate
         if not len(record):
             if name in case.evidence.scenario.enabled:
                 sentence = f'no reading of {name} was received.'
-                found.append(Finding('no readings', name, sentence, inf, silent=True))
+                findings.append(Finding('no readings', name, sentence, inf, silent=True))
             continue
-        found += [*_numbers(name, record), *_losses(name, record, rate)]
-    return found
+        findings += [*_find_invalid(name, record), *_find_losses(name, record, rate)]
+    return findings
 
 
-def _numbers(name: str, record: SensorRecord) -> Iterator[Finding]:
-    """Yield readings that are no numbers, which every filter leaves out; perhaps all of them."""
+def _find_invalid(name: str, record: SensorRecord) -> Iterator[Finding]:
+    """Yield a finding if readings are not finite, since every filter omits them."""
     count = int((~np.isfinite(record.value).all(axis=1)).sum())
     if count:
         yield Finding(
@@ -44,19 +44,19 @@ def _numbers(name: str, record: SensorRecord) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _losses(name: str, record: SensorRecord, declared: float) -> Iterator[Finding]:
+def _find_losses(name: str, record: SensorRecord, declared: float) -> Iterator[Finding]:
     stamps = np.unique(np.round(record.stamp[record.stamped], 6))
     gaps = np.diff(stamps)
     if len(gaps) < 5:
         return
-    usual = float(np.median(gaps))
-    if abs(usual * declared - 1.0) > _DIFFERENT:
+    gap = float(np.median(gaps))
+    if abs(gap * declared - 1.0) > _DIFFERENT:
         yield Finding(
             'rate', name,
-            f'{name} is read {1.0 / usual:.4g} times a second, where {name}.rate is {declared:g}.',
-            inf, {f'{name}.rate': float(f'{1.0 / usual:.3g}')},
+            f'{name} is read {1.0 / gap:.4g} times a second, where {name}.rate is {declared:g}.',
+            inf, {f'{name}.rate': float(f'{1.0 / gap:.3g}')},
         )  # fmt: skip
-    missing = np.round(gaps / usual).astype(int) - 1
+    missing = np.round(gaps / gap).astype(int) - 1
     lost = int(missing[missing > 0].sum())
     share = lost / (lost + len(stamps))
     if share < _LOST:

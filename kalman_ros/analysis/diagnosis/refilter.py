@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The likelihood of innovations under other noise, many candidates at once.
+"""Likelihood of innovations for many candidates of the noise at once.
 
-The filter is linearised where its pass was: with its predictions x and posteriors x + K nu as the
-path, another filter's deviation d from it follows
+The filter is linearised along the path of its pass, with predictions x and posteriors x + K nu.
+The deviation d of another filter from this path follows
 
     d <- F d,  nu' = nu - H d,  d <- d + K' nu' - K nu,
 
-with a separate Riccati recursion for K'. So all candidates share one walk over the events.
+with a separate Riccati recursion for K'. All candidates share one pass over the events.
 
-A variance of the process changes its share of each step's Q, integrated over the step as Q was.
-What is taken away is at most all of Q: a change to first order in the step alone would leave a Q
-that is indefinite, and a likelihood that no filter has.
+A variance of the process changes its share of the Q of each step, which is integrated over the
+step as Q is. A reduction leaves Q semidefinite: a change to first order in the step would leave an
+indefinite Q, and a likelihood that no filter has.
 """
 
 from __future__ import annotations
@@ -24,58 +24,58 @@ from kalman_ros.linear.batched import corrected, gain, joseph, sandwich, times, 
 
 from .passage import Event, Passage
 
-#: Candidates are compared on the last N events.
+#: Number of last events on which candidates are compared.
 MOST = 1200
 
 
 def misfits(
-    found: Passage,
+    passage: Passage,
     labels: Sequence[tuple[str, ...]],
     candidates: Array,
     densities: Mapping[str, Array],
     most: int = MOST,
 ) -> Array:
-    """Return the misfit of each candidate (C,), as the sum over all events.
+    """Return the misfit of each candidate (C,), scaled to all events.
 
     Parameters
     ----------
-    found
-        The pass of the filter as it is.
+    passage
+        Pass of the filter with the configured noise.
     labels
-        (sensor, coordinate) or (parameter,), one a variance.
+        Label of each variance, (sensor, coordinate) or (parameter,).
     candidates
         Logarithms of factors of these variances (C, p).
     densities
-        By parameter, the spectral density (n, n) that it adds now.
+        Spectral density (n, n) of the configured process noise, by parameter.
     most
-        Candidates are compared on the last N events.
+        Number of last events on which candidates are compared.
     """
-    events = found.events[-most:]
+    events = passage.events[-most:]
     varied = [index for index, label in enumerate(labels) if len(label) == 1]
     factors = np.exp(candidates[:, varied])
     more, less = shares(events, np.array([densities[labels[i][0]] for i in varied]))
-    walk = _Walk(events[0].P, labels, candidates)
+    filters = _CandidateFilters(events[0].P, labels, candidates)
     for event, added, removed in zip(events, more, less):
         Q = event.Q + np.tensordot(np.maximum(factors - 1.0, 0.0), added, axes=1)
-        walk.take(event, Q - np.tensordot(np.maximum(1.0 - factors, 0.0), removed, axes=1))
-    return walk.misfit * (len(found.events) / len(events))
+        filters.take(event, Q - np.tensordot(np.maximum(1.0 - factors, 0.0), removed, axes=1))
+    return filters.misfit * (len(passage.events) / len(events))
 
 
 def shares(events: Sequence[Event], densities: Array) -> tuple[Array, Array]:
-    """Return what each spectral density adds to the Q of each step, and what is left without.
+    """Return the share of each spectral density in the Q of each step, and its removable part.
 
     Parameters
     ----------
     events
-        The steps that led to them.
+        Events, each with the step that led to it.
     densities
-        Of the noise that may change (q, n, n).
+        Spectral densities of the noise that may change (q, n, n).
 
     Returns
     -------
     more, less
-        (E, q, n, n): the integral of exp(A s) W exp(A s)' over the step by Simpson's rule, and
-        the part of Q that goes with it, Q - less being semidefinite.
+        Integral of exp(A s) W exp(A s)' over the step by Simpson's rule (E, q, n, n), and the
+        part of Q that vanishes without the noise (E, q, n, n), such that Q - less is semidefinite.
     """
     F, Q = (np.array([getattr(event, name) for event in events])[:, None] for name in 'FQ')
     dt = np.array([event.dt for event in events])[:, None, None, None]
@@ -88,8 +88,8 @@ def shares(events: Sequence[Event], densities: Array) -> tuple[Array, Array]:
     return more, Q - rest
 
 
-class _Walk:
-    """All candidates on their way through the events."""
+class _CandidateFilters:
+    """The filters of all candidates, which are propagated through the events together."""
 
     def __init__(
         self,
@@ -102,14 +102,14 @@ class _Walk:
         self._P, self._d = np.broadcast_to(P, (C, n, n)).copy(), np.zeros((C, n))
         self._labels, self._candidates = labels, candidates
         self._scales: dict[str, Array] = {}
-        self._begun = False
+        self._started = False
 
     def take(self, event: Event, Q: Array) -> None:
-        """Go on to an event with the process noise of each candidate (C, n, n)."""
+        """Propagate to an event with the Q of each candidate (C, n, n), and correct."""
         H, K_0 = event.H, event.K
-        if self._begun:
+        if self._started:
             self._P, self._d = sandwich(event.F, self._P, Q), times(event.F, self._d)
-        self._begun = True
+        self._started = True
         scale = self._scale(event)
         R = (event.S - H @ event.P @ H.T) * scale[:, :, None] * scale[:, None, :]
         K, S = gain(self._P, H, R)
@@ -119,7 +119,7 @@ class _Walk:
         self._P = joseph(K, H, self._P, R)
 
     def _scale(self, event: Event) -> Array:
-        """Return by what the standard deviations of a sensor's coordinates grow (C, k)."""
+        """Return the factors of the standard deviations of a sensor's coordinates (C, k)."""
         if event.sensor not in self._scales:
             scale = np.ones((len(self._candidates), len(event.S)))
             for index, label in enumerate(self._labels):

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How innovations respond to faults, to first order, and how well that explains them.
+"""Responses of innovations to faults, to first order, and regressions on them.
 
-A fault adds d to a step of the state, or c to a reading. With the gains K of a filter that does
-not know of it, the mean error e of the prediction and of the innovation follow
+A fault adds d to a step of the state, or c to a reading. With the gains K of a filter without a
+model of the fault, the mean error e of the prediction and the mean innovation nu follow
 
     e <- F e + d,    nu = H e + c,    e <- e - K nu,
 
 linear in the size of the fault (A. Willsky and H. Jones, A Generalized Likelihood Ratio Approach
 to the Detection and Estimation of Jumps in Linear Systems, IEEE Trans. Automatic Control 21(1),
 1976; R. Mehra and J. Peschon, An Innovations Approach to Fault Detection and Diagnosis in Dynamic
-Systems, Automatica 7(5), 1971). All faults are followed at once, a column each; whitened by S
-they are the regressors of the whitened innovations, which are N(0, 1) without a fault.
+Systems, Automatica 7(5), 1971). All faults are propagated at once, one column each. Whitened by S,
+the columns are the regressors of the whitened innovations, which are N(0, 1) without a fault.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from .passage import Passage
 
 @dataclass(frozen=True)
 class Columns:
-    """Faults of unit size: what each adds, event by event.
+    """The effect of faults of unit size at each event.
 
     Parameters
     ----------
     labels
-        One a column: (family, subject, detail).
+        Label of each column: (family, subject, detail).
     readings
-        By sensor, what columns ``first`` to ``first + p`` add to its readings: (first, (E, k, p))
-        in the order of its events.
+        Effect of the columns ``first`` to ``first + p`` on the readings, by sensor: (first,
+        (E, k, p)) in the order of the events of the sensor.
     state
-        What the last columns add to the state over the step to each event (E, n, p).
+        Effect of the last columns on the state over the step to each event (E, n, p).
     """
 
     labels: Sequence[tuple[str, ...]]
@@ -47,16 +47,16 @@ class Columns:
 
 @dataclass(frozen=True)
 class Responses:
-    """The normal equations of a regression of whitened innovations on the response of faults.
+    """The normal equations of a regression of whitened innovations on responses to faults.
 
     Parameters
     ----------
     labels
-        One a column.
+        Label of each column.
     gradient
-        Z'e (p,), with Z the whitened responses.
+        Z'e (p,), where Z has the whitened responses.
     information
-        Z'Z (p, p), the Fisher information.
+        Fisher information Z'Z (p, p).
     """
 
     labels: Sequence[tuple[str, ...]]
@@ -64,11 +64,11 @@ class Responses:
     information: Array
 
     def columns(self, *start: str) -> list[int]:
-        """Return the columns whose label begins so."""
+        """Return the columns with a label that begins with ``start``."""
         return [i for i, label in enumerate(self.labels) if label[: len(start)] == start]
 
     def fit(self, basis: Array, columns: Sequence[int]) -> Fit:
-        """Return the fit of ``columns`` tied together by a ``basis`` (columns, q)."""
+        """Return the fit of ``columns`` in the subspace of a ``basis`` (columns, q)."""
         g = basis.T @ self.gradient[columns]
         M = basis.T @ self.information[np.ix_(columns, columns)] @ basis
         return fitted(g, M)
@@ -80,7 +80,7 @@ class Responses:
 
 @dataclass(frozen=True)
 class Fit:
-    """Sizes of faults (q,), their covariance (q, q), and the gain in -2 log likelihood."""
+    """The sizes of faults (q,), their covariance (q, q), and the gain in -2 log likelihood."""
 
     size: Array
     covariance: Array
@@ -93,7 +93,7 @@ class Fit:
 
 
 def fitted(gradient: Array, information: Array) -> Fit:
-    """Return the least squares fit; directions without information are left at zero."""
+    """Return the least squares fit, which is zero in directions without information."""
     scale = np.sqrt(np.maximum(information.diagonal(), 1e-300))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     least = 1e-8 * max(values[-1], 1e-300)
@@ -103,22 +103,22 @@ def fitted(gradient: Array, information: Array) -> Fit:
     return Fit(size, covariance, float(gradient @ size))
 
 
-def responses(found: Passage, columns: Columns) -> Responses:
-    """Return how well the columns explain the innovations of a passage."""
+def responses(passage: Passage, columns: Columns) -> Responses:
+    """Return the regression of the innovations of a filter pass on the columns."""
     p, n = len(columns.labels), columns.state.shape[1]
-    own = p - columns.state.shape[2]
+    first_state = p - columns.state.shape[2]
     error = np.zeros((n, p))
     seen = dict.fromkeys(columns.readings, 0)
-    e = np.concatenate([np.zeros(0), *found.whitened])
+    e = np.concatenate([np.zeros(0), *passage.whitened])
     Z, row = np.zeros((len(e), p)), 0
-    for event, pushed in zip(found.events, columns.state):
+    for event, added in zip(passage.events, columns.state):
         error = event.F.dot(error)
-        error[:, own:] += pushed
+        error[:, first_state:] += added
         response = event.H.dot(error)
         first, readings = columns.readings[event.sensor]
-        at = seen[event.sensor]
-        seen[event.sensor] = at + 1
-        response[:, first : first + readings.shape[2]] += readings[at]
+        row_of_sensor = seen[event.sensor]
+        seen[event.sensor] = row_of_sensor + 1
+        response[:, first : first + readings.shape[2]] += readings[row_of_sensor]
         error -= event.K.dot(response)
         event.white.dot(response, out=Z[row : row + len(response)])
         row += len(response)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps that cannot be right: zero, duplicated, backward, or of another clock."""
+"""Invalid stamps: zero, duplicated, out of order, or of another clock."""
 
 from __future__ import annotations
 
@@ -18,33 +18,34 @@ from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
 from .passage import explained, passage, usable
 
-#: A stamp may be ahead of the recorder by this (s), and behind by that, before its clock is
-#: suspected.
+#: A clock is suspected if its stamps are ahead of the recorder by more than the first time (s), or
+#: behind it by more than the second.
 _AHEAD, _BEHIND = 0.005, 0.02
-#: A clock that drifts by less than this over the recording (s) does no harm.
+#: A drift of a clock over the recording by less than this time (s) is harmless.
 _DRIFTED = 0.005
 
 
 def find(case: Examination) -> Iterator[Finding]:
-    """Yield what is wrong with the stamps of each sensor."""
+    """Yield the faults of the stamps of each sensor."""
     for name, record in case.evidence.sensors.items():
         if len(record) > 2:
-            yield from _zero(case.evidence, name, record)
-            yield from _repeated(case, name, record)
-            yield from _backward(case, name, record)
-            yield from _clock(case, name, record)
+            yield from _find_zero(case.evidence, name, record)
+            yield from _find_duplicates(case, name, record)
+            yield from _find_backward(case, name, record)
+            yield from _find_clock_error(case, name, record)
 
 
 def latency(record: SensorRecord) -> Array:
-    """Return how much later than its stamp each reading was received (N,), in seconds."""
-    return np.round(record.received - record.stamp, 9)  # stamps are whole nanoseconds
+    """Return the time from the stamp to the receipt of each reading (N,), in seconds."""
+    return np.round(record.received - record.stamp, 9)  # stamps are integer nanoseconds
 
 
 def slope(x: Array, y: Array) -> float:
-    """Return the slope of a line through points: the median over pairs (Theil and Sen).
+    """Return the slope of a line through points by the Theil-Sen estimator.
 
-    P. K. Sen, Estimates of the Regression Coefficient Based on Kendall's Tau, J. American
-    Statistical Association 63, 1968; of pairs that are half of the points apart.
+    It is the median over pairs of points (P. K. Sen, Estimates of the Regression Coefficient Based
+    on Kendall's Tau, J. American Statistical Association 63, 1968), here over pairs that are half
+    of the points apart.
     """
     half = len(x) // 2
     run = x[half : 2 * half] - x[:half]
@@ -54,18 +55,18 @@ def slope(x: Array, y: Array) -> float:
 
 
 def picture(name: str, record: SensorRecord, title: str) -> Figure:
-    """Return the latency of a sensor over time."""
-    when = record.received - record.received[0]
-    curve = Curve('received - stamp', when, latency(record), 'dots')
+    """Return the picture of the latency of a sensor over time."""
+    times = record.received - record.received[0]
+    curve = Curve('received - stamp', times, latency(record), 'dots')
     return Figure(f'{name}: {title}', 'time [s]', 'received - stamp [s]', (curve,))
 
 
-def _zero(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
+def _find_zero(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
     zero = ~record.stamped
     if zero.any():
-        usual = latency(record)[~zero]
-        late = float(np.median(usual)) if len(usual) else 1e-9
-        stamp = np.where(zero, record.received - late, record.stamp)
+        delays = latency(record)[~zero]
+        typical_delay = float(np.median(delays)) if len(delays) else 1e-9
+        stamp = np.where(zero, record.received - typical_delay, record.stamp)
         yield Finding(
             'stamps zero', name,
             f'{zero.sum()} of {len(record)} stamps of {name} are zero: its driver does not stamp '
@@ -77,56 +78,56 @@ def _zero(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Findi
         )  # fmt: skip
 
 
-def _repeated(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
-    real: Any = record.stamped & usable(record)
-    _, first = np.unique(np.round(record.stamp[real], 9), return_index=True)
-    count = int(real.sum()) - len(first)
+def _find_duplicates(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
+    valid: Any = record.stamped & usable(record)
+    _, first = np.unique(np.round(record.stamp[valid], 9), return_index=True)
+    count = int(valid.sum()) - len(first)
     if count:
-        kept = np.sort(np.concatenate((np.flatnonzero(real)[first], np.flatnonzero(~real))))
+        kept = np.sort(np.concatenate((np.flatnonzero(valid)[first], np.flatnonzero(~valid))))
         yield Finding(
             'stamps duplicated', name,
             f'{count} of {len(record)} readings of {name} have the stamp of another one '
             f'({100.0 * count / len(record):.2g} %): they are dropped as duplicates. Look for two '
             'publishers of this topic, or a relay that repeats.',
-            inf, figure=picture(name, record, 'latency'), **_selected(case, name, record, kept)
+            inf, figure=picture(name, record, 'latency'), **_selection(case, name, record, kept)
         )  # fmt: skip
 
 
-def _backward(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
-    real = record.stamp[record.stamped]
-    back = np.diff(real)
-    count, usual = int((back < 0.0).sum()), np.median(np.abs(back)) if len(back) else 0.0
+def _find_backward(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
+    stamps = record.stamp[record.stamped]
+    steps = np.diff(stamps)
+    count, usual = int((steps < 0.0).sum()), np.median(np.abs(steps)) if len(steps) else 0.0
     jitter = np.ptp(np.quantile(latency(record), (0.1, 0.9)))
-    if count and jitter < usual:  # else jitter is what turns them round
+    if count and jitter < usual:  # otherwise jitter causes the order
         order = np.argsort(record.stamp, kind='stable')
         yield Finding(
             'stamps backward', name,
             f'{count} of {len(record)} readings of {name} are stamped before the one received '
-            f'before them, by up to {-back.min():.3g} s: they are out of order. The estimator '
+            f'before them, by up to {-steps.min():.3g} s: they are out of order. The estimator '
             'takes them in their place while they are within its window.',
-            inf, figure=picture(name, record, 'latency'), **_selected(case, name, record, order)
+            inf, figure=picture(name, record, 'latency'), **_selection(case, name, record, order)
         )  # fmt: skip
 
 
-def _selected(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:
-    """Return the correction by which a filter has the same readings, as rows of the record."""
+def _selection(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:
+    """Return the correction that reduces the record to ``rows``, which a filter pass keeps."""
     return {
         'mended': lambda: case.evidence.with_sensor(name, record.select(rows)),
         'passage': case.passage.selected(name, rows),
     }
 
 
-def _clock(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
-    """Yield an offset or a drift of the clock that stamps, against the recorder's."""
-    evidence, late = case.evidence, latency(record)
-    real = record.stamped
-    late, received = late[real], record.received[real]
-    if len(late) < 3:
+def _find_clock_error(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
+    """Yield an offset or a drift of the clock of the stamps relative to the recorder."""
+    evidence, delays = case.evidence, latency(record)
+    stamped = record.stamped
+    delays, received = delays[stamped], record.received[stamped]
+    if len(delays) < 3:
         return
-    rate = slope(received, late)
+    rate = slope(received, delays)
     drifted = rate * np.ptp(received)
-    level = float(np.median(late - rate * (received - received[0])))
-    spread = float(np.ptp(np.quantile(late - rate * received, (0.05, 0.95))))
+    level = float(np.median(delays - rate * (received - received[0])))
+    spread = float(np.ptp(np.quantile(delays - rate * received, (0.05, 0.95))))
     fit = level + rate * (record.received - received[0])
     mended = evidence.with_sensor(name, replace(record, stamp=record.stamp + fit))
     figure = picture(name, record, 'its clock against the recorder')
@@ -138,31 +139,32 @@ def _clock(case: Examination, name: str, record: SensorRecord) -> Iterator[Findi
             'receipt.',
             inf, figure=figure, mended=lambda: mended,
         )  # fmt: skip
-    elif level < -_AHEAD or (level > _BEHIND and _suits(case, mended)):
+    elif level < -_AHEAD or (level > _BEHIND and _improves_fit(case, mended)):
         way = 'ahead of' if level < 0.0 else 'behind'
         yield Finding(
             'clock offset', name,
             f'stamps of {name} are {abs(level):.3g} s {way} the recorder'
-            f'{_others(evidence, name)}. Synchronise the clocks, or stamp on receipt.',
+            f'{_delays_of_others(evidence, name)}. Synchronise the clocks, or stamp on receipt.',
             inf, figure=figure, mended=lambda: mended,
         )  # fmt: skip
 
 
-def _suits(case: Examination, mended: Evidence) -> bool:
-    """Return whether the readings fit the others better with these stamps.
+def _improves_fit(case: Examination, mended: Evidence) -> bool:
+    """Return whether the readings fit the other sensors better with the corrected stamps.
 
-    Where innovations are larger than expected, for whatever cause, chance is larger as much.
+    If innovations are larger than expected, for any cause, the limit of chance is larger in
+    proportion.
     """
     squares = sum(float(e.dot(e)) for e in case.passage.whitened)
     dispersion = squares / sum(len(e) for e in case.passage.whitened)
     return explained(case.passage, passage(mended)) > CHANCE * max(1.0, dispersion)
 
 
-def _others(evidence: Evidence, name: str) -> str:
-    late = {
+def _delays_of_others(evidence: Evidence, name: str) -> str:
+    delays = {
         other: float(np.median(latency(record)))
         for other, record in evidence.sensors.items()
         if other != name and len(record)
     }
-    words = ', '.join(f'{other} {value:+.3g} s' for other, value in late.items())
+    words = ', '.join(f'{other} {value:+.3g} s' for other, value in delays.items())
     return f' (received - stamp of others: {words})' if words else ''

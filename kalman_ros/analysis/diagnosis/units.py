@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings in another unit, of another scale, or with the wrong sign."""
+"""Readings with the wrong unit, scale or sign."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from .finding import Curve, Figure, Finding
 
 _LENGTH, _SPEED, _ANGLE, _TURN = ('m',), ('m/s',), ('rad', 'rad/s'), ('rad/s',)
 _DEGREES, _ACCELERATION = ('deg', 'deg/s'), ('m/s^2',)
-#: What a reading is multiplied by to be in the model's unit, what it is in then, and which units
-#: the model can have; none: any.
+#: Factor from the unit of a reading to the unit of the model, the unit of the reading, and the
+#: units that the model can have (empty for any unit).
 UNITS: dict[float, tuple[str, tuple[str, ...]]] = {
     pi / 180.0: ('degrees', _ANGLE),
     180.0 / pi: ('radians, where degrees are expected', _DEGREES),
@@ -39,45 +39,48 @@ UNITS: dict[float, tuple[str, tuple[str, ...]]] = {
     2.0 * pi / 60.0: ('revolutions a minute', _TURN),
     2.0 * pi: ('turns', _ANGLE),
 }
-#: A unit that the fit does not name must explain this part of the misfit.
+#: A unit that differs from the fitted factor must explain this share of the misfit.
 _EXPLAINED = 0.5
-#: Two scales are one within this, relative, and scales within it of 1 are no finding.
+#: Two factors are equal if their relative difference is below the first number. A factor that
+#: differs from 1 by less than the second number is no finding.
 _CLOSE, _RELEVANT = 0.05, 0.05
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the sensors, and coordinates of one, that fit once multiplied by a factor."""
-    found = []
+    """Return the sensors and coordinates that fit after a multiplication by a factor."""
+    findings = []
     for name in case.evidence.sensors:
         for group in groups(case.evidence.scenario.sensors[name].sensor.output):
-            columns = [case.responses.columns('mix', name, str(i), str(i)) for i in group]
-            if not all(columns):
+            by_coordinate = [case.responses.columns('mix', name, str(i), str(i)) for i in group]
+            if not all(by_coordinate):
                 continue
             basis = np.ones((len(group), 1))
-            fit = case.responses.fit(basis, [column for each in columns for column in each])
+            fit = case.responses.fit(
+                basis, [column for columns in by_coordinate for column in columns]
+            )
             factor, std = 1.0 - float(fit.size[0]), float(fit.std[0])
             relevant = abs(factor - 1.0) > max(_RELEVANT, 4.0 * std)
             if fit.gain > CHANCE * _inflation(case, name) and relevant:
-                factor, std = _likeliest(case, name, group, factor, std)
-                found.append(scaled(case, name, group, factor, std, fit.gain))
-    return found
+                factor, std = _likeliest_factor(case, name, group, factor, std)
+                findings.append(scaled(case, name, group, factor, std, fit.gain))
+    return findings
 
 
 def groups(space: Space) -> list[tuple[int, ...]]:
-    """Return the coordinates that may share a factor: each alone, and all of one unit together."""
+    """Return the groups that may share a factor: each coordinate, and all of the same unit."""
     return [*((index,) for index in range(space.size)), *alike(space)]
 
 
 def alike(space: Space) -> list[tuple[int, ...]]:
     """Return the groups of two or more coordinates that have the same unit."""
-    found: dict[str, list[int]] = {}
+    by_unit: dict[str, list[int]] = {}
     for index, unit in enumerate(space.units):
-        found.setdefault(unit, []).append(index)
-    return [tuple(group) for group in found.values() if len(group) > 1]
+        by_unit.setdefault(unit, []).append(index)
+    return [tuple(group) for group in by_unit.values() if len(group) > 1]
 
 
 def label_of(case: Examination, name: str, group: Sequence[int]) -> str:
-    """Return a sensor's name, with those of its coordinates if they are not all."""
+    """Return the name of a sensor, with the names of coordinates unless the group has all."""
     names = case.evidence.scenario.sensors[name].sensor.output.names
     if len(group) == len(names) > 1:
         return name
@@ -85,18 +88,19 @@ def label_of(case: Examination, name: str, group: Sequence[int]) -> str:
 
 
 def _inflation(case: Examination, name: str) -> float:
-    """Return by how much innovations squared are larger than expected, outliers aside."""
+    """Return the ratio of squared innovations to their expectation, without outliers."""
     squares = [case.passage.whitened[i] @ case.passage.whitened[i] for i in case.passage.of(name)]
     size = case.evidence.scenario.sensors[name].sensor.output.size
     return max(1.0, float(np.median(squares)) / size) if squares else 1.0
 
 
-def _likeliest(
+def _likeliest_factor(
     case: Examination, name: str, group: tuple[int, ...], factor: float, std: float
 ) -> tuple[float, float]:
-    """Return the likelier of the fitted factor and those of units and of a wrong sign.
+    """Return the likeliest of the fitted factor, factors of units, and the wrong sign.
 
-    Where readings are far off, the prediction that the factor is fitted to is far off as well.
+    If the errors of readings are large, so are those of the predictions to which the factor is
+    fitted.
     """
 
     def gain(trial: float) -> float:
@@ -111,24 +115,26 @@ def _likeliest(
 
 
 def conversions(case: Examination, name: str, group: tuple[int, ...]) -> list[float]:
-    """Return the factors of `UNITS` that make sense for the units of some coordinates."""
+    """Return the factors of `UNITS` that apply to the units of a group of coordinates."""
     space = case.evidence.scenario.sensors[name].sensor.output
-    own = {space.units[index] for index in group}
-    return [factor for factor, (_, units) in UNITS.items() if not units or own <= {'', *units}]
+    group_units = {space.units[index] for index in group}
+    return [
+        factor for factor, (_, units) in UNITS.items() if not units or group_units <= {'', *units}
+    ]
 
 
 def scaling(case: Examination, name: str, group: tuple[int, ...], factor: float) -> Array:
-    """Return the matrix (k, k) that multiplies some coordinates by a factor."""
+    """Return the matrix (k, k) that multiplies a group of coordinates by a factor."""
     M = np.eye(case.evidence.scenario.sensors[name].sensor.output.size)
     M[group, group] = factor
     return M
 
 
 def replaced(case: Examination, name: str, M: Array) -> tuple[float, float]:
-    """Return the gain if the readings y of a sensor become M y, to first order, and its dues.
+    """Return the gain to first order if the readings y of a sensor become M y, and its dues.
 
-    The density of y is that of M y times |det M|, so that to make readings small is no gain: dues
-    are -2 log |det M| for each reading.
+    The density of y is the density of M y times |det M|, so that smaller readings alone are no
+    gain. The dues are -2 log |det M| for each reading.
     """
     columns = case.responses.columns('read', name)
     size = (np.eye(len(M)) - M).ravel()
@@ -141,29 +147,31 @@ def replaced(case: Examination, name: str, M: Array) -> tuple[float, float]:
 def scaled(
     case: Examination, name: str, group: tuple[int, ...], factor: float, std: float, gain: float
 ) -> Finding:
-    """Return the finding that some coordinates must be multiplied by a ``factor``."""
+    """Return the finding that a group of coordinates must be multiplied by a ``factor``."""
     evidence = case.evidence
     space, index = evidence.scenario.sensors[name].sensor.output, group[0]
     label = label_of(case, name, group)
-    kind, factor, why = _named(factor, std, conversions(case, name, group))
+    kind, factor, cause = _classify_factor(factor, std, conversions(case, name, group))
     M = scaling(case, name, group, factor)
-    exact, dues = replaced(case, name, M)
+    exact_gain, dues = replaced(case, name, M)
     record = evidence.sensors[name]
-    when = record.stamp - evidence.start
+    times = record.stamp - evidence.start
     curves = (
-        Curve('as read', when, record.value[:, index], 'dots'),
-        Curve(f'times {factor:.4g}', when, factor * record.value[:, index], 'line'),
+        Curve('as read', times, record.value[:, index], 'dots'),
+        Curve(f'times {factor:.4g}', times, factor * record.value[:, index], 'line'),
     )
     return Finding(
-        kind, label, f'readings of {label} fit the model once multiplied by {factor:.4g}{why}.',
-        gain**0.5, mixing(evidence, name, M), gain=max(gain, exact), dues=dues,
+        kind, label, f'readings of {label} fit the model once multiplied by {factor:.4g}{cause}.',
+        gain**0.5, mixing(evidence, name, M), gain=max(gain, exact_gain), dues=dues,
         figure=Figure(f'{label}: scale', 'time [s]', space.names[index], curves),
         mended=lambda: mixed(evidence, name, M),
     )  # fmt: skip
 
 
-def _named(factor: float, std: float, conversions: Sequence[float]) -> tuple[str, float, str]:
-    """Return the kind of a factor, the one of a unit or a sign if it is near, and why."""
+def _classify_factor(
+    factor: float, std: float, conversions: Sequence[float]
+) -> tuple[str, float, str]:
+    """Return the kind of a factor, the exact factor of a near unit or sign, and the reason."""
     if factor < 0.0:
         if abs(factor + 1.0) < max(0.35, 4.0 * std):
             return 'sign', -1.0, ': they have the wrong sign'
@@ -182,23 +190,23 @@ def mixed(evidence: Evidence, name: str, M: Array) -> Evidence:
 
 
 def mixing(evidence: Evidence, name: str, M: Array) -> dict[str, Any]:
-    """Return the parameters by which a linear sensor reads M^-1 C x; empty if there are none.
+    """Return the parameters of a linear sensor that reads M^-1 C x; empty if there are none.
 
-    The noise stays that of the right unit: it is multiplied in the same way.
+    The noise is multiplied in the same way, so that it stays the same in the unit of the model.
     """
-    scenario, given = evidence.scenario, section(evidence.parameters, name)
+    scenario, parameters = evidence.scenario, section(evidence.parameters, name)
     sensor = scenario.sensors[name].sensor
     if not sensor.linear or sensor.output.angles or abs(np.linalg.det(M)) < 1e-12:
         return {}
     inverse = np.linalg.inv(M)
     C = inverse @ sensor.jacobian(np.zeros(scenario.model.state.size))
     noise = np.sqrt(np.maximum((inverse @ sensor.covariance @ inverse.T).diagonal(), 0.0))
-    own = {option.name for option in options(str(given.get('kind', 'states')))}
-    removed = own.intersection(given) - {option.name for option in options('linear')}
+    known = {option.name for option in options(str(parameters.get('kind', 'states')))}
+    removed = known.intersection(parameters) - {option.name for option in options('linear')}
     return {
         **{f'{name}.{key}': None for key in sorted(removed)},
         f'{name}.kind': 'linear',
-        f'{name}.C': [float(f'{each:.6g}') for each in C.ravel()],
+        f'{name}.C': [float(f'{value:.6g}') for value in C.ravel()],
         f'{name}.names': list(sensor.output.names),
-        f'{name}.noise': [float(f'{each:.4g}') for each in noise],
+        f'{name}.noise': [float(f'{value:.4g}') for value in noise],
     }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States that the readings of a recording do not observe, and since when."""
+"""States that the readings of a recording do not observe, and the start of that time."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ import numpy as np
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 
-#: A state is lost if its deviation, in the last tenth, is above that of the start by this factor.
+#: A state is unobserved if its deviation in the last tenth exceeds this multiple of the first.
 _GROWN = 1.0
-#: Parts into which a recording is divided.
+#: Number of events at which the deviations are evaluated, approximately.
 _PARTS = 50
 
 
 def find(case: Examination) -> list[Finding]:
-    """Return the states that are known no better at the end than at the start, as notes.
+    """Return the states that are less certain at the end than at the start, as notes.
 
-    Along the path, the covariance of the filter is the inverse of the information of the first
-    belief and of all readings, less what process noise takes away.
+    Along the path, the covariance of the filter is the inverse of the information of the initial
+    belief and of all readings, reduced by the process noise.
     """
     events, space = case.passage.events, case.evidence.scenario.model.state
-    shown = events[:: max(1, len(events) // _PARTS)]
-    when = np.array([event.time for event in shown]) - case.evidence.start
-    std = np.sqrt(np.array([event.P.diagonal() for event in shown]))
+    sampled = events[:: max(1, len(events) // _PARTS)]
+    times = np.array([event.time for event in sampled]) - case.evidence.start
+    std = np.sqrt(np.array([event.P.diagonal() for event in sampled]))
     first = case.evidence.scenario.initial_belief.std
-    found = []
+    findings = []
     for index, name in enumerate(space.names):
         known = np.flatnonzero(std[:, index] <= _GROWN * max(first[index], 1e-9))
-        if len(known) and known[-1] >= 0.9 * len(shown):
+        if len(known) and known[-1] >= 0.9 * len(sampled):
             continue
-        since = when[known[-1]] if len(known) else 0.0
+        since = times[known[-1]] if len(known) else 0.0
         figure = Figure(f'{name}: its deviation', 'time [s]', space.label(name),
-                        (Curve('1 sigma', when, std[:, index]),))  # fmt: skip
-        found.append(
+                        (Curve('1 sigma', times, std[:, index]),))  # fmt: skip
+        findings.append(
             Finding(
                 'not observed',
                 name,
@@ -46,4 +46,4 @@ def find(case: Examination) -> list[Finding]:
                 figure=figure,
             )
         )
-    return found
+    return findings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The maximum of a likelihood, by the method of scoring, from several starts.
+"""Maximisation of a likelihood by the method of scoring, from several starts.
 
 Fisher's scoring takes the steps I^-1 g of the gradient g and the information I, damped as by
 Levenberg and Marquardt, I + d diag(I): K. Lange, Optimization (2013), sections 10.4 and 15.7.
@@ -18,52 +18,53 @@ from kalman_ros.core import Array
 
 from .likelihood import Expansion, Likelihood
 
-#: The fit ends if a step promises to raise the log-likelihood by less; of a long recording, whose
-#: passes take longer, by a twentieth of a standard deviation.
+#: The fit ends if the predicted gain of log-likelihood is smaller. For a long recording, whose
+#: passes take longer, the limit corresponds to a twentieth of a standard deviation.
 _NEGLIGIBLE, _NEGLIGIBLE_LONG = 1e-9, 1e-3
 _MOST_STEPS = 40
-#: The first damping, by how much it changes, the least and the largest.
+#: Initial damping, factor by which it changes, and its least and largest values.
 _DAMPING, _FACTOR, _LEAST, _LARGEST = 1e-3, 10.0, 1e-6, 1e7
-#: Parameters with less information stay where they are: the data do not depend on them.
+#: Parameters with less information are not moved, since the data do not depend on them.
 _BLIND = 1e-6
-#: The longest step on a logarithmic scale, a factor of 7, and in units of other scales.
+#: Longest step on a logarithmic scale (a factor of 7), and in units of any other scale.
 _LONGEST, _FAR = 2.0, 20.0
-#: Other starts: how many are compared, how many of them are followed, and how far they are.
+#: Number of other starts that are compared, number that are followed, and their spread.
 _SCREENED, _FOLLOWED, _SPREAD = 24, 2, 1.5
-#: Starts are compared on the first N readings, and followed there until little is left to gain.
+#: Starts are compared on the first N readings, and followed until the predicted gain is small.
 SHORT, LITTLE = 500, 0.03
-#: A last step of scoring follows where it promises at most this: half a standard deviation, of
-#: which it leaves some hundredths.
+#: Predicted gain below which no further step is taken on all readings: half a standard deviation,
+#: of which a step of scoring leaves some hundredths.
 _NEARLY = 0.1
-#: An ascent that comes within this distance of a maximum, in standard deviations, leads there.
+#: An ascent within this distance of a known maximum, in standard deviations, ends there.
 _NEAR = 5.0
 
-#: Why an ascent stopped that somebody stopped.
+#: Reason of an ascent that the user interrupted.
 INTERRUPTED = 'interrupted'
-#: Called with what is done and which share of it.
+#: Receives the current activity and the share of it that is done.
 Report = Callable[[str, float], None]
 
 
-def _ignore(what: str, share: float) -> None:
-    """Report nothing."""
+def _ignore(activity: str, share: float) -> None:
+    """Ignore the progress."""
 
 
 @dataclass(frozen=True)
 class Ascent:
-    """Where an ascent ended.
+    """The result of an ascent.
 
     Parameters
     ----------
     likelihood
-        What was climbed: that of all readings, or of the first ones if it came no further.
+        Likelihood that was maximised: of all readings, or of the first part if the ascent ended
+        there.
     top
-        The best expansion.
+        Expansion with the highest value.
     steps
-        The number of steps.
+        Number of steps.
     stopped
-        Why it ended before the maximum; '' if no step promised anything more.
+        Reason for which the ascent ended before the maximum; '' if it reached the maximum.
     before
-        The value at the start, -inf if it has none.
+        Value at the start; -inf without a likelihood.
     """
 
     likelihood: Likelihood
@@ -73,50 +74,54 @@ class Ascent:
     before: float = -np.inf
 
 
-#: An ascent under way: it asks for the expansion at a point, with a line for the report.
+#: An ascent in progress: it requests the expansion at a point, with a message for the report.
 Climb = Generator[tuple[Array, str], Expansion | None, Ascent]
 
 
-def _climb(
+def _ascend(
     likelihood: Likelihood, start: Expansion, negligible: float, ends: Sequence[Ascent]
 ) -> Climb:
-    """Follow an expansion to where it leads, up to a gain that is ``negligible``.
+    """Ascend from an expansion until the predicted gain is ``negligible``.
 
-    It ends at one of the maxima where other ascents have ended, as soon as it is near.
+    The ascent also ends if it is near a maximum at which another ascent has ended.
     """
-    here, damping, number = start, _DAMPING, 0
+    current, damping, number = start, _DAMPING, 0
     path = [start]
     try:
         for number in range(_MOST_STEPS):
-            tops = (each.top for each in ends if not each.stopped)
-            reached = next((top for top in tops if _near(here, top)), None)
-            if reached is not None:
-                return Ascent(likelihood, reached, number)
-            J = _curvature(path)
-            if _step(likelihood, here, J, _LEAST)[1] < negligible:
-                return Ascent(likelihood, here, number)
-            step, gain = _step(likelihood, here, J, damping)
-            what = f'step {number + 1}, log-likelihood {here.value:.6g}'
-            there = yield here.z + step, what
-            if there is not None and there.value > here.value:
+            tops = (end.top for end in ends if not end.stopped)
+            known_top = next((top for top in tops if _is_near(current, top)), None)
+            if known_top is not None:
+                return Ascent(likelihood, known_top, number)
+            J = _corrected_information(path)
+            if _step(likelihood, current, J, _LEAST)[1] < negligible:
+                return Ascent(likelihood, current, number)
+            step, gain = _step(likelihood, current, J, damping)
+            progress = f'step {number + 1}, log-likelihood {current.value:.6g}'
+            candidate = yield current.z + step, progress
+            if candidate is not None and candidate.value > current.value:
                 damping = max(damping / _FACTOR, _LEAST)
-                here = there
-                path.append(here)
+                current = candidate
+                path.append(current)
                 continue
-            found = _shorter(likelihood, here, damping)
-            if found is None:
-                # no step raises a value that rounding hides
-                return Ascent(likelihood, here, number, '' if gain < 1e-3 else 'no step is better')
-            z, damping = found
-            there = yield z, what
-            if there is None:
-                return Ascent(likelihood, here, number, 'the best step has no derivatives')
-            if there.value > here.value:  # longer changes of delays are compared approximately
-                here = there
-                path.append(here)
+            shorter = _shorter_step(likelihood, current, damping)
+            if shorter is None:
+                # rounding hides the gain of a small step
+                return Ascent(
+                    likelihood, current, number, '' if gain < 1e-3 else 'no step is better'
+                )
+            z, damping = shorter
+            candidate = yield z, progress
+            if candidate is None:
+                return Ascent(likelihood, current, number, 'the best step has no derivatives')
+            if (
+                candidate.value > current.value
+            ):  # `values` is approximate for long changes of a delay
+                current = candidate
+                path.append(current)
     except KeyboardInterrupt:
-        return Ascent(likelihood, here, number, INTERRUPTED)
-    return Ascent(likelihood, here, _MOST_STEPS, f'{_MOST_STEPS} steps are not enough')
+        return Ascent(likelihood, current, number, INTERRUPTED)
+    return Ascent(likelihood, current, _MOST_STEPS, f'{_MOST_STEPS} steps are not enough')
 
 
 def climb(
@@ -125,67 +130,69 @@ def climb(
     report: Report = _ignore,
     negligible: float = _NEGLIGIBLE_LONG,
 ) -> list[Ascent]:
-    """Return where several expansions lead, in the order in which they get there.
+    """Ascend from several expansions, and return the ascents in the order in which they end.
 
-    They climb in step, so that one pass through the recording serves them all.
+    All ascents take their steps together, so that one pass through the recording serves them all.
     """
     ends: list[Ascent] = []
-    climbs = [_climb(likelihood, start, negligible, ends) for start in starts]
-    found: Sequence[Expansion | None] = [None] * len(climbs)
+    climbs = [_ascend(likelihood, start, negligible, ends) for start in starts]
+    expansions: Sequence[Expansion | None] = [None] * len(climbs)
     interrupted = False
     while climbs:
-        under_way, wishes = [], []
-        for each, there in zip(climbs, found):
+        active, requests = [], []
+        for ascent, expansion in zip(climbs, expansions):
             try:
-                wishes.append(each.throw(KeyboardInterrupt) if interrupted else each.send(there))
-                under_way.append(each)
+                requests.append(
+                    ascent.throw(KeyboardInterrupt) if interrupted else ascent.send(expansion)
+                )
+                active.append(ascent)
             except StopIteration as end:
                 ends.append(end.value)
                 interrupted |= ends[-1].stopped == INTERRUPTED
-        climbs = under_way
+        climbs = active
         if climbs and not interrupted:
-            points, lines = zip(*wishes)
+            points, messages = zip(*requests)
             try:
-                found = likelihood.expand_all(points, partial(report, lines[0]))
+                expansions = likelihood.expand_all(points, partial(report, messages[0]))
             except KeyboardInterrupt:
                 interrupted = True
     return ends
 
 
-def _near(here: Expansion, top: Expansion) -> bool:
-    """Return whether a point is on the slope of a maximum, by the maximum's information."""
-    away = here.z - top.z
-    return here.value <= top.value and float(away @ top.information @ away) <= _NEAR**2
+def _is_near(current: Expansion, top: Expansion) -> bool:
+    """Return whether a point is near a maximum, by the information at the maximum."""
+    offset = current.z - top.z
+    return current.value <= top.value and float(offset @ top.information @ offset) <= _NEAR**2
 
 
 def _step(
-    likelihood: Likelihood, here: Expansion, J: Array, damping: float
+    likelihood: Likelihood, current: Expansion, J: Array, damping: float
 ) -> tuple[Array, float]:
-    """Return a damped step within the limits, and what it promises to first order."""
-    g, z = here.gradient, here.z
-    limits = np.array([each.limits for each in likelihood.parameters]).reshape(-1, 2)
-    stuck = ((z <= limits[:, 0]) & (g < 0.0)) | ((z >= limits[:, 1]) & (g > 0.0))
-    size = J.diagonal()
-    free = ~stuck & (size > _BLIND)
+    """Return a damped step within the limits, and its predicted gain to first order."""
+    g, z = current.gradient, current.z
+    limits = np.array([free.limits for free in likelihood.parameters]).reshape(-1, 2)
+    blocked = ((z <= limits[:, 0]) & (g < 0.0)) | ((z >= limits[:, 1]) & (g > 0.0))
+    diagonal = J.diagonal()
+    free = ~blocked & (diagonal > _BLIND)
     step = np.zeros(len(z))
     if not free.any():
         return step, 0.0
-    d = np.sqrt(size[free])
+    d = np.sqrt(diagonal[free])
     C = J[np.ix_(free, free)] / np.outer(d, d)
     solved = np.linalg.lstsq(C + damping * np.eye(len(C)), g[free] / d, rcond=None)[0]
     step[free] = solved / d
-    longest = np.array([_LONGEST if each.positive else _FAR for each in likelihood.parameters])
+    longest = np.array([_LONGEST if free.positive else _FAR for free in likelihood.parameters])
     step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-300))
     step = np.clip(z + step, limits[:, 0], limits[:, 1]) - z
     return step, 0.5 * float(g @ step)
 
 
-def _curvature(path: Sequence[Expansion]) -> Array:
-    """Return the information (p, p) at the end of a path, corrected by how the gradient changed.
+def _corrected_information(path: Sequence[Expansion]) -> Array:
+    """Return the information (p, p) at the end of a path, corrected by changes of the gradient.
 
-    The expected information is not the curvature; the last steps show the difference. Each
-    corrects it by the formula of Broyden, Fletcher, Goldfarb and Shanno (J. Nocedal and S. Wright,
-    Numerical Optimization, 2006, section 6.1).
+    The expected information differs from the curvature. Each of the last steps corrects it by the
+    formula of Broyden, Fletcher, Goldfarb and Shanno (J. Nocedal and S. Wright, Numerical
+    Optimization, 2006, section 6.1).
     """
     J = path[-1].information
     for before, after in list(pairwise(path))[-len(J) :]:
@@ -196,36 +203,37 @@ def _curvature(path: Sequence[Expansion]) -> Array:
     return J
 
 
-def _shorter(
-    likelihood: Likelihood, here: Expansion, damping: float
+def _shorter_step(
+    likelihood: Likelihood, current: Expansion, damping: float
 ) -> tuple[Array, float] | None:
-    """Return the best of several shorter steps, with its damping; None if none is better."""
+    """Return the end of the best shorter step and its damping; None if no step is better."""
     dampings = [damping * _FACTOR**k for k in range(1, 20) if damping * _FACTOR**k < _LARGEST]
-    J = here.information
-    points = [here.z + _step(likelihood, here, J, each)[0] for each in dampings]
+    J = current.information
+    points = [current.z + _step(likelihood, current, J, trial)[0] for trial in dampings]
     if not points:
         return None
     values = likelihood.values(points)
     best = int(np.argmax(values))
-    return (points[best], dampings[best]) if values[best] > here.value else None
+    return (points[best], dampings[best]) if values[best] > current.value else None
 
 
 def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> Ascent:
-    """Return the highest maximum from the start and from others about it.
+    """Return the highest maximum that is reached from the start and from other starts about it.
 
-    Long recordings are begun with their first part, where the other starts are compared, and of
-    the whole so little is left to gain that one more step is enough. If that is interrupted, or
-    the whole has no likelihood, what was reached until then is returned.
+    The starts are compared on the first part of a long recording and followed there. Its maximum
+    is so close to that of all readings that one more step usually suffices. If the ascent is
+    interrupted, or if all readings together have no likelihood, the result of the first part is
+    returned.
 
     Raises
     ------
     ValueError
-        If there is no likelihood at the start, nor at any other.
+        If no start has a likelihood.
     KeyboardInterrupt
-        If it is interrupted before anything was reached.
+        If it is interrupted before there is a result.
     """
-    short = _shortened(likelihood)
-    whole = short is likelihood
+    short = _first_part(likelihood)
+    is_whole = short is likelihood
     points = _starts(likelihood, seed)
     report('comparing starts', 0.0)
     values = short.values(points)
@@ -236,40 +244,40 @@ def maximum(likelihood: Likelihood, report: Report = _ignore, seed: int = 0) -> 
         )
     order = np.argsort(-values, kind='stable')
     followed = [points[i] for i in order[:_FOLLOWED].tolist() if np.isfinite(values[i])]
-    begins = [each for each in short.expand_all(followed) if each is not None]
+    expanded = [start for start in short.expand_all(followed) if start is not None]
     before = float(values[0])
-    ends = climb(short, begins, report, LITTLE)
-    if any(each.stopped == INTERRUPTED for each in ends):
-        return _best(ends, before, INTERRUPTED)
+    ends = climb(short, expanded, report, LITTLE)
+    if any(end.stopped == INTERRUPTED for end in ends):
+        return _highest(ends, before, INTERRUPTED)
     try:
         if not ends:
             raise ValueError('no likelihood near any start: it cannot be differentiated')
-        if whole:
-            highest = _best(ends, before)
+        if is_whole:
+            highest = _highest(ends, before)
             polished = climb(likelihood, [highest.top], report, _NEGLIGIBLE)[0]
             return replace(polished, before=before, steps=highest.steps + polished.steps)
-        tops = {id(each.top): each.top.z for each in ends}.values()
-        found = likelihood.expand_all([points[0], *tops], partial(report, 'all readings'))
+        tops = {id(end.top): end.top.z for end in ends}.values()
+        expansions = likelihood.expand_all([points[0], *tops], partial(report, 'all readings'))
     except KeyboardInterrupt:
-        return _best(ends, before, INTERRUPTED)
-    begins = [each for each in found if each is not None]
-    if not begins:
-        return _best(ends, before, 'all readings together have no likelihood')
-    before = -np.inf if found[0] is None else found[0].value
-    begin = max(begins, key=lambda each: each.value)
-    return replace(climb(likelihood, [begin], report, _NEARLY)[0], before=before)
+        return _highest(ends, before, INTERRUPTED)
+    expanded = [start for start in expansions if start is not None]
+    if not expanded:
+        return _highest(ends, before, 'all readings together have no likelihood')
+    before = -np.inf if expansions[0] is None else expansions[0].value
+    highest_start = max(expanded, key=lambda start: start.value)
+    return replace(climb(likelihood, [highest_start], report, _NEARLY)[0], before=before)
 
 
-def _best(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent:
-    """Return the highest of several ascents; ``stopped`` says why they all ended early."""
-    best = max(ends, key=lambda each: each.top.value)
+def _highest(ends: Sequence[Ascent], before: float, stopped: str = '') -> Ascent:
+    """Return the highest of several ascents; ``stopped`` is the reason if all ended early."""
+    best = max(ends, key=lambda end: end.top.value)
     return replace(best, before=before, stopped=stopped or best.stopped)
 
 
-def _shortened(likelihood: Likelihood) -> Likelihood:
-    """Return the likelihood of the first part of a long recording; or the same of a short one."""
+def _first_part(likelihood: Likelihood) -> Likelihood:
+    """Return the likelihood of the first part of a long recording, or of all of a short one."""
     stamps = np.sort(
-        np.concatenate([each.stamp for each in likelihood.observations.readings.values()])
+        np.concatenate([readings.stamp for readings in likelihood.observations.readings.values()])
     )
     if likelihood.until is not None:
         stamps = stamps[stamps <= likelihood.until]
@@ -279,13 +287,13 @@ def _shortened(likelihood: Likelihood) -> Likelihood:
 
 
 def _starts(likelihood: Likelihood, seed: int) -> list[Array]:
-    """Return the start, and points about it."""
+    """Return the start and random points about it."""
     rng = np.random.default_rng(seed)
     start = likelihood.start
-    limits = np.array([each.limits for each in likelihood.parameters]).reshape(-1, 2)
+    limits = np.array([free.limits for free in likelihood.parameters]).reshape(-1, 2)
     low, high = limits[:, 0], np.maximum(limits[:, 0], limits[:, 1])
-    spread = np.array([_SPREAD if each.positive else 1.0 for each in likelihood.parameters])
-    found = [start]
+    spread = np.array([_SPREAD if free.positive else 1.0 for free in likelihood.parameters])
+    points = [start]
     for _ in range(_SCREENED):
-        found.append(np.clip(start + spread * rng.standard_normal(len(start)), low, high))
-    return found
+        points.append(np.clip(start + spread * rng.standard_normal(len(start)), low, high))
+    return points

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a set of values of the parameters builds."""
+"""The filter and sensors that follow from values of the parameters."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from kalman_ros.estimators.filter import Filter, SmoothableFilter
 
 @dataclass(frozen=True)
 class Candidate:
-    """A filter with its sensors and its first belief.
+    """A filter with its sensors and its initial belief.
 
     Parameters
     ----------
     filter, model
-        The filter, a `SmoothableFilter`, and its model.
+        Filter, a `SmoothableFilter`, and its model.
     sensors
-        By name.
+        Sensors by name.
     initial
-        The first belief.
+        Initial belief.
     biases
-        By sensor, what its readings (k,) are too large by.
+        Bias (k,) of the readings, by sensor.
     delays
-        By sensor, by how many seconds its stamps are too late.
+        Delay of the stamps in seconds, by sensor.
     """
 
     filter: Filter
@@ -41,33 +41,35 @@ class Candidate:
 
 
 def candidate_filter(filters: Sequence[Filter]) -> Filter:
-    """Return p filters, which differ by the parameters of their models, for beliefs (..., p, n).
+    """Return one filter of p candidates, which differ by their models, for beliefs (..., p, n).
 
-    Sensors that differ, by noise or otherwise, are those of `candidate_sensor`.
+    Sensors that differ, by noise or otherwise, must be combined by `candidate_sensor`.
 
     Raises
     ------
     ValueError
-        If they are not all of one kind, or of a kind without a likelihood.
+        If the filters are not of one kind, or of a kind without a likelihood.
     """
     first = filters[0]
-    kinds = {type(each) for each in filters}
+    kinds = {type(filter) for filter in filters}
     if len(kinds) > 1 or not isinstance(first, SmoothableFilter):
         raise ValueError(
             'filter: expected several of one kind, such as kf, ekf or ukf, as candidates, '
             f'got {", ".join(sorted(kind.__name__ for kind in kinds))}'
         )
-    one: Any = first
-    whole: Filter = replace(one, model=candidate_model([each.model for each in filters]))
-    return whole
+    template: Any = first
+    batched: Filter = replace(
+        template, model=candidate_model([filter.model for filter in filters])
+    )
+    return batched
 
 
-#: Returns the candidate of the values of all parameters, by name.
+#: Function that returns the candidate for values of all parameters, by name.
 Build = Callable[[Mapping[str, float]], Candidate]
 
 
 class Part(Sensor):
-    """Some coordinates of a candidate sensor, for a reading with missing values."""
+    """Selected coordinates of a candidate sensor, for a reading with missing values."""
 
     def __init__(self, sensor: Sensor, use: Array) -> None:
         self._sensor, self._use = sensor, np.flatnonzero(use)
@@ -77,5 +79,5 @@ class Part(Sensor):
         self.covariance = R[..., self._use[:, np.newaxis], self._use]
 
     def measure(self, x: Array) -> Array:
-        """Return these coordinates (..., k)."""
+        """Return the selected coordinates of the reading (..., k)."""
         return self._sensor.measure(x)[..., self._use]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A maximum likelihood fit: values, intervals, correlations, and what is not determined."""
+"""Maximum likelihood fit: values, intervals, correlations, and undetermined parameters."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ class Fitted:
     Parameters
     ----------
     name, unit
-        Of the parameter.
+        Name and unit of the parameter.
     start, value
-        Before and after the fit. Where it is not determined, ``value`` is one of many.
+        Value before and after the fit. If the parameter is not determined, ``value`` is one choice
+        of many.
     low, high
-        The 95 % interval; NaN where it is not determined.
+        Ends of the 95 % interval; NaN if the parameter is not determined.
     reason
-        Why the data do not determine it; '' if they do.
+        Reason for which the data do not determine the parameter; '' if they do.
     """
 
     name: str
@@ -45,36 +46,36 @@ class Fitted:
 
     @property
     def determined(self) -> bool:
-        """Whether the data determine it."""
+        """Whether the data determine the parameter."""
         return not self.reason
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fit.
+    """The result of a fit.
 
     Parameters
     ----------
     parameters
-        In the order in which they were asked for.
+        Fitted parameters, in the order in which they were chosen.
     correlation
-        Between their errors (p, p); NaN where one is not determined.
+        Correlations of their errors (p, p); NaN for a parameter that is not determined.
     before, after
-        The log-likelihood at the start (-inf if there is none) and its maximum, without priors.
+        Log-likelihood at the start (-inf if there is none) and its maximum, without priors.
     rank
-        The number of combinations of parameters that the data determine.
+        Number of combinations of parameters that the data determine.
     count
-        The numbers read that were fitted to.
+        Number of readings that were fitted.
     steps
-        In how many steps the maximum was reached.
+        Number of steps of the ascent.
     stopped
-        Why it was not; '' if it was.
+        Reason for which the maximum was not reached; '' if it was.
     partial
-        Whether only the first readings were fitted to, because of that.
+        Whether only the first readings were fitted, since the ascent ended there.
     top
-        The expansion at the fit.
+        Expansion at the fit.
     determination
-        What it determines.
+        Determination of the parameters by the data.
     """
 
     parameters: tuple[Fitted, ...]
@@ -96,18 +97,18 @@ class Fit:
 
     @property
     def interrupted(self) -> bool:
-        """Whether somebody interrupted the fit."""
+        """Whether the user interrupted the fit."""
         return self.stopped == INTERRUPTED
 
     @property
     def complete(self) -> bool:
-        """Whether it is a fit to all readings that nobody interrupted."""
+        """Whether all readings were fitted without an interruption."""
         return not (self.partial or self.interrupted)
 
     @property
     def values(self) -> dict[str, float]:
-        """The values by name; those that the data do not determine are one choice of many."""
-        return {each.name: each.value for each in self.parameters}
+        """Values by name; a value that the data do not determine is one choice of many."""
+        return {fitted.name: fitted.value for fitted in self.parameters}
 
     @property
     def aic(self) -> tuple[float, float]:
@@ -116,66 +117,72 @@ class Fit:
 
 
 def fit(likelihood: Likelihood, report: Report = _ignore) -> Fit:
-    """Return the maximum likelihood fit, or with priors the likeliest values after the data.
+    """Return the maximum likelihood fit, or with priors the maximum a posteriori fit.
 
     Noise is fitted by the restricted likelihood if other parameters are fitted, too. A fit that
-    is interrupted returns what it has reached.
+    is interrupted returns the best result until then.
 
     Raises
     ------
     ValueError
-        If there is nothing to fit, or no likelihood.
+        If there is no parameter to fit, or no likelihood.
     KeyboardInterrupt
-        If it is interrupted before anything was reached.
+        If it is interrupted before there is a result.
     """
     if not likelihood.parameters:
         raise ValueError('fit: expected at least one parameter, got none')
-    ascent, end = _end(maximum(likelihood, report), report)
-    first, likelihood = likelihood, ascent.likelihood
+    ascent, end = _finish(maximum(likelihood, report), report)
+    requested, likelihood = likelihood, ascent.likelihood
     start = ascent.before - likelihood.prior(likelihood.start)[0]
-    top, found = end.top, end.found
-    point, beyond = _settled(likelihood, top, found.seen)
+    top, determined = end.top, end.found
+    point, beyond = _place_unseen(likelihood, top, determined.seen)
     fitted = []
-    for index, each in enumerate(likelihood.parameters):
-        z, std, low, high = float(point[index]), float(found.std[index]), nan, nan
+    for index, free in enumerate(likelihood.parameters):
+        z, std, low, high = float(point[index]), float(determined.std[index]), nan, nan
         if isfinite(std):
             below, above = reach(std, float(end.power[index]), float(end.freedom[index]))
-            low, high = each.value(z - below), each.value(z + above)
-        reason = beyond.get(index, found.reasons[index])
-        fitted.append(Fitted(each.name, each.unit, each.start, each.value(z), low, high, reason))
+            low, high = free.value(z - below), free.value(z + above)
+        reason = beyond.get(index, determined.reasons[index])
+        fitted.append(Fitted(free.name, free.unit, free.start, free.value(z), low, high, reason))
     events = likelihood.observations.events({}, likelihood.until)
     count = sum(1 for event in events if event.order < len(likelihood.observations.readings))
     return Fit(
-        tuple(fitted), found.correlation, start, max(ascent.top.data, top.data), found.rank,
-        count, ascent.steps, ascent.stopped, likelihood is not first, top, found,
+        tuple(fitted), determined.correlation, start, max(ascent.top.data, top.data),
+        determined.rank, count, ascent.steps, ascent.stopped, likelihood is not requested, top,
+        determined,
     )  # fmt: skip
 
 
-def _end(ascent: Ascent, report: Report) -> tuple[Ascent, Restricted]:
-    """Return an ascent, with its last step, and where a fit ends after it."""
+def _finish(ascent: Ascent, report: Report) -> tuple[Ascent, Restricted]:
+    """Finish an ascent, and return it with the maximum at which the fit ends."""
     if not ascent.stopped:
         try:
-            moved = restricted(ascent.likelihood, ascent.top, report)
-            if moved is not None:
-                return ascent, moved
-            last = climb(ascent.likelihood, [ascent.top], report)[0]
+            corrected = restricted(ascent.likelihood, ascent.top, report)
+            if corrected is not None:
+                return ascent, corrected
+            polished = climb(ascent.likelihood, [ascent.top], report)[0]
             ascent = replace(
-                ascent, top=last.top, steps=ascent.steps + last.steps, stopped=last.stopped
+                ascent,
+                top=polished.top,
+                steps=ascent.steps + polished.steps,
+                stopped=polished.stopped,
             )
         except KeyboardInterrupt:
             ascent = replace(ascent, stopped=INTERRUPTED)
     if not ascent.stopped:
         return ascent, unrestricted(ascent.likelihood, ascent.top)
-    found = determination(ascent.likelihood.parameters, ascent.top.information, ascent.top.z)
+    determined = determination(ascent.likelihood.parameters, ascent.top.information, ascent.top.z)
     p = len(ascent.top.z)
-    return ascent, Restricted(ascent.top, found, np.zeros(p), np.full(p, np.inf))
+    return ascent, Restricted(ascent.top, determined, np.zeros(p), np.full(p, np.inf))
 
 
-def _settled(likelihood: Likelihood, top: Expansion, seen: Any) -> tuple[Array, dict[int, str]]:
-    """Return the point (p,) of a fit, and why some parameters are beyond what the data show.
+def _place_unseen(
+    likelihood: Likelihood, top: Expansion, seen: Any
+) -> tuple[Array, dict[int, str]]:
+    """Return the point (p,) of a fit, and the reasons for which some parameters are out of range.
 
-    One that the data do not depend on is at its start, unless that is less likely: a noise may
-    have become so small that all smaller ones are alike.
+    A parameter on which the data do not depend is set to its start, unless its start is less
+    likely: a noise may have become so small that all smaller values are equally likely.
     """
     start, unseen = likelihood.start, np.flatnonzero(~seen).tolist()
     points = [np.where(np.arange(len(start)) == index, start, top.z) for index in unseen]
@@ -191,19 +198,17 @@ def _settled(likelihood: Likelihood, top: Expansion, seen: Any) -> tuple[Array, 
     return point, beyond
 
 
-def sampled(
-    likelihood: Likelihood, found: Fit, count: int, seed: int = 0
-) -> list[dict[str, float]]:
+def sampled(likelihood: Likelihood, fit: Fit, count: int, seed: int = 0) -> list[dict[str, float]]:
     """Return values on the edge of the 95 % region, along each axis and in random directions.
 
-    The region of r determined parameters is where (z - z0)' I (z - z0) is below the quantile of
-    chi-square with r degrees of freedom; the others stay where they are.
+    In the region of r determined parameters, (z - z0)' I (z - z0) is below the quantile of
+    chi-square with r degrees of freedom. The other parameters keep their values.
     """
-    known = np.array([each.determined for each in found.parameters])
+    known = np.array([fitted.determined for fitted in fit.parameters])
     r = int(known.sum())
     if not r:
         return []
-    P = found.determination.covariance[np.ix_(known, known)]
+    P = fit.determination.covariance[np.ix_(known, known)]
     values, vectors = np.linalg.eigh(P)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     directions = np.random.default_rng(seed).standard_normal((count, r))
@@ -211,9 +216,9 @@ def sampled(
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     edge = np.sqrt(chi_square_gate(0.95, r)) * directions @ root.T
     result = []
-    for away in edge:
-        z = found.top.z.copy()
-        z[known] += away
+    for offset in edge:
+        z = fit.top.z.copy()
+        z[known] += offset
         pairs = zip(likelihood.parameters, z.tolist())
-        result.append({each.name: each.value(at) for each, at in pairs})
+        result.append({free.name: free.value(coordinate) for free, coordinate in pairs})
     return result

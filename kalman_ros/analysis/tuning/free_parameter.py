@@ -1,43 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A number that is fitted, and the scale on which it is."""
+"""A parameter that is fitted, and the scale on which it is fitted."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, inf, isfinite, log
 
-#: The steps of differences, on the scale of the fit.
+#: Step of finite differences, on the scale of the fit.
 STEP = 1e-4
 
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A number to be fitted.
+    """A parameter to fit.
 
-    The fit moves z: the logarithm of a positive number, else the number in units of ``scale``.
+    The fit moves z: the logarithm of a positive value, or a value in units of ``scale``.
 
     Parameters
     ----------
     name
-        Of the number, such as ``position.noise``.
+        Name of the parameter, such as ``position.noise``.
     start
-        The value that the fit starts from.
+        Value at which the fit starts.
     low, high
-        The bounds of the value.
+        Bounds of the value.
     positive
-        Whether it is fitted on a logarithmic scale.
+        Whether the value is fitted on a logarithmic scale.
     scale
-        The typical size of its changes; for one that is not positive.
+        Typical size of changes of the value, if it is not ``positive``.
     unit
-        Of the value.
+        Unit of the value.
     prior
-        Mean and standard deviation of the prior distribution; a positive number is log-normal,
-        with these as its median and its relative deviation times the median.
+        Mean and standard deviation of the prior distribution. A positive value is log-normal, with
+        the mean as its median, and the standard deviation as its relative deviation times the
+        median.
 
     Raises
     ------
     ValueError
-        If the bounds exclude the start, or a logarithm has no meaning.
+        If the bounds exclude the start, or if a logarithm is not defined.
     """
 
     name: str
@@ -75,26 +76,26 @@ class FreeParameter:
                 )
 
     def scaled(self, value: float) -> float:
-        """Return z of a value."""
+        """Return the coordinate z of a value."""
         if self.positive:
             return log(value) if value > 0.0 else -inf
         return value / self.scale
 
     def value(self, z: float) -> float:
-        """Return the value of z, within the bounds."""
-        found = exp(min(z, 700.0)) if self.positive else z * self.scale
-        return min(max(found, self.low), self.high)
+        """Return the value at the coordinate z, limited to the bounds."""
+        value = exp(min(z, 700.0)) if self.positive else z * self.scale
+        return min(max(value, self.low), self.high)
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The bounds of z, with room for a difference of the likelihood."""
+        """Bounds of z, with room for finite differences of the likelihood."""
         room = 2.0 * STEP
         low, high = self.scaled(self.low), self.scaled(self.high)
         return low + room, high - room
 
     @property
     def prior_scaled(self) -> tuple[float, float] | None:
-        """Mean and standard deviation of z before any data; None if nothing is known."""
+        """Mean and standard deviation of the prior of z; None without a prior."""
         if self.prior is None:
             return None
         mean, std = self.prior

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a filter makes of a part of a recording: likelihood, NIS and whiteness by sensor."""
+"""Evaluation of a filter on a part of a recording: likelihood, NIS and whiteness by sensor."""
 
 from __future__ import annotations
 
@@ -17,28 +17,29 @@ from kalman_ros.linear.batched import factor, whitened
 from .likelihood import Likelihood
 from .walk import Block
 
-#: The probability that a consistent filter fails any of its checks.
+#: The probability that a consistent filter fails any check.
 MISS = 1e-3
-#: With fewer readings a sensor is not judged.
+#: The smallest number of readings with which a sensor is judged.
 _LEAST = 20
 
 
 @dataclass(frozen=True)
 class SensorJudgement:
-    """The innovations of one sensor.
+    """The evaluation of the innovations of one sensor.
 
     Parameters
     ----------
     time
-        In seconds from the first reading (N,).
+        Time of each reading in seconds after the first reading (N,).
     squares
-        The NIS of each reading by its degrees of freedom (N,).
-    nis
-        Their mean: 1 for a consistent filter, within ``nis_bounds``.
-    whiteness
-        The correlation of normalised innovations with the next; within +-``white_bound``.
+        NIS of each reading divided by its degrees of freedom (N,).
+    nis, nis_bounds
+        Sum of the NIS divided by its degrees of freedom, which is 1 for a consistent filter, and
+        its bounds.
+    whiteness, white_bound
+        Correlation of each normalised innovation with the next, and the bound of its magnitude.
     rejected
-        The number of readings that the gates rejected.
+        Number of readings that the gates rejected.
     """
 
     time: Array
@@ -51,7 +52,7 @@ class SensorJudgement:
 
     @property
     def judged(self) -> bool:
-        """Whether there are enough readings to judge."""
+        """Whether the sensor has enough readings to judge."""
         return len(self.squares) >= _LEAST
 
     @property
@@ -63,7 +64,7 @@ class SensorJudgement:
 
 @dataclass(frozen=True)
 class Judgement:
-    """The log-likelihood of a part of a recording (-inf if there is none), and its sensors."""
+    """The log-likelihood of a part of a recording (-inf if undefined), and its sensors."""
 
     log_likelihood: float
     count: int
@@ -72,22 +73,22 @@ class Judgement:
     @property
     def judged(self) -> bool:
         """Whether any sensor has enough readings to judge."""
-        return any(each.judged for each in self.sensors.values())
+        return any(sensor.judged for sensor in self.sensors.values())
 
     @property
     def consistent(self) -> bool:
-        """Whether every sensor with enough readings is."""
+        """Whether every sensor with enough readings is consistent."""
         return isfinite(self.log_likelihood) and all(
-            each.consistent for each in self.sensors.values() if each.judged
+            sensor.consistent for sensor in self.sensors.values() if sensor.judged
         )
 
 
 def judge(
     likelihood: Likelihood, values: Mapping[str, float], *after: int | None
 ) -> list[Judgement]:
-    """Return what the filter at these values makes of the readings after each of some stamps.
+    """Judge the filter with these values on the readings after each of several stamps.
 
-    The filter runs once, from the start of the recording; ``after`` None judges all readings.
+    The filter runs once, from the start of the recording. A stamp of None selects all readings.
     """
     whole = replace(likelihood, until=None)
     try:
@@ -95,11 +96,11 @@ def judge(
             blocks = list(whole.walk([likelihood.build(values)]).blocks())
     except (ValueError, ArithmeticError, np.linalg.LinAlgError):
         return [Judgement(-np.inf, 0, {}) for _ in after]
-    return [_of_blocks(whole, blocks, each) for each in after]
+    return [_judge_blocks(whole, blocks, stamp) for stamp in after]
 
 
-def _of_blocks(whole: Likelihood, blocks: Sequence[Block], after: int | None) -> Judgement:
-    """Return the judgement of the readings after a stamp."""
+def _judge_blocks(whole: Likelihood, blocks: Sequence[Block], after: int | None) -> Judgement:
+    """Judge the readings after a stamp."""
     first = whole.observations.span[0]
     columns: dict[str, list[tuple[Array, Array, int, Array]]] = {}
     total, count = 0.0, 0
@@ -126,11 +127,15 @@ def _of_blocks(whole: Likelihood, blocks: Sequence[Block], after: int | None) ->
         return Judgement(-np.inf, count, {})
     checks = max(1, 2 * len(columns))
     return Judgement(
-        total, count, {name: _judged(parts, MISS / checks) for name, parts in columns.items()}
+        total,
+        count,
+        {name: _judge_sensor(parts, MISS / checks) for name, parts in columns.items()},
     )
 
 
-def _judged(parts: Sequence[tuple[Array, Array, int, Array]], miss: float) -> SensorJudgement:
+def _judge_sensor(
+    parts: Sequence[tuple[Array, Array, int, Array]], miss: float
+) -> SensorJudgement:
     width = max(z.shape[1] for _, z, _, _ in parts)
     time = np.concatenate([t for t, _, _, _ in parts])
     squares = np.concatenate([s for _, _, _, s in parts])

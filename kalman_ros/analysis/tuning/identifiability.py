@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which parameters the data determine, how well, and why not the others."""
+"""Parameters that the data determine, their accuracy, and why the others are undetermined."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from kalman_ros.core import Array
 from .free_parameter import FreeParameter
 from .intervals import reach
 
-#: Directions with less than this part of the information of their parameters are not seen.
+#: Directions with less than this share of the information of their parameters are unobservable.
 _NULL = 1e-6
 #: A parameter with a larger share in these directions is not determined.
 _LOADING = 1e-4
-#: The longest interval that says anything: 95 % within a factor of 10; and of a number that is not
-#: fitted on a logarithmic scale, in units of its scale.
+#: The widest 95 % interval of a determined parameter: a factor of 10 on a logarithmic scale, and
+#: otherwise in units of the scale.
 _WIDEST, _WIDEST_SCALED = log(10.0), 6.0
-#: Parameters whose deviation is this many times such an interval are as good as absent.
+#: The data do not depend on a parameter whose deviation is this multiple of such an interval.
 _ABSENT = 50.0
-#: A deviation this many times the one with the others known is due to them.
+#: A deviation is due to other parameters if it is this multiple of the one with those known.
 _TIED = 3.0
 
 
 @dataclass(frozen=True)
 class Determination:
-    """How well the data determine each of p parameters, on the scale of the fit.
+    """The accuracy with which the data determine p parameters, on the scale of the fit.
 
     Parameters
     ----------
     std
-        Standard deviations (p,); NaN where it has no meaning.
+        Standard deviations (p,); NaN for a parameter that is not determined.
     correlation
-        Between the errors (p, p); NaN likewise.
+        Correlations of the errors (p, p); NaN for a parameter that is not determined.
     reasons
-        Why a parameter is not determined; '' where it is.
+        Reason for which each parameter is not determined; '' if it is.
     rank
-        The number of combinations that the data determine.
+        Number of combinations of parameters that the data determine.
     seen
-        Which the data depend on at all (p,).
+        Whether the data depend on each parameter at all (p,).
     """
 
     std: Array
@@ -54,7 +54,7 @@ class Determination:
 
     @property
     def covariance(self) -> Array:
-        """Of the errors (p, p); 0 for those that are not determined."""
+        """Covariance of the errors (p, p); 0 for parameters that are not determined."""
         known = np.isfinite(self.std)
         std = np.where(known, self.std, 0.0)
         correlation = np.where(np.outer(known, known), self.correlation, 0.0)
@@ -67,20 +67,20 @@ def determination(
     z: Array,
     power: Array | None = None,
 ) -> Determination:
-    """Return what an information (p, p) at z (p,) determines.
+    """Return the parameters that an information matrix (p, p) at z (p,) determines.
 
     Noise has variances proportional to exp(power z), with a power (p,) of 0 for other parameters.
 
-    The information in units of each parameter's own is split into its eigenvectors: those with
-    nearly no information are combinations that these data do not show (T. Rothenberg,
+    The information is normalised to a unit diagonal and decomposed into eigenvectors. Eigenvectors
+    with nearly no information are combinations that these data do not show (T. Rothenberg,
     Identification in Parametric Models, Econometrica 39(3), 1971).
     """
     p = len(parameters)
     alone = np.sqrt(np.maximum(information.diagonal(), 0.0))
     power = np.zeros(p) if power is None else power
-    widest = np.array([_WIDEST if each.positive else _WIDEST_SCALED for each in parameters])
+    widest = np.array([_WIDEST if free.positive else _WIDEST_SCALED for free in parameters])
     seen = alone * widest * _ABSENT > 1.0
-    reasons = ['' if each else 'these data do not depend on it' for each in seen]
+    reasons = ['' if flag else 'these data do not depend on it' for flag in seen]
     d = np.where(seen, alone, 1.0)
     C = np.where(np.outer(seen, seen), information / np.outer(d, d), np.eye(p))
     values, vectors = np.linalg.eigh(C)
@@ -91,11 +91,11 @@ def determination(
     loading = np.sum(np.where(null, vectors**2, 0.0), axis=1)
     for index in np.flatnonzero(seen).tolist():
         if loading[index] > _LOADING:
-            others = _partners(parameters, vectors[:, null], index)
+            others = _tied_parameters(parameters, vectors[:, null], index)
             reasons[index] = f'only a combination with {others} shows'
         elif max(reach(float(std[index]), float(power[index]))) > widest[index]:
-            reasons[index] = _wide(parameters, covariance, alone, index)
-    _at_bounds(parameters, z, reasons)
+            reasons[index] = _reason_of_width(parameters, covariance, alone, index)
+    _add_bound_reasons(parameters, z, reasons)
     known = np.array([not reason for reason in reasons])
     std = np.where(known, std, np.nan)
     correlation = covariance / np.outer(std, std)
@@ -103,20 +103,22 @@ def determination(
     return Determination(std, correlation, tuple(reasons), rank, seen)
 
 
-def _partners(parameters: Sequence[FreeParameter], null: Array, index: int) -> str:
-    """Return the parameters that a direction without information ties to one of them."""
+def _tied_parameters(parameters: Sequence[FreeParameter], null: Array, index: int) -> str:
+    """Return the parameters that directions without information tie to one parameter."""
     direction = null @ null[index]
     direction /= np.abs(direction).max()
     tied = [
-        each.name
-        for other, each in enumerate(parameters)
+        free.name
+        for other, free in enumerate(parameters)
         if other != index and abs(direction[other]) > 0.1
     ]
     return ' and '.join(tied) or 'others'
 
 
-def _wide(parameters: Sequence[FreeParameter], covariance: Array, alone: Array, index: int) -> str:
-    """Return why a standard deviation is too wide."""
+def _reason_of_width(
+    parameters: Sequence[FreeParameter], covariance: Array, alone: Array, index: int
+) -> str:
+    """Return the reason for which a standard deviation is too large."""
     std = np.sqrt(covariance.diagonal())
     if std[index] * alone[index] > _TIED:
         correlation = covariance[index] / (std[index] * std)
@@ -129,10 +131,10 @@ def _wide(parameters: Sequence[FreeParameter], covariance: Array, alone: Array, 
     return 'these data hardly depend on it'
 
 
-def _at_bounds(parameters: Sequence[FreeParameter], z: Array, reasons: list[str]) -> None:
-    """Say where a parameter is at a bound: its interval has no meaning."""
-    for index, each in enumerate(parameters):
-        low, high = each.limits
+def _add_bound_reasons(parameters: Sequence[FreeParameter], z: Array, reasons: list[str]) -> None:
+    """Add a reason for each parameter at a bound, where its interval has no meaning."""
+    for index, free in enumerate(parameters):
+        low, high = free.limits
         if not reasons[index] and not low + 1e-9 < z[index] < high - 1e-9:
-            bound = each.low if z[index] <= low + 1e-9 else each.high
+            bound = free.low if z[index] <= low + 1e-9 else free.high
             reasons[index] = f'it is at its bound, {bound:g}'

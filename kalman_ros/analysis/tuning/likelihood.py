@@ -8,7 +8,7 @@ By the prediction-error decomposition, with innovations v and their covariances 
 
 (A. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989, section 3.4;
 N. Gupta and R. Mehra, IEEE Trans. Automatic Control 19(6), 1974). All derivatives are central
-differences of filters that run side by side.
+differences of filters that run in one batch.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from .free_parameter import STEP, FreeParameter
 from .observations import Observations
 from .walk import Block, Conditions, Walk
 
-#: Called with the share of a pass that is done.
+#: Receives the share of a pass that is done.
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Expansion:
-    """The log-likelihood about a point z (p,): its value, gradient and Fisher information.
+    """The log-likelihood at a point z (p,): its value, gradient and Fisher information.
 
     ``data`` is the log-likelihood alone; ``value`` includes the priors.
     """
@@ -52,13 +52,13 @@ class Likelihood:
     Parameters
     ----------
     parameters
-        What is fitted.
+        Parameters to fit.
     build
-        From values to a candidate.
+        Function that returns the candidate for values of the parameters.
     observations, conditions
-        The recording, and how the estimator takes it.
+        Recording, and the conditions under which the estimator processes it.
     until
-        The last stamp that counts, in nanoseconds; None for all.
+        Last stamp that counts, in nanoseconds; None for all stamps.
     """
 
     parameters: Sequence[FreeParameter]
@@ -70,33 +70,33 @@ class Likelihood:
     def candidate(self, z: Array) -> Candidate:
         """Return the candidate at a point z (p,)."""
         pairs = zip(self.parameters, z.tolist())
-        return self.build({each.name: each.value(at) for each, at in pairs})
+        return self.build({free.name: free.value(coordinate) for free, coordinate in pairs})
 
     @property
     def start(self) -> Array:
-        """The start of the fit (p,)."""
-        return np.array([each.scaled(each.start) for each in self.parameters])
+        """Start of the fit (p,)."""
+        return np.array([free.scaled(free.start) for free in self.parameters])
 
     def values(self, points: Sequence[Array]) -> Array:
-        """Return the log-likelihood with the priors at each point; -inf where there is none."""
-        found = self._values([self._candidate(z) for z in points])
-        return np.asarray(found + [self.prior(z)[0] for z in points])
+        """Return the log-likelihood with the priors at each point; -inf if it is undefined."""
+        values = self._values([self._candidate_or_none(z) for z in points])
+        return np.asarray(values + [self.prior(z)[0] for z in points])
 
-    def _candidate(self, z: Array) -> Candidate | None:
+    def _candidate_or_none(self, z: Array) -> Candidate | None:
         try:
             return self.candidate(z)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
             return None
 
     def _values(self, candidates: Sequence[Candidate | None]) -> Array:
-        built = [each for each in candidates if each is not None]
-        found = np.full(len(candidates), -np.inf)
-        if built:
-            which = [index for index, each in enumerate(candidates) if each is not None]
-            found[which] = self._together(built)
-        return found
+        valid = [candidate for candidate in candidates if candidate is not None]
+        values = np.full(len(candidates), -np.inf)
+        if valid:
+            rows = [row for row, candidate in enumerate(candidates) if candidate is not None]
+            values[rows] = self._values_in_one_pass(valid)
+        return values
 
-    def _together(self, candidates: Sequence[Candidate]) -> Array:
+    def _values_in_one_pass(self, candidates: Sequence[Candidate]) -> Array:
         total = np.zeros(len(candidates))
         try:
             with np.errstate(all='ignore'):
@@ -105,74 +105,76 @@ class Likelihood:
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
             if len(candidates) == 1:
                 return np.array([-np.inf])
-            half = len(candidates) // 2
-            parts = candidates[:half], candidates[half:]
-            return np.concatenate([self._together(each) for each in parts])
+            middle = len(candidates) // 2
+            halves = candidates[:middle], candidates[middle:]
+            return np.concatenate([self._values_in_one_pass(half) for half in halves])
         return np.where(np.isfinite(total), total, -np.inf)
 
     def walk(self, candidates: Sequence[Candidate], together: bool = False) -> Walk:
-        """Return the candidates before the first reading."""
+        """Return the filters of the candidates before the first reading."""
         return Walk(self.observations, self.conditions, candidates, together)
 
     def terms(self, block: Block) -> Array:
-        """Return what each reading adds to the log-likelihood (N, p).
+        """Return the term of each reading in the log-likelihood (N, p).
 
-        A reading that a gate rejects is an outlier, which may be anywhere in the range of the
-        readings: else noise that is too small, so that nothing passes, would be the likeliest.
+        A reading that a gate rejects is an outlier, uniformly distributed over the range of the
+        readings. Otherwise noise so small that every reading is rejected would be the likeliest.
         """
         L = factor(block.covariance)
         z = whitened(L, block.innovation)
         k = block.innovation.shape[-1]
-        found = -0.5 * (np.sum(z * z, axis=-1) + log_determinant(L) + k * log(2.0 * pi))
+        inside = -0.5 * (np.sum(z * z, axis=-1) + log_determinant(L) + k * log(2.0 * pi))
         if block.accepted.all():
-            return np.asarray(found)
+            return np.asarray(inside)
         values = self.observations.readings[block.sensor].value
-        reach = np.nanmax(values, axis=0) - np.nanmin(values, axis=0)
-        elsewhere = -float(np.log(np.where(reach > 0.0, reach, 1.0)).sum())
-        return np.where(block.accepted, found, elsewhere)
+        ranges = np.nanmax(values, axis=0) - np.nanmin(values, axis=0)
+        outlier = -float(np.log(np.where(ranges > 0.0, ranges, 1.0)).sum())
+        return np.where(block.accepted, inside, outlier)
 
     def expand(self, z: Array, progress: Progress | None = None) -> Expansion | None:
-        """Return value, gradient and information at z (p,); None if there is no likelihood."""
+        """Return the expansion at z (p,); None if there is no likelihood."""
         return self.expand_all([z], progress)[0]
 
     def expand_all(
         self, points: Sequence[Array], progress: Progress | None = None
     ) -> list[Expansion | None]:
-        """Return the expansion at each point z (p,); None where there is no likelihood.
+        """Return the expansion at each point z (p,); None if there is no likelihood.
 
-        Points with the same delays take one pass together, which costs little more than one of
-        them; but with gates each takes its own, as it decides what is rejected.
+        Points with the same delays share one pass, which costs little more than the pass of a
+        single point. With gates, each point needs a separate pass, since the gates depend on it.
         """
         stencils = []
         try:
             for z in points:
                 about = [z, *(z + s * STEP * e for e in np.eye(len(z)) for s in (1.0, -1.0))]
-                stencils.append([self.candidate(each) for each in about])
+                stencils.append([self.candidate(point) for point in about])
             delays = [stencil[0].delays for stencil in stencils]
             gated = any((self.conditions.policy.gates or {}).values())
-            if len(points) == 1 or (not gated and all(each == delays[0] for each in delays)):
-                return self._expanded(points, stencils, progress)
+            if len(points) == 1 or (not gated and all(other == delays[0] for other in delays)):
+                return self._expand_in_one_pass(points, stencils, progress)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError):
             if len(points) == 1:
                 return [None]
         return [self.expand(z, progress) for z in points]
 
-    def _expanded(
+    def _expand_in_one_pass(
         self,
         points: Sequence[Array],
         stencils: Sequence[Sequence[Candidate]],
         progress: Progress | None,
     ) -> list[Expansion | None]:
-        """Return the expansions at q points, with the candidates at each and about it."""
+        """Return the expansions at q points from the candidates at and about each of them."""
         q, p = len(points), len(points[0])
         total, information = np.zeros((q, 2 * p + 1)), np.zeros((q, p, p))
         with np.errstate(all='ignore'):
-            walk = self.walk([each for stencil in stencils for each in stencil], together=True)
+            walk = self.walk(
+                [candidate for stencil in stencils for candidate in stencil], together=True
+            )
             for block in walk.blocks(self.until, progress):
                 total += self.terms(block).sum(axis=0).reshape(total.shape)
                 for index, part in enumerate(block.split(q)):
                     information[index] += _information(part)
-        return [self._expansion(*each) for each in zip(points, total, information)]
+        return [self._expansion(*parts) for parts in zip(points, total, information)]
 
     def _expansion(self, z: Array, total: Array, information: Array) -> Expansion | None:
         if not np.isfinite(total).all() or not np.isfinite(information).all():
@@ -186,18 +188,18 @@ class Likelihood:
     def prior(self, z: Array) -> tuple[float, Array, Array]:
         """Return the log-density of the priors at z (p,), its gradient and its information."""
         value, slope, curvature = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
-        for index, each in enumerate(self.parameters):
-            known = each.prior_scaled
-            if known is not None:
-                mean, std = known
-                away = (z[index] - mean) / std
-                value -= 0.5 * away**2
-                slope[index], curvature[index, index] = -away / std, std**-2
+        for index, free in enumerate(self.parameters):
+            prior = free.prior_scaled
+            if prior is not None:
+                mean, std = prior
+                deviation = (z[index] - mean) / std
+                value -= 0.5 * deviation**2
+                slope[index], curvature[index, index] = -deviation / std, std**-2
         return float(value), slope, curvature
 
 
 def _information(block: Block) -> Array:
-    """Return the information (p, p) of readings, of candidates at z and on both sides of it."""
+    """Return the information (p, p) of readings from candidates at z and on both sides of it."""
     use = block.accepted[:, 0]
     if not use.any():
         return np.zeros(())

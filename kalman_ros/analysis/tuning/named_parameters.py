@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of a scenario that can be fitted, by the names that its file uses.
+"""The parameters of a scenario that can be fitted, by their names in the parameter file.
 
-A list has one parameter for each coordinate: ``odometry.noise.v``. Beside the parameters of the
-file, each sensor has a ``bias`` and a ``delay``.
+A list has one parameter for each coordinate, such as ``odometry.noise.v``. In addition to the
+parameters of the file, each sensor has a ``bias`` and a ``delay``.
 """
 
 from __future__ import annotations
@@ -23,19 +23,18 @@ from kalman_ros.scenario import Scenario, build, options
 from .candidate import Candidate
 from .free_parameter import FreeParameter
 
-#: The longest delay of a sensor that is looked for, in seconds.
+#: The longest delay of a sensor that a fit considers, in seconds.
 LONGEST_DELAY = 1.0
-#: Options that are numbers and no parameter of the estimate.
+#: Numerical options that are not parameters of the estimate.
 _NOT = (
     'rate', 'gate', 'datum', 'initial_state', 'enabled', 'still.below', 'still.duration',
     'stamp_offset',  # fitted as a delay
 )  # fmt: skip
-#: What other filters are fitted as: the likelihood needs their own covariance.
 
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a parameter is: an option and its element, or the bias or delay of a sensor."""
+    """The place of a parameter: an option and its element, or a bias or delay of a sensor."""
 
     option: str
     element: int | None
@@ -48,43 +47,43 @@ class NamedParameters:
     Parameters
     ----------
     values
-        The parameters of the file, flat.
+        Parameters of the file, flat.
     filter_options
-        Of the filter.
+        Options of the filter.
 
     Raises
     ------
     ValueError
-        If the values build no scenario.
+        If no scenario can be built from the values.
     """
 
     def __init__(
         self, values: Mapping[str, Any], filter_options: Mapping[str, Any] | None = None
     ) -> None:
-        self._given, self._filter_options = dict(values), dict(filter_options or {})
+        self._values, self._filter_options = dict(values), dict(filter_options or {})
         self.scenario: Scenario = build(values, with_law=False)
         self._options = options(values, with_law=False)
         self._current = {
             name: values.get(name, option.default) for name, option in self._options.items()
         }
-        self._places = {place.free.name: place for place in self._found()}
+        self._places = {place.free.name: place for place in self._all_places()}
         self._chosen: list[_Place] = []
 
     @property
     def names(self) -> list[str]:
-        """All that can be fitted."""
+        """Names of all parameters that can be fitted."""
         return list(self._places)
 
     @property
     def usual(self) -> list[str]:
-        """Process noise, and the noise of sensors that read more than zeros: the default."""
-        known = {name for name, each in self.scenario.sensors.items() if not each.judged}
+        """Names that are fitted by default: process noise and the noise of judged sensors."""
+        unjudged = {name for name, source in self.scenario.sensors.items() if not source.judged}
         return [
             name
             for name, place in self._places.items()
             if 'noise' in place.option.rpartition('.')[2]
             and place.free.start > 0.0
-            and place.option.rpartition('.')[0] not in known
+            and place.option.rpartition('.')[0] not in unjudged
         ]
 
     def choose(
@@ -93,60 +92,67 @@ class NamedParameters:
         bounds: Mapping[str, tuple[float, float]] | None = None,
         priors: Mapping[str, tuple[float, float]] | None = None,
     ) -> list[FreeParameter]:
-        """Return the parameters to fit; a name may be that of a list or the end of a longer one.
+        """Return the parameters to fit.
+
+        A name may be that of a list, or the last part of a longer name.
 
         Raises
         ------
         ValueError
-            If a name is unknown or ambiguous, or a bound or a prior does not fit.
+            If a name is unknown or ambiguous, or if a bound or a prior is invalid.
         """
-        wanted = list(dict.fromkeys(one for name in names for one in self._resolved(name)))
-        limited = {one: pair for n, pair in (bounds or {}).items() for one in self._resolved(n)}
-        known = {one: pair for n, pair in (priors or {}).items() for one in self._resolved(n)}
-        for what, given in (('bounds', limited), ('priors', known)):
-            for name in given:
-                if name not in wanted:
-                    raise ValueError(f'{what}: {name} is not fitted; name it in fit, too')
-        for name in wanted:
+        chosen = list(dict.fromkeys(full for name in names for full in self._resolve(name)))
+        all_bounds = {
+            full: pair for n, pair in (bounds or {}).items() for full in self._resolve(n)
+        }
+        all_priors = {
+            full: pair for n, pair in (priors or {}).items() for full in self._resolve(n)
+        }
+        for kind, constrained in (('bounds', all_bounds), ('priors', all_priors)):
+            for name in constrained:
+                if name not in chosen:
+                    raise ValueError(f'{kind}: {name} is not fitted; name it in fit, too')
+        for name in chosen:
             free = self._places[name].free
             if free.low >= 0.0 and not free.positive:
                 raise ValueError(f'{name}: it is 0; give it a start above 0 to fit it from')
         self._chosen = [
-            _with(self._places[name], limited.get(name), known.get(name)) for name in wanted
+            _constrain(self._places[name], all_bounds.get(name), all_priors.get(name))
+            for name in chosen
         ]
         return [place.free for place in self._chosen]
 
-    def _resolved(self, name: str) -> list[str]:
-        """Return the parameters that a name stands for."""
+    def _resolve(self, name: str) -> list[str]:
+        """Return the full names of the parameters to which a name refers."""
         if name in self._places:
             return [name]
-        group = [each for each in self._places if each.startswith(f'{name}.')]
+        group = [full for full in self._places if full.startswith(f'{name}.')]
         if group:
             return group
-        ends = [each for each in self._places if each.endswith(f'.{name}')]
-        inside = {each.partition(f'.{name}.')[0] for each in self._places if f'.{name}.' in each}
+        ends = [full for full in self._places if full.endswith(f'.{name}')]
+        inside = {full.partition(f'.{name}.')[0] for full in self._places if f'.{name}.' in full}
         if len(ends) + len(inside) > 1:
-            every = [*ends, *(f'{one}.{name}' for one in sorted(inside))]
-            raise ValueError(f"fit: '{name}' may be {' or '.join(every)}; write one of them")
+            matches = [*ends, *(f'{prefix}.{name}' for prefix in sorted(inside))]
+            raise ValueError(f"fit: '{name}' may be {' or '.join(matches)}; write one of them")
         if inside:
-            return self._resolved(f'{inside.pop()}.{name}')
+            return self._resolve(f'{inside.pop()}.{name}')
         if not ends:
-            last = {each.rpartition('.')[2] for each in self._places}
+            last = {full.rpartition('.')[2] for full in self._places}
             refuse_unknown([name], [*self._places, *sorted(last)], 'parameter to fit')
         return ends
 
     def parameter(self, name: str) -> str:
-        """Return the parameter of the file in which a fitted one is written."""
+        """Return the parameter of the file that holds the value of a fitted parameter."""
         option = self._places[name].option
         sensor, _, last = option.rpartition('.')
         delay = last == 'delay' and sensor in self.scenario.sensors
         return f'{sensor}.stamp_offset' if delay else option
 
     def changes(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Return the parameters of the file at these values, biases left out.
+        """Return the parameters of the file for these values, without biases.
 
-        Where the noise of a sensor is fitted, it replaces that of its messages; a delay becomes an
-        offset of its stamps.
+        The fitted noise of a sensor replaces the covariance in its messages. A delay becomes an
+        offset of the stamps.
         """
         changed: dict[str, Any] = {}
         for place in self._chosen:
@@ -167,14 +173,14 @@ class NamedParameters:
         return changed
 
     def candidate(self, values: Mapping[str, float]) -> Candidate:
-        """Return the filter, sensors and first belief at these values.
+        """Return the filter, sensors and initial belief for these values.
 
         Raises
         ------
         ValueError
-            If they build no scenario.
+            If no scenario can be built from them.
         """
-        built = build({**self._given, **self.changes(values)}, with_law=False)
+        built = build({**self._values, **self.changes(values)}, with_law=False)
         biases = {n: np.zeros(s.sensor.output.size) for n, s in built.enabled.items()}
         delays = {}
         for place in self._chosen:
@@ -186,21 +192,21 @@ class NamedParameters:
         return candidate_of(built, biases, delays, self._filter_options)
 
     def configured_noise(self) -> set[str]:
-        """Return the sensors whose noise is fitted: that of their messages does not count."""
+        """Return the sensors whose noise is fitted and replaces the covariance in messages."""
         noise = [place.option.rpartition('.') for place in self._chosen]
         return {sensor for sensor, _, last in noise if last == 'noise'} & {*self.scenario.sensors}
 
     def _list(self, option: str) -> list[float]:
         value = self._options[option].check(self._current[option])
         assert isinstance(value, list)
-        return [float(each) for each in value]
+        return [float(element) for element in value]
 
-    def _found(self) -> Iterable[_Place]:
+    def _all_places(self) -> Iterable[_Place]:
         for name, option in self._options.items():
-            sensor, _, own = name.partition('.')
+            sensor, _, key = name.partition('.')
             disabled = sensor in self.scenario.sensors and sensor not in self.scenario.enabled
-            if name not in _NOT and own not in _NOT and not disabled:
-                yield from self._of(name, option)
+            if name not in _NOT and key not in _NOT and not disabled:
+                yield from self._places_of(name, option)
         for name, source in self.scenario.enabled.items():
             output, R = source.sensor.output, source.sensor.covariance
             for index, (coordinate, unit) in enumerate(zip(output.names, output.units)):
@@ -210,7 +216,7 @@ class NamedParameters:
                     f'{name}.bias', index, FreeParameter(label, 0.0, scale=size, unit=unit)
                 )
             if self.scenario.model.is_discrete:
-                continue  # in discrete time no step is short enough
+                continue  # a discrete-time model has no step short enough
             yield _Place(
                 f'{name}.delay', None,
                 FreeParameter(
@@ -219,8 +225,8 @@ class NamedParameters:
                 ),
             )  # fmt: skip
 
-    def _of(self, name: str, option: Option) -> Iterable[_Place]:
-        """Yield the parameters of an option, if it is a number or a list of them."""
+    def _places_of(self, name: str, option: Option) -> Iterable[_Place]:
+        """Yield the parameters of an option, if it is a number or a list of numbers."""
         about, value = option.about, option.check(self._current[name])
         deviation = name == 'initial_std' or name.endswith('.noise')
         low = max(about.minimum, 0.0) if deviation else about.minimum
@@ -257,10 +263,10 @@ def _free(
     )
 
 
-def _with(
+def _constrain(
     place: _Place, bounds: tuple[float, float] | None, prior: tuple[float, float] | None
 ) -> _Place:
-    """Return a parameter within narrower bounds and with a prior."""
+    """Return a parameter with narrower bounds and a prior."""
     free = place.free
     low, high = bounds or (-inf, inf)
     return _Place(
@@ -280,7 +286,7 @@ def candidate_of(
 ) -> Candidate:
     """Return the candidate of a scenario."""
     believed, plan = built.believed, built.believed_plan
-    # a gain that is not optimal has no likelihood
+    # a filter whose gain is not optimal has no likelihood
     has_likelihood = issubclass(filter_class(built.filter), SmoothableFilter)
     kind = built.filter if has_likelihood else default_filter(plan)
     chosen = filter_options if kind == built.filter else {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings and inputs of a recording as arrays, in the order in which a filter takes them."""
+"""Readings and inputs of a recording as arrays, in the order in which a filter processes them."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ Stamps = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Readings:
-    """The N readings of one sensor.
+    """N readings of one sensor.
 
     Parameters
     ----------
     stamp
-        When each was taken, in nanoseconds (N,).
+        Time at which each reading was taken, in nanoseconds (N,).
     value
-        (N, k); a number that is not finite is missing.
+        Values (N, k); a number that is not finite is missing.
     covariance
-        The noise covariance of each (N, k, k); None for that of the sensor.
+        Noise covariance of each reading (N, k, k); None for the covariance of the sensor.
     taken
-        Whether a sensor took them. The innovations of zeros that are known without one are not
-        judged, since they do not scatter; their likelihood says whether the model agrees.
+        Whether a sensor took the readings. Innovations of zeros that are known without a sensor
+        are not judged, since they do not scatter, but they count in the likelihood.
     """
 
     stamp: Stamps
@@ -41,14 +41,14 @@ class Readings:
 
 @dataclass(frozen=True)
 class Observations:
-    """All that an estimator receives.
+    """The readings and inputs that an estimator receives.
 
     Parameters
     ----------
     readings
-        By sensor; those of one time are fused in this order.
+        Readings by sensor; readings of the same time are fused in this order.
     input_stamp, input
-        From when on, in nanoseconds (M,), which input holds (M, m).
+        Times in nanoseconds (M,) from which on the inputs (M, m) hold.
     """
 
     readings: Mapping[str, Readings]
@@ -57,56 +57,56 @@ class Observations:
 
     @property
     def count(self) -> int:
-        """The number of finite numbers read."""
-        return sum(int(np.isfinite(each.value).sum()) for each in self.readings.values())
+        """Number of finite values in all readings."""
+        return sum(int(np.isfinite(readings.value).sum()) for readings in self.readings.values())
 
     @property
     def span(self) -> tuple[int, int]:
-        """The first and the last stamp of a reading, in nanoseconds."""
-        stamps = [each.stamp for each in self.readings.values() if len(each.stamp)]
+        """First and last stamp of a reading, in nanoseconds."""
+        stamps = [readings.stamp for readings in self.readings.values() if len(readings.stamp)]
         return int(min(s.min() for s in stamps)), int(max(s.max() for s in stamps))
 
     @property
     def first(self) -> int:
-        """The first stamp, in nanoseconds, of an input or a reading."""
-        stamps = [*(each.stamp for each in self.readings.values()), self.input_stamp]
+        """First stamp of an input or a reading, in nanoseconds."""
+        stamps = [*(readings.stamp for readings in self.readings.values()), self.input_stamp]
         return int(min(s.min() for s in stamps if len(s)))
 
     def until(self, share: float) -> int:
-        """Return the stamp before which a ``share`` of the readings was taken."""
-        stamps = np.concatenate([each.stamp for each in self.readings.values()])
+        """Return the stamp before which a ``share`` of the readings was taken, in nanoseconds."""
+        stamps = np.concatenate([readings.stamp for readings in self.readings.values()])
         return int(np.quantile(stamps, share))
 
     def events(self, delays: Mapping[str, float], until: int | None = None) -> list[Event]:
-        """Return the readings and inputs in order, readings dated earlier by their ``delays`` (s).
+        """Return readings and inputs in order of time, with readings earlier by ``delays`` (s).
 
-        A reading comes before an input of the same time, which acts only from then on. Readings
-        without a finite number are left out, as are those after the stamp ``until``.
+        A reading precedes an input of the same time, which acts only from then on. Readings
+        without a finite number, and readings after the stamp ``until``, are omitted.
         """
         times, orders, indices = [], [], []
-        for order, (name, each) in enumerate(self.readings.items()):
-            use = np.isfinite(each.value).any(axis=1)
+        for order, (name, readings) in enumerate(self.readings.items()):
+            use = np.isfinite(readings.value).any(axis=1)
             if until is not None:
-                use &= each.stamp <= until
-            found = np.flatnonzero(use)
-            times.append(each.stamp[found] - round(delays.get(name, 0.0) * 1e9))
-            orders.append(np.full(len(found), order))
-            indices.append(found)
-        last = max((int(each.max()) for each in times if len(each)), default=0)
+                use &= readings.stamp <= until
+            rows = np.flatnonzero(use)
+            times.append(readings.stamp[rows] - round(delays.get(name, 0.0) * 1e9))
+            orders.append(np.full(len(rows), order))
+            indices.append(rows)
+        last = max((int(stamps.max()) for stamps in times if len(stamps)), default=0)
         acting = np.flatnonzero(self.input_stamp < last)
         times.append(self.input_stamp[acting])
         orders.append(np.full(len(acting), len(self.readings)))
         indices.append(acting)
-        columns = [np.concatenate(each) for each in (times, orders, indices)]
+        columns = [np.concatenate(column) for column in (times, orders, indices)]
         by_time = np.lexsort((columns[1], columns[0]))
-        return list(map(Event, *(each[by_time].tolist() for each in columns)))
+        return list(map(Event, *(column[by_time].tolist() for column in columns)))
 
 
 class Event(NamedTuple):
     """A reading, or an input, at a ``time`` in nanoseconds.
 
-    ``order`` is the place of the sensor among all, the number of sensors for an input; ``row``
-    is which of its.
+    ``order`` is the index of the sensor, or the number of sensors for an input. ``row`` is the
+    index of the reading of that sensor, or of the input.
     """
 
     time: int

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the likelihood falls on both sides of a fitted value, the others following."""
+"""Profiles of the likelihood on both sides of a fitted value, with the others adapted."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from kalman_ros.core import Array
 from .fit import Fit
 from .likelihood import Likelihood
 
-#: Points on each side, in standard deviations.
+#: Points on each side of the value, in standard deviations.
 _REACH = (0.75, 1.5, 2.25, 3.0)
 
 
 @dataclass(frozen=True)
 class Profile:
-    """The log-likelihood along one parameter, minus that of the fit.
+    """The log-likelihood along one parameter, minus the log-likelihood of the fit.
 
     Parameters
     ----------
     name, unit
-        Of the parameter.
+        Name and unit of the parameter.
     value
-        (N,).
+        Values of the parameter (N,).
     drop
-        Of the log-likelihood (N,): -1.92 at the ends of a 95 % interval.
+        Change of the log-likelihood (N,), which is -1.92 at the ends of a 95 % interval.
     expected
-        The same of a normal distribution with the interval of the fit (N,).
+        Change for a normal distribution with the interval of the fit (N,).
     """
 
     name: str
@@ -39,25 +39,27 @@ class Profile:
     expected: Array
 
 
-def profiles(likelihood: Likelihood, found: Fit) -> list[Profile]:
+def profiles(likelihood: Likelihood, fit: Fit) -> list[Profile]:
     """Return the profile of each parameter that is determined.
 
-    The others follow along the ridge of the normal approximation, so each drop is an upper bound
-    of that of the profile.
+    The other parameters follow the ridge of the normal approximation, so the magnitude of each
+    drop is an upper bound for that of the exact profile.
     """
-    known = [i for i, each in enumerate(found.parameters) if each.determined]
-    away = np.array([*(-r for r in reversed(_REACH)), 0.0, *_REACH])
-    std = found.determination.std
-    points, limits = [], np.array([each.limits for each in likelihood.parameters])
-    for index in known:
-        ridge = np.where(np.isfinite(std), found.correlation[index] * std, 0.0)
-        points += [np.clip(found.top.z + a * ridge, limits[:, 0], limits[:, 1]) for a in away]
+    determined = [i for i, fitted in enumerate(fit.parameters) if fitted.determined]
+    offsets = np.array([*(-r for r in reversed(_REACH)), 0.0, *_REACH])
+    std = fit.determination.std
+    points, limits = [], np.array([free.limits for free in likelihood.parameters])
+    for index in determined:
+        ridge = np.where(np.isfinite(std), fit.correlation[index] * std, 0.0)
+        points += [np.clip(fit.top.z + a * ridge, limits[:, 0], limits[:, 1]) for a in offsets]
     if not points:
         return []
-    drops = (likelihood.values(points) - found.top.value).reshape(len(known), len(away))
-    shapes = []
-    for row, index in enumerate(known):
-        parameter, z = likelihood.parameters[index], float(found.top.z[index])
-        value = np.array([parameter.value(z + a * float(std[index])) for a in away])
-        shapes.append(Profile(parameter.name, parameter.unit, value, drops[row], -0.5 * away**2))
-    return shapes
+    drops = (likelihood.values(points) - fit.top.value).reshape(len(determined), len(offsets))
+    results = []
+    for row, index in enumerate(determined):
+        parameter, z = likelihood.parameters[index], float(fit.top.z[index])
+        value = np.array([parameter.value(z + a * float(std[index])) for a in offsets])
+        results.append(
+            Profile(parameter.name, parameter.unit, value, drops[row], -0.5 * offsets**2)
+        )
+    return results

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The margins of a fitted design, and the worst where the plant is elsewhere in the intervals."""
+"""Margins of a fitted design, and the worst margins over plants within the intervals."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from kalman_ros.scenario.regulator import feedback
 
 @dataclass(frozen=True)
 class RobustMargins:
-    """The margins of one input, all others closed as designed.
+    """The margins at one input, with all other inputs closed as designed.
 
     Parameters
     ----------
     input
-        Its name.
+        Name of the input.
     fitted
-        Of the fitted model.
+        Margins of the fitted model.
     upper_gain, lag, delay
-        The least upper gain, phase lag in degrees and delay in seconds of all plants.
+        Least upper gain, phase lag in degrees and delay in seconds over all plants.
     unstable
-        How many of the plants the loop does not stabilise.
+        Number of plants that the loop does not stabilise.
     count
-        The number of plants.
+        Number of plants.
     """
 
     input: str
@@ -46,15 +46,15 @@ class RobustMargins:
 
 
 def robust_margins(scenario: Scenario, plants: Iterable[Dynamics]) -> list[RobustMargins]:
-    """Return the margins of a scenario's law and estimator on its own model and on ``plants``.
+    """Return the margins of a scenario's law and estimator on its model and on ``plants``.
 
-    The law and the steady-state filter are designed for the scenario's model, and stay. As in a
-    design, each sensor counts as if it read at every step.
+    The law and the steady-state filter are designed for the model of the scenario and do
+    not change. As in a design, each sensor counts as if it read at every step.
 
     Raises
     ------
     DesignError
-        If there is no design for the model.
+        If the model has no design.
     """
     model, dt = scenario.model, 1.0 / scenario.rate
     law, point = feedback(scenario), scenario.model.equilibrium
@@ -66,22 +66,22 @@ def robust_margins(scenario: Scenario, plants: Iterable[Dynamics]) -> list[Robus
     estimator = even_estimator(scenario, point)
     H = current_compensator(sampled(model), law.system(dt), estimator)
     loops = [H @ sampled(plant) for plant in plants]
-    nominal, found = H @ sampled(model), []
+    nominal, results = H @ sampled(model), []
     for index, name in enumerate(model.input.names):
         fitted = margins(nominal.channel(index))
-        all_of = [fitted]
+        stable = [fitted]
         for loop in loops:
             try:
-                all_of.append(margins(loop.channel(index)))
+                stable.append(margins(loop.channel(index)))
             except DesignError:
                 continue
-        found.append(
+        results.append(
             RobustMargins(
                 name, fitted,
-                min(each.upper_gain.value for each in all_of),
-                degrees(min(each.lag.value for each in all_of)),
-                min(each.delay.value for each in all_of),
-                len(loops) + 1 - len(all_of), len(loops),
+                min(other.upper_gain.value for other in stable),
+                degrees(min(other.lag.value for other in stable)),
+                min(other.delay.value for other in stable),
+                len(loops) + 1 - len(stable), len(loops),
             )
         )  # fmt: skip
-    return found
+    return results

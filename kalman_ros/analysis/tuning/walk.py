@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All candidates on their way through a recording at once, and their innovations."""
+"""One filter pass of many candidates through a recording, and their innovations."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from .candidate import Candidate, Part, candidate_filter
 from .earlier import SAFE, Earlier, corrected
 from .observations import Event, Observations, Stamps
 
-#: Innovations are handed over in blocks of N readings.
+#: Innovations are released in blocks of this number of readings.
 _BLOCK = 2000
 
 
 @dataclass(frozen=True)
 class Block:
-    """Innovations of N readings of some coordinates of a sensor, for p candidates.
+    """The innovations of N readings of the same coordinates of a sensor, for p candidates.
 
     Parameters
     ----------
     sensor, output
-        Its name, and the space of the coordinates.
+        Name of the sensor, and space of the coordinates.
     time
-        In nanoseconds (N,).
+        Stamps in nanoseconds (N,).
     innovation
-        (N, p, k).
+        Innovations (N, p, k).
     covariance
-        S (N, p, k, k).
+        Innovation covariances S (N, p, k, k).
     accepted
-        Which the gates accepted (N, p).
+        Whether the gates accepted each reading (N, p).
     """
 
     sensor: str
@@ -48,7 +48,7 @@ class Block:
     accepted: Any
 
     def split(self, q: int) -> Iterator[Block]:
-        """Yield the parts of q sets of as many candidates."""
+        """Yield the blocks of q equal groups of candidates."""
         sizes = (np.split(a, q, axis=1) for a in (self.innovation, self.covariance, self.accepted))
         for innovation, covariance, accepted in zip(*sizes):
             yield replace(self, innovation=innovation, covariance=covariance, accepted=accepted)
@@ -56,14 +56,14 @@ class Block:
 
 @dataclass(frozen=True)
 class Conditions:
-    """How an estimator takes readings.
+    """The conditions under which an estimator processes readings.
 
     Parameters
     ----------
     policy
-        Of its gates, its start, and gaps.
+        Policy for gates, start and gaps.
     input
-        Until the first one (m,).
+        Input (m,) that holds until the first recorded input.
     """
 
     policy: Policy
@@ -71,20 +71,22 @@ class Conditions:
 
 
 class Walk:
-    """The beliefs of p candidates through the events of a recording, in the order of stamps.
+    """A pass of the filters of p candidates through a recording, in the order of stamps.
 
-    Delays are those of the first candidate; what those of others differ by must be short.
+    The readings are ordered by the delays of the first candidate. The delays of the other
+    candidates may differ by short times only.
 
     Parameters
     ----------
     observations
-        The recording.
+        Recording.
     conditions
-        Of the estimator. A gate opens after as many rejections in a row as it recovers after.
+        Conditions of the estimator. A gate opens after the number of consecutive rejections that
+        the policy specifies.
     candidates
-        All with filters of one kind.
+        Candidates, all with filters of one kind.
     together
-        Whether the gates of the first candidate decide for all.
+        Whether the gates of the first candidate decide for all candidates.
     """
 
     def __init__(
@@ -96,7 +98,7 @@ class Walk:
     ) -> None:
         self._observations, self._conditions = observations, conditions
         self._candidates, self._together = candidates, together
-        self._filter = candidate_filter([each.filter for each in candidates])
+        self._filter = candidate_filter([candidate.filter for candidate in candidates])
         self._names = list(observations.readings)
         policy = conditions.policy
         self._gates = [(policy.gates or {}).get(name) for name in self._names]
@@ -108,26 +110,26 @@ class Walk:
         self._sensors = [candidate_sensor([c.sensors[name] for c in candidates])
                          for name in self._names]  # fmt: skip
         delays = [np.array([c.delays.get(name, 0.0) for c in candidates]) for name in self._names]
-        self._delayed = [each - each[0] for each in delays]
+        self._delayed = [column - column[0] for column in delays]
         moving = candidate_model([c.model for c in candidates]) if np.any(delays) else None
         self._earlier = [
             Earlier(sensor, in_continuous_time(moving))
-            if moving is not None and each.any()
+            if moving is not None and delay.any()
             else None
-            for sensor, each in zip(self._sensors, delays)
+            for sensor, delay in zip(self._sensors, delays)
         ]
-        self._with: dict[tuple[int, bool, bytes, bytes], Sensor] = {}
+        self._sensors_by_key: dict[tuple[int, bool, bytes, bytes], Sensor] = {}
         self._rejections = [0] * len(self._names)
-        self._belief = self._first()
-        self._fresh = True
+        self._belief = self._initial_belief()
+        self._at_start = True
         self._corrected = 0
 
     def _width(self, name: str) -> int:
         return int(self._observations.readings[name].value.shape[1])
 
-    def _first(self) -> Gaussian:
-        x = np.stack([each.initial.mean for each in self._candidates])
-        P = np.stack([each.initial.covariance for each in self._candidates])
+    def _initial_belief(self) -> Gaussian:
+        x = np.stack([candidate.initial.mean for candidate in self._candidates])
+        P = np.stack([candidate.initial.covariance for candidate in self._candidates])
         return unchecked((x, P))
 
     def blocks(
@@ -138,15 +140,15 @@ class Walk:
         Raises
         ------
         ArithmeticError, numpy.linalg.LinAlgError
-            If a candidate cannot be computed at all.
+            If the filter of a candidate fails.
         """
         events = self._observations.events(self._candidates[0].delays, until)
         collected: _Collected = {}
         policy, u = self._conditions.policy, self._conditions.input
         moving = not policy.rest_until_input or not len(self._observations.input_stamp)
         longest = round(policy.max_gap * 1e9) or np.inf
-        # a first belief that does not begin with a reading holds from the first stamp on, whatever
-        # the delays: if it moved with them, they would be as uncertain as it is
+        # an initial belief that does not begin with a reading holds from the first stamp on, for
+        # any delay: if it moved with the delays, they would be as uncertain as the belief
         now = self._observations.first if events else 0
         if events and policy.from_reading:
             now = events[0].time
@@ -154,103 +156,103 @@ class Walk:
         for event in events:
             if event.time > now:
                 if event.time - now > longest:
-                    self._belief, self._fresh = self._first(), True
+                    self._belief, self._at_start = self._initial_belief(), True
                 elif moving:
                     self._belief = self._filter.predict(self._belief, u, (event.time - now) * 1e-9)
                 now = event.time
             if event.order == len(self._names):
                 u, moving = self._observations.input[event.row], True
                 continue
-            # the first belief is corrected by readings from before it, too
-            key, row = self._take(event, u, (now - event.time) * 1e-9)
-            collected.setdefault(key, []).append((event.time, *row))
+            # readings from before the initial belief correct it, too
+            key, results = self._process_reading(event, u, (now - event.time) * 1e-9)
+            collected.setdefault(key, []).append((event.time, *results))
             taken += 1
             if taken % _BLOCK == 0:
                 if progress is not None:
                     progress(taken / len(events))
-                yield from self._handed(collected)
+                yield from self._release_blocks(collected)
                 collected = {}
-        yield from self._handed(collected)
+        yield from self._release_blocks(collected)
 
-    def _take(
-        self, event: Event, u: Array, late: float
+    def _process_reading(
+        self, event: Event, u: Array, delay: float
     ) -> tuple[tuple[int, bytes], tuple[Any, ...]]:
-        """Correct the beliefs by a reading that is ``late`` seconds earlier than they are.
+        """Correct the beliefs by a reading that is ``delay`` seconds earlier than they are.
 
-        Return its key and its results.
+        Return the key of the block to which the reading belongs, and its results.
         """
-        order, index = event.order, event.row
+        order, row = event.order, event.row
         readings = self._observations.readings[self._names[order]]
-        present = np.isfinite(readings.value[index])
-        covariance = None if readings.covariance is None else readings.covariance[index]
+        present = np.isfinite(readings.value[row])
+        covariance = None if readings.covariance is None else readings.covariance[row]
         earlier = self._earlier[order]
-        if not late and not self._delayed[order].any():
+        if not delay and not self._delayed[order].any():
             earlier = None
-        sensor = self._sensor(order, earlier, present, covariance)
-        y = (readings.value[index] - self._bias[order])[:, present]
-        if self._fresh:
-            self._fresh = False
+        sensor = self._sensor_for(order, earlier, present, covariance)
+        y = (readings.value[row] - self._bias[order])[:, present]
+        if self._at_start:
+            self._at_start = False
             if self._conditions.policy.from_reading:
-                self._start(order, present, y)
+                self._match_first_reading(order, present, y)
         prior = self._belief
         if earlier is None:
-            found = self._filter.correct(prior, y, sensor)
+            correction = self._filter.correct(prior, y, sensor)
         else:
-            earlier.set(self._delayed[order] + late, u)
-            since = max((event.time - self._corrected) * 1e-9, SAFE)
-            noise = earlier.noise_between(prior.mean, since)
-            found = corrected(self._filter, prior, y, sensor, noise)
+            earlier.set(self._delayed[order] + delay, u)
+            elapsed = max((event.time - self._corrected) * 1e-9, SAFE)
+            noise = earlier.noise_between(prior.mean, elapsed)
+            correction = corrected(self._filter, prior, y, sensor, noise)
         self._corrected = event.time
         accepted: Any = True
         gate = self._gates[order]
         if gate is not None:
-            accepted = found.nis <= gate
+            accepted = correction.nis <= gate
             if self._together:
                 accepted = np.broadcast_to(accepted[0], accepted.shape)
-            needed = self._conditions.policy.recover_after
-            if needed and self._rejections[order] >= needed:
+            recover_after = self._conditions.policy.recover_after
+            if recover_after and self._rejections[order] >= recover_after:
                 accepted = np.ones_like(accepted)
             self._rejections[order] = 0 if accepted[0] else self._rejections[order] + 1
-        self._belief = found.posterior
+        self._belief = correction.posterior
         if accepted is not True and not accepted.all():
-            self._belief = _chosen(accepted, found.posterior, prior)
+            self._belief = _select_beliefs(accepted, correction.posterior, prior)
         return (order, present.tobytes()), (
-            found.innovation, found.innovation_covariance, accepted,
+            correction.innovation, correction.innovation_covariance, accepted,
         )  # fmt: skip
 
-    def _sensor(
+    def _sensor_for(
         self, order: int, earlier: Earlier | None, present: Array, covariance: Array | None
     ) -> Sensor:
-        """Return a sensor with the coordinates that are ``present`` and the noise of a message."""
+        """Return a sensor with the ``present`` coordinates and the covariance of a message."""
         base = earlier or self._sensors[order]
         if covariance is None and present.all():
             return base
         noise = b'' if covariance is None else covariance.tobytes()
         key = order, earlier is not None, present.tobytes(), noise
-        found = self._with.get(key)
-        if found is None:
-            found = base
+        sensor = self._sensors_by_key.get(key)
+        if sensor is None:
+            sensor = base
             if covariance is not None:
-                found = found.with_covariance(covariance)
+                sensor = sensor.with_covariance(covariance)
             if not present.all():
-                found = Part(found, present)
-            if len(self._with) > _BLOCK:
-                self._with.clear()
-            self._with[key] = found
-        return found
+                sensor = Part(sensor, present)
+            if len(self._sensors_by_key) > _BLOCK:
+                self._sensors_by_key.clear()
+            self._sensors_by_key[key] = sensor
+        return sensor
 
-    def _start(self, order: int, present: Array, y: Array) -> None:
-        """Move the first beliefs to match the first reading, as the estimator does."""
+    def _match_first_reading(self, order: int, present: Array, y: Array) -> None:
+        """Move the initial beliefs to match the first reading, as the estimator does."""
         if not present.all():
             return
         x, P = self._belief
         moved = x.copy()
-        for p, each in enumerate(self._candidates):
-            sensor = each.sensors[self._names[order]]
+        for p, candidate in enumerate(self._candidates):
+            sensor = candidate.sensors[self._names[order]]
             moved[p] = match_reading(Gaussian(x[p], P[p]), y[p], sensor).mean
         self._belief = unchecked((moved, P))
 
-    def _handed(self, collected: _Collected) -> Iterator[Block]:
+    def _release_blocks(self, collected: _Collected) -> Iterator[Block]:
         p = len(self._candidates)
         for (order, present), columns in collected.items():
             name, use = self._names[order], np.frombuffer(present, dtype=bool)
@@ -267,11 +269,11 @@ class Walk:
             )
 
 
-#: By sensor and coordinates: time, innovation, covariance and what was accepted, by reading.
+#: Time, innovation, covariance and acceptance of each reading, by sensor and coordinates.
 _Collected = dict[tuple[int, bytes], list[tuple[Any, ...]]]
 
 
-def _chosen(mask: Any, a: Gaussian, b: Gaussian) -> Gaussian:
-    """Return beliefs ``a`` where the mask is set, and ``b`` elsewhere."""
+def _select_beliefs(mask: Any, a: Gaussian, b: Gaussian) -> Gaussian:
+    """Return the beliefs ``a`` where the mask is set, and ``b`` elsewhere."""
     x = np.where(mask[:, np.newaxis], a.mean, b.mean)
     return unchecked((x, np.where(mask[:, np.newaxis, np.newaxis], a.covariance, b.covariance)))
