@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Animations of a run: a GIF, and an MP4 where ffmpeg is installed."""
+"""Animations of a run: a GIF, and an MP4 if ffmpeg is installed."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from .drawings import DRAWN, Moments, curves, rows
 from .maps import SIGMAS
 from .style import BOUND, ESTIMATE, INPUT, READING, STYLE, TRUTH, time_unit
 
-#: Frames of an animation, and the milliseconds of each.
+#: Number of frames of an animation, and duration of each in milliseconds.
 FRAMES, _PERIOD = 100, 80
-#: In inches, and pixels an inch; in pixels both are even, as MP4 requires.
+#: Size in inches, and pixels per inch; both sides are even in pixels, as MP4 requires.
 _SIZE, _DPI = (4.8, 3.6), 100
-#: Shades of each colour, from itself to white.
+#: Number of shades of each colour, from the colour to white.
 _SHADES = 8
 _LEGEND = f'black: truth; dashed blue: estimate, band of {SIGMAS:g} sigma; grey: readings'
-#: A GIF of more bytes has fewer frames.
+#: Largest size of a GIF in bytes; a larger GIF is written with fewer frames.
 LARGEST = 3_000_000
-#: A state is at rest within this number of its deviations in the second half of a run.
+#: A state is at rest within this multiple of its typical deviation in the second half of a run.
 _REST = 4.0
 
 
 def shown_steps(scenario: Scenario, run: Trajectory, frames: int = FRAMES) -> Any:
     """Return the steps (frames,) of an animation.
 
-    Of a controlled system they are those of its way to rest, six times as long, and at least a
-    tenth of the run; of others they are the whole run.
+    The animation of a controlled system covers six times the time that it takes to come to rest,
+    and at least a tenth of the run. The animation of any other system covers the whole run.
     """
     last = len(run.time) - 1
     if scenario.law:
         model = scenario.model
         distance = np.abs(model.state.subtract(run.truth, model.equilibrium.state))
-        usual = distance[last // 2 :].std(axis=0) + distance[last // 2 :].mean(axis=0)
-        moving = np.flatnonzero((distance > _REST * np.maximum(usual, 1e-12)).any(axis=1))
+        typical = distance[last // 2 :].std(axis=0) + distance[last // 2 :].mean(axis=0)
+        moving = np.flatnonzero((distance > _REST * np.maximum(typical, 1e-12)).any(axis=1))
         end = 6 * int(moving[-1]) if len(moving) else 0
         last = min(last, max(end, ceil(0.1 * last)))
     return np.unique(np.linspace(0, last, min(frames, last + 1)).astype(int))
@@ -61,20 +61,20 @@ def animate(
     path: Path,
     progress: Callable[[float], None] = lambda done: None,
 ) -> list[Path]:
-    """Write ``path``, a GIF, and an MP4 beside it where ffmpeg is installed; return both.
+    """Write a GIF, and an MP4 beside it if ffmpeg is installed; return the paths of both.
 
     Parameters
     ----------
     kind
-        Of the drawing, see `kalman_ros.scenario.drawing`.
+        Kind of the drawing, see `kalman_ros.scenario.drawing`.
     show
-        What is drawn.
+        Run and steps to draw.
     title
-        Written above it, with the time.
+        Title above the drawing, to which the time is added.
     path
-        Ends with .gif.
+        Path of the GIF, which ends with .gif.
     progress
-        Called with the share that is done.
+        Receives the share that is done.
 
     Raises
     ------
@@ -101,36 +101,36 @@ def animate(
             canvas.draw()
             frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
             progress((number + 1) / len(show.steps))
-    _gif(frames, path)
-    film = path.with_suffix('.mp4')
+    _write_gif(frames, path)
+    video = path.with_suffix('.mp4')
     program = shutil.which('ffmpeg')
     if program is None:
         return [path]
-    _mp4(program, frames, film)
-    return [path, film]
+    _write_mp4(program, frames, video)
+    return [path, video]
 
 
 def _digits(show: Moments) -> int:
-    """Return the decimals of a clock that differs between frames."""
+    """Return the number of decimals with which the times of any two frames differ."""
     step = float(show.run.time[show.steps[-1]] - show.run.time[show.steps[0]]) / len(show.steps)
     return int(np.clip(ceil(-np.log10(max(step, 1e-3))), 0, 3))
 
 
-def _gif(frames: Sequence[Image.Image], path: Path) -> None:
-    """Write frames with one palette; fewer of them, each longer, if the file is too large."""
+def _write_gif(frames: Sequence[Image.Image], path: Path) -> None:
+    """Write frames with a common palette, and fewer, longer frames if the file is too large."""
     palette = _palette()
-    drawn = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    images = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     period = _PERIOD
     while True:
-        first, *rest = drawn
+        first, *rest = images
         first.save(path, save_all=True, append_images=rest, loop=0, duration=period, optimize=True)
-        if path.stat().st_size <= LARGEST or len(drawn) < 4:
+        if path.stat().st_size <= LARGEST or len(images) < 4:
             return
-        drawn, period = drawn[::2], 2 * period
+        images, period = images[::2], 2 * period
 
 
 def _palette() -> Image.Image:
-    """Return an image with the shades of all colours of drawings, which all frames share."""
+    """Return an image whose palette has the shades of all colours, for all frames."""
     band = np.array(to_rgb(BOUND)) * 0.35 + 0.65
     share = np.linspace(0.0, 1.0, _SHADES)[:, np.newaxis]
     shades = [
@@ -147,7 +147,7 @@ def _palette() -> Image.Image:
     return image
 
 
-def _mp4(program: str, frames: Sequence[Image.Image], path: Path) -> None:
+def _write_mp4(program: str, frames: Sequence[Image.Image], path: Path) -> None:
     width, height = frames[0].size
     command = [
         program, '-y', '-loglevel', 'error', '-f', 'rawvideo', '-pix_fmt', 'rgb24',
@@ -155,7 +155,7 @@ def _mp4(program: str, frames: Sequence[Image.Image], path: Path) -> None:
         '-pix_fmt', 'yuv420p', '-movflags', '+faststart', str(path),
     ]  # fmt: skip
     data = b''.join(frame.tobytes() for frame in frames)
-    done = subprocess.run(command, input=data, capture_output=True)
-    if done.returncode:
-        reason = done.stderr.decode(errors='replace').strip().splitlines() or ['no reason']
+    result = subprocess.run(command, input=data, capture_output=True)
+    if result.returncode:
+        reason = result.stderr.decode(errors='replace').strip().splitlines() or ['no reason']
         raise RuntimeError(f'ffmpeg failed: {reason[-1]}')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The results of `design` for JSON."""
+"""The results of `design` as JSON."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def design_json(
 ) -> dict[str, Any]:
     """Return all numbers of a design for ``summary.json``."""
     scenario = report.scenario
-    regulator, estimator, closed = report.regulator, report.estimator, report.closed_loop
-    reach, seen = report.controllability, report.observability
+    regulator, estimator, closed_loop = report.regulator, report.estimator, report.closed_loop
+    controllability, observability = report.controllability, report.observability
     return {
         'rate': scenario.rate,
         'delay': report.delay,
@@ -31,12 +31,15 @@ def design_json(
             'state': report.point.state.tolist(), 'input': report.point.input.tolist(),
         },
         'modes': [_mode_json(mode) for mode in report.modes],
-        'controllability': reach and {
-            'controlled': reach.reached, 'not_controlled': reach.unreached,
-            'stabilizable': reach.stabilizable,
+        'controllability': controllability and {
+            'controlled': controllability.reached,
+            'not_controlled': controllability.unreached,
+            'stabilizable': controllability.stabilizable,
         },
         'observability': {
-            'observed': seen.seen, 'not_observed': seen.unseen, 'detectable': seen.detectable,
+            'observed': observability.seen,
+            'not_observed': observability.unseen,
+            'detectable': observability.detectable,
         },
         'regulator': regulator and {
             'law': scenario.law,
@@ -51,20 +54,21 @@ def design_json(
         },
         'path': report.path and _path_json(report.path),
         'sensor_std': report.sensor_std,
-        'closed_loop': closed and {
-            'settling_time': plain(closed.settling_time), 'cost': closed.cost,
-            'state_std': closed.state_std.tolist(), 'input_std': closed.input_std.tolist(),
+        'closed_loop': closed_loop and {
+            'settling_time': plain(closed_loop.settling_time), 'cost': closed_loop.cost,
+            'state_std': closed_loop.state_std.tolist(),
+            'input_std': closed_loop.input_std.tolist(),
         },
         'margins': {
-            at.input: {
-                'guarantee': at.guarantee and {
-                    'gain': [at.guarantee.lower_gain, plain(at.guarantee.upper_gain)],
-                    'phase': at.guarantee.phase,
+            loops.input: {
+                'guarantee': loops.guarantee and {
+                    'gain': [loops.guarantee.lower_gain, plain(loops.guarantee.upper_gain)],
+                    'phase': loops.guarantee.phase,
                 },
-                'state_known': _loop_json(at.known),
-                'state_estimated': at.estimated and _loop_json(at.estimated),
+                'state_known': _loop_json(loops.known),
+                'state_estimated': loops.estimated and _loop_json(loops.estimated),
             }
-            for at in (regulator.loops if regulator else ())
+            for loops in (regulator.loops if regulator else ())
         },
         'margins_of_all_inputs': regulator and regulator.together and {
             'state_known': _disk_json(regulator.together.known),
@@ -89,11 +93,11 @@ def _loop_json(loop: Loop) -> dict[str, Any]:
     }
 
 
-def _margins_json(found: Margins) -> dict[str, Any]:
+def _margins_json(margins: Margins) -> dict[str, Any]:
     names = ('lower_gain', 'upper_gain', 'lead', 'lag', 'delay', 'distance')
     return {
-        **{name: _margin_json(getattr(found, name)) for name in names},
-        'disk': _disk_json(found.disk),
+        **{name: _margin_json(getattr(margins, name)) for name in names},
+        'disk': _disk_json(margins.disk),
     }
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a design: its poles, the margins of its loops, the accuracy of its estimate."""
+"""Pictures of a design: poles, margins of the loops, and accuracy of the estimate."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from .style import (
     time_unit,
 )
 
-#: Poles that differ by more than this factor are drawn on logarithmic axes.
+#: Poles whose magnitudes differ by more than this factor are drawn on logarithmic axes.
 WIDE = 200.0
 
-#: The unstable half plane.
+#: Colour of the unstable half plane.
 GROWTH = '#f6e9e2'
 
-#: The range of gains drawn, in dB.
+#: Range of the gains that are drawn, in dB.
 GAINS = (-45.0, 45.0)
 
-#: The number of frequencies of a response.
+#: Number of frequencies of a response.
 _POINTS = 800
 
 
@@ -63,46 +63,46 @@ def poles(report: DesignReport, path: Path | None) -> None:
         groups.append(('estimator', report.estimator.modes, 'o', ESTIMATE))
     with canvas(path, (6.4, 4.4)) as figure:
         axis = figure.add_subplot()
-        every = np.concatenate([_both(modes) for _, modes, _, _ in groups])
-        reach = float(np.abs(every).max()) or 1.0
-        right = max(1.3 * float(every.real.max()), 0.2 * reach)
-        axis.axvspan(0.0, right, color=GROWTH, lw=0.0, zorder=0)
-        axis.set_xlim(1.15 * float(every.real.min()) - 0.05 * reach, right)
-        high = 1.2 * max(float(every.imag.max()), 0.4 * reach)
+        all_poles = np.concatenate([_all_poles(modes) for _, modes, _, _ in groups])
+        reach = float(np.abs(all_poles).max()) or 1.0
+        right_limit = max(1.3 * float(all_poles.real.max()), 0.2 * reach)
+        axis.axvspan(0.0, right_limit, color=GROWTH, lw=0.0, zorder=0)
+        axis.set_xlim(1.15 * float(all_poles.real.min()) - 0.05 * reach, right_limit)
+        high = 1.2 * max(float(all_poles.imag.max()), 0.4 * reach)
         axis.set_ylim(-high, high)
         axis.axhline(0.0, color=READING, lw=0.8)
         axis.axvline(0.0, color=READING, lw=0.8)
         for label, modes, marker, colour in groups:
-            s = _both(modes)
+            s = _all_poles(modes)
             axis.plot(s.real, s.imag, marker, ms=7, mew=1.5, mfc='none', color=colour,
                       label=label, zorder=3)  # fmt: skip
-        sizes = np.abs(every[np.abs(every) > 0.0])
+        sizes = np.abs(all_poles[np.abs(all_poles) > 0.0])
         if sizes.size and sizes.max() > WIDE * sizes.min():
             inner = 10.0 ** np.floor(np.log10(sizes.min()))
             axis.set_xscale('symlog', linthresh=inner)
             axis.set_yscale('symlog', linthresh=inner)
-            axis.set_xlim(right=max(3.0 * float(every.real.max()), inner))
+            axis.set_xlim(right=max(3.0 * float(all_poles.real.max()), inner))
         axis.set_xlabel(f'real part [1/{time_unit()}]')
         axis.set_ylabel(f'imaginary part [rad/{time_unit()}]')
         axis.set_title('Poles: unstable on the right, fast on the left')
         legend_below(figure, axis, markerscale=1.0)
 
 
-def _both(modes: Sequence[Mode]) -> Any:
-    """Return all finite poles, with the conjugates."""
+def _all_poles(modes: Sequence[Mode]) -> Any:
+    """Return all finite poles, including the conjugates."""
     s = np.array([mode.pole for mode in modes if np.isfinite(mode.pole)], dtype=complex)
     return np.concatenate((s, s[s.imag > 0.0].conj()))
 
 
 def uncertainty(report: DesignReport, path: Path | None) -> None:
     """Draw the error of each state from the initial belief to its steady state."""
-    space, found = report.scenario.model.state, report.prediction
+    space, prediction = report.scenario.model.state, report.prediction
     columns = 2 if space.size > 1 else 1
     rows = -(-space.size // columns)
     with canvas(path, (4.2 * columns, 1.8 * rows + 0.9)) as figure:
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
         for index, (axis, name) in enumerate(zip(axes, space.names)):
-            axis.semilogy(found.time, found.std[:, index], color=ESTIMATE, lw=1.2,
+            axis.semilogy(prediction.time, prediction.std[:, index], color=ESTIMATE, lw=1.2,
                           label='estimate')  # fmt: skip
             if report.estimator:
                 steady = float(report.estimator.std[index])
@@ -111,7 +111,7 @@ def uncertainty(report: DesignReport, path: Path | None) -> None:
             if name in report.sensor_std:
                 axis.axhline(report.sensor_std[name], color=READING, lw=1.2, label='one reading')
             low, high = axis.get_ylim()
-            axis.set_ylim(low / 1.4, high * 1.4)  # room for a second tick
+            axis.set_ylim(low / 1.4, high * 1.4)  # leaves room for a second tick
             axis.set_ylabel(f'std of\n{space.label(name)}')
             log_ticks(axis)
         axes[0].set_title('From the first belief on')
@@ -124,35 +124,35 @@ def uncertainty(report: DesignReport, path: Path | None) -> None:
 
 
 def loops(report: DesignReport, path: Path | None) -> None:
-    """Draw Bode and Nyquist plots at each input, for state and estimate feedback."""
-    broken = report.regulator.loops if report.regulator else ()
-    with canvas(path, (9.5, 4.0 * len(broken) + 0.3)) as figure:
-        parts = figure.subfigures(len(broken), 1, squeeze=False)[:, 0]
-        for part, at in zip(parts, broken):
-            _draw_input(part, at, report.scenario)
+    """Draw Bode and Nyquist plots at each input, for feedback of the state and of the estimate."""
+    channels = report.regulator.loops if report.regulator else ()
+    with canvas(path, (9.5, 4.0 * len(channels) + 0.3)) as figure:
+        parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]
+        for part, channel in zip(parts, channels):
+            _draw_input(part, channel, report.scenario)
         legend_below(figure, parts[-1].axes[-1])
 
 
-def _draw_input(part: Any, at: InputLoops, scenario: Scenario) -> None:
-    """Draw the loop at one input: gain and phase on the left, the complex plane on the right."""
+def _draw_input(part: Any, channel: InputLoops, scenario: Scenario) -> None:
+    """Draw the loop at one input: gain and phase on the left, Nyquist plot on the right."""
     grid = part.add_gridspec(2, 2, width_ratios=(1.2, 1.0))
     gain = part.add_subplot(grid[0, 0])
     phase = part.add_subplot(grid[1, 0], sharex=gain)
     plane = part.add_subplot(grid[:, 1])
     known, estimated = loop_names(scenario.law)
-    drawn = {f'{known}, all states known': (at.known, TRUTH)}
-    if at.estimated is not None:
-        drawn[f'{estimated}, with the estimate'] = (at.estimated, ESTIMATE)
+    drawn = {f'{known}, all states known': (channel.known, TRUTH)}
+    if channel.estimated is not None:
+        drawn[f'{estimated}, with the estimate'] = (channel.estimated, ESTIMATE)
     w = _frequencies([loop for loop, _ in drawn.values()], scenario.rate)
     for label, (loop, colour) in drawn.items():
-        _bode((gain, phase), loop, w, colour, 'above' if loop is at.known else 'below')
-        _nyquist(plane, loop, w, colour, label)
-    _frame(gain, phase, plane)
-    gain.set_title(f'Loop at {at.input}')
+        _draw_bode((gain, phase), loop, w, colour, 'above' if loop is channel.known else 'below')
+        _draw_nyquist(plane, loop, w, colour, label)
+    _draw_references(gain, phase, plane)
+    gain.set_title(f'Loop at {channel.input}')
 
 
 def _frequencies(loops: Sequence[Loop], rate: float) -> Array:
-    """Return frequencies (k,) from below all margins to nearly half the rate, in rad/s."""
+    """Return frequencies (k,) in rad/s, from below all margins to nearly the Nyquist frequency."""
     margins = [loop.margins or loop.prompt for loop in loops]
     marks = [
         mark.frequency for m in margins for mark in (m.lower_gain, m.upper_gain, m.lag, m.lead)
@@ -161,36 +161,42 @@ def _frequencies(loops: Sequence[Loop], rate: float) -> Array:
     return np.asarray(np.geomspace(0.1 * low, 0.97 * pi * rate, _POINTS), dtype=float)
 
 
-def _bode(axes: tuple[Any, Any], loop: Loop, w: Array, colour: str, side: str) -> None:
-    """Draw gain and phase of one loop, and its margins with their numbers ``above`` or below."""
+def _draw_bode(axes: tuple[Any, Any], loop: Loop, w: Array, colour: str, side: str) -> None:
+    """Draw gain and phase of one loop, and its margins with labels on one ``side``."""
     gain, phase = axes
     L = loop.broken.response(w)[:, 0, 0]
-    turn = np.degrees(np.unwrap(np.angle(L)))
-    found = loop.margins or loop.prompt
-    lag = found.lag
-    if isfinite(lag.value):  # whole turns, such that the lag ends at -180 degrees
-        turn -= 180.0 + _at(lag.frequency, w, turn) - np.degrees(lag.value)
+    angle = np.degrees(np.unwrap(np.angle(L)))
+    margins = loop.margins or loop.prompt
+    lag = margins.lag
+    if isfinite(lag.value):  # add full turns, such that the lag margin ends at -180 degrees
+        angle -= 180.0 + _interpolate(lag.frequency, w, angle) - np.degrees(lag.value)
     gain.semilogx(w, 20.0 * np.log10(np.abs(L)), color=colour, lw=1.3)
-    phase.semilogx(w, turn, color=colour, lw=1.3)
+    phase.semilogx(w, angle, color=colour, lw=1.3)
     if loop.margins is None:
         return
-    for mark in (found.lower_gain, found.upper_gain):
-        if w[0] < mark.frequency < w[-1]:
-            size = -20.0 * np.log10(mark.value)
-            _bar(gain, mark.frequency, (0.0, size), f'{mark.value:.2g}', (colour, side))
-    for mark, sign in ((found.lag, -1.0), (found.lead, 1.0)):
-        if w[0] < mark.frequency < w[-1]:
-            start, size = _at(mark.frequency, w, turn), np.degrees(mark.value)
-            _bar(
-                phase, mark.frequency, (start, start + sign * size), f'{size:.0f}°', (colour, side)
+    for margin in (margins.lower_gain, margins.upper_gain):
+        if w[0] < margin.frequency < w[-1]:
+            size = -20.0 * np.log10(margin.value)
+            _draw_margin(
+                gain, margin.frequency, (0.0, size), f'{margin.value:.2g}', (colour, side)
+            )
+    for margin, sign in ((margins.lag, -1.0), (margins.lead, 1.0)):
+        if w[0] < margin.frequency < w[-1]:
+            start, size = _interpolate(margin.frequency, w, angle), np.degrees(margin.value)
+            _draw_margin(
+                phase,
+                margin.frequency,
+                (start, start + sign * size),
+                f'{size:.0f}°',
+                (colour, side),
             )
 
 
-def _at(frequency: float, w: Array, values: Array) -> float:
+def _interpolate(frequency: float, w: Array, values: Array) -> float:
     return float(np.interp(np.log(frequency), np.log(w), values))
 
 
-def _bar(
+def _draw_margin(
     axis: Any, frequency: float, ends: tuple[float, float], text: str, look: tuple[str, str]
 ) -> None:
     """Draw a margin from the loop to the stability boundary."""
@@ -204,8 +210,8 @@ def _bar(
     )  # fmt: skip
 
 
-def _nyquist(plane: Any, loop: Loop, w: Array, colour: str, label: str) -> None:
-    """Draw one loop about -1, and the disk of its margin."""
+def _draw_nyquist(plane: Any, loop: Loop, w: Array, colour: str, label: str) -> None:
+    """Draw the Nyquist plot of one loop, and the disk of its margin."""
     L = loop.broken.response(w)[:, 0, 0]
     for part in (L, L.conj()):
         plane.plot(part.real, part.imag, color=colour, lw=1.3, label=label if part is L else None)
@@ -216,8 +222,8 @@ def _nyquist(plane: Any, loop: Loop, w: Array, colour: str, label: str) -> None:
     plane.add_patch(Circle((centre, 0.0), radius, color=colour, alpha=0.12, lw=0.0))
 
 
-def _frame(gain: Any, phase: Any, plane: Any) -> None:
-    """Label the axes, and draw the references: 1, half a turn, and -1."""
+def _draw_references(gain: Any, phase: Any, plane: Any) -> None:
+    """Label the axes, and draw the references: gain 1, phase of odd half turns, and -1."""
     gain.axhline(0.0, color=READING, lw=0.8)
     gain.set_ylabel('gain [dB]')
     low, high = gain.get_ylim()

@@ -15,9 +15,9 @@ _COLOURS = (READING, ESTIMATE, INPUT, BOUND)
 
 
 def draw(findings: Sequence[Finding], folder: Path) -> list[Path]:
-    """Draw the evidence of each finding that has any, and return the files.
+    """Draw the evidence of each finding that has a picture, and return the files.
 
-    Those of an earlier diagnosis are removed.
+    The files of an earlier diagnosis are removed.
     """
     for path in folder.glob('[0-9][0-9]-*.png'):
         path.unlink()
@@ -31,7 +31,7 @@ def draw(findings: Sequence[Finding], folder: Path) -> list[Path]:
 
 
 def figure(shown: Figure, path: Path | None) -> Any:
-    """Draw the curves of a figure, and return its axes (1, 1)."""
+    """Draw the curves of a figure, and return the axes (1, 1)."""
     with figure_with(path, 1, 1, (8.0, 3.0)) as (_, axes):
         axis = axes[0, 0]
         for curve, colour in zip(shown.curves, _COLOURS):

@@ -20,7 +20,7 @@ BAND_LOOK: dict[str, Any] = {'color': BOUND, 'alpha': 0.35, 'lw': 0}
 
 
 def window(axis: Any, x: tuple[float, float], y: tuple[float, float]) -> None:
-    """Show a part of the world to scale, with no axis where it has no meaning."""
+    """Show a part of the world to scale, without ticks on an unlabelled vertical axis."""
     axis.set_xlim(*x)
     axis.set_ylim(*y)
     axis.set_aspect('equal')
@@ -32,14 +32,14 @@ def coil(axis: Any, start: Any, end: Any, wide: float) -> None:
     """Draw a spring between two points."""
     a, b = np.array(start), np.array(end)
     t = np.concatenate(([0.0], np.linspace(0.08, 0.92, 19), [1.0]))
-    side = np.concatenate(([0.0], np.resize((wide, -wide), 19), [0.0]))
-    way = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
-    across = np.array([-way[1], way[0]])
-    axis.plot(*(a + np.outer(t, b - a) + np.outer(side, across)).T, color=READING, lw=1.0)
+    offset = np.concatenate(([0.0], np.resize((wide, -wide), 19), [0.0]))
+    direction = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
+    normal = np.array([-direction[1], direction[0]])
+    axis.plot(*(a + np.outer(t, b - a) + np.outer(offset, normal)).T, color=READING, lw=1.0)
 
 
 def arrow(axis: Any, start: Any, size: Any, reach: float) -> None:
-    """Draw an input; one that is too small to see is left out."""
+    """Draw an input as an arrow, unless it is too small to see."""
     if np.hypot(*size) > 0.01 * reach:
         head = 0.06 * reach
         axis.add_patch(FancyArrow(*start, *size, width=0.015 * reach, head_width=head,
@@ -47,23 +47,23 @@ def arrow(axis: Any, start: Any, size: Any, reach: float) -> None:
 
 
 def cross(axis: Any, read: Series, columns: list[int], time: float) -> None:
-    """Draw the last reading (2,) of a place."""
+    """Draw the last reading (2,) of a position as a cross."""
     k = int(np.searchsorted(read.time, time + 1e-9)) - 1
     if k >= 0:
         axis.plot(*read.values[k, columns], 'x', color=READING, ms=8, mew=2.0)
 
 
 def ray(axis: Any, sight: Sight, time: float, far: float) -> None:
-    """Draw the last bearing of a sensor."""
+    """Draw the last bearing of a sensor as a ray."""
     k = int(np.searchsorted(sight.time, time + 1e-9)) - 1
     if k >= 0:
-        way = np.array([np.cos(sight.angle[k]), np.sin(sight.angle[k])])
-        ends = np.stack((sight.place[k], sight.place[k] + far * way))
+        direction = np.array([np.cos(sight.angle[k]), np.sin(sight.angle[k])])
+        ends = np.stack((sight.place[k], sight.place[k] + far * direction))
         axis.plot(*ends.T, color=READING, lw=1.0)
 
 
 def vehicle(axis: Any, place: Array, heading: float, size: float) -> None:
-    """Draw an arrowhead that points where a vehicle does."""
+    """Draw a vehicle as an arrowhead that points along its heading."""
     shape = size * np.array([[1.5, 0.0], [-1.0, 0.9], [-0.5, 0.0], [-1.0, -0.9]])
-    turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
-    axis.add_patch(Polygon(place + shape @ turn.T, fill=False, color=TRUTH, lw=1.8))
+    rotation = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    axis.add_patch(Polygon(place + shape @ rotation.T, fill=False, color=TRUTH, lw=1.8))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The outline of a Gaussian in the plane."""
+"""Covariance ellipse of a Gaussian in the plane."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-#: Points of an outline.
+#: Number of points of an outline.
 _POINTS = 73
 
 
 def outline(mean: Array, covariance: Array, sigmas: float = 1.0) -> Array:
     """Return the points (N, 2) at Mahalanobis distance ``sigmas`` from ``mean`` (2,).
 
-    With P = V diag(s^2) V' they are mean + sigmas V diag(s) (cos t, sin t), for any positive
-    semi-definite P (2, 2). One sigma holds 39 % of a Gaussian in the plane, two hold 86 %.
+    With P = V diag(s^2) V', the points are mean + sigmas V diag(s) (cos t, sin t), for any
+    positive semi-definite P (2, 2). The ellipse of one sigma contains 39 % of a Gaussian in the
+    plane, that of two sigmas 86 %.
     """
     squares, axes = np.linalg.eigh(covariance)
     t = np.linspace(0.0, 2.0 * np.pi, _POINTS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The covariance of a run and the gain of each sensor, from the first reading on."""
+"""Pictures of the covariance of a run and of the gain of each sensor."""
 
 from __future__ import annotations
 
@@ -16,43 +16,43 @@ from kalman_ros.simulation.trajectory import Trajectory
 from .close_up import close_up
 from .style import CURVES, log_ticks, picture, time_unit
 
-#: The number of gains of one sensor over a run, and the most curves of a panel.
+#: Number of gains of one sensor over a run, and largest number of curves of a panel.
 _GAINS, _CURVES = 400, len(CURVES)
-#: Curves whose sizes differ by more than this factor are drawn on a logarithmic axis.
+#: Curves whose magnitudes differ by more than this factor are drawn on a logarithmic axis.
 _WIDE = 30.0
 
 
 def gains(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
-    """Draw the deviation of every state, and the gains of every sensor: the run, and its start.
+    """Draw the deviation of every state and the gains of every sensor: the run, and its start.
 
     The start shows how P grows with each prediction and shrinks with each update.
 
     Returns
     -------
-    The axes, two in each row: the run, and its start.
+    Axes with two columns: the run, and its start.
     """
     space, start = scenario.model.state, close_up(scenario, run)
     units = list(dict.fromkeys(space.units))
-    # the gain of an optimal filter follows from its covariance: of a UKF nearly
+    # the gain of an optimal filter follows from its covariance, for a UKF approximately
     optimal = filter_class(scenario.filter).optimal
-    found = _gains(scenario, run, start) if optimal else {}
-    rows = len(units) + len(found)
+    by_sensor = _sensor_gains(scenario, run, start) if optimal else {}
+    rows = len(units) + len(by_sensor)
     with picture(path, rows, 2, (10.0, 1.5 * rows + 0.5)) as (_, axes):
-        closely = _sawtooth(scenario, run, start)
+        close = _start_deviations(scenario, run, start)
         for row, unit in zip(axes, units):
             row[0].set_ylabel(f'sigma [{unit}]' if unit else 'sigma')
-            indices = [index for index, own in enumerate(space.units) if own == unit]
+            indices = [index for index, other in enumerate(space.units) if other == unit]
             for colour, index in zip(_colours(len(indices)), indices):
-                for axis, (time, std) in zip(row, ((run.time, _std(run.covariance)), closely)):
+                for axis, (time, std) in zip(row, ((run.time, _std(run.covariance)), close)):
                     axis.semilogy(time, std[:, index], lw=1.0, color=colour,
                                   label=space.names[index])  # fmt: skip
             for axis in row:
                 low, high = axis.get_ylim()
-                axis.set_ylim(low / 1.4, high * 1.4)  # room for a second tick
+                axis.set_ylim(low / 1.4, high * 1.4)  # leaves room for a second tick
                 log_ticks(axis)
-        for row, (name, gains_) in zip(axes[len(units) :], found.items()):
+        for row, (name, gains_) in zip(axes[len(units) :], by_sensor.items()):
             row[0].set_ylabel(f'K of {name}')
-            _curves(row, scenario, run, name, gains_)
+            _draw_gains(row, scenario, run, name, gains_)
         for row in axes:
             row[1].legend(loc='center left', bbox_to_anchor=(1.0, 0.5), fontsize=8)
         axes[0, 0].set_title('Deviation of the estimate, and gains')
@@ -66,75 +66,79 @@ def _colours(count: int) -> list[str]:
 
 
 def _std(covariance: Array) -> Array:
-    """Return the deviations (..., n) of covariances (..., n, n)."""
+    """Return the standard deviations (..., n) of covariances (..., n, n)."""
     return np.asarray(np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0)))
 
 
-def _sawtooth(scenario: Scenario, run: Trajectory, start: float) -> tuple[Array, Array]:
-    """Return times and deviations of the start, before and after the update of each step.
+def _start_deviations(scenario: Scenario, run: Trajectory, start: float) -> tuple[Array, Array]:
+    """Return times and standard deviations before and after each update of the start.
 
-    Before it is P = F P F' + Q, predicted from the step before.
+    The covariance before the update is P = F P F' + Q, predicted from the previous step.
     """
-    times, found = [run.time[0]], [run.covariance[0]]
+    times, covariances = [run.time[0]], [run.covariance[0]]
     last = min(int(np.searchsorted(run.time, start, side='right')) + 1, len(run.time))
     for k in range(1, last):
         dt = float(run.time[k] - run.time[k - 1])
         step = scenario.model.linearized_step(run.estimate[k - 1], run.input[k - 1], dt)
         times += [run.time[k]] * 2
-        found += [step.F @ run.covariance[k - 1] @ step.F.T + step.Q, run.covariance[k]]
-    return np.array(times), _std(np.array(found))
+        covariances += [step.F @ run.covariance[k - 1] @ step.F.T + step.Q, run.covariance[k]]
+    return np.array(times), _std(np.array(covariances))
 
 
-def _gains(scenario: Scenario, run: Trajectory, start: float) -> dict[str, tuple[Array, Array]]:
-    """Return times (N,) and gains (N, n, k) of each sensor: all of the start, some of the run.
+def _sensor_gains(
+    scenario: Scenario, run: Trajectory, start: float
+) -> dict[str, tuple[Array, Array]]:
+    """Return times (N,) and gains (N, n, k) of each sensor: all at the start, then a sample.
 
-    K = P C' R^-1 with the P after the update, as K S = P- C' and P = P- - K C P- give.
+    From K S = P- C' and P = P- - K C P- follows K = P C' R^-1 with P after the update.
     """
-    found = {}
+    by_sensor = {}
     for name, source in scenario.enabled.items():
         time = run.innovations[name].time
         if not len(time):
             continue
-        some = np.linspace(0, len(time) - 1, min(_GAINS, len(time))).astype(int)
-        time = time[np.union1d(some, np.flatnonzero(time <= start))]
+        spread = np.linspace(0, len(time) - 1, min(_GAINS, len(time))).astype(int)
+        time = time[np.union1d(spread, np.flatnonzero(time <= start))]
         steps = np.minimum(np.searchsorted(run.time, time - 1e-9), len(run.time) - 1)
         K = [
-            _gain(run.covariance[step], source.sensor.jacobian(run.estimate[step]), R)
-            for step, R in zip(steps, _noise(scenario, run, name, time))
+            _gain_from_posterior(
+                run.covariance[step], source.sensor.jacobian(run.estimate[step]), R
+            )
+            for step, R in zip(steps, _noise_at(scenario, run, name, time))
         ]
-        found[name] = time, np.array(K)
-    return found
+        by_sensor[name] = time, np.array(K)
+    return by_sensor
 
 
-def _gain(P: Array, C: Array, R: Array) -> Array:
+def _gain_from_posterior(P: Array, C: Array, R: Array) -> Array:
     return np.asarray(np.linalg.lstsq(R, C @ P, rcond=None)[0].T)
 
 
-def _noise(scenario: Scenario, run: Trajectory, name: str, time: Array) -> list[Array]:
-    """Return the noise covariance (k, k) of the readings at some times."""
+def _noise_at(scenario: Scenario, run: Trajectory, name: str, time: Array) -> list[Array]:
+    """Return the noise covariances (k, k) of the readings at these times."""
     source, series = scenario.enabled[name], run.readings[name]
     if series.covariance is None:
         return [source.sensor.covariance] * len(time)
     nearest = np.minimum(np.searchsorted(series.time, time - 1e-9), len(series.time) - 1)
-    used = (source.used(carried) for carried in series.covariance[nearest])
+    used = (source.used(message_covariance) for message_covariance in series.covariance[nearest])
     return [source.sensor.covariance if R is None else R for R in used]
 
 
-def _curves(
-    row: Any, scenario: Scenario, run: Trajectory, name: str, found: tuple[Array, Array]
+def _draw_gains(
+    row: Any, scenario: Scenario, run: Trajectory, name: str, gains: tuple[Array, Array]
 ) -> None:
-    """Draw the gains of a sensor that move its states most, in deviations of each."""
-    time, K = found
+    """Draw the gains of a sensor with the largest effect relative to the deviation of a state."""
+    time, K = gains
     space, output = scenario.model.state, scenario.sensors[name].sensor.output
-    moved = np.abs(K).mean(axis=0) * run.innovations[name].std.mean(axis=0)
-    moved /= np.maximum(_std(run.covariance).mean(axis=0), 1e-300)[:, np.newaxis]
-    strongest = np.argsort(-moved, axis=None)[:_CURVES]
-    kept = [at for at in strongest if moved.flat[at] > 0.01 * moved.max()]
+    effect = np.abs(K).mean(axis=0) * run.innovations[name].std.mean(axis=0)
+    effect /= np.maximum(_std(run.covariance).mean(axis=0), 1e-300)[:, np.newaxis]
+    strongest = np.argsort(-effect, axis=None)[:_CURVES]
+    kept = [index for index in strongest if effect.flat[index] > 0.01 * effect.max()]
     sizes = []
-    for colour, at in zip(CURVES, sorted(kept)):
-        i, j = np.unravel_index(at, moved.shape)
+    for colour, index in zip(CURVES, sorted(kept)):
+        i, j = np.unravel_index(index, effect.shape)
         label = f'{space.names[i]} by {output.names[j]}'
-        label += _ratio(space.units[i], output.units[j])
+        label += _gain_unit(space.units[i], output.units[j])
         for axis, marker in zip(row, ('-', '.-')):
             axis.plot(time, K[:, i, j], marker, ms=3.0, lw=0.9, color=colour, label=label)
         sizes.append(float(np.abs(K[:, i, j]).mean()))
@@ -143,8 +147,8 @@ def _curves(
             axis.set_yscale('symlog', linthresh=10.0 ** np.floor(np.log10(min(sizes))))
 
 
-def _ratio(state: str, output: str) -> str:
-    """Return the unit of a gain, in brackets after a space; '' for a number."""
+def _gain_unit(state: str, output: str) -> str:
+    """Return the unit of a gain, in brackets after a space; '' for a gain without a unit."""
     if state == output:
         return ''
     below = f'/({output})' if '/' in output or ' ' in output else f'/{output}'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The innovations of a run: over time, their distribution, and their correlation in time."""
+"""Pictures of the innovations of a run: time series, distribution, and autocorrelation."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from kalman_ros.simulation.trajectory import Innovations, Trajectory
 from .style import BOUND, ESTIMATE, TRUTH, figure_with, legend_below, time_label
 
 SIGMAS = 3.0
-#: The histogram is within this number of deviations.
+#: Limit of the histogram in standard deviations.
 _WIDEST = 4.0
-#: The largest lag, in readings.
+#: Largest lag, in readings.
 _LAGS = 40
-#: Of 95 in 100 correlations of white noise, times the root of their number.
+#: 95 % bound of a correlation of white noise, times the root of the number of readings.
 _WHITE = 1.96
 
 
@@ -32,7 +32,7 @@ def innovations(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
 
     Returns
     -------
-    The axes, three in each row: over time, histogram, autocorrelation.
+    Axes with three columns: time series, histogram, autocorrelation.
     """
     rows = [
         (name, column)
@@ -44,35 +44,35 @@ def innovations(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     ratios = {'width_ratios': (4.0, 1.1, 1.5)}
     with figure_with(path, max(1, len(rows)), 3, size, gridspec_kw=ratios) as (figure, axes):
         for row, (name, column) in zip(axes, rows):
-            of = run.innovations[name]
+            series = run.innovations[name]
             output = scenario.sensors[name].sensor.output
-            _over_time(row[0], of, column)
+            _draw_over_time(row[0], series, column)
             row[0].set_ylabel(f'{name}\n{output.label(output.names[column])}')
-            normalized = of.values[:, column] / of.std[:, column]
-            _histogram(row[1], normalized)
-            _autocorrelation(row[2], normalized)
+            normalized = series.values[:, column] / series.std[:, column]
+            _draw_histogram(row[1], normalized)
+            _draw_autocorrelation(row[2], normalized)
         for axis, title in zip(
             axes[0], ('Innovations and their expected width', 'In sigma', 'Autocorrelation')
         ):
             axis.set_title(title)
-        for above in axes[:-1].flat:
-            above.tick_params(labelbottom=False)
+        for upper in axes[:-1].flat:
+            upper.tick_params(labelbottom=False)
         for axis, label in zip(axes[-1], (time_label(), 'sigma', 'lag [readings]')):
             axis.set_xlabel(label)
         legend_below(figure, axes[0, 0], axes[0, 1], axes[0, 2])
     return axes
 
 
-def _over_time(axis: Any, of: Innovations, column: int) -> None:
-    """Draw innovations between their bounds, and count those outside of the panel."""
-    axis.plot(of.time, of.values[:, column], '.', ms=2.0, color=TRUTH, label='innovation')
+def _draw_over_time(axis: Any, series: Innovations, column: int) -> None:
+    """Draw innovations with their bounds, and count the innovations outside of the panel."""
+    axis.plot(series.time, series.values[:, column], '.', ms=2.0, color=TRUTH, label='innovation')
     for sign in (-SIGMAS, SIGMAS):
         axis.plot(
-            of.time, sign * of.std[:, column], color=ESTIMATE, lw=1.0,
+            series.time, sign * series.std[:, column], color=ESTIMATE, lw=1.0,
             label=f'{SIGMAS:g} sigma expected' if sign > 0 else None,
         )  # fmt: skip
-    sizes = np.abs(of.values[:, column])
-    expected = SIGMAS * float(np.quantile(of.std[:, column], 0.9))
+    sizes = np.abs(series.values[:, column])
+    expected = SIGMAS * float(np.quantile(series.std[:, column], 0.9))
     most = 1.2 * max(expected, float(np.quantile(sizes, 0.999, method='lower')))
     axis.set_ylim(-most, most)
     outside = int(np.sum(sizes > most))
@@ -80,8 +80,8 @@ def _over_time(axis: Any, of: Innovations, column: int) -> None:
         axis.set_title(f'{outside} outside of the panel', loc='right', fontweight='normal')
 
 
-def _histogram(axis: Any, normalized: Array) -> None:
-    """Draw the distribution of normalized innovations (N,), and N(0, 1)."""
+def _draw_histogram(axis: Any, normalized: Array) -> None:
+    """Draw the histogram of normalized innovations (N,), and the density of N(0, 1)."""
     bars = int(np.clip(2.0 * np.cbrt(len(normalized)), 6, 34)) // 2 * 2 + 1
     edges = np.linspace(-_WIDEST, _WIDEST, bars + 1)
     counts, _ = np.histogram(np.clip(normalized, -_WIDEST, _WIDEST), edges)
@@ -93,22 +93,22 @@ def _histogram(axis: Any, normalized: Array) -> None:
     axis.set_yticks(())
 
 
-def _autocorrelation(axis: Any, normalized: Array) -> None:
-    """Draw the correlations of normalized innovations (N,) with later ones."""
-    found = correlations(normalized)
-    lags = np.arange(1, len(found) + 1)
+def _draw_autocorrelation(axis: Any, normalized: Array) -> None:
+    """Draw the autocorrelation of normalized innovations (N,)."""
+    values = correlations(normalized)
+    lags = np.arange(1, len(values) + 1)
     bound = _WHITE / np.sqrt(len(normalized))
     axis.axhspan(-bound, bound, color=BOUND, alpha=0.25, lw=0, label='95% of white noise')
-    axis.vlines(lags, 0.0, found, color=TRUTH, lw=1.0)
+    axis.vlines(lags, 0.0, values, color=TRUTH, lw=1.0)
     axis.axhline(0.0, color=TRUTH, lw=0.5)
-    most = max(0.3, 2.0 * bound, 1.1 * float(np.abs(found).max(initial=0.0)))
+    most = max(0.3, 2.0 * bound, 1.1 * float(np.abs(values).max(initial=0.0)))
     axis.set_ylim(-most, most)
 
 
 def correlations(normalized: Array) -> Array:
     """Return the autocorrelation (L,) of a series (N,) at the lags 1 to L, L at most N / 4.
 
-    r_k = sum_i v_i v_{i+k} / sum_i v_i^2; the mean of innovations is zero, and is not removed.
+    r_k = sum_i v_i v_{i+k} / sum_i v_i^2. The mean of innovations is zero, and not subtracted.
     """
     power = float(normalized @ normalized)
     last = min(_LAGS, len(normalized) // 4)

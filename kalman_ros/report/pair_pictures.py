@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two runs in one picture: other parameters, the same seed."""
+"""Picture of two runs with different parameters and the same seed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kalman_ros.simulation.trajectory import Trajectory
 from .style import ESTIMATE, INPUT, legend_below, picture
 
 SIGMAS = 3.0
-#: Of the first run and of the second, which is drawn thinner, above it.
+#: Styles of the first run, and of the second run, which is thinner and drawn above it.
 _LOOKS = ({'color': ESTIMATE, 'lw': 1.8}, {'color': INPUT, 'lw': 0.7})
 
 
@@ -27,20 +27,20 @@ def pair(
 
     Returns
     -------
-    The axes, two in each row: state and error, or input and its RMS so far.
+    Axes with two columns: state and error, or input and its RMS so far.
     """
     state, input = scenarios[0].model.state, scenarios[0].model.input
     rows = state.size + input.size
     with picture(path, rows, 2, (9.5, 1.5 * rows + 0.7)) as (figure, axes):
         for run, label, look in zip(runs, labels, _LOOKS):
-            _states(axes, state, run, label, look)
+            _draw_states(axes, state, run, label, look)
             for row, u in zip(axes[state.size :], run.input.T):
                 row[0].step(run.time, u, where='post', **look)
                 count = np.arange(1, len(u) + 1)
                 row[1].plot(run.time, np.sqrt(np.cumsum(u**2) / count), **look)
-        most = np.max([_reach(state, run) for run in runs], axis=0)
-        for row, name, reach in zip(axes, state.names, most):
-            row[1].set_ylim(-reach, reach)
+        limits = np.max([_error_limits(state, run) for run in runs], axis=0)
+        for row, name, limit in zip(axes, state.names, limits):
+            row[1].set_ylim(-limit, limit)
             row[0].set_ylabel(state.label(name))
             row[1].set_ylabel(f'error of\n{state.label(name)}')
         for row, name in zip(axes[state.size :], input.names):
@@ -52,8 +52,8 @@ def pair(
     return axes
 
 
-def _reach(state: Space, run: Trajectory) -> Array:
-    """Return what the panel of each error holds (n,): all errors, and nearly all of the band."""
+def _error_limits(state: Space, run: Trajectory) -> Array:
+    """Return the limits (n,) of the panels, which contain all errors and most of the band."""
     band = np.quantile(_band(run), 0.9, axis=0)
     error = np.abs(state.subtract(run.truth, run.estimate)).max(axis=0)
     return np.asarray(1.2 * np.maximum(error, band))
@@ -64,7 +64,9 @@ def _band(run: Trajectory) -> Array:
     return np.asarray(SIGMAS * np.sqrt(np.maximum(P, 0.0)))
 
 
-def _states(axes: Any, state: Space, run: Trajectory, label: str, look: dict[str, Any]) -> None:
+def _draw_states(
+    axes: Any, state: Space, run: Trajectory, label: str, look: dict[str, Any]
+) -> None:
     truth = np.where(state.jumps(run.truth), np.nan, run.truth)
     error = state.subtract(run.truth, run.estimate)
     band = _band(run)

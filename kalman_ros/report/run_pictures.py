@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of one run of the loop."""
+"""Pictures of a run of the loop."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from .style import (
 )
 
 SIGMAS = 3.0
-#: The number of readings of a state in the overview.
+#: Largest number of readings of a state in the overview.
 MOST_READINGS = 200
 
 
@@ -43,7 +43,7 @@ def draw_all(
 ) -> list[Path]:
     """Draw every picture of a run into ``folder`` and return their paths.
 
-    ``limits`` are those of the actuators, if known.
+    ``limits`` are the limits of the actuators, if they are known.
     """
     pictures = {
         'overview.png': overview,
@@ -65,8 +65,8 @@ def draw_all(
 
 
 def _read_states(scenario: Scenario, run: Trajectory) -> dict[str, tuple[Array, Array]]:
-    """Return times and values for each state that a sensor measures directly."""
-    space, found = scenario.model.state, {}
+    """Return the times and values of the readings of each directly measured state."""
+    space, readings = scenario.model.state, {}
     for name, source in scenario.enabled.items():
         series = run.readings[name]
         for column, output in enumerate(source.sensor.output.names):
@@ -74,44 +74,46 @@ def _read_states(scenario: Scenario, run: Trajectory) -> dict[str, tuple[Array, 
                 values = series.values[:, column]
                 if output in space.angles:
                     truth = np.unwrap(run.truth[:, space.names.index(output)])
-                    values = _near(values, np.interp(series.time, run.time, truth))
-                found[output] = (series.time, values)
-    return found
+                    values = _unwrap_near(values, np.interp(series.time, run.time, truth))
+                readings[output] = (series.time, values)
+    return readings
 
 
-def _near(angle: Array, reference: Array) -> Array:
-    """Return angles (N,) with the turns added that bring each within pi of its reference (N,)."""
+def _unwrap_near(angle: Array, reference: Array) -> Array:
+    """Return angles (N,) with full turns added, each within pi of its reference (N,)."""
     return reference + (angle - reference + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     """Draw truth, readings and estimate with its band in a compact figure, two states per row."""
-    space, read = scenario.model.state, _read_states(scenario, run)
+    space, readings = scenario.model.state, _read_states(scenario, run)
     columns = min(2, space.size)
     rows = ceil(space.size / columns)
     with picture(path, rows, columns, (6.8, 1.2 * rows + 0.7)) as (figure, axes):
         if space.size % columns:
             _widen_last(figure, axes)
         for index, (name, axis) in enumerate(zip(space.names, axes.flat)):
-            seen = read.get(name)
-            if seen is not None:  # no more than can be distinguished
-                step = ceil(len(seen[0]) / MOST_READINGS)
-                seen = seen[0][::step], seen[1][::step]
-            low, high = _state(axis, run, index, seen, space)
+            shown = readings.get(name)
+            if shown is not None:  # at most as many readings as can be distinguished
+                step = ceil(len(shown[0]) / MOST_READINGS)
+                shown = shown[0][::step], shown[1][::step]
+            low, high = _draw_state(axis, run, index, shown, space)
             axis.set_ylabel(space.label(name))
             axis.set_ylim(low, high)
-        # without a measured state, the legend has no reading
-        first = next((axes.flat[i] for i, name in enumerate(space.names) if name in read), None)
+        # the legend is that of a panel with readings, if there is one
+        first = next(
+            (axes.flat[i] for i, name in enumerate(space.names) if name in readings), None
+        )
         legend_below(figure, axes[0, 0] if first is None else first)
     if path is not None:
-        # for a page with many: a third of the size, without a visible difference
+        # pages show many overviews: this makes a file three times smaller, without visible loss
         with Image.open(path) as image:
             image.convert('RGB').quantize(20).save(path, optimize=True)
     return axes
 
 
 def _widen_last(figure: Any, axes: Any) -> None:
-    """Let the first axis of the last row take all of it; the row above shows its times, too."""
+    """Widen the first axis of the last row to the whole row; label the times above it, too."""
     grid = axes[-1, 0].get_gridspec()
     for axis in axes[-1]:
         axis.remove()
@@ -120,7 +122,7 @@ def _widen_last(figure: Any, axes: Any) -> None:
         axis.tick_params(labelbottom=True)
 
 
-def _state(
+def _draw_state(
     axis: Any,
     run: Trajectory,
     index: int,
@@ -128,17 +130,17 @@ def _state(
     space: Space,
     until: float = np.inf,
 ) -> tuple[float, float]:
-    """Draw truth, readings and estimate with its band of one state, and return its limits.
+    """Draw truth, readings and estimate with its band of one state, and return the limits.
 
-    An angle is drawn with all its turns, a rotation with a gap where it jumps. Times after
-    ``until`` are left out.
+    An angle is drawn unwrapped, and a rotation with a gap at each jump. Times after ``until`` are
+    omitted.
     """
     part = run.time <= until
     time = run.time[part]
-    mean, truth = (_broken(x, space)[part, index] for x in (run.estimate, run.truth))
+    mean, truth = (_with_gaps(x, space)[part, index] for x in (run.estimate, run.truth))
     if space.names[index] in space.angles:
         truth = np.unwrap(run.truth[:, index])[part]
-        mean = _near(run.estimate[part, index], truth)
+        mean = _unwrap_near(run.estimate[part, index], truth)
     band = SIGMAS * np.sqrt(run.covariance[part, index, index])
     if read is not None:
         read = read[0][read[0] <= until], read[1][read[0] <= until]
@@ -156,23 +158,23 @@ def _state(
     )  # fmt: skip
     axis.plot(time, mean, color=ESTIMATE, lw=1.0, label='estimate')
     axis.plot(time, truth, color=TRUTH, lw=0.8, label='truth')
-    return _limits(truth, mean, band, read)
+    return _panel_limits(truth, mean, band, read)
 
 
-def _broken(x: Array, space: Space) -> Array:
+def _with_gaps(x: Array, space: Space) -> Array:
     """Return curves (N, n) with a gap at each wrap."""
     return np.where(space.jumps(x), np.nan, x)
 
 
 def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
-    """Draw truth, readings and estimate with its band, of every state: the run, and its start."""
+    """Draw truth, readings and estimate with its band of every state: the run, and its start."""
     space = scenario.model.state
-    read = _read_states(scenario, run)
+    readings = _read_states(scenario, run)
     start = close_up(scenario, run)
     with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.6)) as (figure, axes):
         for index, name in enumerate(space.names):
             for axis, until in zip(axes[index], (np.inf, start)):
-                limits = _state(axis, run, index, read.get(name), space, until)
+                limits = _draw_state(axis, run, index, readings.get(name), space, until)
                 axis.set_ylim(*limits)
             axes[index, 0].set_ylabel(space.label(name))
         axes[0, 0].set_title('Truth, readings and estimate')
@@ -182,12 +184,12 @@ def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     return axes
 
 
-def _limits(
+def _panel_limits(
     truth: Array, mean: Array, band: Array, read: tuple[Array, Array] | None
 ) -> tuple[float, float]:
     """Return limits that contain the truth, the estimate, and nearly all of readings and band.
 
-    A tenth of the band is left out, that of the start, where it may be hundreds of times as wide.
+    The widest tenth of the band is ignored, since at the start it may be hundreds of times wider.
     """
     drawn = np.isfinite(mean) & np.isfinite(truth)
     if not drawn.any():
@@ -225,8 +227,8 @@ def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
                     label=f'{SIGMAS:g} sigma of the filter' if sign > 0 else None,
                 )  # fmt: skip
             band = SIGMAS * float(np.quantile(std[:, index], 0.9))
-            most = 1.2 * max(band, float(np.abs(error[:, index]).max()))
-            axis.set_ylim(-most, most)
+            limit = 1.2 * max(band, float(np.abs(error[:, index]).max()))
+            axis.set_ylim(-limit, limit)
             outside = float(np.mean(np.abs(error[:, index]) > SIGMAS * std[:, index]))
             axis.set_title(f'{100 * outside:.2f}% outside', loc='right', fontweight='normal')
             axis.set_ylabel(f'error of\n{space.label(name)}')
@@ -238,9 +240,9 @@ def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
 def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:
     """Return the lower bound of the standard deviations (N, n) of any estimator on this path.
 
-    None where the filter itself reaches it, and where steps are missing. The bound omits the
-    expectation over paths, so on one path a filter may be better; the result is never above the
-    deviations of a consistent filter.
+    Return None for a linear scenario, whose filter attains the bound, and if steps are missing.
+    The bound omits the expectation over paths, so a filter may be better on one path. The result
+    is limited to the deviations of the filter if the filter is consistent.
     """
     dt = scenario.plan.dt
     if scenario.plan.linear or not np.allclose(np.diff(run.time), dt, atol=0.1 * dt):
@@ -258,18 +260,18 @@ def _least_std(scenario: Scenario, run: Trajectory) -> Array | None:
 def force(
     scenario: Scenario, run: Trajectory, path: Path | None, limits: Limits | None = None
 ) -> Any:
-    """Draw the input from the controller, and the limits of the actuators."""
+    """Draw the input of the controller, and the limits of the actuators."""
     space = scenario.model.input
     with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.4)) as (_, axes):
         for index, (name, unit) in enumerate(zip(space.names, space.units)):
             axis = axes[index, 0]
             axis.step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)
             axis.set_ylabel(space.label(name))
-            most = np.inf if limits is None else limits.magnitude[index]
-            if np.isfinite(most):
+            limit = np.inf if limits is None else limits.magnitude[index]
+            if np.isfinite(limit):
                 for sign in (-1.0, 1.0):
-                    axis.axhline(sign * most, color=TRUTH, lw=1.0, ls='--')
-                axis.set_title(f'limits {-most:g} and {most:g} {unit}', loc='right',
+                    axis.axhline(sign * limit, color=TRUTH, lw=1.0, ls='--')
+                axis.set_title(f'limits {-limit:g} and {limit:g} {unit}', loc='right',
                                fontweight='normal')  # fmt: skip
         axes[0, 0].set_title('The input for each estimate')
     return axes

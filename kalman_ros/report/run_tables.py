@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of checks for the terminal, and the same numbers as JSON."""
+"""Tables of checks for the terminal, and the same numbers for JSON."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from kalman_ros.analysis.checks import Check
 
 
 def checks_table(title: str, checks: Sequence[Check]) -> Table:
-    """Return a table of theory and measurement."""
+    """Return a table of the theory and the measurement of each check."""
     table = plain_table(title, ('theory', 'measured', 'allowed'))
     table.add_column('', no_wrap=True)
-    table.columns[0].no_wrap = False  # on a narrow terminal names break, not numbers
+    table.columns[0].no_wrap = False  # a narrow terminal breaks names, not numbers
     for check in checks:
         if isinstance(check.expected, complex) and check.expected.imag < 0.0:
-            continue  # its conjugate is shown
+            continue  # the table shows its conjugate
         allowed = '' if isnan(check.low) else f'{check.low:.3g} to {check.high:.3g}'
         verdict = '[green]ok[/]' if check.passed else '[bold red]FAILS[/]'
         table.add_row(
@@ -35,28 +35,30 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
 
 def pair_table(title: str, pair: Sequence[Sequence[Check]]) -> Table:
     """Return a table of the theory and the measurements of two runs, A and B."""
-    heads = [f'{run}\n{what}' for run in 'AB' for what in ('theory', 'measured')]
+    heads = [f'{run}\n{kind}' for run in 'AB' for kind in ('theory', 'measured')]
     table = plain_table(title, heads)
     table.columns[0].no_wrap = False
     columns = [_by_name(checks) for checks in pair]
     for name in dict.fromkeys((*columns[0], *columns[1])):
-        table.add_row(name[0], *(cell for found in columns for cell in found.get(name, ('', ''))))
+        table.add_row(
+            name[0], *(cell for column in columns for cell in column.get(name, ('', '')))
+        )
     return table
 
 
 def _by_name(checks: Sequence[Check]) -> dict[tuple[str, int], tuple[str, str]]:
-    """Return theory and measurement by name, and by number where names repeat."""
-    found: dict[tuple[str, int], tuple[str, str]] = {}
+    """Return theory and measurement by name and number of repetition of the name."""
+    cells: dict[tuple[str, int], tuple[str, str]] = {}
     for check in checks:
         if isinstance(check.expected, complex) and check.expected.imag < 0.0:
-            continue  # its conjugate is shown
+            continue  # the table shows its conjugate
         name = f'{check.name} \\[{check.unit}]' if check.unit else check.name
-        place = sum(each[0] == name for each in found)
+        repetition = sum(key[0] == name for key in cells)
         measured = number(check.measured)
         if check.counts and not check.passed:
             measured = f'[bold red]{measured}[/]'
-        found[name, place] = number(check.expected), measured
-    return found
+        cells[name, repetition] = number(check.expected), measured
+    return cells
 
 
 def verdict(checks: Sequence[Check], claim: str) -> str:
@@ -71,7 +73,7 @@ def verdict(checks: Sequence[Check], claim: str) -> str:
 
 
 def plain_table(title: str, columns: Sequence[str]) -> Table:
-    """Return an empty table: a column of names, and ``columns`` of numbers; '' for no title."""
+    """Return an empty table with a column of names and ``columns`` of numbers; '' is no title."""
     table = Table(
         title=title or None,
         title_justify='left',
@@ -87,7 +89,7 @@ def plain_table(title: str, columns: Sequence[str]) -> Table:
 
 
 def number(value: complex) -> str:
-    """Return a real number, or a complex pair, with four digits."""
+    """Return a real number, or a conjugate pair of complex numbers, as text."""
     if isinstance(value, complex):
         if abs(value.imag) < 1e-9:
             return f'{value.real:.2f}'
@@ -96,7 +98,7 @@ def number(value: complex) -> str:
 
 
 def checks_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
-    """Return checks for ``summary.json``; a complex number is [real, imaginary]."""
+    """Return the checks for ``summary.json``; a complex number is [real, imaginary]."""
     return [
         {
             'name': check.name,
@@ -112,7 +114,7 @@ def checks_json(checks: Sequence[Check]) -> list[dict[str, Any]]:
 
 
 def plain(value: complex) -> Any:
-    """Return a number for JSON: a complex one as a pair, one that is not finite as null."""
+    """Return a number for JSON: a complex number as a pair, a non-finite number as None."""
     if isinstance(value, complex):
         return [value.real, value.imag]
     return float(value) if isfinite(value) else None

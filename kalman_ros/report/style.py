@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The style of all pictures: truth is black, estimates are blue, readings are grey."""
+"""Style of all pictures: the truth is black, estimates are blue, readings are grey."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ ESTIMATE = '#0b6fb8'
 READING = '#9aa3ab'
 INPUT = '#b8500b'
 BOUND = '#5a9bd0'
-#: Curves that are none of these, distinct without colour vision (M. Okabe and K. Ito, 2008).
+#: Colours of other curves, distinct without colour vision (M. Okabe and K. Ito, 2008).
 CURVES = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 
-#: The settings of matplotlib.
+#: Settings of matplotlib.
 STYLE = {
     'figure.dpi': 110,
     'font.size': 9,
@@ -43,22 +43,22 @@ _TIME: ContextVar[str] = ContextVar('time', default='s')
 
 @contextmanager
 def caption(text: str, time: str = 's') -> Iterator[None]:
-    """Write ``text`` above every picture that is drawn meanwhile, and ``time`` as unit of time."""
-    before = _CAPTION.set(text), _TIME.set(time)
+    """Write ``text`` above every picture drawn in this context, with ``time`` as unit of time."""
+    tokens = _CAPTION.set(text), _TIME.set(time)
     try:
         yield
     finally:
-        _CAPTION.reset(before[0])
-        _TIME.reset(before[1])
+        _CAPTION.reset(tokens[0])
+        _TIME.reset(tokens[1])
 
 
 def time_unit() -> str:
-    """Return the unit of time of the pictures that are drawn now."""
+    """Return the unit of time of the pictures that are drawn in this context."""
     return _TIME.get()
 
 
 def time_label() -> str:
-    """Return the label of an axis of time."""
+    """Return the label of a time axis."""
     return f'time [{_TIME.get()}]'
 
 
@@ -66,7 +66,7 @@ def time_label() -> str:
 def picture(
     path: Path | None, rows: int, columns: int, size: tuple[float, float]
 ) -> Iterator[tuple[Any, Any]]:
-    """Yield a figure and its axes (rows, columns), with time across unless labelled; save it."""
+    """Yield a figure and axes (rows, columns) over time, label the time axis, save the figure."""
     with figure_with(path, rows, columns, size, sharex='col') as (figure, axes):
         yield figure, axes
         for axis in axes[-1]:
@@ -84,7 +84,7 @@ def figure_with(
 
 @contextmanager
 def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
-    """Yield an empty figure; save it to ``path``, or leave it to pyplot to show."""
+    """Yield an empty figure; save it to ``path``, or leave it to pyplot if ``path`` is None."""
     with mpl.rc_context(STYLE):
         if path is not None:
             figure = Figure(figsize=size, layout='constrained')
@@ -93,27 +93,27 @@ def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
             yield figure
             figure.savefig(path)
         else:
-            from matplotlib import pyplot  # it detects the display of this machine
+            from matplotlib import pyplot  # the import detects the display
 
             yield pyplot.figure(figsize=size, layout='constrained')
 
 
 def log_ticks(axis: Any) -> None:
-    """Write plain numbers at 1, 2 and 5 of each decade of a logarithmic axis (y)."""
+    """Label a logarithmic y axis with plain numbers at 1, 2 and 5 of each decade."""
     axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.yaxis.set_major_formatter(FormatStrFormatter('%g'))
     axis.yaxis.set_minor_formatter(NullFormatter())
 
 
 def shades(count: int) -> list[Any]:
-    """Return colours of a family of curves, from light to dark."""
+    """Return the colours of a family of curves, from light to dark."""
     return [mpl.colormaps['Blues'](0.3 + 0.7 * k / max(1, count - 1)) for k in range(count)]
 
 
 def legend_below(figure: Any, *axes: Any, markerscale: float = 3.0) -> None:
     """Put the legend of ``axes`` under the figure, where it covers no data."""
     pairs = (zip(*axis.get_legend_handles_labels()) for axis in axes)
-    handles, labels = zip(*(pair for each in pairs for pair in each))
+    handles, labels = zip(*(pair for axis_pairs in pairs for pair in axis_pairs))
     figure.legend(
         handles, labels, loc='outside lower center', ncols=len(labels), markerscale=markerscale
     )
