@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page that shows the running nodes and changes their parameters."""
+"""Live page and viewers, which show the running nodes and change their parameters."""

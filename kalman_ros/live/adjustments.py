@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of each node of a live page, and what a person changed."""
+"""Parameters of the nodes of a live page, with the changes of the user."""
 
 from __future__ import annotations
 
@@ -19,44 +19,44 @@ from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation.faults import options_of_sensors
 
-#: Kind of node to its options, and whether it has the control law.
+#: Options of each kind of node, and whether the node needs the control law.
 _OPTIONS = {
     'plant': (PlantOptions, False),
     'estimator': (EstimatorOptions, False),
     'controller': (ControllerOptions, True),
 }
-#: Nodes that share what is believed.
+#: Nodes that share the believed parameters.
 BELIEVERS = ('estimator', 'controller', 'monitor')
 
 
 class Adjustments:
     """The checked parameters of plant, estimator and controller.
 
-    The estimator's noise is that of its parameters, not that in the messages of the plant: so
-    what it believes can differ from what is.
+    The estimator takes the noise from its parameters, not from the messages of the plant, so that
+    the believed noise can differ from the actual noise.
 
     Parameters
     ----------
     file
-        A parameter file.
+        Parameter file.
     parameters
-        For every node, over those of the file.
+        Parameters for every node, which override those of the file.
 
     Raises
     ------
     ValueError
-        If a parameter is unknown or wrong.
+        If a parameter is unknown or invalid.
     """
 
     def __init__(self, file: Path, parameters: Mapping[str, Any]) -> None:
         self.file = file
         demo = demo_section(file)
-        #: Seconds that the demo of the scenario takes.
+        #: Duration in seconds of the demo of the scenario.
         self.duration = 60.0 if demo.duration is None else demo.duration
-        #: The units of time and of rates: s and Hz, unless a second stands for another time.
+        #: Units of time and of rates: s and Hz, unless a second represents another unit of time.
         self.time_unit, self.rate_unit = demo.time_unit, demo.rate_unit
         self.shared: dict[str, Any] = {**demo.parameters, **parameters}
-        #: Changes of single nodes, by their names.
+        #: Changes of parameters, by the names of nodes.
         self.changes: dict[str, dict[str, Any]] = {}
         self._read: dict[str, dict[str, Any]] = {}
         self._chosen: dict[str, Chosen] = {}
@@ -67,7 +67,7 @@ class Adjustments:
 
     @property
     def sensors(self) -> list[str]:
-        """The names of the sensors."""
+        """Names of the sensors."""
         return sensor_names(self.value('plant', 'sensors'))
 
     @property
@@ -76,11 +76,11 @@ class Adjustments:
         return 'input.topic' in self._chosen['plant'].values
 
     def value(self, node: str, name: str) -> Any:
-        """Return a parameter of a node; KeyError if it has none of that name."""
+        """Return the value of a parameter of a node; raise KeyError if the node has none."""
         return self._chosen[node].values[name]
 
     def known(self, node: str) -> Mapping[str, Option]:
-        """Return the parameters of a node."""
+        """Return the options of a node, by name."""
         return self._chosen[node].known
 
     def change(self, node: str, values: Mapping[str, Any], *, tried: bool = False) -> None:
@@ -89,76 +89,76 @@ class Adjustments:
         Parameters
         ----------
         node, values
-            The name of the node, and the parameters by their names.
+            Name of the node, and values of parameters by name.
         tried
-            Whether the node itself finds out if it can be configured with them.
+            Whether the running node checks that it can be configured with the values.
 
         Raises
         ------
         ValueError
-            If one is unknown or wrong, or, unless ``tried``, no filter or gain exists with them.
+            If a parameter is unknown or invalid or, unless ``tried``, if no filter or gain exists.
         """
-        before = self.changes.get(node, {})
-        self.changes[node] = {**before, **values}
+        previous = self.changes.get(node, {})
+        self.changes[node] = {**previous, **values}
         if node not in _OPTIONS:
             return
-        chosen = self._chosen[node]
+        previous_choice = self._chosen[node]
         try:
             self._choose(node)
             if not tried:
-                self._try(node)
+                self._check_configurable(node)
         except ValueError:
-            self.changes[node], self._chosen[node] = before, chosen
+            self.changes[node], self._chosen[node] = previous, previous_choice
             raise
 
     def forget(self, node: str, before: Mapping[str, Any]) -> None:
-        """Go back to earlier ``changes`` of a node, which a refused change has replaced."""
+        """Restore the ``changes`` of a node from before a change that was refused."""
         self.changes[node] = dict(before)
         if node in _OPTIONS:
             self._choose(node)
 
     def given(self, node: str) -> dict[str, Any]:
-        """Return the parameters of a node that are not defaults; of all nodes for ``''``."""
+        """Return the parameters of a node that are not defaults; ``''`` is for all nodes."""
         if node not in self._read:
             self._read[node] = from_file(self.file, *filter(None, [node]))
         return {**self._read[node], **self.shared, **self.changes.get(node, {})}
 
     def _choose(self, node: str) -> None:
         options, with_law = _OPTIONS[node]
-        ours = {
+        parameters = {
             name: value
             for name, value in self.given(node).items()
             if not name.startswith(OF_RCLPY)
         }
         extra = {'plant': _faults, 'estimator': estimator_extra}.get(node, lambda _: ())
-        self._chosen[node] = choose(ours, options, extra, with_law=with_law)
+        self._chosen[node] = choose(parameters, options, extra, with_law=with_law)
 
-    def _try(self, node: str) -> None:
-        """Raise ValueError if the node could not be configured."""
+    def _check_configurable(self, node: str) -> None:
+        """Raise ValueError if the node cannot be configured."""
         if node == 'estimator':
-            found = self._chosen[node]
-            own: dict[str, Any] = {name: found.values[name] for name in found.own}
-            extra = {name: found.values[name] for name in found.extra}
-            Settings(self.scenario(node), EstimatorOptions(**own), extra).estimator()
+            chosen = self._chosen[node]
+            options: dict[str, Any] = {name: chosen.values[name] for name in chosen.own}
+            extra = {name: chosen.values[name] for name in chosen.extra}
+            Settings(self.scenario(node), EstimatorOptions(**options), extra).estimator()
         elif node == 'controller' and self.driven:
             feedback(self.scenario(node))
         else:
             self.scenario(node)
 
     def scenario(self, node: str) -> Scenario:
-        """Return what a node takes for the scenario."""
-        found, (_, with_law) = self._chosen[node], _OPTIONS[node]
-        return assemble({name: found.values[name] for name in found.shared}, with_law=with_law)
+        """Return the scenario according to the parameters of a node."""
+        chosen, (_, with_law) = self._chosen[node], _OPTIONS[node]
+        return assemble({name: chosen.values[name] for name in chosen.shared}, with_law=with_law)
 
     def believed(self) -> Scenario:
-        """Return what the controller takes for the scenario, with the estimator's sensors."""
+        """Return the scenario of the controller, with sensors and filter of the estimator."""
         estimator, controller = self.scenario('estimator'), self.scenario('controller')
         return replace(controller, sensors=estimator.sensors, filter=estimator.filter)
 
     def filter_options(self) -> dict[str, Value]:
-        """Return the options of the estimator's filter."""
-        found = self._chosen['estimator']
-        return {name: found.values[name] for name in found.extra}
+        """Return the options of the filter of the estimator."""
+        chosen = self._chosen['estimator']
+        return {name: chosen.values[name] for name in chosen.extra}
 
 
 def _faults(chosen: Mapping[str, Value]) -> Iterable[Option]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a recording to viewers at the pace at which it was made, as a viewer requests."""
+"""Playback of a recording to viewers, under the control of a viewer."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import NamedTuple, Protocol
 from kalman_ros.bags.definitions import definition
 from kalman_ros.bags.reading import Bag
 
-#: Seconds between two looks for a viewer, and between two reports of the time.
+#: Intervals in seconds between two checks for a viewer, and between two reports of the time.
 _LOOK, _REPORT = 0.1, 0.25
-#: The range of the speed.
+#: Range of the speed.
 _SLOWEST, _FASTEST = 0.01, 100.0
 
 
 class Position(NamedTuple):
-    """Where a player is: its time in nanoseconds, its speed, and whether it plays or has ended."""
+    """The state of a player: time in nanoseconds, speed, and whether it plays or has ended."""
 
     time: int
     speed: float
@@ -27,36 +27,36 @@ class Position(NamedTuple):
 
 
 class Screen(Protocol):
-    """What a recording is played to."""
+    """A receiver of the messages of a recording."""
 
     @property
     def wanted(self) -> set[str]:
-        """The topics that a viewer is subscribed to."""
+        """Topics to which a viewer is subscribed."""
         ...
 
     def publish(self, topic: str, data: bytes, time: int) -> None:
-        """Send a message."""
+        """Send a message with its time in nanoseconds."""
         ...
 
     def report(self, position: Position) -> None:
-        """Show where the player is."""
+        """Show the position of the player."""
         ...
 
 
 class BagPlayer:
-    """Plays from the first viewer on; a viewer may pause it, go elsewhere, or change the speed.
+    """A player that starts with the first viewer; viewers may pause, seek, or change the speed.
 
     Parameters
     ----------
     bag
-        The recording.
+        Recording to play.
     """
 
     def __init__(self, bag: Bag) -> None:
         self._bag = bag
-        #: The type of each topic that can be played.
+        #: Type of each topic that can be played.
         self.topics: dict[str, str] = {}
-        #: Why the others cannot be.
+        #: Reason for which each other topic cannot be played.
         self.refused: dict[str, str] = {}
         for topic, kinds in sorted(bag.topics.items()):
             kind, *others = sorted(kinds)
@@ -66,30 +66,30 @@ class BagPlayer:
                 self.refused[topic] = f'its type {kind} is not installed'
             else:
                 self.topics[topic] = kind
-        #: When the recording starts and ends, in nanoseconds.
+        #: Start and end of the recording, in nanoseconds.
         self.period = bag.start, bag.end
         self._position = Position(bag.start, 1.0, playing=True, ended=False)
         self._changed = Condition()
         self._requests = 0
 
     def control(self, *, playing: bool, speed: float, seek: int | None) -> Position:
-        """Do what a viewer requests, and return the new position; any thread may call this."""
+        """Carry out a request of a viewer, from any thread, and return the new position."""
         with self._changed:
             start, end = self.period
-            now = self._position
-            at = now.time if seek is None else min(max(seek, start), end)
-            if seek is None and now.ended and playing:
-                at = start
+            current = self._position
+            target = current.time if seek is None else min(max(seek, start), end)
+            if seek is None and current.ended and playing:
+                target = start
             if not (isfinite(speed) and speed > 0.0):
-                speed = now.speed
+                speed = current.speed
             speed = min(max(speed, _SLOWEST), _FASTEST)
-            self._position = Position(at, speed, playing, ended=False)
+            self._position = Position(target, speed, playing, ended=False)
             self._requests += 1
             self._changed.notify_all()
             return self._position
 
     def run(self, screen: Screen) -> None:
-        """Play until a signal."""
+        """Play until a signal ends the process."""
         while not screen.wanted:
             time.sleep(_LOOK)
         while True:
@@ -106,18 +106,18 @@ class BagPlayer:
                 screen.report(self._position)
 
     def _play(self, screen: Screen, request: int, position: Position) -> bool:
-        """Play from a position until a viewer requests something; return whether it ended."""
-        begun, reported = time.monotonic(), 0.0
+        """Play from a position until the next request; return whether the recording ended."""
+        start, reported = time.monotonic(), 0.0
         for message in self._bag.messages(self.topics, position.time):
-            due = begun + (message.time - position.time) / 1e9 / position.speed
+            due = start + (message.time - position.time) / 1e9 / position.speed
             while True:
                 now = time.monotonic()
                 with self._changed:
                     if self._requests != request:
                         return False
-                    reached = position.time + round(1e9 * (now - begun) * position.speed)
-                    reached = min(reached, message.time)
-                    self._position = self._position._replace(time=reached)
+                    current = position.time + round(1e9 * (now - start) * position.speed)
+                    current = min(current, message.time)
+                    self._position = self._position._replace(time=current)
                     if now < due:
                         self._changed.wait(min(due - now, _REPORT))
                 if now - reported >= _REPORT:

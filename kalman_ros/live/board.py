@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all tabs of a page see: sections, each with a version, and a sequence of frames."""
+"""Content of all tabs of a page: versioned sections, and a sequence of frames."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any
 
-#: Frames that are kept for a new tab: half a minute of them.
+#: Number of frames that are kept for a new tab, about half a minute.
 _FRAMES = 600
 
 
 @dataclass
 class Cursor:
-    """What one tab has received: versions of sections, and the number of frames."""
+    """The state of one tab: versions of received sections, and number of received frames."""
 
     versions: dict[str, int] = field(default_factory=dict)
     frames: int = 0
 
 
 class Board:
-    """Texts written by one thread and read by others.
+    """A board of texts that one thread writes and other threads read.
 
-    A tab that is slow, or new, receives the newest version of each section and the last frames,
-    so it costs no memory.
+    A slow or new tab receives the newest version of each section and the last frames, so that it
+    needs no queue.
     """
 
     def __init__(self) -> None:
@@ -34,21 +34,21 @@ class Board:
         self._sections: dict[str, tuple[int, str]] = {}
         self._frames: deque[str] = deque(maxlen=_FRAMES)
         self._count = 0
-        #: Called after each change, by the thread that makes it.
+        #: Function that is called after each change, in the thread of the change.
         self.on_change: Callable[[], None] = lambda: None
 
     def put(self, section: str, value: Mapping[str, Any]) -> None:
-        """Replace a section."""
+        """Replace a section of the board."""
         text = _json({'kind': section, **value})
         with self._lock:
-            version, before = self._sections.get(section, (0, ''))
-            if text == before:
+            version, previous = self._sections.get(section, (0, ''))
+            if text == previous:
                 return
             self._sections[section] = version + 1, text
         self.on_change()
 
     def add(self, frame: Mapping[str, Any]) -> None:
-        """Add a frame."""
+        """Add a frame to the sequence."""
         text = _json(frame)
         with self._lock:
             self._frames.append(text)
@@ -56,24 +56,24 @@ class Board:
         self.on_change()
 
     def clear(self) -> None:
-        """Forget all frames: their time is over."""
+        """Remove all frames, which belong to an earlier run."""
         with self._lock:
             self._frames.clear()
 
     def news(self, cursor: Cursor) -> list[str]:
-        """Return what has changed since a cursor, as JSON texts, and advance it."""
+        """Return the changes since a cursor as JSON texts, and advance the cursor."""
         with self._lock:
-            found = []
+            texts = []
             for section, (version, text) in self._sections.items():
                 if cursor.versions.get(section) != version:
                     cursor.versions[section] = version
-                    found.append(text)
-            fresh = min(self._count - cursor.frames, len(self._frames))
-            if fresh:
-                frames = ','.join(list(self._frames)[-fresh:])
-                found.append(f'{{"kind":"frames","frames":[{frames}]}}')
+                    texts.append(text)
+            new_count = min(self._count - cursor.frames, len(self._frames))
+            if new_count:
+                frames = ','.join(list(self._frames)[-new_count:])
+                texts.append(f'{{"kind":"frames","frames":[{frames}]}}')
             cursor.frames = self._count
-        return found
+        return texts
 
 
 def _json(value: Mapping[str, Any]) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of all nodes in a ROS graph, by names such as ``/estimator.position.noise``."""
+"""Parameters of all nodes in a ROS graph, by names such as ``/estimator.position.noise``."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from kalman_ros.pipeline.settings import OF_RCLPY
 
 from .parameter_values import of_viewer
 
-#: Seconds in which all nodes must answer, and between two looks whether they have.
+#: Time limit in seconds for the answers of all nodes, and interval between two checks for them.
 _PATIENCE, _LOOK = 3.0, 0.05
-#: The service by which a node is found, and what separates its name from a parameter's.
+#: Service by which nodes are discovered, and separator of node name and parameter name.
 _SERVICE, _BETWEEN = '/set_parameters_atomically', '.'
 
 
 class GraphParameters:
-    """Reads and changes the parameters of nodes through their services; any thread may call.
+    """Access to the parameters of nodes through their services, from any thread.
 
     Parameters
     ----------
     graph
-        In which the nodes are.
+        Graph of the nodes.
     """
 
     def __init__(self, graph: GraphTopics) -> None:
@@ -58,99 +58,99 @@ class GraphParameters:
             self._node.destroy_node()
 
     def read(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return the values of parameters that exist, of all of them for no names.
+        """Return the values of parameters that exist, or of all parameters for no names.
 
-        Nodes that do not answer are left out.
+        Nodes that do not answer are omitted.
         """
         with self._lock:
-            asked = self._split(names) if names else self._listed()
+            names_by_node = self._split(names) if names else self._list_all()
             return {
                 f'{node}{_BETWEEN}{name}': parameter_value_to_python(value)
-                for node, values in self._values(asked).items()
+                for node, values in self._get_values(names_by_node).items()
                 for name, value in values.items()
                 if value.type != ParameterType.PARAMETER_NOT_SET and not name.startswith(OF_RCLPY)
             }
 
     def change(self, values: Mapping[str, Any]) -> str:
-        """Change parameters, of each node all or none; return why some are refused, or ''.
+        """Change parameters, of each node all or none; return the reasons for refusals, or ''.
 
-        A whole number is accepted where a decimal one is expected, and a value for a list of one.
+        An integer is accepted for a floating-point number, and a value for a list of one value.
         """
         with self._lock:
-            strange = [name for name in values if not name.partition(_BETWEEN)[2]]
-            if strange:
-                return f'expected /NODE{_BETWEEN}PARAMETER, got {strange[0]:.60}'
-            asked = self._split(values)
-            described = self._described(asked)
+            malformed = [name for name in values if not name.partition(_BETWEEN)[2]]
+            if malformed:
+                return f'expected /NODE{_BETWEEN}PARAMETER, got {malformed[0]:.60}'
+            names_by_node = self._split(values)
+            described = self._describe(names_by_node)
             refusals, requests = [], {}
-            for node, names in asked.items():
+            for node, names in names_by_node.items():
                 try:
-                    wanted = [
-                        of_viewer(name, values[f'{node}{_BETWEEN}{name}'], known)
-                        for name, known in _existing(names, described.get(node)).items()
+                    parameters = [
+                        of_viewer(name, values[f'{node}{_BETWEEN}{name}'], descriptor)
+                        for name, descriptor in _existing(names, described.get(node)).items()
                     ]
                 except ValueError as error:
                     refusals.append(f'{node}: {error}')
                 else:
                     requests[node] = SetParametersAtomically.Request(
-                        parameters=[each.to_parameter_msg() for each in wanted]
+                        parameters=[parameter.to_parameter_msg() for parameter in parameters]
                     )
-            answers = self._ask(SetParametersAtomically, _SERVICE, requests)
+            answers = self._call_all(SetParametersAtomically, _SERVICE, requests)
             for node in requests:
                 if node not in answers:
                     refusals.append(f'{node}: it does not answer')
                 elif not answers[node].result.successful:
-                    refusals.append(f'{node}: {_plain(answers[node].result.reason)}')
+                    refusals.append(f'{node}: {_explain(answers[node].result.reason)}')
             return '; '.join(refusals)
 
     def _nodes(self) -> list[str]:
-        """Return the full names of the nodes with parameters."""
+        """Return the full names of the nodes that have parameters."""
         services = self._node.get_service_names_and_types()
         return sorted(name[: -len(_SERVICE)] for name, _ in services if name.endswith(_SERVICE))
 
     def _split(self, names: Sequence[str] | Mapping[str, Any]) -> dict[str, list[str]]:
-        """Return the names of parameters by node; ones of unknown nodes are left to the caller."""
-        found: dict[str, list[str]] = defaultdict(list)
+        """Return the names of parameters by node, whether or not the node exists."""
+        by_node: dict[str, list[str]] = defaultdict(list)
         for full in names:
             node, _, name = full.partition(_BETWEEN)
-            found[node].append(name)
-        return dict(found)
+            by_node[node].append(name)
+        return dict(by_node)
 
-    def _listed(self) -> dict[str, list[str]]:
+    def _list_all(self) -> dict[str, list[str]]:
         """Return the names of all parameters by node."""
         requests = {node: ListParameters.Request() for node in self._nodes()}
-        answers = self._ask(ListParameters, '/list_parameters', requests)
+        answers = self._call_all(ListParameters, '/list_parameters', requests)
         return {
             node: sorted(name for name in answer.result.names if not name.startswith(OF_RCLPY))
             for node, answer in answers.items()
         }
 
-    def _values(self, names: Mapping[str, list[str]]) -> dict[str, dict[str, Any]]:
+    def _get_values(self, names: Mapping[str, list[str]]) -> dict[str, dict[str, Any]]:
         """Return the values of parameters, as messages, by node and name."""
-        answers = self._ask_known(GetParameters, '/get_parameters', names)
+        answers = self._call_existing(GetParameters, '/get_parameters', names)
         return {
             node: dict(zip(names[node], answer.values))
             for node, answer in answers.items()
-            if len(answer.values) == len(names[node])  # else one of them does not exist
+            if len(answer.values) == len(names[node])  # otherwise one of them does not exist
         }
 
-    def _described(
+    def _describe(
         self, names: Mapping[str, list[str]]
     ) -> dict[str, dict[str, ParameterDescriptor]]:
-        """Return the descriptions of parameters by node and name, of nodes that answer."""
-        answers = self._ask_known(DescribeParameters, '/describe_parameters', names)
+        """Return the descriptors of parameters by node and name, for nodes that answer."""
+        answers = self._call_existing(DescribeParameters, '/describe_parameters', names)
         return {node: {d.name: d for d in answer.descriptors} for node, answer in answers.items()}
 
-    def _ask_known(
+    def _call_existing(
         self, kind: Any, service: str, names: Mapping[str, list[str]]
     ) -> dict[str, Any]:
-        """Ask the nodes that exist for parameters by name; return the answers."""
+        """Call a service with names of parameters on the nodes that exist; return the answers."""
         known = {*self._nodes()}
-        requests = {n: kind.Request(names=each) for n, each in names.items() if n in known}
-        return self._ask(kind, service, requests)
+        requests = {n: kind.Request(names=listed) for n, listed in names.items() if n in known}
+        return self._call_all(kind, service, requests)
 
-    def _ask(self, kind: Any, service: str, requests: Mapping[str, Any]) -> dict[str, Any]:
-        """Call a service of several nodes at once; return the answers received in time."""
+    def _call_all(self, kind: Any, service: str, requests: Mapping[str, Any]) -> dict[str, Any]:
+        """Call a service of several nodes at once; return the answers within the time limit."""
         end = monotonic() + _PATIENCE
         clients = {node: self._client(kind, f'{node}{service}') for node in requests}
         waiting: dict[str, Future] = {}
@@ -158,10 +158,10 @@ class GraphParameters:
             for node, client in clients.items():
                 if node not in waiting and client.service_is_ready():
                     waiting[node] = client.call_async(requests[node])
-            if len(waiting) == len(clients) and all(each.done() for each in waiting.values()):
+            if len(waiting) == len(clients) and all(future.done() for future in waiting.values()):
                 break
             self._executor.spin_once(timeout_sec=_LOOK)
-        return {node: each.result() for node, each in waiting.items() if each.done()}
+        return {node: future.result() for node, future in waiting.items() if future.done()}
 
     def _client(self, kind: Any, service: str) -> Any:
         if service not in self._clients:
@@ -169,28 +169,31 @@ class GraphParameters:
         return self._clients[service]
 
 
-def _plain(reason: str) -> str:
-    """Return the reason of a node; rclpy takes an empty list for one of another type."""
+def _explain(reason: str) -> str:
+    """Return the reason of a refusal; rclpy reports an empty list as a wrong type."""
     return 'it accepts no empty list' if reason.startswith('Wrong parameter type') else reason
 
 
 def _existing(
     names: Sequence[str], described: Mapping[str, ParameterDescriptor] | None
 ) -> dict[str, ParameterDescriptor]:
-    """Return the descriptions of parameters; ValueError if they do not exist."""
+    """Return the descriptors of parameters; raise ValueError if one does not exist."""
     if described is None:
         raise ValueError('there is no such node, or it does not answer')
-    found = {name: described[name] for name in names if name in described}
-    missing = [name for name in names if name not in found]
+    existing = {name: described[name] for name in names if name in described}
+    missing = [name for name in names if name not in existing]
     if missing:
-        # a node may describe none of them if one does not exist
-        what = 'does not have all of' if len(missing) > 1 else 'has no parameter'
-        raise ValueError(f'it {what} {", ".join(missing)}')
-    return found
+        # if one parameter does not exist, a node may describe none of them
+        problem = 'does not have all of' if len(missing) > 1 else 'has no parameter'
+        raise ValueError(f'it {problem} {", ".join(missing)}')
+    return existing
 
 
 def changed(event: ParameterEvent) -> Iterator[tuple[str, Any]]:
-    """Yield the parameters that have changed by an event, with their values."""
-    for each in (*event.new_parameters, *event.changed_parameters):
-        if not each.name.startswith(OF_RCLPY):
-            yield f'{event.node}{_BETWEEN}{each.name}', parameter_value_to_python(each.value)
+    """Yield the parameters that an event reports as changed, with their values."""
+    for parameter in (*event.new_parameters, *event.changed_parameters):
+        if not parameter.name.startswith(OF_RCLPY):
+            yield (
+                f'{event.node}{_BETWEEN}{parameter.name}',
+                parameter_value_to_python(parameter.value),
+            )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person may do to a running loop: every command of the page, checked."""
+"""Commands of the live page on a running loop."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ from .page_command import Command
 from .scene import force_scale
 from .streams import Streams
 
-#: Seconds that a push lasts, and its largest share of the usual input.
+#: Duration of a push in seconds, and its largest multiple of the typical input.
 _PUSH, _MOST = 0.2, 10.0
-#: The largest part of a pole, in 1/s.
+#: Largest real or imaginary part of a pole, in 1/s.
 _FASTEST = 1e9
-#: Which node has what can be chosen.
+#: Node that owns each parameter that can be chosen.
 _OWNERS = {'filter': 'estimator', 'law': 'controller'}
 
 
 def answer(board: Board, command: Command, error: str, arrival: float) -> None:
-    """Show what became of a command that arrived at a monotonic time."""
-    taken = round(1e3 * (monotonic() - arrival), 1)
-    board.add({'answer': {'n': command.number, 'error': error, 'ms': taken}})
+    """Show the result of a command that arrived at a monotonic time."""
+    milliseconds = round(1e3 * (monotonic() - arrival), 1)
+    board.add({'answer': {'n': command.number, 'error': error, 'ms': milliseconds}})
 
 
 class LiveCommands:
-    """Carries out commands on the nodes of one run.
+    """An executor of commands on the nodes of one run.
 
     Parameters
     ----------
     nodes, streams
-        The nodes, and what they publish.
+        Nodes, and the streams of their topics.
     adjustments, controls
-        The parameters, and which of them have controls.
+        Parameters, and the controls for them.
     pace
-        Of the loop.
+        Pace of the loop.
     board
-        For answers.
+        Board for the answers.
     """
 
     def __init__(
@@ -63,16 +63,16 @@ class LiveCommands:
         self._nodes, self._streams, self._board = nodes, streams, board
         self._adjustments, self._controls = adjustments, controls
         self._scale = force_scale(adjustments)
-        #: The pace of this run, or of the next one.
+        #: Pace of this run, or of the next run.
         self.pace = pace
-        #: Whether the nodes must restart, and with which parameters to continue from here.
+        #: Whether the nodes must restart, and the parameters with which they continue from here.
         self.restart = False
         self.carried: dict[str, dict[str, Any]] | None = None
-        #: Whether a parameter has changed since this was set to False.
+        #: Whether a parameter has changed since this attribute was reset.
         self.changed = False
         self._push_end: float | None = None
-        self._asked: float | None = None
-        self._do: dict[str, Callable[[Mapping[str, Any], float], None]] = {
+        self._command_time: float | None = None
+        self._handlers: dict[str, Callable[[Mapping[str, Any], float], None]] = {
             'set': self._set,
             'choose': self._choose,
             'poles': self._poles,
@@ -93,12 +93,12 @@ class LiveCommands:
         Raises
         ------
         NodeError
-            If a node has died. Whatever else goes wrong is the answer.
+            If a node has died. Any other error is the answer to the command.
         """
         error = command.error
         try:
             if not error:
-                self._do[command.do](command.fields, arrival)
+                self._handlers[command.do](command.fields, arrival)
         except NodeError:
             raise
         except Exception as reason:
@@ -106,20 +106,23 @@ class LiveCommands:
         answer(self._board, command, error, arrival)
 
     def end_push(self) -> None:
-        """End the disturbance when its time is over."""
-        if self._push_end is not None and self._time() >= self._push_end:
+        """End the push when its duration is over."""
+        if self._push_end is not None and self._push_clock() >= self._push_end:
             self._nodes.push(np.zeros(self._nodes.scenario.model.input.size))
             self._push_end = None
 
-    def _time(self) -> float:
-        """Return the time by which a push ends: simulated in lockstep."""
+    def _push_clock(self) -> float:
+        """Return the clock of a push: simulated time in lockstep, else monotonic time."""
         return self._streams.elapsed if self.pace.lockstep else monotonic()
 
     def _on_input(self) -> None:
-        """Show how long after a command the first input by the new parameters was received."""
-        if self._asked is not None:
-            taken, self._asked = round(1e3 * (monotonic() - self._asked), 1), None
-            self._board.add({'latency': {'ms': taken}})
+        """Show the latency from a command to the first input with the new parameters."""
+        if self._command_time is not None:
+            milliseconds, self._command_time = (
+                round(1e3 * (monotonic() - self._command_time), 1),
+                None,
+            )
+            self._board.add({'latency': {'ms': milliseconds}})
 
     def _set(self, command: Mapping[str, Any], arrival: float) -> None:
         """Move a slider or a switch."""
@@ -128,41 +131,41 @@ class LiveCommands:
             raise ValueError(f'unknown control {json.dumps(command.get("key"))[:60]}')
         value = control.value_of(command.get('value'), self._adjustments)
         first, *others = control.nodes
-        self._asked = None
+        self._command_time = None
         self._apply({first: {control.parameter: value}})
-        self._asked = arrival
+        self._command_time = arrival
         self._apply({node: {control.parameter: value} for node in others})
 
     def _apply(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
-        """Change live parameters of running nodes; ValueError if one is refused."""
+        """Change parameters of running nodes; raise ValueError if a node refuses them."""
         self.changed = True
         for node, values in changes.items():
-            before = dict(self._adjustments.changes.get(node, {}))
-            runs = node in self._nodes.processes
-            self._adjustments.change(node, values, tried=runs)
-            if not runs:
+            previous = dict(self._adjustments.changes.get(node, {}))
+            is_running = node in self._nodes.processes
+            self._adjustments.change(node, values, tried=is_running)
+            if not is_running:
                 continue
             try:
                 self._nodes.set_parameters(values, node)
             except ValueError:
-                self._adjustments.forget(node, before)
+                self._adjustments.forget(node, previous)
                 raise
 
     def _reconfigure(self, node: str, values: Mapping[str, Any]) -> None:
-        """Change parameters that a node reads only when it is configured."""
+        """Change parameters that a node reads only during its configuration."""
         self._adjustments.change(node, values)
         self.changed = True
         self._nodes.reconfigure(node, values)
 
     def _choose(self, command: Mapping[str, Any], _: float) -> None:
-        """Choose another filter or law."""
-        what = str(command.get('what'))
-        if what not in _OWNERS or (what == 'law' and not self._adjustments.driven):
-            raise ValueError(f'choose: expected {" or ".join(_OWNERS)}, got {json.dumps(what)}')
-        self._reconfigure(_OWNERS[what], {what: str(command.get('value'))})
+        """Choose another filter or control law."""
+        choice = str(command.get('what'))
+        if choice not in _OWNERS or (choice == 'law' and not self._adjustments.driven):
+            raise ValueError(f'choose: expected {" or ".join(_OWNERS)}, got {json.dumps(choice)}')
+        self._reconfigure(_OWNERS[choice], {choice: str(command.get('value'))})
 
     def _poles(self, command: Mapping[str, Any], _: float) -> None:
-        """Place the poles of the regulator, or those of a Luenberger observer."""
+        """Place the poles of the regulator or of a Luenberger observer."""
         pairs = command.get('poles') or []
         if not pairs or not all(map(_is_pole, pairs)):
             raise ValueError('poles: expected pairs of finite numbers up to 1e9')
@@ -183,7 +186,7 @@ class LiveCommands:
             self._reconfigure('controller', {'law': 'placement', **values})
 
     def _push(self, command: Mapping[str, Any], _: float) -> None:
-        """Disturb an input for a moment."""
+        """Disturb an input for a short time."""
         size = self._nodes.scenario.model.input.size
         if not size:
             raise ValueError('push: the model has no input')
@@ -191,13 +194,13 @@ class LiveCommands:
         if type(index) is not int or index not in range(size) or not abs(share) <= _MOST:
             expected = f'the number of an input, and a share up to {_MOST:g}'
             raise ValueError(f'push: expected {expected}')
-        push = np.zeros(size)
-        push[index] = share * self._scale
-        self._nodes.push(push)
-        self._push_end = self._time() + _PUSH
+        disturbance = np.zeros(size)
+        disturbance[index] = share * self._scale
+        self._nodes.push(disturbance)
+        self._push_end = self._push_clock() + _PUSH
 
     def _reset(self, command: Mapping[str, Any], arrival: float) -> None:
-        """Start again at the initial state and belief of the file."""
+        """Reset the loop to the initial state and belief of the file."""
         if self.carried is not None:
             self._restart(command, arrival)
             return
@@ -211,14 +214,14 @@ class LiveCommands:
             self._nodes.run_until(-1.0)
 
     def _resume(self, _: Mapping[str, Any], __: float) -> None:
-        """Continue; in real time the belief of before the pause is too old."""
-        was, self.pace.paused = self.pace.paused, False
-        if was and not self.pace.lockstep:
+        """Continue after a pause; in real time, reset the belief, which is too old."""
+        was_paused, self.pace.paused = self.pace.paused, False
+        if was_paused and not self.pace.lockstep:
             self._nodes.trigger('estimator/reset')
             self._nodes.run_until(FOREVER)
 
     def _step(self, command: Mapping[str, Any], arrival: float) -> None:
-        """Show the prediction of the next step, then take the step: predict, update."""
+        """Show the prediction of the next step, or take the step if that is already shown."""
         pace, streams = self.pace, self._streams
         if not pace.lockstep:
             self._mode({'lockstep': True, 'paused': True}, arrival)
@@ -230,11 +233,11 @@ class LiveCommands:
             pace.predicted = True
             return
         pace.predicted = False
-        # the next step, and not the one after it, however their times are rounded
+        # half a step later than the next step, so that rounding cannot add another step
         self._nodes.run_until(max(streams.elapsed, 0.0) + 1.5 / self._nodes.scenario.rate)
 
     def _mode(self, command: Mapping[str, Any], _: float) -> None:
-        """Change between real time and lockstep: the nodes restart where they are."""
+        """Change between real time and lockstep; the nodes restart from the current state."""
         lockstep = command.get('lockstep')
         if not isinstance(lockstep, bool):
             raise ValueError('mode: expected lockstep, true or false')
@@ -245,7 +248,7 @@ class LiveCommands:
             self.restart = True
 
     def _speed(self, command: Mapping[str, Any], _: float) -> None:
-        """Set the speed of lockstep."""
+        """Set the speed of simulated time in lockstep."""
         self.pace.set_speed(float(command.get('value', 1.0)))
 
     def _restart(self, _: Mapping[str, Any], __: float) -> None:
@@ -254,7 +257,7 @@ class LiveCommands:
 
 
 def _is_pole(pair: Any) -> bool:
-    """Return whether a value is a list of a real and an imaginary part."""
+    """Return whether a value is a list of a real and an imaginary part within the limit."""
     return (
         isinstance(pair, list)
         and len(pair) == 2

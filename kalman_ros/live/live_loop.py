@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the nodes of a live page: their topics to the board, commands to the nodes."""
+"""Loop of a live page, which passes topics to the board and commands to the nodes."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from .share import parameter_file
 from .streams import Streams
 from .theory_worker import TheoryWorker
 
-#: Seconds between two frames, two status reports, and two updates of theory and shared file.
+#: Intervals in seconds of frames, of status reports, and of updates of theory and shared file.
 _FRAME, _STATUS, _CHANGES = 0.05, 0.5, 0.1
-#: The most commands that wait.
+#: Largest number of commands that wait.
 _WAITING = 200
 
 
 class LiveLoop:
-    """The loop behind a page.
+    """The loop of nodes behind a live page.
 
     Parameters
     ----------
     file
-        A parameter file.
+        Parameter file.
     parameters
-        For every node, over those of the file.
+        Parameters for every node, which override those of the file.
     seed
-        Of all noise.
+        Seed of all noise.
     board
-        What the tabs show.
+        Board that the tabs show.
 
     Raises
     ------
     ValueError
-        If a parameter is unknown or wrong.
+        If a parameter is unknown or invalid.
     """
 
     def __init__(self, file: Path, parameters: Mapping[str, Any], seed: int, board: Board) -> None:
@@ -59,137 +59,144 @@ class LiveLoop:
         self._seed, self._board = seed, board
         self._queue: SimpleQueue[tuple[Command, float]] = SimpleQueue()
         self._pace = Pace.usual(self._adjustments)
-        self._carried: dict[str, dict[str, Any]] | None = None
+        self._continuation: dict[str, dict[str, Any]] | None = None
         self._runs = 0
         self._fixed_gains: dict[str, list[float]] = {}
         self._theory = TheoryWorker(self._on_theory)
 
-    def _on_theory(self, found: dict[str, Any]) -> None:
-        """Show the theory; a thread of the worker calls this."""
-        self._fixed_gains = (found.get('estimator') or {}).get('gains', {})
-        self._board.put('theory', found)
+    def _on_theory(self, theory: dict[str, Any]) -> None:
+        """Show the theory; called in a thread of the worker."""
+        self._fixed_gains = (theory.get('estimator') or {}).get('gains', {})
+        self._board.put('theory', theory)
 
     def command(self, command: Command, arrival: float) -> None:
-        """Queue a command from a tab; any thread may call this."""
+        """Queue a command of a tab; callable from any thread."""
         if self._queue.qsize() >= _WAITING:
             answer(self._board, command, 'too many commands are waiting', arrival)
         else:
             self._queue.put((command, arrival))
 
     def run(self) -> None:
-        """Run the nodes until a signal; one that dies is reported, and all restart on request.
+        """Run the nodes until a signal ends the process.
+
+        If a node dies, it is reported, and all nodes restart on request.
 
         Raises
         ------
         NodeError
-            If they cannot be started at first.
+            If the nodes cannot be started for the first time.
         """
         with self._theory:
             while True:
-                self._status('starting the nodes')
+                self._report_status('starting the nodes')
                 try:
-                    with self._nodes() as nodes:
+                    with self._build_nodes() as nodes:
                         self._serve(nodes)
                 except NodeError as error:
                     if not self._runs:
                         raise
-                    self._status(one_line(str(error)), failed=True)
-                    self._carried = None
-                    self._until_restart()
+                    self._report_status(one_line(str(error)), failed=True)
+                    self._continuation = None
+                    self._wait_for_restart()
 
-    def _nodes(self) -> LiveNodes:
-        found, carried = self._adjustments, self._carried or {}
+    def _build_nodes(self) -> LiveNodes:
+        adjustments, carried = self._adjustments, self._continuation or {}
         only = {
-            node: {**found.changes.get(node, {}), **carried.get(node, {})}
-            for node in {*found.changes, *carried}
+            node: {**adjustments.changes.get(node, {}), **carried.get(node, {})}
+            for node in {*adjustments.changes, *carried}
         }
-        shared = {**found.shared, 'seed': self._seed}
-        return LiveNodes(found.file, shared, only, lockstep=self._pace.lockstep)
+        shared = {**adjustments.shared, 'seed': self._seed}
+        return LiveNodes(adjustments.file, shared, only, lockstep=self._pace.lockstep)
 
     def _serve(self, nodes: LiveNodes) -> None:
-        """Pass topics and commands on until the nodes must restart."""
+        """Pass on topics and commands until the nodes must restart."""
         self._runs += 1
         pace, streams = self._pace, Streams(nodes.scenario)
         pace.restart()
         commands = LiveCommands(
             nodes, streams, self._adjustments, self._controls, pace, self._board
         )
-        commands.carried = self._carried
-        self._follow()
+        commands.carried = self._continuation
+        self._publish_parameters()
         self._board.clear()
         self._board.put('scene', {**scene(self._adjustments, self._controls), 'run': self._runs})
         if not pace.paused or pace.lockstep:
             nodes.run_until(0.0 if pace.lockstep else FOREVER)
-        framed = reported = followed = 0.0
+        frame_time = status_time = change_time = 0.0
         while not commands.restart:
             nodes.spin_until(_FRAME, lambda: not self._queue.empty())
             for _ in range(self._queue.qsize()):
                 commands.carry_out(*self._queue.get())
-                reported = 0.0
+                status_time = 0.0
             now = monotonic()
-            if now - framed >= 0.9 * _FRAME:  # the wait may be slightly shorter
-                passed = min(now - framed, 4 * _FRAME)
-                target = pace.target(streams.elapsed, passed, 1.0 / nodes.scenario.rate)
+            if now - frame_time >= 0.9 * _FRAME:  # the wait may be slightly shorter
+                elapsed = min(now - frame_time, 4 * _FRAME)
+                target = pace.target(streams.elapsed, elapsed, 1.0 / nodes.scenario.rate)
                 if target is not None:
                     nodes.run_until(target)
                 commands.end_push()
-                frame = streams.frame(nodes.take(), *self._judged, self._fixed_gains)
+                frame = streams.frame(nodes.take(), *self._evaluation, self._fixed_gains)
                 if frame is not None:
                     self._board.add(frame)
-                framed = now
-            if commands.changed and now - followed >= _CHANGES:
+                frame_time = now
+            if commands.changed and now - change_time >= _CHANGES:
                 commands.changed = False
-                self._follow()
-                followed = now
-            if now - reported >= _STATUS:
-                self._status('', nodes)
-                reported = now
-        self._pace, self._carried = commands.pace, commands.carried
+                self._publish_parameters()
+                change_time = now
+            if now - status_time >= _STATUS:
+                self._report_status('', nodes)
+                status_time = now
+        self._pace, self._continuation = commands.pace, commands.carried
 
-    def _status(
+    def _report_status(
         self, message: str, nodes: LiveNodes | None = None, *, failed: bool = False
     ) -> None:
-        """Show the pace, and a message or the reports of the nodes."""
+        """Show the pace, with a message or the reports of the nodes."""
         pace = self._pace
-        found: dict[str, Any] = {
+        report: dict[str, Any] = {
             'run': self._runs, 'lockstep': pace.lockstep, 'paused': pace.paused,
             'speed': pace.speed, 'failed': failed, 'message': message, 'nodes': {},
         }  # fmt: skip
         if nodes is not None:
-            found['missed'] = nodes.reported('plant', 'missed steps')
-            found['gain'] = nodes.reported('controller', 'gain')
-            found['nodes'] = {
+            report['missed'] = nodes.reported('plant', 'missed steps')
+            report['gain'] = nodes.reported('controller', 'gain')
+            report['nodes'] = {
                 name: {'level': int.from_bytes(status.level, 'big'), 'message': status.message}
                 for name, status in sorted(nodes.diagnostics.items())
             }
-        self._board.put('status', found)
+        self._board.put('status', report)
 
-    def _until_restart(self) -> None:
-        """Wait for a person's request to start again."""
+    def _wait_for_restart(self) -> None:
+        """Wait until the user requests a restart."""
         while True:
             try:
                 command, arrival = self._queue.get(timeout=0.2)
-            except Empty:  # a signal is delivered between two waits
+            except Empty:  # Python delivers signals between two waits
                 continue
             restart = command.do == 'restart'
             answer(self._board, command, '' if restart else 'a node has ended: restart', arrival)
             if restart:
                 return
 
-    def _follow(self) -> None:
-        """Show the parameters in use, and compute the theory of them."""
-        found = self._adjustments
+    def _publish_parameters(self) -> None:
+        """Show the current parameters, and request the theory for them."""
+        adjustments = self._adjustments
         weight: Array | None = None
-        if found.driven:
-            weight = price(found.scenario('controller')).weight
-        #: What the estimator believes, and the weight of the cost.
-        self._judged: tuple[Scenario, Array | None] = (found.scenario('estimator'), weight)
+        if adjustments.driven:
+            weight = price(adjustments.scenario('controller')).weight
+        #: Scenario of the estimator, and weight of the cost.
+        self._evaluation: tuple[Scenario, Array | None] = (
+            adjustments.scenario('estimator'),
+            weight,
+        )
         self._board.put('values', {
-            'values': {key: control.read(found) for key, control in self._controls.items()},
+            'values': {key: control.read(adjustments) for key, control in self._controls.items()},
             'chosen': {
-                'filter': found.value('estimator', 'filter'),
-                **({'law': found.value('controller', 'law')} if found.driven else {}),
+                'filter': adjustments.value('estimator', 'filter'),
+                **({'law': adjustments.value('controller', 'law')} if adjustments.driven else {}),
             },
         })  # fmt: skip
-        self._board.put('share', {'yaml': parameter_file(found), 'name': found.file.stem})
-        self._theory.request(found)
+        self._board.put(
+            'share', {'yaml': parameter_file(adjustments), 'name': adjustments.file.stem}
+        )
+        self._theory.request(adjustments)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes of a live page: started together, their topics decoded as they arrive."""
+"""Nodes of a live page, whose topics are decoded as they are received."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ from kalman_ros.harness.recorder import QUEUE
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
 
-#: The most samples of a topic between two calls of `take`; older ones are dropped.
+#: Largest number of samples of a topic between two calls of `take`; older samples are dropped.
 _MOST = 5000
-#: Seconds between two looks at the condition of `spin_until`.
+#: Interval in seconds of checks of the condition of `spin_until`.
 _LOOK = 0.01
-#: Seconds of simulated time that is never reached.
+#: Simulated time in seconds that is never reached.
 FOREVER = 1e9
 
 
 class LiveNodes(LaunchedNodes):
-    """The nodes of a scenario as processes, paused; a context manager.
+    """The nodes of a scenario as paused processes; a context manager.
 
     Parameters
     ----------
     file
-        A parameter file.
+        Parameter file.
     shared
-        Parameters for every node, over those of the file.
+        Parameters for every node, which override those of the file.
     only
-        Parameters for single nodes, over those.
+        Parameters for single nodes, which override the others.
     lockstep
-        Whether the nodes step in turns; else they run in real time.
+        Whether the nodes run in lockstep; otherwise they run in real time.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class LiveNodes(LaunchedNodes):
         self.scenario: Scenario = nodes.scenario
         self._names = nodes.names
         self._samples: dict[str, deque[Sample]] = {}
-        #: Called with each input of the plant.
+        #: Function that is called for each input of the plant.
         self.on_input: Callable[[], None] = lambda: None
         self._condition: Callable[[], bool] = lambda: False
         self._wake = Future()
@@ -72,17 +72,17 @@ class LiveNodes(LaunchedNodes):
         self.open(sockets=True)
         with self.starting():
             topics = [self._watch(topic, signal) for topic, signal in _signals(self.scenario)]
-            self._push = self._disturbance()
+            self._push = self._create_disturbance()
             steady = Clock(clock_type=ClockType.STEADY_TIME)
-            self.node.create_timer(_LOOK, self._look, clock=steady)
+            self.node.create_timer(_LOOK, self._check_condition, clock=steady)
             self.launch(topics)
         return self
 
     def _watch(self, topic: str, signal: Signal) -> str:
-        """Decode every message of a topic; return its full name."""
+        """Decode every message of a topic; return the full name of the topic."""
         codec = codec_of(signal)
         samples = self._samples[topic] = deque(maxlen=_MOST)
-        keep = partial(_keep, WireReader(codec), samples)
+        keep = partial(_append_sample, WireReader(codec), samples)
 
         def take(data: bytes) -> None:
             keep(data)
@@ -91,39 +91,39 @@ class LiveNodes(LaunchedNodes):
 
         return str(self.node.watch(codec.message_type, topic, take, QUEUE).topic_name)
 
-    def _disturbance(self) -> tuple[WireWriter, Any] | None:
+    def _create_disturbance(self) -> tuple[WireWriter, Any] | None:
         if not self.scenario.input.fields:
             return None
         write = WireWriter(codec_of(self.scenario.input))
         return write, self.node.create_publisher(write.message_type, 'disturbance', 10)
 
     def take(self) -> dict[str, list[Sample]]:
-        """Return the samples of each topic received since the last call."""
-        found = {topic: list(samples) for topic, samples in self._samples.items()}
+        """Return the samples of each topic that were received since the last call."""
+        received = {topic: list(samples) for topic, samples in self._samples.items()}
         for samples in self._samples.values():
             samples.clear()
-        return found
+        return received
 
     def spin_until(self, seconds: float, condition: Callable[[], bool]) -> None:
         """Process messages for ``seconds``, or until a condition holds.
 
-        Each wait of the executor leaks a few bytes, so a loop should wait rarely.
+        Each wait of the executor leaks a few bytes, so a loop should call this rarely.
         """
         self._condition, self._wake = condition, Future()
         self.spin(seconds, until=self._wake)
 
-    def _look(self) -> None:
+    def _check_condition(self) -> None:
         if not self._wake.done() and self._condition():
             self._wake.set_result(None)
 
     def push(self, disturbance: Array) -> None:
-        """Add a disturbance (m,) to the plant's input from now on; zero ends it."""
+        """Add a disturbance (m,) to the input of the plant from now on; zero ends it."""
         if self._push is not None:
             write, publisher = self._push
             publisher.publish(write(self.node.get_clock().now().nanoseconds, disturbance))
 
     def run_until(self, seconds: float) -> None:
-        """Let the plant continue to a simulated time, without waiting for its response."""
+        """Let the plant continue to a simulated time (s), without waiting for its response."""
         service = 'plant/set_parameters'
         if service not in self._clients:
             self._clients[service] = self.node.create_client(SetParameters, service)
@@ -131,9 +131,14 @@ class LiveNodes(LaunchedNodes):
         self._clients[service].call_async(SetParameters.Request(parameters=[message]))
 
     def reconfigure(self, node: str, values: Mapping[str, Any]) -> None:
-        """Change parameters of a node that it reads only when it is configured.
+        """Change parameters that a node reads only during its configuration.
 
-        Its state is lost. ValueError with the reason if it cannot be configured with them.
+        The state of the node is lost.
+
+        Raises
+        ------
+        ValueError
+            If the node cannot be configured with the values, with the reason.
         """
         for transition in ('deactivate', 'cleanup'):
             self.change_state(node, transition)
@@ -144,25 +149,25 @@ class LiveNodes(LaunchedNodes):
             raise ValueError(status.message if status else f'the {node} cannot be configured')
 
 
-def _keep(read: WireReader, samples: deque[Sample], data: bytes) -> None:
+def _append_sample(read: WireReader, samples: deque[Sample], data: bytes) -> None:
     try:
         samples.append(read(data))
-    except (LookupError, ValueError):  # an array of the message is too short
+    except (LookupError, ValueError):  # an array in the message is too short
         return
 
 
 def _signals(scenario: Scenario) -> list[tuple[str, Signal]]:
-    """Return the topics of a loop with their signals."""
+    """Return the topics of a loop, each with its signal."""
     state = scenario.state
-    found = {'ground_truth': state, state.topic: state}
-    whole = covariance_signal(state)
-    found[whole.topic] = whole
+    signals = {'ground_truth': state, state.topic: state}
+    covariance = covariance_signal(state)
+    signals[covariance.topic] = covariance
     if scenario.input.fields:
-        found[scenario.input.topic] = scenario.input
+        signals[scenario.input.topic] = scenario.input
     for name, source in scenario.sensors.items():
         innovation = innovation_signal(state, name, source.sensor.output)
-        found[source.signal.topic] = source.signal
-        found[innovation.topic] = innovation
-    for signal in found.values():
+        signals[source.signal.topic] = source.signal
+        signals[innovation.topic] = innovation
+    for signal in signals.values():
         message_type(signal.type)
-    return list(found.items())
+    return list(signals.items())

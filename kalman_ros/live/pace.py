@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the time of a live loop passes: in real time, or in lockstep at any speed."""
+"""Pace of a live loop: real time, or lockstep at any speed."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from .adjustments import Adjustments
 
-#: Simulated seconds a second, in lockstep.
+#: Range of the speed of lockstep, in simulated seconds per second.
 _SLOWEST, _FASTEST = 1e-3, 200.0
-#: The speed of a change to lockstep, and the lowest rate in Hz of readings for real time.
+#: Speed after a change to lockstep, and lowest rate of readings in Hz for real time.
 _SLOW, _RARE = 0.05, 0.5
-#: The plant is ahead by at most these seconds of a person, and steps.
+#: Largest lead of the plant: in seconds of real time, and in steps.
 _AHEAD, _STEPS = 0.25, 2.0
 
 
@@ -22,13 +22,13 @@ class Pace:
     Parameters
     ----------
     lockstep
-        Whether the nodes step in turns; else they run in real time.
+        Whether the nodes run in lockstep; otherwise they run in real time.
     paused
-        Whether the plant waits.
+        Whether the plant is paused.
     speed
-        In lockstep: simulated seconds a second.
+        Simulated seconds per second, in lockstep.
     predicted
-        In lockstep, paused: whether the prediction of the next step is shown.
+        Whether the prediction of the next step is shown, in lockstep while paused.
     """
 
     lockstep: bool = False
@@ -39,7 +39,10 @@ class Pace:
 
     @classmethod
     def usual(cls, adjustments: Adjustments) -> Pace:
-        """Return real time; lockstep if asked for, and a minute of it for rare readings."""
+        """Return the initial pace: real time, or lockstep if requested or if readings are rare.
+
+        With rare readings, the demo of the scenario takes a minute.
+        """
         if adjustments.value('plant', 'lockstep'):
             return cls(lockstep=True)
         rates = [adjustments.value('plant', f'{name}.rate') for name in adjustments.sensors]
@@ -49,33 +52,33 @@ class Pace:
 
     @classmethod
     def changed(cls, *, lockstep: bool, paused: bool) -> Pace:
-        """Return the pace after a change of mode by a person."""
+        """Return the pace after a change of mode by the user."""
         return cls(lockstep=lockstep, paused=paused, speed=_SLOW if lockstep else 1.0)
 
     def set_speed(self, speed: float) -> None:
-        """Set the speed; ValueError if it is out of range."""
+        """Set the speed; raise ValueError if it is out of range."""
         if not _SLOWEST <= speed <= _FASTEST:
             raise ValueError(f'speed: expected {_SLOWEST:g} to {_FASTEST:g}, got {speed:g}')
         self.speed = speed
 
     def restart(self) -> None:
-        """Start from time zero."""
+        """Restart at simulated time zero."""
         self._target, self.predicted = 0.0, False
 
     def target(self, elapsed: float, seconds: float, step: float) -> float | None:
-        """Return the simulated time to go to; None if the plant needs no such command.
+        """Return the simulated time to which the plant may continue; None if it needs no command.
 
         Parameters
         ----------
         elapsed
-            The simulated time.
+            Current simulated time in seconds.
         seconds
-            Since the last call.
+            Real time in seconds since the last call.
         step
-            The length of a step.
+            Duration of a step in seconds.
         """
         if not self.lockstep or self.paused:
             return None
-        most = elapsed + max(_AHEAD * self.speed, _STEPS * step)
-        self._target = min(max(self._target, elapsed) + seconds * self.speed, most)
+        limit = elapsed + max(_AHEAD * self.speed, _STEPS * step)
+        self._target = min(max(self._target, elapsed) + seconds * self.speed, limit)
         return self._target

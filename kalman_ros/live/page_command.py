@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of a page: what a tab sends, checked against a table before anything acts on it."""
+"""Commands of a page, which are checked against a table before they are carried out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sys import float_info
 from typing import Any
 
 _NUMBER = (int, float)
-#: Each command, and the types of its fields. A field may be left out.
+#: Types of the fields of each command. Every field is optional.
 COMMANDS: dict[str, dict[str, type | tuple[type, ...]]] = {
     'set': {'key': str, 'value': (bool, int, float)},
     'choose': {'what': str, 'value': str},
@@ -21,24 +21,24 @@ COMMANDS: dict[str, dict[str, type | tuple[type, ...]]] = {
     'speed': {'value': _NUMBER},
     **{do: {} for do in ('reset', 'pause', 'resume', 'step', 'restart')},
 }
-#: Integers that JavaScript represents exactly.
+#: Largest magnitude of the integers that JavaScript represents exactly.
 _EXACT = 2**53
 
 
 @dataclass(frozen=True)
 class Command:
-    """One request of a tab.
+    """A request of a tab.
 
     Parameters
     ----------
     do
-        The name of the command, one of `COMMANDS`; '' where the request is wrong.
+        Name of the command, one of `COMMANDS`; '' for an invalid request.
     fields
-        Its fields, of the types in `COMMANDS`.
+        Fields of the command, of the types in `COMMANDS`.
     number
-        The number by which the tab recognises the answer.
+        Number by which the tab recognises the answer.
     error
-        Why the request cannot be carried out; '' if it can.
+        Reason for which the request cannot be carried out; '' if it can.
     """
 
     do: str
@@ -48,33 +48,33 @@ class Command:
 
 
 def read_command(text: str | bytes) -> Command | None:
-    """Return the request in a frame; None if the frame is not a JSON object."""
+    """Return the command in a text frame; None if the frame is not a JSON object."""
     try:
-        given = json.loads(text, parse_constant=_finite, parse_float=_finite)
+        request = json.loads(text, parse_constant=_ros_number, parse_float=_ros_number)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(given, dict):
+    if not isinstance(request, dict):
         return None
-    do, number = given.pop('do', None), given.pop('n', None)
+    do, number = request.pop('do', None), request.pop('n', None)
     if type(number) is not int or abs(number) > _EXACT:
         number = None
     if not isinstance(do, str) or do not in COMMANDS:
-        return Command('', number=number, error=f'unknown command {_shown(do)}')
-    for name, value in given.items():
+        return Command('', number=number, error=f'unknown command {_excerpt(do)}')
+    for name, value in request.items():
         kind = COMMANDS[do].get(name)
         if kind is None:
-            return Command('', number=number, error=f'{do}: unknown field {_shown(name)}')
-        # a truth value is an int in Python, and no number here
-        if not isinstance(value, kind) or (isinstance(value, bool) and not _has(kind, bool)):
-            return Command('', number=number, error=f'{do}: {name} cannot be {_shown(value)}')
-    return Command(do, given, number)
+            return Command('', number=number, error=f'{do}: unknown field {_excerpt(name)}')
+        # in Python a truth value is an int, but here it is not a number
+        if not isinstance(value, kind) or (isinstance(value, bool) and not _allows(kind, bool)):
+            return Command('', number=number, error=f'{do}: {name} cannot be {_excerpt(value)}')
+    return Command(do, request, number)
 
 
-def _has(kind: type | tuple[type, ...], wanted: type) -> bool:
-    return wanted in (kind if isinstance(kind, tuple) else (kind,))
+def _allows(kind: type | tuple[type, ...], type_: type) -> bool:
+    return type_ in (kind if isinstance(kind, tuple) else (kind,))
 
 
-def _finite(text: str) -> float | None:
+def _ros_number(text: str) -> float | None:
     """Return a number that ROS can read: None if it is not finite, 0 if it is subnormal."""
     value = float(text)
     if not isfinite(value):
@@ -82,5 +82,5 @@ def _finite(text: str) -> float | None:
     return value if abs(value) >= float_info.min else 0.0
 
 
-def _shown(value: object) -> str:
+def _excerpt(value: object) -> str:
     return json.dumps(value)[:60]

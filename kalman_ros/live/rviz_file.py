@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A configuration of RViz: the markers of a loop from above."""
+"""Configuration of RViz that shows the markers of a loop from above."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from kalman_ros.scenario import Scenario
 
 from .map_extent import extent
 
-#: Pixels of the window, and lines of the grid.
+#: Width and height of the window in pixels, and number of lines of the grid.
 _WIDTH, _HEIGHT, _LINES = 1200, 800, 20
 _DEFAULT = 'rviz_default_plugins'
 
 
 def rviz_file(scenario: Scenario, frame: str) -> dict[str, Any]:
-    """Return the configuration for a scenario that the node ``markers`` draws, for YAML."""
+    """Return the configuration, for YAML, of a scenario that the node ``markers`` draws."""
     across = extent(scenario)
     displays: list[dict[str, Any]] = [
         {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What does not change while the nodes of a live page run: names, units, what to draw."""
+"""Constant data of a live page while the nodes run: names, units, and drawing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
         'state': _space(state),
         'input': _space(input),
         'sensors': {
-            name: {**_space(source.sensor.output), **_place(adjustments, name)}
+            name: {**_space(source.sensor.output), **_sensor_position(adjustments, name)}
             for name, source in plant.sensors.items()
         },
         'drawing': drawing(str(adjustments.value('plant', 'model')), state)._asdict(),
@@ -45,7 +45,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
 
 
 def force_scale(adjustments: Adjustments) -> float:
-    """Return the size of an input that moves the system visibly."""
+    """Return the magnitude of an input that moves the system visibly."""
     if not adjustments.driven:
         return 1.0
     scenario = adjustments.scenario('controller')
@@ -54,16 +54,16 @@ def force_scale(adjustments: Adjustments) -> float:
         K = feedback(scenario).gain
     except DesignError:
         return 1.0
-    found = abs(K @ model.state.subtract(start, model.equilibrium.state)).max()
-    return float(f'{found:.2g}') if found > 0.0 else 1.0
+    scale = abs(K @ model.state.subtract(start, model.equilibrium.state)).max()
+    return float(f'{scale:.2g}') if scale > 0.0 else 1.0
 
 
 def _space(space: Space) -> dict[str, Any]:
     return {'names': space.names, 'units': space.units, 'angles': space.angles}
 
 
-def _place(adjustments: Adjustments, sensor: str) -> dict[str, Any]:
-    """Return where a sensor is that measures a bearing."""
+def _sensor_position(adjustments: Adjustments, sensor: str) -> dict[str, Any]:
+    """Return the position of a sensor that measures a bearing; empty for any other sensor."""
     if 'bearing' not in adjustments.scenario('plant').sensors[sensor].sensor.output.names:
         return {}
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is on a live page as a parameter file."""
+"""Parameter file of the current parameters of a live page."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from .adjustments import Adjustments
 
 
 def parameter_file(adjustments: Adjustments) -> str:
-    """Return a parameter file that starts every node as it is now.
+    """Return the text of a parameter file that starts every node with its current parameters.
 
-    What the file has for all nodes is under ``/**``, all else in the section of each node.
+    Parameters of all nodes are in the section ``/**``, other values in the section of each node.
     """
     between = (BETWEEN,) if BETWEEN in sections(adjustments.file) else ()
     shared = adjustments.given('')
@@ -20,7 +20,7 @@ def parameter_file(adjustments: Adjustments) -> str:
     parts = [head + section_text('/**', shared)]
     for node in (*NODES, *between):
         values = adjustments.given(node).items()
-        own = {name: value for name, value in values if shared.get(name) != value}
-        if own:
-            parts.append(section_text(node, own))
+        changed = {name: value for name, value in values if shared.get(name) != value}
+        if changed:
+            parts.append(section_text(node, changed))
     return '\n'.join(parts)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the theory of a live page in a process beside it: always of the newest parameters.
+"""Computation of the theory of a live page, for the newest parameters, in a separate process.
 
-A thread would keep the interpreter from the topics for half a second at a time.
+A thread would delay the processing of topics by half a second at a time.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from typing import Any
 from .adjustments import Adjustments
 from .live_theory import theory
 
-#: Added to the niceness of the process: the nodes come first.
+#: Increment of the niceness of the process, so that the nodes have priority.
 _NICE = 10
 
 
 class TheoryWorker:
-    """A process that computes `theory` on request, of the newest request; a context manager.
+    """A process that computes `theory` for the newest request; a context manager.
 
     Parameters
     ----------
     deliver
-        Called with each result, in a thread of the worker.
+        Receives each result, in a thread of the worker.
     """
 
     def __init__(self, deliver: Callable[[dict[str, Any]], None]) -> None:
         self._deliver = deliver
         self._lock = Lock()
         self._waiting = ''
-        self._busy = self._over = False
+        self._busy = self._is_closed = False
 
     def __enter__(self) -> TheoryWorker:
         self._process = subprocess.Popen(
@@ -47,24 +47,24 @@ class TheoryWorker:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._over = True
+        self._is_closed = True
         self._process.terminate()
         self._process.wait()
 
     def request(self, adjustments: Adjustments) -> None:
-        """Ask for the theory of the parameters of now."""
-        wanted = {
+        """Request the theory for the current parameters."""
+        request = {
             'file': str(adjustments.file),
             'shared': adjustments.shared,
             'changes': adjustments.changes,
         }
         with self._lock:
-            self._waiting = json.dumps(wanted)
+            self._waiting = json.dumps(request)
             if not self._busy:
                 self._send()
 
     def _send(self) -> None:
-        """Pass the newest request on; the caller holds the lock."""
+        """Send the newest request; the caller must hold the lock."""
         text, self._waiting = self._waiting, ''
         self._busy = bool(text)
         assert self._process.stdin is not None
@@ -72,7 +72,7 @@ class TheoryWorker:
             if text:
                 self._process.stdin.write(f'{text}\n')
                 self._process.stdin.flush()
-        except OSError:  # it has ended
+        except OSError:  # the process has ended
             self._busy = True
 
     def _receive(self) -> None:
@@ -81,22 +81,22 @@ class TheoryWorker:
             self._deliver(json.loads(line))
             with self._lock:
                 self._send()
-        if not self._over:
+        if not self._is_closed:
             self._deliver({'notes': ['theory: its process has ended; restart the page']})
 
 
-def _answer(wanted: dict[str, Any]) -> dict[str, Any]:
-    found = Adjustments(Path(wanted['file']), wanted['shared'])
-    for node, values in wanted['changes'].items():
-        found.change(node, values, tried=True)
-    actual, estimator = found.scenario('plant'), found.scenario('estimator')
-    believed = found.believed() if found.driven else estimator
-    delay = found.value('plant', 'actuator_delay')
-    return theory(believed, actual, found.filter_options(), delay)
+def _answer(request: dict[str, Any]) -> dict[str, Any]:
+    adjustments = Adjustments(Path(request['file']), request['shared'])
+    for node, values in request['changes'].items():
+        adjustments.change(node, values, tried=True)
+    actual, estimator = adjustments.scenario('plant'), adjustments.scenario('estimator')
+    believed = adjustments.believed() if adjustments.driven else estimator
+    delay = adjustments.value('plant', 'actuator_delay')
+    return theory(believed, actual, adjustments.filter_options(), delay)
 
 
 def main() -> None:
-    """Answer requests, a line each, until there are no more."""
+    """Answer requests from standard input, one per line, until its end."""
     os.nice(_NICE)
     for line in sys.stdin:
         try:

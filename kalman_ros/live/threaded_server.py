@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A server of asyncio in a separate thread."""
+"""Base of asyncio servers in a separate thread."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from typing import Any
 
 from .web_access import Access
 
-#: Seconds that the thread has to end.
+#: Time limit in seconds for the end of the thread.
 _PATIENCE = 5.0
 
 
 class ThreadedServer(ABC):
-    """Listens while it is entered as a context manager.
+    """A server that listens while its context is entered.
 
     Parameters
     ----------
     access
-        Address, port and rules.
+        Address, port and access rules.
     """
 
     def __init__(self, access: Access) -> None:
         self._access = access
         self._started, self._error = Event(), ''
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._over = asyncio.Event()
+        self._stop_request = asyncio.Event()
         self._thread = Thread(target=lambda: asyncio.run(self._run()), daemon=True)
 
     def __enter__(self) -> Any:
@@ -40,18 +40,18 @@ class ThreadedServer(ABC):
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.call(self._over.set)
+        self.call(self._stop_request.set)
         self._thread.join(_PATIENCE)
 
     def call(self, function: Callable[[], object]) -> None:
-        """Call a function in the thread of the server, soon; from any thread."""
+        """Schedule a function call in the thread of the server; callable from any thread."""
         if self._loop is not None:
             with suppress(RuntimeError):  # the thread has ended
                 self._loop.call_soon_threadsafe(function)
 
     @abstractmethod
     async def listen(self, address: str, port: int) -> Any:
-        """Return a listening server of asyncio; OSError if the port cannot be used."""
+        """Return a listening asyncio server; raise OSError if the port cannot be used."""
 
     async def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -63,7 +63,7 @@ class ThreadedServer(ABC):
             self._started.set()
             return
         self._started.set()
-        await self._over.wait()
+        await self._stop_request.wait()
         await self.end(server)
 
     async def end(self, server: Any) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes of a scenario in real time, for viewers: started together, in a private domain."""
+"""Nodes of a scenario for viewers, in real time and in a private domain."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from .map_extent import is_drawn
 
 
 class ViewedNodes(LaunchedNodes):
-    """Running nodes in a private domain; a context manager.
+    """The running nodes of a scenario in a private domain; a context manager.
 
     Parameters
     ----------
-    found
-        Their parameters.
+    adjustments
+        Parameters of the nodes.
     seed
-        Of all noise.
+        Seed of all noise.
     """
 
-    def __init__(self, found: Adjustments, seed: int) -> None:
-        shared = {**found.shared, 'seed': seed, 'lockstep': False}
-        also, only = {}, dict(found.changes)
-        if is_drawn(found.scenario('estimator')):
+    def __init__(self, adjustments: Adjustments, seed: int) -> None:
+        shared = {**adjustments.shared, 'seed': seed, 'lockstep': False}
+        also, only = {}, dict(adjustments.changes)
+        if is_drawn(adjustments.scenario('estimator')):
             also['markers'] = 'markers'
-            only['markers'] = {'frame': found.value('estimator', 'frame')}
-        nodes = NodeSet(str(found.file), shared, only, None, also, {})
+            only['markers'] = {'frame': adjustments.value('estimator', 'frame')}
+        nodes = NodeSet(str(adjustments.file), shared, only, None, also, {})
         super().__init__(nodes)
 
     def __enter__(self) -> ViewedNodes:

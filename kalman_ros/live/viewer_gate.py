@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Admits viewers to a server that checks nothing itself: by host, page and token."""
+"""Access control, by host, page and token, for a server of viewers that has none."""
 
 from __future__ import annotations
 
@@ -11,35 +11,36 @@ from urllib.parse import urlsplit
 from .threaded_server import ThreadedServer
 from .web_access import Access
 
-#: The pages of viewers; a program sends no origin. A desktop application may be a page in a file,
-#: and so may whatever a person has saved and opened: that is not admitted without being asked for.
+#: Origins of the pages of viewers; a program sends no origin. The origin of a desktop application
+#: may be that of a local file, as of any saved page, so it is admitted only on request.
 PAGES = ('https://app.foxglove.dev',)
-#: What the server calls the protocol, and what older viewers call the same.
+#: Name of the protocol on the server, and its name in older viewers.
 _PROTOCOL, _OLD = 'foxglove.sdk.v1', 'foxglove.websocket.v1'
-#: The most bytes of a request, seconds that it may take, and bytes that are passed on at once.
+#: Largest size of a request in bytes, its time limit in seconds, and block size in bytes.
 _LONGEST, _PATIENCE, _BLOCK = 16_384, 5.0, 65_536
-#: The most viewers, and the most connections that have not yet shown that they are one.
-_VIEWERS, _STRANGERS = 32, 128
+#: Largest numbers of viewers, and of connections that have not yet sent a request.
+_MOST_VIEWERS, _MOST_PENDING = 32, 128
 _END = b'\r\n\r\n'
 
 
 class ViewerGate(ThreadedServer):
-    """Listens for viewers and connects those that may to a server, in a separate thread.
+    """A server that connects admitted viewers to another server, in a separate thread.
 
-    A page elsewhere can make a person's browser connect here. It can neither choose its
-    ``Origin`` nor, with a name that it points at this machine, its ``Host``, so both are checked
-    before the server receives anything, and the request that it receives is composed by the gate.
+    A page of another site can make the user's browser connect to this machine, but it can choose
+    neither the ``Origin`` of the request nor, with a host name that it resolves to this machine,
+    its ``Host``. Both are checked before the server receives anything, and the gate composes the
+    request that the server receives.
 
     Parameters
     ----------
     access
-        Address, port, and the token that the address of a viewer must have, if any.
+        Address, port, and the token that the address of a viewer must contain, if any.
     server
         Address and port of the server.
     pages
-        The origins that are admitted beside `PAGES`.
+        Origins that are admitted in addition to `PAGES`.
     on_refusal
-        Called with each reason for which a viewer was refused.
+        Receives the reason of each refusal of a viewer.
     """
 
     def __init__(
@@ -53,17 +54,17 @@ class ViewerGate(ThreadedServer):
         self._server, self._on_refusal = server, on_refusal
         self._pages = {*PAGES, *pages}
         self._viewers = 0
-        # in the order of their arrival
-        self._strangers: dict[asyncio.StreamWriter, None] = {}
+        # in the order in which they connected
+        self._pending: dict[asyncio.StreamWriter, None] = {}
 
     async def listen(self, address: str, port: int) -> asyncio.Server:
         """Listen for viewers."""
         return await asyncio.start_server(self._serve, address, port, limit=_LONGEST)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve one connection until an end closes it."""
+        """Serve one connection until either end closes it."""
         try:
-            path, headers = await self._request(reader, writer)
+            path, headers = await self._read_request(reader, writer)
             refusal = self._refusal(path, headers)
             if refusal:
                 self._on_refusal(refusal[1])
@@ -77,24 +78,24 @@ class ViewerGate(ThreadedServer):
                     self._viewers -= 1
         except (OSError, ValueError, asyncio.IncompleteReadError, asyncio.LimitOverrunError,
                 asyncio.TimeoutError):  # fmt: skip
-            pass  # a port scanner, or a connection that broke
+            pass  # a port scanner, or a broken connection
         finally:
             writer.close()
 
-    async def _request(
+    async def _read_request(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> tuple[str, dict[str, str]]:
-        """Return a request's path and headers; where too many wait, the oldest is dropped."""
-        self._strangers[writer] = None
-        if len(self._strangers) > _STRANGERS:
-            next(iter(self._strangers)).transport.abort()
+        """Return the path and headers of a request; drop the oldest if too many are pending."""
+        self._pending[writer] = None
+        if len(self._pending) > _MOST_PENDING:
+            next(iter(self._pending)).transport.abort()
         try:
-            return _parsed(await asyncio.wait_for(reader.readuntil(_END), _PATIENCE))
+            return _parse_request(await asyncio.wait_for(reader.readuntil(_END), _PATIENCE))
         finally:
-            del self._strangers[writer]
+            del self._pending[writer]
 
     def _refusal(self, path: str, headers: Mapping[str, str]) -> tuple[HTTPStatus, str] | None:
-        """Return why a request is refused; None if it is not."""
+        """Return the status and reason of a refusal; None if the request is admitted."""
         origin = headers.get('origin', '')
         if not self._access.knows(headers.get('host', '')):
             return HTTPStatus.MISDIRECTED_REQUEST, 'a request to another name than this server has'
@@ -107,8 +108,8 @@ class ViewerGate(ThreadedServer):
             return HTTPStatus.UPGRADE_REQUIRED, 'a browser: open this address in a viewer'
         if not {_PROTOCOL, _OLD}.intersection(_protocols(headers)):
             return HTTPStatus.BAD_REQUEST, f'a client that does not speak {_PROTOCOL}'
-        if self._viewers >= _VIEWERS:
-            return HTTPStatus.SERVICE_UNAVAILABLE, f'more than {_VIEWERS} viewers'
+        if self._viewers >= _MOST_VIEWERS:
+            return HTTPStatus.SERVICE_UNAVAILABLE, f'more than {_MOST_VIEWERS} viewers'
         return None
 
     async def _connect(
@@ -117,48 +118,48 @@ class ViewerGate(ThreadedServer):
         reader: asyncio.StreamReader,
         writer: asyncio.StreamWriter,
     ) -> None:
-        """Pass on the request of a viewer, and then everything both ways."""
-        own_reader, own_writer = await asyncio.open_connection(*self._server, limit=_LONGEST)
+        """Pass on the request of a viewer, and then all data in both directions."""
+        server_reader, server_writer = await asyncio.open_connection(*self._server, limit=_LONGEST)
         try:
-            own_writer.write(
+            server_writer.write(
                 f'GET / HTTP/1.1\r\nHost: {self._server[0]}:{self._server[1]}\r\n'
                 f'Upgrade: websocket\r\nConnection: Upgrade\r\n'
                 f'Sec-WebSocket-Key: {headers.get("sec-websocket-key", "")}\r\n'
                 f'Sec-WebSocket-Version: {headers.get("sec-websocket-version", "")}\r\n'
                 f'Sec-WebSocket-Protocol: {_PROTOCOL}\r\n\r\n'.encode()
             )
-            head = await asyncio.wait_for(own_reader.readuntil(_END), _PATIENCE)
+            head = await asyncio.wait_for(server_reader.readuntil(_END), _PATIENCE)
             if _PROTOCOL not in _protocols(headers):
                 head = head.replace(_PROTOCOL.encode(), _OLD.encode())
             writer.write(head)
-            if not head.startswith(b'HTTP/1.1 101 '):  # then what follows is no longer a socket's
+            if not head.startswith(b'HTTP/1.1 101 '):  # refused: no socket data follows
                 await writer.drain()
                 return
-            ways = [
-                asyncio.ensure_future(_pass_on(reader, own_writer)),
-                asyncio.ensure_future(_pass_on(own_reader, writer)),
+            directions = [
+                asyncio.ensure_future(_forward(reader, server_writer)),
+                asyncio.ensure_future(_forward(server_reader, writer)),
             ]
             try:
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+                await asyncio.wait(directions, return_when=asyncio.FIRST_COMPLETED)
             finally:
-                for way in ways:
-                    way.cancel()
-                await asyncio.gather(*ways, return_exceptions=True)
+                for direction in directions:
+                    direction.cancel()
+                await asyncio.gather(*directions, return_exceptions=True)
         finally:
-            own_writer.close()
+            server_writer.close()
 
 
-async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Write what is read until the end."""
+async def _forward(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Write all data that is read until the end of the stream."""
     while data := await reader.read(_BLOCK):
         writer.write(data)
         await writer.drain()
 
 
-def _parsed(head: bytes) -> tuple[str, dict[str, str]]:
-    """Return the path and the headers of a request; ValueError if it is malformed.
+def _parse_request(head: bytes) -> tuple[str, dict[str, str]]:
+    """Return the path and the headers of a request; raise ValueError if it is malformed.
 
-    Headers of one name are joined, so that none of the values is overlooked.
+    Headers with the same name are joined, so that no value is overlooked.
     """
     first, *lines = head[: -len(_END)].decode('ascii').split('\r\n')
     method, path, version = first.split(' ')
@@ -169,14 +170,14 @@ def _parsed(head: bytes) -> tuple[str, dict[str, str]]:
         name, colon, value = line.partition(':')
         if not colon or not line.isprintable() or name != name.strip():
             raise ValueError(f'expected a header, got {line}')
-        known = headers.get(name.lower())
+        previous = headers.get(name.lower())
         value = value.strip()
-        headers[name.lower()] = value if known is None else f'{known}, {value}'
+        headers[name.lower()] = value if previous is None else f'{previous}, {value}'
     return path, headers
 
 
 def _protocols(headers: Mapping[str, str]) -> list[str]:
-    return [each.strip() for each in headers.get('sec-websocket-protocol', '').split(',')]
+    return [protocol.strip() for protocol in headers.get('sec-websocket-protocol', '').split(',')]
 
 
 def _response(status: HTTPStatus, why: str) -> bytes:

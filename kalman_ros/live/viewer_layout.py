@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A layout of panels for Foxglove and Lichtblick: the states, innovations and inputs of a file."""
+"""Layout of panels for Foxglove and Lichtblick: states, innovations and inputs of a scenario."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from kalman_ros.sensors.states import States
 
 from .map_extent import extent, is_drawn
 
-#: Colours that differ without colour vision (M. Okabe and K. Ito, Color universal design, 2008).
+#: Colours that are distinct without colour vision (M. Okabe and K. Ito, Color universal design,
+#: 2008).
 _COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 _GREY = '#888888'
-#: Seconds that a plot shows.
+#: Time range of a plot, in seconds.
 _WIDTH = 30
 
 
 class LayoutPanels:
-    """The panels of a layout by their identifiers, as they are added."""
+    """The panels of a layout by identifier, in the order in which they were added."""
 
     def __init__(self) -> None:
         self.configurations: dict[str, dict[str, Any]] = {}
@@ -47,31 +48,31 @@ class LayoutPanels:
 
 
 def layout(scenario: Scenario, frame: str) -> dict[str, Any]:
-    """Return the layout of a scenario, to be imported as JSON.
+    """Return the layout of a scenario, for an import as JSON.
 
     Parameters
     ----------
     scenario
-        Of the estimator.
+        Scenario of the estimator.
     frame
-        In which the node ``markers`` draws it, if it can.
+        Frame in which the node ``markers`` draws the scenario, if it can.
     """
     panels = LayoutPanels()
     tabs = {
-        'States': _states(panels, scenario),
-        'Innovations': _innovations(panels, scenario),
-        'Standard deviations': _deviations(panels, scenario),
+        'States': _add_states(panels, scenario),
+        'Innovations': _add_innovations(panels, scenario),
+        'Standard deviations': _add_deviations(panels, scenario),
     }
     if scenario.input.fields:
-        tabs['Input'] = [panels.plot('input', _input(scenario))]
+        tabs['Input'] = [panels.plot('input', _input_series(scenario))]
     report = panels.add('DiagnosticSummary', {'topicToRender': '/diagnostics'})
     log = panels.add('RosOut', {'topicToRender': '/rosout'})
     tabs['Nodes'] = [report, log]
     plots = panels.add('Tab', {
         'activeTabIdx': 0,
-        'tabs': [{'title': title, 'layout': stacked(found)} for title, found in tabs.items()],
+        'tabs': [{'title': title, 'layout': stacked(tab)} for title, tab in tabs.items()],
     })  # fmt: skip
-    side = [panels.add('3D', _map(scenario, frame))] if is_drawn(scenario) else []
+    side = [panels.add('3D', _map_panel(scenario, frame))] if is_drawn(scenario) else []
     side.append(panels.add('Parameters', {}))
     return {
         'configById': panels.configurations,
@@ -85,7 +86,7 @@ def layout(scenario: Scenario, frame: str) -> dict[str, Any]:
 
 
 def stacked(panels: Sequence[str]) -> Any:
-    """Return panels one above the other, all of one height."""
+    """Return panels one above the other, all with the same height."""
     first, *others = panels
     if not others:
         return first
@@ -96,28 +97,30 @@ def stacked(panels: Sequence[str]) -> Any:
 
 
 def message_paths(signal: Signal) -> list[str | None]:
-    """Return the viewer's path of each field of a signal; None where it has none.
+    """Return the path of each field of a signal in a viewer; None for a field without a path.
 
     A viewer does not compute angles of a quaternion, and finds a value by its name only if the
     names are in the order of the signal.
     """
     kind = message_type(signal.type)
-    found: list[str | None] = []
+    paths: list[str | None] = []
     names: list[str] = []
     for field in signal.fields:
         try:
             path = parse(field, kind())
-        except ValueError:  # satellite fixes in metres
-            found.append(None)
+        except ValueError:  # a satellite fix in metres has no path
+            paths.append(None)
             continue
-        turned = path.attribute in (*ANGLES, *VECTOR) and is_quaternion(walk(kind(), path.parent))
+        is_angle = path.attribute in (*ANGLES, *VECTOR) and is_quaternion(
+            walk(kind(), path.parent)
+        )
         if path.name is not None and path.name not in names:
             names.append(path.name)
         index = path.index if path.name is None else names.index(path.name)
         steps = ''.join(f'[{step}]' if isinstance(step, int) else f'.{step}' for step in path.way)
         end = '' if index is None else f'[{index}]'
-        found.append(None if turned else f'/{signal.topic.lstrip("/")}{steps}{end}')
-    return found
+        paths.append(None if is_angle else f'/{signal.topic.lstrip("/")}{steps}{end}')
+    return paths
 
 
 def _series(
@@ -129,8 +132,8 @@ def _series(
     }  # fmt: skip
 
 
-def _states(panels: LayoutPanels, scenario: Scenario) -> list[str]:
-    """Add a plot for each unit: estimate, truth, and readings of the states themselves."""
+def _add_states(panels: LayoutPanels, scenario: Scenario) -> list[str]:
+    """Add a plot for each unit with estimates, truth, and direct readings of the states."""
     space, signal = scenario.model.state, scenario.state
     estimates = message_paths(state_signal(signal, space))
     truths = message_paths(Signal('ground_truth', signal.type, signal.fields))
@@ -142,16 +145,16 @@ def _states(panels: LayoutPanels, scenario: Scenario) -> list[str]:
         truth = truths[index]
         if truth is not None:
             groups[unit].append(_series(truth, f'{name} true', _GREY, width=1.0))
-        for path, label in _readings(scenario, name):
+        for path, label in _reading_paths(scenario, name):
             groups[unit].append(_series(path, label, color, width=1.0, line=False))
     return [panels.plot(f'[{unit or "1"}]', series) for unit, series in groups.items()]
 
 
-def _readings(scenario: Scenario, state: str) -> Iterator[tuple[str, str]]:
-    """Yield the path and a label of each reading of a state."""
+def _reading_paths(scenario: Scenario, state: str) -> Iterator[tuple[str, str]]:
+    """Yield the path and the label of each direct reading of a state."""
     for name, source in scenario.enabled.items():
         output, signal = source.sensor.output.names, source.signal
-        # a robot may publish its joints in another order
+        # the path is unknown, since a robot may publish its joints in another order
         if state not in output or '[' in signal.fields[output.index(state)]:
             continue
         path = message_paths(signal)[output.index(state)]
@@ -159,28 +162,30 @@ def _readings(scenario: Scenario, state: str) -> Iterator[tuple[str, str]]:
             yield path, f'{state} by {name}'
 
 
-def _innovations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
-    """Add a plot of the innovations of each sensor with their bounds, and one of all NIS."""
-    found, nis = [], []
+def _add_innovations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
+    """Add a plot of the innovations and deviations of each sensor, and a plot of all NIS."""
+    plots, nis = [], []
     for number, (name, source) in enumerate(scenario.enabled.items()):
         output = source.sensor.output
         paths = message_paths(innovation_signal(scenario.state, name, output))
         series = []
-        for index, each in enumerate(output.names):
+        for index, coordinate in enumerate(output.names):
             color = _COLORS[index % len(_COLORS)]
             deviation = paths[output.size + index]
-            series.append(_series(str(paths[index]), each, color))
-            series.append(_series(str(deviation), f'+ deviation of {each}', _GREY, width=1.0))
+            series.append(_series(str(paths[index]), coordinate, color))
             series.append(
-                _series(f'{deviation}.@negative', f'- deviation of {each}', _GREY, width=1.0)
+                _series(str(deviation), f'+ deviation of {coordinate}', _GREY, width=1.0)
             )
-        found.append(panels.plot(f'innovation of {name}', series))
+            series.append(
+                _series(f'{deviation}.@negative', f'- deviation of {coordinate}', _GREY, width=1.0)
+            )
+        plots.append(panels.plot(f'innovation of {name}', series))
         nis.append(_series(str(paths[-1]), name, _COLORS[number % len(_COLORS)], line=False))
-    return [*found, panels.plot('NIS', nis)]
+    return [*plots, panels.plot('NIS', nis)]
 
 
-def _deviations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
-    """Add a plot for each unit of the standard deviations."""
+def _add_deviations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
+    """Add a plot of the standard deviations for each unit."""
     space = scenario.model.state
     paths = message_paths(covariance_signal(scenario.state))
     groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
@@ -191,7 +196,7 @@ def _deviations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
     return [panels.plot(f'[{unit or "1"}]', series) for unit, series in groups.items()]
 
 
-def _input(scenario: Scenario) -> Iterator[dict[str, Any]]:
+def _input_series(scenario: Scenario) -> Iterator[dict[str, Any]]:
     space = scenario.model.input
     for index, path in enumerate(message_paths(scenario.input)):
         if path is not None:
@@ -199,8 +204,8 @@ def _input(scenario: Scenario) -> Iterator[dict[str, Any]]:
             yield _series(path, label, _COLORS[index % len(_COLORS)])
 
 
-def _map(scenario: Scenario, frame: str) -> dict[str, Any]:
-    """Return the panel that shows the markers from above."""
+def _map_panel(scenario: Scenario, frame: str) -> dict[str, Any]:
+    """Return the configuration of the panel that shows the markers from above."""
     across = extent(scenario)
     return {
         'foxglovePanelTitle': 'map',

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Passes the topics of a ROS graph on to viewers: those that a viewer is subscribed to."""
+"""Loop that passes the topics of a ROS graph to the viewers that subscribe to them."""
 
 from __future__ import annotations
 
@@ -16,80 +16,81 @@ from kalman_ros.harness.graph_topics import GraphTopics, OfferedTopic
 from .graph_parameters import changed
 from .viewer_server import ViewerServer
 
-#: Seconds between two looks for messages, at the subscriptions of viewers, and at the graph.
+#: Intervals in seconds of checks for messages, of the subscriptions of viewers, and of the graph.
 _MESSAGES, _SUBSCRIPTIONS, _GRAPH = 0.02, 0.1, 0.5
-#: What nodes publish when a parameter changes.
+#: Topic of the changes of parameters.
 _EVENTS = OfferedTopic(
     '/parameter_events', 'rcl_interfaces/msg/ParameterEvent', (qos_profile_parameter_events,), ''
 )
 
 
 class ViewerLoop:
-    """Serves a graph until a signal.
+    """A loop that serves a graph until a signal ends the process.
 
-    Nothing is subscribed to without a viewer that is, except to changes of parameters.
+    A topic is subscribed to only while a viewer is subscribed to it, except for changes of
+    parameters.
 
     Parameters
     ----------
     graph
-        The topics.
+        Topics of the graph.
     server
-        Of the viewers.
+        Server of the viewers.
     """
 
     def __init__(self, graph: GraphTopics, server: ViewerServer) -> None:
         self._graph, self._server = graph, server
         self._offered: dict[str, OfferedTopic] = {}
         graph.subscribe(_EVENTS)
-        self._asked: SimpleQueue[str] = SimpleQueue()
-        server.on_subscription = self._asked.put
+        self._new_subscriptions: SimpleQueue[str] = SimpleQueue()
+        server.on_subscription = self._new_subscriptions.put
 
     def run(self, check: Callable[[], None] = lambda: None) -> None:
-        """Pass messages on; call ``check`` now and then, to end by an exception."""
-        looked = followed = 0.0
+        """Pass on messages; call ``check`` regularly, which may end the loop by an exception."""
+        graph_checked = subscriptions_checked = 0.0
         while True:
             now = time.monotonic()
-            if now - looked >= _GRAPH:
-                looked = now
+            if now - graph_checked >= _GRAPH:
+                graph_checked = now
                 check()
                 for topic in self._graph.new():
                     self._offered[topic.name] = topic
                     self._server.offer(topic.name, topic.kind)
-            if now - followed >= _SUBSCRIPTIONS:
-                followed = now
-                self._follow()
-            self._pass_on()
+            if now - subscriptions_checked >= _SUBSCRIPTIONS:
+                subscriptions_checked = now
+                self._update_subscriptions()
+            self._forward_messages()
             idle = self._graph.subscribed == [_EVENTS.name]
             time.sleep(_SUBSCRIPTIONS if idle else _MESSAGES)
 
-    def _follow(self) -> None:
-        """Subscribe to what viewers are subscribed to, and to nothing else.
+    def _update_subscriptions(self) -> None:
+        """Subscribe to the topics to which viewers are subscribed, and to no other topic.
 
-        What is kept for later subscribers, such as fixed transforms, is received once more for
-        each viewer.
+        The messages of a latched topic, such as static transforms, are received again for each new
+        viewer.
         """
-        for _ in range(self._asked.qsize()):
-            topic = self._offered[self._asked.get()]
+        for _ in range(self._new_subscriptions.qsize()):
+            topic = self._offered[self._new_subscriptions.get()]
             if topic.kept and topic.name in self._graph.subscribed:
                 self._graph.unsubscribe(topic)
-        wanted, subscribed = self._server.wanted, {*self._graph.subscribed}
+        requested, subscribed = self._server.wanted, {*self._graph.subscribed}
         for name, topic in self._offered.items():
-            if name == _EVENTS.name or (name in wanted) == (name in subscribed):
+            if name == _EVENTS.name or (name in requested) == (name in subscribed):
                 continue
-            if name in wanted:
+            if name in requested:
                 self._graph.subscribe(topic)
             else:
                 self._graph.unsubscribe(topic)
 
-    def _pass_on(self) -> None:
+    def _forward_messages(self) -> None:
         for message in self._graph.take():
             if message.topic == _EVENTS.name:
-                self._show(message.data)
+                self._show_changes(message.data)
             if message.topic in self._offered:
                 self._server.publish(message.topic, message.data, message.received)
 
-    def _show(self, data: bytes) -> None:
-        """Show the parameters that have changed."""
+    def _show_changes(self, data: bytes) -> None:
+        """Show the parameters that an event reports as changed."""
         try:
             event = decode(data, ParameterEvent)
         except UndecodableError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A server for Foxglove, Lichtblick and PlotJuggler: topics as they are, and parameters."""
+"""Server of topics and parameters for Foxglove, Lichtblick and PlotJuggler."""
 
 from __future__ import annotations
 
@@ -30,34 +30,34 @@ from .web_access import Access
 
 
 class Parameters(Protocol):
-    """What a viewer reads and changes; values are those of ROS parameters."""
+    """Access to parameters for a viewer; the values are those of ROS parameters."""
 
     def read(self, names: Sequence[str]) -> Mapping[str, Any]:
-        """Return the values of parameters that exist; of all for no names."""
+        """Return the values of parameters that exist, or of all parameters for no names."""
         ...
 
     def change(self, values: Mapping[str, Any]) -> str:
-        """Change parameters; return why some are refused, '' if none is."""
+        """Change parameters; return the reason of a refusal, or ''."""
         ...
 
 
 class ViewerServer:
-    """Serves topics and parameters to viewers, in separate threads; a context manager.
+    """A server of topics and parameters for viewers, in separate threads; a context manager.
 
-    The protocol is that of foxglove-sdk, which admits everybody who can reach it. So its server
-    listens on an address of the loopback network and a port that are random and known to nobody
-    but a `ViewerGate`, which admits viewers.
+    The server of foxglove-sdk admits every client that can reach it. Therefore it listens on a
+    random address of the loopback network and a random port, which are known only to a
+    `ViewerGate` that admits viewers.
 
     Parameters
     ----------
     name
-        Shown in the viewer.
+        Name that the viewer shows.
     access, pages, on_refusal
-        As for the gate.
+        As for `ViewerGate`.
     parameters
-        What viewers read and change; called by any thread. None offers none.
+        Parameters that viewers read and change, called from any thread; None for no parameters.
     player
-        Of a recording, which viewers control.
+        Player of a recording that viewers control.
     """
 
     def __init__(
@@ -74,16 +74,16 @@ class ViewerServer:
         self._parameters, self._on_refusal = parameters, on_refusal
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
-        #: Called with a topic by any thread when a viewer subscribes to it.
+        #: Receives a topic, in any thread, when a viewer subscribes to it.
         self.on_subscription: Callable[[str], None] = lambda _: None
-        self._undo = ExitStack()
+        self._exit_stack = ExitStack()
 
     def __enter__(self) -> ViewerServer:
-        foxglove.set_log_level('CRITICAL')  # it reports every viewer that leaves
-        hidden = '.'.join(map(str, (127, *(1 + randbelow(254) for _ in range(3)))))
+        foxglove.set_log_level('CRITICAL')  # lower levels report every viewer that disconnects
+        host = '.'.join(map(str, (127, *(1 + randbelow(254) for _ in range(3)))))
         self._server = foxglove.start_server(
             name=self._name,
-            host=hidden,
+            host=host,
             port=0,
             capabilities=[] if self._parameters is None else [Capability.Parameters],
             server_listener=_Listener(self),
@@ -91,22 +91,22 @@ class ViewerServer:
             context=self._context,
             playback_time_range=None if self._player is None else self._player.period,
         )
-        self._undo.callback(self._server.stop)
+        self._exit_stack.callback(self._server.stop)
         self._gate = ViewerGate(
-            self._access, (hidden, self._server.port), self._pages, self._on_refusal
+            self._access, (host, self._server.port), self._pages, self._on_refusal
         )
         try:
-            self._undo.enter_context(self._gate)
+            self._exit_stack.enter_context(self._gate)
         except BaseException:
-            self._undo.close()
+            self._exit_stack.close()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._undo.close()
+        self._exit_stack.close()
 
     def offer(self, topic: str, kind: str) -> None:
-        """Offer a topic of type ``package/msg/Name``, with its definition."""
+        """Offer a topic of type ``package/msg/Name``, with the definition of the type."""
         schema = foxglove.Schema(name=kind, encoding='ros2msg', data=definition(kind).encode())
         self._channels[topic] = foxglove.Channel(
             topic, message_encoding='cdr', schema=schema, context=self._context
@@ -114,7 +114,7 @@ class ViewerServer:
 
     @property
     def wanted(self) -> set[str]:
-        """The topics that a viewer is subscribed to."""
+        """Topics to which a viewer is subscribed."""
         return {topic for topic, channel in self._channels.items() if channel.has_sinks()}
 
     def publish(self, topic: str, data: bytes, time: int) -> None:
@@ -122,17 +122,17 @@ class ViewerServer:
         self._channels[topic].log(data, log_time=time)
 
     def show(self, values: Mapping[str, Any]) -> None:
-        """Show changed parameters in the viewers that have asked for them."""
-        self._server.publish_parameter_values(_shown(values))
+        """Show changed parameters in the viewers that have requested them."""
+        self._server.publish_parameter_values(_to_viewer(values))
 
     def read(self, names: Sequence[str]) -> list[Parameter]:
-        """Return parameters as a viewer shows them; of all for no names."""
-        found = {} if self._parameters is None else self._parameters.read(names)
-        return _shown(found)
+        """Return parameters as a viewer shows them, or all parameters for no names."""
+        values = {} if self._parameters is None else self._parameters.read(names)
+        return _to_viewer(values)
 
-    def change(self, wanted: Sequence[Parameter]) -> list[Parameter]:
-        """Change parameters as a viewer requests, report a refusal, and return their values."""
-        values = {each.name: each.get_value() for each in wanted}
+    def change(self, parameters: Sequence[Parameter]) -> list[Parameter]:
+        """Change parameters as a viewer requests, report a refusal, and return the values."""
+        values = {parameter.name: parameter.get_value() for parameter in parameters}
         if self._parameters is not None:
             refusal = self._parameters.change(values)
             if refusal:
@@ -140,11 +140,11 @@ class ViewerServer:
         return self.read([*values])
 
     def report(self, position: Position) -> None:
-        """Show where the player is."""
+        """Show the position of the player."""
         self._server.broadcast_playback_state(_state(position))
 
     def control(self, request: PlaybackControlRequest) -> PlaybackState | None:
-        """Let the player do what a viewer requests."""
+        """Pass the request of a viewer to the player; return the new state."""
         if self._player is None:
             return None
         position = self._player.control(
@@ -167,7 +167,7 @@ def _state(position: Position, request: PlaybackControlRequest | None = None) ->
 
 
 class _Listener(ServerListener):
-    """Answers the requests of viewers; what goes wrong is no reason to end their connection."""
+    """A listener that answers the requests of viewers; errors do not end their connection."""
 
     def __init__(self, server: ViewerServer) -> None:
         self._server = server
@@ -191,17 +191,18 @@ class _Listener(ServerListener):
         return self._server.control(playback_control_request)
 
 
-def _shown(values: Mapping[str, Any]) -> list[Parameter]:
-    """Return parameters for JSON, which has no number that is not finite.
+def _to_viewer(values: Mapping[str, Any]) -> list[Parameter]:
+    """Return parameters for JSON, which has only finite numbers.
 
-    Such a number is a text, and then every number of its list is one: a list has one type.
+    A number that is not finite becomes a text, and so do all numbers of its list, since a list has
+    one type.
     """
-    return [Parameter(name, value=_text(value)) for name, value in values.items()]
+    return [Parameter(name, value=_json_value(value)) for name, value in values.items()]
 
 
-def _text(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     values = value if isinstance(value, list) else [value]
-    if all(not isinstance(each, float) or isfinite(each) for each in values):
+    if all(not isinstance(number, float) or isfinite(number) for number in values):
         return value
-    texts = [str(each) for each in values]
+    texts = [str(number) for number in values]
     return texts if isinstance(value, list) else texts[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The server of the page: its files, and one socket for each tab."""
+"""Server of the live page: its files, and a socket for each tab."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from .page_command import Command, read_command
 from .threaded_server import ThreadedServer
 from .web_access import Access
 
-#: The most tabs at once, bytes of one command, and commands a second from one tab.
+#: Largest number of tabs, size of a command in bytes, and number of commands per second of a tab.
 _TABS, _LONGEST, _COMMANDS = 32, 4096, 200
-#: Least seconds between two messages to a tab, and the most that a tab takes to read one, or to
-#: answer a ping.
+#: Least interval in seconds of messages to a tab, and time limit in seconds for a tab to read a
+#: message or to answer a ping.
 _PERIOD, _PATIENCE = 0.02, 10.0
-#: The folder of the page, and the types of its files.
+#: Folder of the page, and types of its files.
 _PAGE = Path(__file__).with_name('page')
 _TYPES = {'.html': 'text/html', '.css': 'text/css', '.js': 'text/javascript'}
-#: The path of the socket.
+#: Path of the socket.
 _SOCKET = '/socket'
 
 
 class WebServer(ThreadedServer):
-    """Serves a board to tabs, and passes their commands on, in a separate thread.
+    """A server that shows a board in tabs and passes on their commands, in a separate thread.
 
     Parameters
     ----------
     board
-        What the tabs show.
+        Board that the tabs show.
     command
-        Called with each command and the monotonic time of its arrival.
+        Receives each command and the monotonic time of its arrival.
     access
-        Address, port and rules.
+        Address, port and access rules.
     """
 
     def __init__(
@@ -55,11 +55,11 @@ class WebServer(ThreadedServer):
 
     @property
     def tabs(self) -> int:
-        """The number of connected tabs."""
+        """Number of connected tabs."""
         return len(self._tabs)
 
     async def listen(self, address: str, port: int) -> Server:
-        """Serve the page, and wake its tabs at every change of the board."""
+        """Serve the page, and notify its tabs of every change of the board."""
         server = await serve(
             self._tab, address, port, process_request=self._respond, compression=None,
             max_size=_LONGEST, max_queue=16, open_timeout=5.0, close_timeout=1.0,
@@ -70,7 +70,7 @@ class WebServer(ThreadedServer):
         return server
 
     async def end(self, server: Server) -> None:
-        """Close the server, and tell the tabs."""
+        """Close the server and the connections of the tabs."""
         server.close()
         await server.wait_closed()
 
@@ -79,10 +79,10 @@ class WebServer(ThreadedServer):
             tab.set()
 
     def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return a file or a refusal; None to open a socket."""
+        """Return a file or a refusal; None opens a socket."""
         access = self._access
-        # several headers of one kind are joined, and then match nothing
-        host, origin = (_all(request.headers, name) for name in ('Host', 'Origin'))
+        # repeated headers are joined, so that they match nothing
+        host, origin = (_join_headers(request.headers, name) for name in ('Host', 'Origin'))
         path, _, query = request.path.partition('?')
         if not access.knows(host):
             return _refusal(HTTPStatus.MISDIRECTED_REQUEST, 'this server has another name')
@@ -91,7 +91,7 @@ class WebServer(ThreadedServer):
         if access.logs_in(query):
             cookie = f'{access.cookie}={access.token}; HttpOnly; SameSite=Strict; Path=/'
             return _response(HTTPStatus.SEE_OTHER, b'', {'Location': '/', 'Set-Cookie': cookie})
-        if not access.admits(_all(request.headers, 'Cookie', '; ')):
+        if not access.admits(_join_headers(request.headers, 'Cookie', '; ')):
             return _refusal(HTTPStatus.UNAUTHORIZED, 'open the address with its token')
         if path == _SOCKET:
             if not origin:
@@ -101,17 +101,17 @@ class WebServer(ThreadedServer):
         return self._file(path, host)
 
     def _file(self, path: str, host: str) -> Response:
-        found = self._files.get('/live.html' if path == '/' else path)
-        if found is None:
+        file = self._files.get('/live.html' if path == '/' else path)
+        if file is None:
             return _refusal(HTTPStatus.NOT_FOUND, 'there is no such page')
-        kind = f'{_TYPES[found.suffix]}; charset=utf-8'
+        kind = f'{_TYPES[file.suffix]}; charset=utf-8'
         policy = (
             f"default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
             f"connect-src ws://{host}; base-uri 'none'; form-action 'none'; "
             f"frame-ancestors 'none'"
         )
         headers = {'Content-Type': kind, 'Content-Security-Policy': policy}
-        return _response(HTTPStatus.OK, found.read_bytes(), headers)
+        return _response(HTTPStatus.OK, file.read_bytes(), headers)
 
     async def _tab(self, connection: ServerConnection) -> None:
         """Serve one tab until it closes."""
@@ -127,7 +127,7 @@ class WebServer(ThreadedServer):
             self._tabs.discard(news)
 
     async def _send(self, connection: ServerConnection, news: asyncio.Event) -> None:
-        """Send what has changed, as fast as the tab takes it."""
+        """Send changes of the board, as fast as the tab reads them."""
         cursor = Cursor()
         try:
             while True:
@@ -138,11 +138,11 @@ class WebServer(ThreadedServer):
                 news.clear()
         except ConnectionClosed:
             return
-        except asyncio.TimeoutError:  # it does not read: its place is for another
+        except asyncio.TimeoutError:  # the tab does not read, so its place is freed
             connection.transport.abort()
 
     async def _receive(self, connection: ServerConnection) -> None:
-        """Pass on the commands of a tab, at a limited rate."""
+        """Pass on the commands of a tab; close the connection if their rate is too high."""
         start, count = monotonic(), 0
         async for text in connection:
             now = monotonic()
@@ -156,14 +156,14 @@ class WebServer(ThreadedServer):
 
 
 def _silent_logger() -> logging.Logger:
-    """Return a logger that keeps a request that is not HTTP off the console."""
+    """Return a logger that does not print requests that are not HTTP to the console."""
     logger = logging.getLogger(__name__)
     logger.addHandler(logging.NullHandler())
     logger.propagate = False
     return logger
 
 
-def _all(headers: Headers, name: str, separator: str = ', ') -> str:
+def _join_headers(headers: Headers, name: str, separator: str = ', ') -> str:
     return separator.join(headers.get_all(name))
 
 
@@ -172,7 +172,7 @@ def _refusal(status: HTTPStatus, why: str) -> Response:
 
 
 def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> Response:
-    always = {
+    common = {
         'Content-Length': str(len(body)),
         'Connection': 'close',
         'Cache-Control': 'no-store',
@@ -181,4 +181,4 @@ def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> Respo
         'Referrer-Policy': 'no-referrer',
         'Cross-Origin-Resource-Policy': 'same-origin',
     }
-    return Response(status.value, status.phrase, Headers({**headers, **always}), body)
+    return Response(status.value, status.phrase, Headers({**headers, **common}), body)
