@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder's part in lockstep: confirms complete steps and removes repeated messages."""
+"""Confirmation of recorded steps in lockstep, and removal of repeated messages."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from .recorder import QUEUE as RECORDING
 from .recorder import Recorder
 from .run_recording import RunRecording
 
-#: The most steps that the plant may be ahead of the recorder. Writers keep 1000.
+#: Largest number of steps by which the plant may be ahead of the recorder. Writers keep 1000.
 WINDOW = 250
-#: Readings of a sensor that may be in transit when a step is confirmed.
+#: Number of readings of a sensor that may be in transit when a step is confirmed.
 _UNDER_WAY = 500
-#: Seconds between two confirmations, and the number of checks after which one is repeated.
+#: Interval of checks in seconds, and number of checks after which a confirmation is repeated.
 _PERIOD, _LOOKS = 0.01, 20
 
 
 class Confirmation:
-    """Publishes on ``recorded`` the last step of which a recorder has all messages.
+    """A publisher, on ``recorded``, of the last step of which a recorder has all messages.
 
-    That is a `sensor_msgs/TimeReference` with the stamp of the step. A step is confirmed when its
-    truth, estimate, covariance and input are received, if they are published, and of each sensor
-    at most a few of the readings named in ticks are missing.
+    The message is a `sensor_msgs/TimeReference` with the stamp of the step. A step is confirmed
+    when its truth, estimate, covariance and input are received, if they are published, and at most
+    a few readings of each sensor that are named in ticks are missing.
 
-    Only one recorder may take part; the plant uses the last confirmation received.
+    Only one recorder may take part, since the plant uses the last confirmation that it receives.
     """
 
     def __init__(self, node: Any, scenario: Scenario, recorder: Recorder) -> None:
@@ -60,11 +60,11 @@ class Confirmation:
 
     @property
     def topic(self) -> str:
-        """The full name of the topic of the ticks."""
+        """Full name of the topic of the ticks."""
         return str(self._subscription.topic_name)
 
     def write_to(self, recording: RunRecording) -> None:
-        """Write the ticks from now on into a recording, too."""
+        """Write all further ticks into a recording, too."""
         recording.add(self._subscription)
         self._recording = recording
 
@@ -81,60 +81,60 @@ class Confirmation:
                 self._named[name] += 1
 
     def _confirm(self) -> None:
-        """Publish the last complete step, if it has changed or the last message is old."""
+        """Publish the last complete step if it has changed or if the last message is old."""
         self._looks += 1
-        held = self._held()
-        if held is None:
+        complete = self._last_complete_step()
+        if complete is None:
             return
-        news = abs(held - self._confirmed) >= WINDOW // 5 * self._period
-        if not news and self._looks < _LOOKS:
+        changed = abs(complete - self._confirmed) >= WINDOW // 5 * self._period
+        if not changed and self._looks < _LOOKS:
             return
-        self._confirmed, self._looks = held, 0
-        self._publisher.publish(write_tick(held, ()))
+        self._confirmed, self._looks = complete, 0
+        self._publisher.publish(write_tick(complete, ()))
 
-    def _held(self) -> int | None:
-        """Return the stamp of the last complete step; None if unknown."""
+    def _last_complete_step(self) -> int | None:
+        """Return the stamp of the last complete step; None if it is not known."""
         received = self._recorder.received
         for topic, count in self._named.items():
             if count - received.get(self._full(topic), 0) > _UNDER_WAY:
                 return None
         raw = self._recorder.raw
-        come = [topic for topic in self._stamped if raw[topic]]
+        recorded = [topic for topic in self._stamped if raw[topic]]
         absent = [topic for topic in self._stamped if not raw[topic]]
         if self._first is None or any(map(self._count, absent)):
             return self._first
-        return min((leading_stamp(raw[topic][-1]) for topic in come), default=None)
+        return min((leading_stamp(raw[topic][-1]) for topic in recorded), default=None)
 
     def drop_repeated(self) -> None:
-        """Drop recorded messages that were repeated because the plant asked twice for a step."""
+        """Drop recorded messages that are repeated because the plant requested a step twice."""
         times = [leading_stamp(data) for data in self._ticks]
-        again = [earlier == later for earlier, later in pairwise([-1, *times])]
-        if not any(again):
+        flags = [earlier == later for earlier, later in pairwise([-1, *times])]
+        if not any(flags):
             return
         raw = self._recorder.raw
-        self._drop_readings(again)
+        self._drop_readings(flags)
         estimate, input = self._scenario.state, self._scenario.input
         covariance = covariance_signal(estimate).topic
-        twice = _repeated(raw[estimate.topic])
-        if len(raw[covariance]) == len(twice):
-            _drop(raw[covariance], twice)
+        repeated = _repeated(raw[estimate.topic])
+        if len(raw[covariance]) == len(repeated):
+            _drop(raw[covariance], repeated)
         if input.fields and not _has_stamp(input):
-            _drop_equal(raw[input.topic], len(twice) - sum(twice))
+            _drop_equal(raw[input.topic], len(repeated) - sum(repeated))
         for topic in self._stamped:
             _drop(raw[topic], _repeated(raw[topic]))
 
-    def _drop_readings(self, again: list[bool]) -> None:
+    def _drop_readings(self, tick_flags: list[bool]) -> None:
         """Drop repeated ticks, and the readings that they name."""
         repeats: dict[str, list[bool]] = {topic: [] for topic in self._readings}
-        for data, repeated in zip(self._ticks, again):
+        for data, repeated in zip(self._ticks, tick_flags):
             time, topics = read_tick(data)
             for name in (mentioned(topic, time)[0] for topic in topics):
                 if name in repeats:
                     repeats[name].append(repeated)
         for topic, flags in repeats.items():
-            if flags:  # a disabled sensor has no record
+            if flags:  # a disabled sensor is not recorded
                 _drop(self._recorder.raw[topic], flags)
-        _drop(self._ticks, again)
+        _drop(self._ticks, tick_flags)
 
 
 def _has_stamp(signal: Signal) -> bool:
@@ -142,22 +142,22 @@ def _has_stamp(signal: Signal) -> bool:
 
 
 def _repeated(messages: Sequence[bytes]) -> list[bool]:
-    """Return for each message whether its stamp equals that of the one before."""
+    """Return whether the stamp of each message equals that of the previous message."""
     stamps = [-1, *map(leading_stamp, messages)]
     return [before == stamp for before, stamp in pairwise(stamps)]
 
 
 def _drop(messages: list[bytes], flags: Sequence[bool]) -> None:
-    """Drop the messages with a set flag; further ones are kept."""
+    """Drop the messages whose flag is set; keep messages without a flag."""
     messages[: len(flags)] = [data for data, drop in zip(messages, flags) if not drop]
 
 
-def _drop_equal(messages: list[bytes], wanted: int) -> None:
-    """Drop messages that equal the one before until ``wanted`` are left.
+def _drop_equal(messages: list[bytes], count: int) -> None:
+    """Drop messages that equal the previous message until ``count`` messages are left.
 
     One estimate has one answer, so a repeated answer without a stamp has equal bytes.
     """
-    surplus = len(messages) - wanted
+    surplus = len(messages) - count
     kept: list[bytes] = []
     for data in messages:
         if surplus > 0 and kept and data == kept[-1]:

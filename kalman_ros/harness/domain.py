@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS domain that no other run on this machine uses."""
+"""Reservation of a ROS domain that no other run on this machine uses."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ _DOMAINS = range(1, 102)
 
 
 class Domain:
-    """Reserves a domain id until it is closed; other instances get another one.
+    """A reserved domain id; other instances get other ids until it is closed.
 
-    The reservation is a name in Linux's abstract socket namespace (unix(7)): it is not in the file
-    system, so nobody can replace it by a link or a file; it is shared by all users, and by exactly
-    the network namespaces that share the ports of the domain; and it ends with the process.
+    The reservation is a name in the abstract socket namespace of Linux (unix(7)). It is not in the
+    file system, so it cannot be replaced by a link or a file. It is shared by all users, and by
+    exactly the network namespaces that share the ports of the domain. It ends with the process.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class Domain:
 
 
 def _lock(domain: int) -> socket.socket | None:
-    """Return a lock on a domain, None if it is taken or its first port is."""
+    """Return a lock on a domain; None if the domain or its first port is in use."""
     lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
         lock.bind(f'\0kalman_ros/domain/{domain}')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The installed executables of the package."""
+"""Installed executables of the package."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def prefix() -> Path:
     Raises
     ------
     RuntimeError
-        If it is not installed; the message says what to do.
+        If the package is not installed; the message contains the remedy.
     """
     try:
         return Path(get_package_prefix(PACKAGE))
@@ -31,7 +31,7 @@ def prefix() -> Path:
 
 
 def executable(name: str) -> Path:
-    """Return the path of an executable, where ``ros2 run`` looks for it; RuntimeError if none."""
+    """Return the path of an executable, as of ``ros2 run``; raise RuntimeError without one."""
     path = prefix() / 'lib' / PACKAGE / name
     if not path.exists():
         raise RuntimeError(f"there is no executable '{name}' in {path.parent}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records topics of the ROS graph, whatever their types, as the bytes that are on the wire."""
+"""Recorder of topics of the ROS graph, of any type, as serialised messages."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from kalman_ros.bags.recording_writer import RecordingWriter
 
 from .graph_topics import GraphTopics
 
-#: Seconds between two looks for messages.
+#: Interval in seconds of checks for messages.
 _LOOK = 0.05
-#: Seconds between two writes, no more of which is lost if this process is killed; and between two
-#: looks at the graph.
+#: Interval in seconds of writes, the most that is lost if this process is killed, and of checks of
+#: the graph.
 _WRITE, _GRAPH = 0.5, 0.5
 
 
 class GraphRecorder:
-    """Records topics, also those that appear later, until it is stopped.
+    """A recorder of topics, including topics that appear later, until it is stopped.
 
     Parameters
     ----------
     writer
-        Of the recording.
+        Writer of the recording.
     topics
-        Names; all topics of the graph if there are none.
+        Names of the topics; all topics of the graph if there are none.
     domain
-        Of ROS; that of the environment if it is None.
+        ROS domain; None for the domain of the environment.
     """
 
     def __init__(
@@ -42,22 +42,22 @@ class GraphRecorder:
 
     @property
     def topics(self) -> list[str]:
-        """The topics that are recorded."""
+        """Names of the topics that are recorded."""
         return self._graph.subscribed
 
     @property
     def absent(self) -> list[str]:
-        """The topics that were asked for and have no publisher yet."""
+        """Names of the requested topics that have no publisher yet."""
         return self._graph.absent
 
     @property
     def refused(self) -> dict[str, str]:
-        """Why topics cannot be recorded, by name."""
+        """Reason for which each refused topic cannot be recorded, by name."""
         return self._graph.refused
 
     @property
     def count(self) -> int:
-        """The number of messages."""
+        """Number of recorded messages."""
         return self._writer.count
 
     def run(self, stop: Event, seconds: float) -> None:
@@ -68,7 +68,7 @@ class GraphRecorder:
             last = stop.is_set() or now >= end
             if now - looked >= _GRAPH and not last:
                 looked = now
-                self._look()
+                self._subscribe_new()
             for topic, data, received, published in self._graph.take():
                 self._writer.write(topic, received, data, published)
             if now - written >= _WRITE or last:
@@ -78,10 +78,10 @@ class GraphRecorder:
                 return
             stop.wait(min(_LOOK, max(0.0, end - now)))
 
-    def _look(self) -> None:
-        """Subscribe to topics that are new."""
+    def _subscribe_new(self) -> None:
+        """Subscribe to the topics that have appeared."""
         for topic in self._graph.new():
-            offered = [_described(each) for each in topic.offered]
+            offered = [_qos_entry(profile) for profile in topic.offered]
             self._writer.add(topic.name, topic.kind, offered, topic.digest)
             self._graph.subscribe(topic)
 
@@ -90,8 +90,8 @@ class GraphRecorder:
         self._graph.close()
 
 
-def _described(profile: QoSProfile) -> dict[str, Any]:
-    """Return what a publisher offers in the words of rosbag2."""
+def _qos_entry(profile: QoSProfile) -> dict[str, Any]:
+    """Return the quality of service of a publisher in the notation of rosbag2."""
     return {
         'history': profile.history.name.lower(),
         'depth': profile.depth,

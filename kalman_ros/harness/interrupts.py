@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signals deferred until the executor has returned.
+"""Deferral of signals until the executor has returned.
 
-An exception raised by a signal while the executor runs a callback is lost in it, or leaves it
-half destroyed. So signals are only recorded meanwhile, and delivered afterwards.
+An exception that a signal raises while the executor runs a callback is lost, or leaves the
+executor partly destroyed. Therefore signals are recorded meanwhile, and delivered afterwards.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 @contextmanager
 def deferred() -> Iterator[list[int]]:
-    """Defer signals that end the process within the block; yield the list of them."""
-    noted: list[int] = []
+    """Defer signals that end the process within the block; yield the list of such signals."""
+    pending: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield noted
+        yield pending
         return
 
-    def note(number: int, _: FrameType | None) -> None:
-        # nothing more: the interrupted code may hold any lock
-        noted.append(number)
+    def record(number: int, _: FrameType | None) -> None:
+        # do nothing else, since the interrupted code may hold any lock
+        pending.append(number)
 
-    handlers: dict[signal.Signals, Any] = {s: signal.signal(s, note) for s in _SIGNALS}
+    handlers: dict[signal.Signals, Any] = {s: signal.signal(s, record) for s in _SIGNALS}
     try:
-        yield noted
+        yield pending
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-    if noted:
-        signal.raise_signal(noted[0])
+    if pending:
+        signal.raise_signal(pending[0])

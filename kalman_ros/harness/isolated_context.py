@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A private node of this process, in a private ROS domain."""
+"""Private node of this process in a private ROS domain."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from .domain import Domain
 from .interrupts import deferred
 from .process import isolated
 
-#: Seconds between two reads of the watched topics.
+#: Interval in seconds of reads of the watched topics.
 _PERIOD = 0.01
-#: The longest delay of a signal, in seconds.
+#: Longest delay of a signal, in seconds.
 _PATIENCE = 0.1
 
 
 class IsolatedContext:
-    """A node with its executor, in a domain that is not used otherwise on this machine.
+    """A node with its executor, in a domain that no other program on this machine uses.
 
     Parameters
     ----------
     name
-        Of the node.
+        Name of the node.
     sockets
-        Whether the processes of the domain use sockets alone, so that none waits for one that was
-        killed.
+        Whether the processes of the domain use only sockets, so that none waits for a process that
+        was killed.
     """
 
     def __init__(self, name: str, *, sockets: bool = False) -> None:
         self._domain = Domain()
-        #: For other processes in the domain.
+        #: Environment for other processes in the domain.
         self.environment = isolated(self._domain.id, sockets=sockets)
         self._context = rclpy.Context()
-        # NAME:=VALUE among this program's arguments is for the nodes, not a remap of this one
+        # NAME:=VALUE in the arguments of this program is for the nodes, not a remap of this node
         rclpy.init(args=[], context=self._context, domain_id=self._domain.id)
         self.node = WatcherNode(name, context=self._context, start_parameter_services=False)
         self.node.look_every(_PERIOD)
@@ -47,13 +47,13 @@ class IsolatedContext:
 
     @property
     def domain(self) -> int:
-        """The number of the domain."""
+        """Number of the domain."""
         return self._domain.id
 
     def spin(self, seconds: float, until: Future | None = None) -> bool:
-        """Process messages for ``seconds``, or until a future is done; return whether it is.
+        """Process messages for ``seconds``, or until a future is done; return whether it is done.
 
-        A signal ends it, and is then delivered.
+        A signal ends the processing, and is delivered afterwards.
         """
         done, end = until or Future(), time.monotonic() + seconds
         with deferred() as signals:
@@ -64,7 +64,7 @@ class IsolatedContext:
                     return bool(done.done())
 
     def close(self) -> None:
-        """Release everything."""
+        """Destroy the node, and release the context and the domain."""
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()

@@ -25,30 +25,30 @@ from .node_set import NodeSet
 from .process import NodeProcess
 from .readiness import missing
 
-#: An answer is prompt within N seconds. It is awaited twice that long, M times.
+#: Time in seconds of a prompt answer, and number of rounds of twice that time in a call.
 _PROMPT, _ROUNDS = 1.0, 15
-#: Seconds in which all nodes must be connected.
+#: Time limit in seconds for the connection of all nodes.
 _PATIENCE = 60.0
 
 
 class NodeError(RuntimeError):
-    """A node died, did not start, or did not answer; the message names it and the reason."""
+    """A node died, did not start, or did not answer; the message has its name and the reason."""
 
 
 class LaunchedNodes:
-    """The processes of a `NodeSet`, after `open`.
+    """The processes of a `NodeSet`, which exist after `open`.
 
     Parameters
     ----------
     node_set
-        The nodes and their parameters.
+        Nodes and their parameters.
     """
 
     def __init__(self, node_set: NodeSet) -> None:
         self._node_set = node_set
         self.processes: dict[str, NodeProcess] = {}
         self.diagnostics: dict[str, DiagnosticStatus] = {}
-        #: Whether a node was killed or has died: its last messages are unknown.
+        #: Whether a node was killed, so that its last messages are unknown.
         self._interrupted = False
 
     def open(self, *, sockets: bool) -> None:
@@ -62,7 +62,7 @@ class LaunchedNodes:
 
     @contextmanager
     def starting(self) -> Iterator[None]:
-        """Leave nothing running if what is done in this context fails."""
+        """Stop all nodes if the code in this context fails."""
         try:
             yield
         except BaseException:
@@ -84,17 +84,17 @@ class LaunchedNodes:
 
     @property
     def domain(self) -> int:
-        """The ROS domain that the nodes run in."""
+        """ROS domain of the nodes."""
         return self._context.domain
 
     @property
     def environment(self) -> Mapping[str, str]:
-        """The environment of the nodes, for other programs in the run."""
+        """Environment of the nodes, for other programs in the run."""
         return self._context.environment
 
     @property
     def node(self) -> Any:
-        """The `rclpy` node of this process in the run's domain, to publish and subscribe with."""
+        """Node of this process in the domain of the run, to publish and subscribe."""
         return self._context.node
 
     def start(self, name: str) -> None:
@@ -118,7 +118,7 @@ class LaunchedNodes:
     def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
         """Process messages for ``seconds``, and check that every node is still running.
 
-        It returns early when the future ``until`` is done.
+        The processing ends early if the future ``until`` is done.
         """
         self._context.spin(seconds, until)
         for name, process in self.processes.items():
@@ -128,7 +128,7 @@ class LaunchedNodes:
     def wait(
         self, condition: Callable[[], bool], seconds: float, trouble: Callable[[], str]
     ) -> None:
-        """Process messages until ``condition`` holds; NodeError after ``seconds``."""
+        """Process messages until ``condition`` holds; raise NodeError after ``seconds``."""
         end = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > end:
@@ -136,23 +136,26 @@ class LaunchedNodes:
             self.spin(0.02)
 
     def set_parameter(self, name: str, value: Any, node: str = 'plant') -> None:
-        """Change a parameter of a node; ValueError with the reason if it is refused."""
+        """Change a parameter of a node; raise ValueError with the reason of a refusal."""
         self.set_parameters({name: value}, node)
 
     def set_parameters(self, values: Mapping[str, Any], node: str = 'plant') -> None:
-        """Change parameters of a node, all or none; ValueError with the reason if refused."""
+        """Change parameters of a node, all or none; raise ValueError with a refusal's reason."""
         kind = SetParametersAtomically
-        wanted = [Parameter(name, value=value) for name, value in values.items()]
-        request = kind.Request(parameters=[each.to_parameter_msg() for each in wanted])
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        request = kind.Request(
+            parameters=[parameter.to_parameter_msg() for parameter in parameters]
+        )
         result = self.call(kind, f'{node}/set_parameters_atomically', request).result
         if not result.successful:
             raise ValueError(result.reason)
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Call a service of type ``kind`` and return its response; NodeError without one.
+        """Call a service of type ``kind`` and return the response; raise NodeError without one.
 
-        A node that was killed and restarted may not be discovered yet, and misses a request. It is
-        sent again then, but not to a node that is slow, which would do it twice.
+        A node that was killed and restarted may not be discovered yet, so that it misses a
+        request. Then the request is repeated, but not for a slow node, which would process it
+        twice.
         """
         client = self._client(kind, service)
         node = service.rpartition('/')[0]
@@ -163,19 +166,19 @@ class LaunchedNodes:
                 return answer.result()
             if lost:
                 answer = client.call_async(request)
-            # nodes answer in order: one that answers a later request has not received this one
+            # a node answers in order: if it answers a later request, it has not received this one
             lost = not lost and self._responds(node)
         raise NodeError(f'no answer from {service} within {2.0 * _ROUNDS * _PROMPT:g} s')
 
     def _responds(self, node: str) -> bool:
-        """Return whether a node promptly answers a request that changes nothing."""
+        """Return whether a node promptly answers a request without side effects."""
         client = self._client(GetParameters, f'{node}/get_parameters')
         answer = client.call_async(GetParameters.Request())
         self.spin(_PROMPT, until=answer)
         return bool(answer.done())
 
     def _client(self, kind: Any, service: str) -> Any:
-        """Return the client of a service that is on the graph."""
+        """Return the client of a service, after the service is discovered."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
         client = self._clients[service]
@@ -187,7 +190,7 @@ class LaunchedNodes:
         self.call(Trigger, service, Trigger.Request())
 
     def change_state(self, node: str, transition: str) -> bool:
-        """Request a transition of a managed node, e.g. 'configure'; return whether it worked."""
+        """Request a transition of a managed node, such as 'configure'; return its success."""
         request = ChangeState.Request(transition=Transition(label=transition))
         return bool(self.call(ChangeState, f'{node}/change_state', request).success)
 
@@ -201,13 +204,13 @@ class LaunchedNodes:
             self.diagnostics[status.name] = status
 
     def reported(self, node: str, key: str) -> str:
-        """Return a value from a node's last ``/diagnostics``, '' if missing."""
+        """Return a value in the last ``/diagnostics`` of a node; '' if it is missing."""
         status = self.diagnostics.get(node)
         values = [] if status is None else status.values
         return next((str(value.value) for value in values if value.key == key), '')
 
     def close(self) -> None:
-        """Stop every node and release everything; a signal is deferred until then."""
+        """Stop every node and release all resources; signals are deferred until then."""
         with deferred():
             self._close()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes of a run and their parameters."""
+"""Nodes of a run and their parameters."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ class NodeSet:
         also: Mapping[str, str],
         remaps: Mapping[str, Mapping[str, str]],
     ) -> None:
-        executables.prefix()  # first, report a workspace that is not sourced
+        executables.prefix()  # reports a workspace that is not sourced before any other error
         self._file = shipped.file(scenario) if isinstance(scenario, str) else None
-        given = {} if isinstance(scenario, str) else dict(scenario)
+        inline = {} if isinstance(scenario, str) else dict(scenario)
         between = (BETWEEN,) if BETWEEN in sections(self._file) else ()
         known = (*NODES, BETWEEN, *also)
         refuse_unknown((*only, *remaps, *(nodes or ())), known, 'node')
         self._also = also
         self._parameters = {
-            name: {**given, **shared, **only.get(name, {})}
+            name: {**inline, **shared, **only.get(name, {})}
             for name in (*NODES, *between, *(nodes or ()), *also)
         }
-        # parameters that the plant leaves to other nodes belong to the scenario, too
+        # the scenario includes parameters that the plant leaves to other nodes
         read = from_file(self._file) if between else from_file(self._file, 'plant')
-        #: The plant's parameters.
+        #: Scenario according to the parameters of the plant.
         self.scenario: Scenario = scenarios.build({**read, **self._parameters['plant']})
         driven = bool(self.scenario.input.fields)
         needed = NODES if driven else tuple(name for name in NODES if name != 'controller')
-        #: The nodes to start, in this order.
+        #: Names of the nodes, in the order in which they start.
         self.names = (*((*between, *needed) if nodes is None else nodes), *also)
         self._remaps = dict(remaps)
         if shared['lockstep'] and BETWEEN in self.names:
@@ -59,7 +59,7 @@ class NodeSet:
         if self._file is not None:
             command += ['--params-file', str(self._file)]
         for key, value in self._parameters[name].items():
-            # for this node by name: else its section in the file would override it
+            # with the name of the node, since otherwise its section in the file has priority
             command += ['-p', f'{name}:{key}:={yaml_value(value)}']
         for topic, other in self._remaps.get(name, {}).items():
             command += ['-r', f'{topic}:={other}']

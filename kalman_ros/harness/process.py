@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node as a child process, which does not outlive its parent."""
+"""Node as a child process that does not outlive its parent."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG, linux/prctl.h
 
 
 class NodeProcess:
-    """Starts an executable in a new process group and keeps its output.
+    """A running executable in a new process group, with its output in a file.
 
     Parameters
     ----------
     name
-        Its name in messages.
+        Name in messages.
     command
-        The program and its arguments.
+        Program and its arguments.
     environment
-        Its whole environment.
+        Complete environment of the process.
     log
-        The file for its output.
+        File for the output.
     """
 
     def __init__(
@@ -51,21 +51,21 @@ class NodeProcess:
 
     @property
     def pid(self) -> int:
-        """The process id, which is also that of its group."""
+        """Id of the process, which is also the id of its group."""
         return self._process.pid
 
     @property
     def exit_code(self) -> int | None:
-        """The exit code; None while it runs, negative if a signal ended it."""
+        """Exit code; None while the process runs, negative if a signal ended it."""
         return self._process.poll()
 
     def signal(self, number: int) -> None:
-        """Send a signal to the whole group; ignored if it has ended."""
+        """Send a signal to the whole group; ignored if the group has ended."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, number)
 
     def wait(self, seconds: float) -> bool:
-        """Wait for the end and return whether it came in time."""
+        """Wait for the end of the process; return whether it ended within ``seconds``."""
         try:
             self._process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -73,7 +73,7 @@ class NodeProcess:
         return True
 
     def stop(self, patience: float = 5.0) -> None:
-        """Terminate it, by force after ``patience`` seconds."""
+        """Terminate the process, with a stronger signal after each ``patience`` seconds."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             if self.exit_code is not None:
                 return
@@ -82,11 +82,11 @@ class NodeProcess:
                 return
 
     def output(self) -> str:
-        """Return its output so far."""
+        """Return the output so far."""
         return self.log.read_text(errors='replace')
 
     def last_words(self) -> str:
-        """Return the signal that ended it, or the last line of its output, or its exit code."""
+        """Return the signal that ended the process, its last line of output, or its exit code."""
         code = self.exit_code
         if code is not None and code < 0:
             return f'ended by {signal.Signals(-code).name}'
@@ -97,9 +97,9 @@ class NodeProcess:
 def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:
     """Restrict this process to this machine; return its environment with a ROS domain.
 
-    Nodes that start together discover each other at once: ``nodes/middleware/prompt.xml``. With
-    ``sockets`` they use no shared memory: that is quicker, but a killed process may leave it
-    locked, and publishers then block for seconds. The user's Fast DDS profile has priority.
+    Nodes that start together discover each other at once, see ``nodes/middleware/prompt.xml``.
+    With ``sockets``, nodes do not use shared memory. It is faster, but a killed process may leave
+    it locked, and publishers then block for seconds. The user's Fast DDS profile has priority.
     """
     os.environ[RANGE] = 'LOCALHOST'
     if not any(os.environ.get(name) for name in PROFILES):
@@ -114,8 +114,9 @@ def isolated(domain: int, *, sockets: bool = False) -> dict[str, str]:
 def _lead_a_group() -> None:
     """Lead a process group, and die with the parent.
 
-    It stays in the parent's session: Linux shares processors out to sessions first (autogroups,
-    sched(7)), and a node in a session of one process starved beside busy ones in another.
+    The process stays in the session of its parent: Linux distributes processor time among sessions
+    first (autogroups, sched(7)), and a node in a separate session starved beside busy nodes of
+    another session.
     """
     os.setpgrp()
     if sys.platform == 'linux':

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The progress of a run, from the stamps of its messages."""
+"""Progress of a run, from the stamps of its messages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kalman_ros.scenario import Scenario
 
 
 class Progress:
-    """Counts the steps of the plant, and whether the last one is answered."""
+    """A counter of the steps of the plant and of the answers to them."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._rate = scenario.rate
@@ -21,19 +21,19 @@ class Progress:
         self._goal = 0.0
         self._answered = -1
         self._answers = 0
-        #: Stamps of the first and the last step, -1 before the first.
+        #: Stamps of the first and the last step; -1 before the first step.
         self.first = self.last = -1
-        #: Done when the goal is reached.
+        #: Future that is done when the goal is reached.
         self.reached = Future()
 
     @property
     def elapsed(self) -> float:
-        """Simulated seconds since the first step; pauses in real time do not count."""
+        """Simulated time in seconds since the first step, without pauses in real time."""
         return (self._steps - 1) / self._rate
 
     @property
     def answered(self) -> bool:
-        """Whether the last step is answered; without stamps, whether there are enough answers."""
+        """Whether the last step is answered; without stamps, whether the answers are as many."""
         if self._answer_stamped:
             return self._answered >= self.last
         return self._answers >= self._steps

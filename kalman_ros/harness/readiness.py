@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether all nodes are connected: messages published before are lost."""
+"""Check that all nodes are connected, since earlier messages are lost."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from kalman_ros.nodes.middleware.diagnostics import PUBLISHERS, SUBSCRIBERS
 def missing(
     names: Iterable[str], reported: Mapping[str, DiagnosticStatus], recorded: Iterable[str]
 ) -> str:
-    """Return what is still missing; '' if every connection exists.
+    """Return a description of a missing connection; '' if every connection exists.
 
     Parameters
     ----------
     names
-        Of the nodes.
+        Names of the nodes.
     reported
-        The last ``/diagnostics`` of each.
+        Last ``/diagnostics`` of each node.
     recorded
-        The full names of the recorded topics.
+        Full names of the recorded topics.
     """
     silent = [name for name in names if name not in reported]
     if silent:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records topics as serialised messages, and converts them to arrays after the run."""
+"""Recorder of topics as serialised messages, which become arrays after the run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kalman_ros.nodes.middleware.watcher import WatcherNode
 
 from .run_recording import RunRecording
 
-#: Deep enough for the messages between two reads.
+#: Queue that holds all messages between two reads.
 QUEUE = QoSProfile(depth=100_000)
 
 
@@ -29,11 +29,11 @@ class Recorded:
     Parameters
     ----------
     stamp
-        Of each message (N,), in nanoseconds; empty if the type has no header.
+        Stamp of each message (N,), in nanoseconds; empty if the type has no header.
     values
-        The fields of the topic's signal (N, k).
+        Fields of the signal of the topic (N, k).
     covariance
-        Of the fields, (N, k, k), where the type has it; else None.
+        Covariance of the fields (N, k, k); None if the type has no covariance.
     """
 
     stamp: Any
@@ -42,17 +42,17 @@ class Recorded:
 
 
 class Recorder:
-    """Watches signals on a node and keeps the bytes of every message."""
+    """A recorder that watches signals on a node and keeps the bytes of every message."""
 
     def __init__(self, node: WatcherNode, signals: Mapping[str, Signal]) -> None:
         self._codecs: dict[str, Codec] = {}
         self.raw: dict[str, list[bytes]] = {}
-        #: The number of messages received, by the full name of the topic; `forget` keeps them.
+        #: Number of received messages by full name of the topic; `forget` does not reset it.
         self.received: dict[str, int] = {}
         self._subscriptions: list[Any] = []
         self._intake = node.intake
         self.on_message: Callable[[str, bytes], None] = lambda topic, data: None
-        #: Where the messages are written to, beside.
+        #: Recording into which the messages are also written.
         self.recording: RunRecording | None = None
         for topic, signal in signals.items():
             codec = self._codecs[topic] = codec_of(signal)
@@ -70,27 +70,27 @@ class Recorder:
             self.recording.write(full, data)
 
     def write_to(self, recording: RunRecording) -> None:
-        """Write all messages from now on into a recording, too."""
+        """Write all further messages into a recording, too."""
         for subscription in self._subscriptions:
             recording.add(subscription)
         self.recording = recording
 
     @property
     def topics(self) -> list[str]:
-        """The full names of the recorded topics."""
+        """Full names of the recorded topics."""
         return [subscription.topic_name for subscription in self._subscriptions]
 
     def count(self) -> int:
-        """Return the number of messages received, on all topics."""
+        """Return the number of received messages on all topics."""
         return sum(self.received.values())
 
     def missing(self, published: Mapping[str, int]) -> dict[str, tuple[int, int]]:
-        """Return the numbers received and published for each topic with missing messages.
+        """Return the numbers of received and published messages of each incomplete topic.
 
         Parameters
         ----------
         published
-            The number of messages published, by the full name of the topic.
+            Number of published messages by the full name of the topic.
         """
         return {
             topic: (count, published[topic])
@@ -104,11 +104,11 @@ class Recorder:
             messages.clear()
 
     def __getitem__(self, topic: str) -> Recorded:
-        """Return the record of ``topic``; KeyError if there is none."""
+        """Return the record of ``topic``; raise KeyError if there is none."""
         codec = self._codecs[topic]
         read = WireReader(codec)
-        found = (self._intake(topic, read, data) for data in self.raw[topic])
-        samples = [sample for sample in found if sample is not None]
+        decoded = (self._intake(topic, read, data) for data in self.raw[topic])
+        samples = [sample for sample in decoded if sample is not None]
         stamps = [sample.time for sample in samples if sample.time is not None]
         covariances = [sample.covariance for sample in samples]
         return Recorded(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run of the nodes, from start to stop."""
+"""Run of the nodes, from start to stop."""
 
 from __future__ import annotations
 
@@ -29,36 +29,38 @@ from .recorder import Recorder
 from .run_recording import RunRecording
 from .to_trajectory import signals, to_trajectory
 
-#: The most seconds that one check of the nodes counts.
+#: Largest duration in seconds that a single check of the nodes counts.
 _LOOK = 0.1
-#: Seconds to wait for the last answer where a node was killed, and may have lost it.
+#: Time limit in seconds for the last answer if a node was killed and may have lost it.
 _PATIENCE = 2.0
-#: Seconds without any message after which missing messages are lost.
+#: Time in seconds without any message after which missing messages count as lost.
 _SILENCE = 20.0
-#: Seconds without a step after which an error of the plant is final; before, it asks again.
+#: Time in seconds without a step after which an error of the plant is final. Until then, the plant
+#: repeats its request.
 _STALL = 5.0
 
 
 class Run(LaunchedNodes):
     """The nodes of a scenario as processes, and their topics as arrays.
 
-    Use as a context manager: the nodes start on entry and are gone after exit.
+    A run is a context manager: the nodes start on entry and have ended after exit.
 
     Parameters
     ----------
     scenario
-        The name of a scenario in ``config/``, the path of a parameter file, or the parameters
-        themselves.
+        Name of a scenario in ``config/``, path of a parameter file, or the parameters.
     overrides
-        Parameters for every node, over those of the file: ``{'input_cost': [2.0, 2.0]}``.
+        Parameters for every node, which override those of the file:
+        ``{'input_cost': [2.0, 2.0]}``.
     only
-        Parameters for one node: ``{'estimator': {'initial_std': [...]}}``.
+        Parameters for single nodes: ``{'estimator': {'initial_std': [...]}}``.
     seed
-        Of all noise.
+        Seed of all noise.
     lockstep
-        Step in turns, reproducibly and as fast as possible; else in real time.
+        Whether the nodes run in lockstep, reproducibly and as fast as possible; otherwise they run
+        in real time.
     nodes
-        Which nodes to start, in this order; by default all that the scenario needs.
+        Names of the nodes to start, in this order; by default all that the scenario needs.
     record
         Further signals to record, by topic.
     also
@@ -117,7 +119,7 @@ class Run(LaunchedNodes):
 
     @property
     def names(self) -> Sequence[str]:
-        """The nodes that take part."""
+        """Names of the nodes that take part."""
         return self._node_set.names
 
     def spin(self, seconds: float = 0.05, until: Future | None = None) -> None:
@@ -155,29 +157,29 @@ class Run(LaunchedNodes):
         Parameters
         ----------
         seconds
-            How long, to the nearest whole step.
+            Simulated duration, which is rounded to whole steps.
         progress
-            Called now and then with the simulated seconds of this call that are done.
+            Receives the simulated seconds of this call that are done.
 
         Raises
         ------
         NodeError
-            If a node dies, or one does not answer.
+            If a node dies or does not answer.
         """
         start = max(self._until, 0.0)
         rate = self.scenario.rate
         self._until = start + round(seconds * rate) / rate
         self.set_parameter('run_until', self._until)
-        found = self._progress
-        found.aim(self._until)
-        silence, seen = 0.0, found.last
-        while not found.arrived:
-            began = time.monotonic()
-            self.spin(until=found.reached)
-            # while this process gets no processor time, the loop is not late
-            silence += min(time.monotonic() - began, _LOOK)
-            if found.last != seen:
-                silence, seen = 0.0, found.last
+        loop_progress = self._progress
+        loop_progress.aim(self._until)
+        silence, last_step = 0.0, loop_progress.last
+        while not loop_progress.arrived:
+            start_of_spin = time.monotonic()
+            self.spin(until=loop_progress.reached)
+            # limited, since the loop is not late while this process gets no processor time
+            silence += min(time.monotonic() - start_of_spin, _LOOK)
+            if loop_progress.last != last_step:
+                silence, last_step = 0.0, loop_progress.last
             elif silence > 1.0:
                 self._raise_if_stuck(silence)
             if progress is not None:
@@ -186,7 +188,7 @@ class Run(LaunchedNodes):
 
     @property
     def elapsed(self) -> float:
-        """Simulated seconds since the first step; pauses in real time do not count."""
+        """Simulated time in seconds since the first step, without pauses in real time."""
         return self._progress.elapsed
 
     def _raise_if_stuck(self, silence: float) -> None:
@@ -200,7 +202,7 @@ class Run(LaunchedNodes):
             raise NodeError(f'nothing received from the loop for {silence:.0f} s ({statuses})')
 
     def _drain(self) -> None:
-        """Receive pending messages: in lockstep all that were published, without repetitions."""
+        """Receive pending messages; in lockstep, all published messages without repetitions."""
         start = time.monotonic()
         if self.lockstep:
             end = start + (_PATIENCE if self._interrupted else _SILENCE)
@@ -219,14 +221,14 @@ class Run(LaunchedNodes):
         self.drained = time.monotonic() - start
 
     def complete(self) -> None:
-        """Receive messages until all that the nodes have published are recorded.
+        """Receive messages until all published messages are recorded.
 
-        The counts of a killed node are unknown, so then nothing is checked.
+        The counts of a killed node are unknown, so nothing is checked after a node was killed.
 
         Raises
         ------
         NodeError
-            If messages are missing; the error has the numbers recorded and published.
+            If messages are missing; the error has the numbers of recorded and published ones.
         """
         if self._interrupted:
             self.spin(_LOOK)
@@ -244,10 +246,10 @@ class Run(LaunchedNodes):
 
     def _published(self) -> Counter[str]:
         """Return the number of messages that all nodes have published, by full topic name."""
-        found: Counter[str] = Counter()
+        counts: Counter[str] = Counter()
         for name in self.processes:
-            found.update(self._published_by(name))
-        return found
+            counts.update(self._published_by(name))
+        return counts
 
     def _published_by(self, name: str) -> dict[str, int]:
         answer = self.call(Trigger, f'{name}/{SERVICE}', Trigger.Request())
@@ -260,10 +262,10 @@ class Run(LaunchedNodes):
         return not self._progress.answered or covariances < len(raw[topic])
 
     def refresh(self, *nodes: str) -> None:
-        """Request up-to-date `diagnostics` from nodes.
+        """Request current `diagnostics` from nodes.
 
-        They publish when one of their topics has a new subscriber: for the plant the truth,
-        for estimator and controller the estimate. Reports from before, which a busy machine may
+        Nodes publish them when one of their topics has a new subscriber: for the plant the truth,
+        for estimator and controller the estimate. Earlier reports, which a busy machine may
         deliver late, do not count.
         """
         state = self.scenario.state
@@ -287,7 +289,7 @@ class Run(LaunchedNodes):
         return int(self.reported(node, NUMBER) or -1)
 
     def trajectory(self) -> Trajectory:
-        """Return the run so far as arrays, step by step."""
+        """Return the run so far as arrays with one row per step."""
         return to_trajectory(self.scenario, self.recorder, self._progress.first)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the topics of a run into a recording, while it runs."""
+"""Recording of the topics of a run, which is written while the nodes run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.codecs.messages import full_type
 from kalman_ros.nodes.middleware.watcher import WatcherNode
 
-#: Seconds between two writes: no more is lost if this process is killed.
+#: Interval in seconds of writes, the most that is lost if this process is killed.
 _PERIOD = 0.5
 
 
@@ -21,14 +21,14 @@ class RunRecording:
     Parameters
     ----------
     node
-        That watches the topics.
+        Node that watches the topics.
     folder
-        A new folder, or one with an earlier recording, which is replaced.
+        New folder, or a folder with an earlier recording, which is replaced.
 
     Raises
     ------
     ValueError
-        If it is not empty, or cannot be made.
+        If the folder has other content or cannot be created.
     """
 
     def __init__(self, node: WatcherNode, folder: str | Path) -> None:
@@ -43,14 +43,14 @@ class RunRecording:
         self._writer.add(subscription.topic_name, full_type(f'{package}/{kind.__name__}'))
 
     def write(self, topic: str, data: bytes) -> None:
-        """Write the message that the node was given, by the topic's full name."""
+        """Write the message that the node has just received, by the full name of the topic."""
         received, published = self._node.times
         self._writer.write(topic, received, data, published)
 
     def flush(self) -> None:
-        """Write what has been received, now and then; OSError if the disk is full.
+        """Write received messages at regular intervals; raise OSError if the disk is full.
 
-        Not to be called where messages are received: rclpy would log a traceback.
+        Do not call this in a callback for messages, where rclpy would log a traceback.
         """
         now = monotonic()
         if now - self._written > _PERIOD:
@@ -58,5 +58,5 @@ class RunRecording:
             self._writer.flush()
 
     def close(self) -> None:
-        """Write what is left and close the file."""
+        """Write the remaining messages and close the file."""
         self._writer.close()

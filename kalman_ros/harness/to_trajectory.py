@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of a run, and their conversion to a trajectory."""
+"""Topics of a run, and their conversion to a trajectory."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from .recorder import Recorder
 def signals(scenario: Scenario) -> dict[str, Signal]:
     """Return the signals of the plant, the estimator and the controller, by topic."""
     state = scenario.state
-    whole = covariance_signal(state)
-    found = {'ground_truth': state, state.topic: state, whole.topic: whole}
+    covariance = covariance_signal(state)
+    by_topic = {'ground_truth': state, state.topic: state, covariance.topic: covariance}
     if scenario.input.fields:
-        found[scenario.input.topic] = scenario.input
+        by_topic[scenario.input.topic] = scenario.input
     for name, source in scenario.enabled.items():
         innovation = innovation_signal(state, name, source.sensor.output)
-        found[source.signal.topic] = source.signal
-        found[innovation.topic] = innovation
-    return found
+        by_topic[source.signal.topic] = source.signal
+        by_topic[innovation.topic] = innovation
+    return by_topic
 
 
 def to_trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Trajectory:
-    """Return a record joined by stamps, with time counted from ``first``."""
+    """Return a record as a trajectory, joined by stamps; times are relative to ``first``."""
     estimate, n = scenario.state.topic, scenario.model.state.size
     truth, state = recorder['ground_truth'], recorder[estimate]
-    # a model without inputs has none
-    force = recorder[scenario.input.topic if scenario.input.fields else estimate]
+    # a model without inputs has no topic for them, so the estimate takes its place
+    input = recorder[scenario.input.topic if scenario.input.fields else estimate]
     m = len(scenario.input.fields)
     covariance = recorder[f'{estimate}/covariance'].values.reshape(-1, n, n)
     # the covariance has no stamp: the k-th belongs to the k-th estimate
     length = min(len(state.stamp), len(covariance))
     stamps = np.intersect1d(truth.stamp, state.stamp[:length])
-    # so does the k-th input, if it has no stamp
-    answered = force.stamp if len(force.stamp) else state.stamp[: len(force.values)]
+    # an input without a stamp likewise belongs to the k-th estimate
+    answered = input.stamp if len(input.stamp) else state.stamp[: len(input.values)]
     stamps = np.intersect1d(stamps, answered)
-    believed = _last_at(state.stamp[:length], stamps)
+    rows = _last_at(state.stamp[:length], stamps)
     innovations = {
         name: _innovations(_series(recorder[f'{estimate}/innovation/{name}'], first))
         for name in scenario.enabled
@@ -51,9 +51,9 @@ def to_trajectory(scenario: Scenario, recorder: Recorder, first: int) -> Traject
     return Trajectory(
         time=(stamps - first) * 1e-9,
         truth=truth.values[_last_at(truth.stamp, stamps)],
-        estimate=state.values[believed],
-        covariance=covariance[believed],
-        input=force.values[_last_at(answered, stamps), :m],
+        estimate=state.values[rows],
+        covariance=covariance[rows],
+        input=input.values[_last_at(answered, stamps), :m],
         readings={
             name: _readings(_series(recorder[source.signal.topic], first), innovations[name])
             for name, source in scenario.enabled.items()
@@ -70,7 +70,7 @@ def _series(recorded: Any, first: int) -> Series:
 
 
 def _readings(series: Series, innovations: Innovations) -> Series:
-    """Return readings with their times; those without stamps have the times of innovations."""
+    """Return readings with times; readings without stamps have the times of the innovations."""
     if len(series.time) == len(series.values):
         return series
     length = min(len(innovations.time), len(series.values))
@@ -83,6 +83,6 @@ def _innovations(series: Series) -> Innovations:
     return Innovations(series.time, columns[0], columns[1], columns[2][:, 0])
 
 
-def _last_at(stamps: Any, wanted: Any) -> Any:
-    """Return the index of the last message with each wanted stamp; ``stamps`` do not decrease."""
-    return np.searchsorted(stamps, wanted, side='right') - 1
+def _last_at(stamps: Any, requested: Any) -> Any:
+    """Return the index of the last message with each stamp; ``stamps`` must not decrease."""
+    return np.searchsorted(stamps, requested, side='right') - 1
