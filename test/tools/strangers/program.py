@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes recordings: ``./dev strangers``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from kalman_ros.core import refuse_unknown
+from kalman_ros.programs.refusal import refuse
+
+from .recordings import RECORDINGS, write
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Write the recordings with these names, or all, a folder each."""
+    parser = argparse.ArgumentParser(
+        prog='strangers', description='Write recordings whose faults are known.'
+    )
+    parser.add_argument('names', nargs='*', metavar='NAME', help='of recordings (default: all)')
+    parser.add_argument(
+        '--out', type=Path, default=Path('out/strangers'), metavar='DIR',
+        help='for a folder each (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument('--list', action='store_true', help='print the truths, and write nothing')
+    options = parser.parse_args(argv)
+    try:
+        refuse_unknown(options.names, RECORDINGS, 'recording')
+        for name in options.names or RECORDINGS:
+            if options.list:
+                print(f'{name:28}  {RECORDINGS[name].truth}')
+            else:
+                write(name, options.out / name)
+                print(options.out / name, flush=True)
+    except (ValueError, OSError) as error:
+        refuse('strangers', error)
