@@ -107,7 +107,7 @@ def boat(rng: np.random.Generator, physics: dict[str, float]) -> Readings:
 
 
 def quadrotor(rng: np.random.Generator, physics: dict[str, float]) -> Readings:
-    """Return a minute of a quadrotor in a vertical plane, flown to and fro and up and down.
+    """Return a minute of a quadrotor in a vertical plane, flown back and forth, up and down.
 
     Thrust and moment are known; it tilts by up to a third of a radian.
     """
