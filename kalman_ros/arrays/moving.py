@@ -53,6 +53,7 @@ def motion(
         Rates of change of the values, (K,) each; by default the motion begins and ends at rest.
     tolerance
         How far a state may be from what is asked for, in its unit, beyond a tenth of its extent.
+        Right angles of a path are cut by as much, in metres.
     input_limit, input_rate_limit
         Largest input, and its largest change per second; one number for all inputs.
 
@@ -79,7 +80,7 @@ def motion(
         else:
             wanted = motions.along_path(
                 law.scenario, _points(path), _positive('speed', speed),
-                _positive('acceleration', acceleration), rounding=motions.ROUNDED * allowed,
+                _positive('acceleration', acceleration), rounding=allowed,
             )  # fmt: skip
         return motions.motion_of(law.scenario, wanted, law.limits, allowed)
     except ValueError as error:

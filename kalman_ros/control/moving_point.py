@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A moving set point: the input that a state needs to move as it does, without an error.
 
-Coordinates that the input does not act on directly, such as a position, move by themselves. The
-input keeps the others, such as a velocity, at their rates: at rest where none is given.
+Coordinates that the input does not act on directly, such as a position, follow from the others.
+The input keeps the others, such as a velocity, at their rates: at rest where none is given.
 """
 
 from __future__ import annotations

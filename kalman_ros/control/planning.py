@@ -27,7 +27,7 @@ _FOLLOWED = 1e6
 _MOST_ITERATIONS = 40
 #: A change of states below this, relative to their size, ends the iteration.
 _CONVERGED = 1e-9
-#: A motion whose steps leave gaps beyond this, relative to the size of the states, is none.
+#: The largest gap that the steps of a motion may leave, relative to the size of the states.
 _CLOSED = 1e-6
 _MOST_HALVINGS = 10
 #: The most steps of a motion.

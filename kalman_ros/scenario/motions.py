@@ -28,8 +28,6 @@ from .scenario import Scenario
 
 #: A motion may differ from what was asked for by this share of its extent.
 _SHARE = 0.1
-#: Corners of a path are cut by this share of the tolerance.
-ROUNDED = 0.2
 #: Gains that differ by less, relative to the largest, are the same.
 _SAME = 1e-6
 #: An input misses a rate by less than this, relative to its size.
@@ -45,7 +43,7 @@ def along_path(
     acceleration: float,
     yaw: Array | None = None,
     times: Array | None = None,
-    rounding: float = 0.01,
+    rounding: float = 0.05,
 ) -> ReferenceMotion:
     """Return the reference of a path, from rest to rest: at most this fast, or at given times.
 
@@ -68,7 +66,7 @@ def along_path(
     Raises
     ------
     ValueError
-        If the state has no position, or the path is none.
+        If the state has no position, or the points are not a path.
     """
     body = body_of(scenario.model.state, scenario.state)
     axes = body.position

@@ -128,10 +128,10 @@ def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> Operati
 
 
 def is_moving(scenario: Scenario, state: Array, soon: Array) -> bool:
-    """Return whether a reference that becomes ``soon`` (n,) in a step is no set point at rest.
+    """Return whether a reference that becomes ``soon`` (n,) in a step moves.
 
-    A step from one set point to another is none: there the coordinates that the input acts on do
-    not change.
+    It does not where it jumps from one set point at rest to another: then the coordinates that the
+    input acts on do not change.
     """
     model = in_continuous_time(scenario.model)
     u = model.equilibrium.input

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions over topics: a path and a trajectory are followed, and what is none leaves the loop."""
 
+from pathlib import Path as Path_
+
 import numpy as np
 import pytest
 
@@ -119,3 +121,14 @@ def test_a_new_path_in_the_middle_is_followed_without_a_jump():
     around = slice(195, 206)
     assert np.abs(np.diff(followed.input[around], axis=0)).max() < 0.3
     np.testing.assert_allclose(followed.truth[-1, :2], [2.0, 0.1], atol=0.15)
+
+
+def test_the_example_of_the_page_follows_its_path():
+    file = Path_(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
+    with Run(str(file)) as run:
+        paths = publisher_of(run, Path, 'reference/path')
+        send(run, paths, path([(0.0, 0.0), (3.0, 0.0), (3.0, 3.0)]))
+        run.advance(12.0)
+        followed = run.trajectory()
+    np.testing.assert_allclose(followed.truth[-1, :2], [3.0, 3.0], atol=0.1)
+    assert 0.7 < followed.truth[:, 2].max() < 0.95

@@ -112,7 +112,7 @@ class MotionReader:
             options.path_acceleration,
             yaw,
             times,
-            motions.ROUNDED * options.path_tolerance,
+            options.path_tolerance,
         )
 
     def _trajectory(self, message: Any) -> Callable[[], ReferenceMotion]:

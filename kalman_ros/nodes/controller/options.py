@@ -79,7 +79,7 @@ class ControllerOptions:
         float,
         About(
             'how far a motion may be from the path or trajectory, in the unit of each state, '
-            'beyond a tenth of its extent',
+            'beyond a tenth of its extent; right angles are cut by as much',
             minimum=0.0,
             live=True,
         ),
