@@ -28,11 +28,14 @@ def motion(
     values: Mapping[str, ArrayLike] | None = None,
     times: ArrayLike | None = None,
     velocities: Mapping[str, ArrayLike] | None = None,
+    start: Mapping[str, float] | None = None,
+    end: Mapping[str, float] | None = None,
+    seconds: float | None = None,
     tolerance: float = 0.05,
     input_limit: ArrayLike | None = None,
     input_rate_limit: ArrayLike | None = None,
 ) -> Motion:
-    """Return the motion of a model along a path, or through values in time, and its inputs.
+    """Return the motion of a model along a path, through values, or between states; its inputs.
 
     Give it to `simulate`, `monte_carlo` or `Regulator` as the ``reference``. With the law ``lqr``
     a nonlinear model is regulated along it by the time-varying LQR.
@@ -51,6 +54,11 @@ def motion(
         Seconds (K,) of the values, increasing.
     velocities
         Rates of change of the values, (K,) each; by default the motion begins and ends at rest.
+    start, end
+        Instead of a path: states by name, from which and to which it goes, by any way; others
+        are at the equilibrium.
+    seconds
+        Duration of a motion from ``start`` to ``end``.
     tolerance
         How far a state may be from what is asked for, in its unit, beyond a tenth of its extent.
         Right angles of a path are cut by as much, in metres.
@@ -70,13 +78,18 @@ def motion(
     >>> motion = kr.motion(*robot, path=[[0, 0], [2, 0], [2, 2]])
     >>> run = kr.simulate(*robot, seconds=motion.duration, reference=motion)
     """
-    if (path is None) == (values is None):
-        raise ValueError('path: expected a path, or values with their times')
+    if sum(given is not None for given in (path, values, seconds)) != 1:
+        raise ValueError(
+            'path: expected a path, or values with their times, or the seconds from start to end'
+        )
     law = law_of(scenario, overrides, Given(None, None, input_limit, input_rate_limit))
     allowed = number('tolerance', tolerance)
     try:
         if values is not None:
             wanted = _in_time(law.scenario, values, times, velocities)
+        elif seconds is not None:
+            first, last = _state(law.scenario, start), _state(law.scenario, end)
+            wanted = motions.between(law.scenario, first, last, _positive('seconds', seconds))
         else:
             wanted = motions.along_path(
                 law.scenario, _points(path), _positive('speed', speed),
@@ -84,7 +97,16 @@ def motion(
             )  # fmt: skip
         return motions.motion_of(law.scenario, wanted, law.limits, allowed)
     except ValueError as error:
-        raise ValueError(f'{"path" if values is None else "values"}: {error}') from None
+        what = 'values' if values is not None else 'seconds' if path is None else 'path'
+        raise ValueError(f'{what}: {error}') from None
+
+
+def _state(scenario: Scenario, named: Mapping[str, float] | None) -> Array:
+    """Return a state (n,) with these coordinates, the others at the equilibrium."""
+    given = {} if named is None else dict(named)
+    state: Array = scenario.model.equilibrium.state.copy()
+    state[scenario.model.state.indices(given)] = [number(n, value) for n, value in given.items()]
+    return state
 
 
 def _points(path: ArrayLike | None) -> Array:

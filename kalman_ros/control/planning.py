@@ -24,12 +24,15 @@ from .time_varying import Linearization, linearized_along
 
 #: The weight of a difference from the reference, relative to that in the cost of the regulator.
 _FOLLOWED = 1e6
-_MOST_ITERATIONS = 40
+_MOST_ITERATIONS = 100
 #: A change of states below this, relative to their size, ends the iteration.
 _CONVERGED = 1e-9
 #: The largest gap that the steps of a motion may leave, relative to the size of the states.
 _CLOSED = 1e-6
-_MOST_HALVINGS = 10
+#: A shorter share of a step is not taken; the inputs are damped instead.
+_SHORTEST = 1e-3
+#: The first damping, relative to the weight of the inputs (K. Levenberg, 1944).
+_DAMPED = 1.0
 #: The most steps of a motion.
 MOST_STEPS = 60_000
 
@@ -51,6 +54,9 @@ class ReferenceMotion:
         path. They are not required.
     start, end
         Where it begins and ends at rest; None where only the values count.
+    guess
+        States (N + 1, n) from which the search starts; by default the values, elsewhere the
+        equilibrium.
     """
 
     dt: float
@@ -59,6 +65,7 @@ class ReferenceMotion:
     hints: dict[int, Array]
     start: OperatingPoint | None = None
     end: OperatingPoint | None = None
+    guess: Array | None = None
 
 
 def fit(model: Dynamics, reference: ReferenceMotion, weights: Cost) -> Motion:
@@ -82,21 +89,21 @@ def fit(model: Dynamics, reference: ReferenceMotion, weights: Cost) -> Motion:
     """
     problem = _Problem(model, reference, weights)
     states, inputs = problem.first_guess()
-    merit = np.inf
+    damping = 0.0
     for _ in range(_MOST_ITERATIONS):
-        solution = problem.solve(states, inputs)
-        share = 1.0
-        for _ in range(_MOST_HALVINGS):
+        solution = problem.solve(states, inputs, damping)
+        before, share = problem.merit(states, inputs, solution.penalty), 1.0
+        while True:
             candidate = problem.moved(states, inputs, solution, share)
-            value = problem.merit(*candidate, solution.penalty)
-            merit = min(merit, problem.merit(states, inputs, solution.penalty))
-            if value <= merit or share * solution.size < _CONVERGED:
+            better = problem.merit(*candidate, solution.penalty) <= before
+            if better or share < _SHORTEST or share * solution.size < _CONVERGED:
                 break
             share *= 0.5
-        states, inputs = candidate
-        merit = value
+        if better or share >= _SHORTEST:
+            states, inputs = candidate
         if solution.size < _CONVERGED:
             break
+        damping = 0.1 * damping if share == 1.0 else max(10.0 * damping, _DAMPED)
     problem.check_closed(states, inputs)
     final = inputs[-1]
     if reference.end is not None:  # exactly, from which the weights leave it a little away
@@ -147,8 +154,10 @@ class _Problem:
         return self._space.wrap(wanted)
 
     def first_guess(self) -> tuple[Array, Array]:
-        """Return the reference, elsewhere the equilibrium, and its input."""
-        return self._wanted.copy(), np.tile(self.rest_input, (len(self._wanted) - 1, 1))
+        """Return states and inputs from which the search starts."""
+        guess = self._reference.guess
+        states = self._wanted if guess is None else self._space.wrap(guess)
+        return states.copy(), np.tile(self.rest_input, (len(self._wanted) - 1, 1))
 
     def gaps(self, states: Array, inputs: Array) -> Array:
         """Return by how much each step misses the next state (N, n)."""
@@ -171,15 +180,18 @@ class _Problem:
         moved = self._space.add(states, share * solution.states)
         return moved, inputs + share * solution.inputs
 
-    def solve(self, states: Array, inputs: Array) -> _Solution:
-        """Return the changes that solve the problem linearised about states and inputs."""
+    def solve(self, states: Array, inputs: Array, damping: float) -> _Solution:
+        """Return the changes that solve the problem linearised about states and inputs.
+
+        With a ``damping``, changes of the inputs have this weight, too, relative to theirs.
+        """
         d = self.gaps(states, inputs)
         steps = linearized_along(self._model, states[:-1], inputs, self._reference.dt)
         if not (np.isfinite(d).all() and all(np.isfinite(part).all() for part in steps)):
             raise self._failure(states, d, 'the model is not finite')
         e = self._q * self._space.subtract(states, self._wanted)
         r = (inputs - self.rest_input).dot(self._R)
-        K, k, S, s = self._backward(steps, d, e, r)
+        K, k, S, s = self._backward(steps, d, e, r, (1.0 + damping) * self._R)
         dx = np.empty_like(states)
         dx[0] = -_least_squares(S[0], s[0])
         du = np.empty_like(inputs)
@@ -191,16 +203,17 @@ class _Problem:
         return _Solution(dx, du, float((np.abs(dx) / self._scale).max()), penalty)
 
     def _backward(
-        self, steps: Linearization, d: Array, e: Array, r: Array
+        self, steps: Linearization, d: Array, e: Array, r: Array, R: Array
     ) -> tuple[Array, Array, Array, Array]:
         """Return gains K (N, m, n) and k (N, m), and the cost-to-go, S (N + 1, n, n) and s.
 
-        ``d`` are the gaps, ``e`` and ``r`` the gradients of the cost by states and inputs.
+        ``d`` are the gaps, ``e`` and ``r`` the gradients of the cost by states and inputs, and
+        ``R`` is the weight of changes of the inputs.
         """
         N, (n, m) = len(steps.F), steps.G.shape[1:]
         K, k = np.empty((N, m, n)), np.empty((N, m))
         S, s = np.empty((N + 1, n, n)), np.empty((N + 1, n))
-        q, R = self._q, self._R
+        q = self._q
         S[N], s[N] = np.diag(q[N]), e[N]
         for i in range(N - 1, -1, -1):
             F, G = steps.F[i], steps.G[i]

@@ -89,11 +89,11 @@ def along_path(
             headings(positions) if yaw is None else _headings_at(used, yaw, positions)
         )
     coordinates = tuple(body.index[axis] for axis in axes)
-    ends = (
+    first, last = (
         _resting(scenario, coordinates, positions[k], {i: h[k] for i, h in hints.items()})
         for k in (0, -1)
     )
-    return ReferenceMotion(dt, coordinates, positions, hints, *ends)
+    return ReferenceMotion(dt, coordinates, positions, hints, first, last)
 
 
 def _resting(
@@ -162,13 +162,47 @@ def in_time(
         if state.names[index] in state.angles:
             unwrapped[:, column] = np.unwrap(values[:, column])
     curve = interpolated(times, unwrapped, dt, velocities)
-    ends = (
+    first, last = (
         _resting(scenario, coordinates, curve[k], {})
         if velocities is None or not velocities[k].any()
         else None
         for k in (0, -1)
     )
-    return ReferenceMotion(dt, tuple(coordinates), curve, {}, *ends)
+    return ReferenceMotion(dt, tuple(coordinates), curve, {}, first, last)
+
+
+def between(scenario: Scenario, start: Array, end: Array, seconds: float) -> ReferenceMotion:
+    """Return the reference of a motion from one state at rest to another, by any way.
+
+    Parameters
+    ----------
+    scenario
+        The system.
+    start, end
+        States (n,) at which it begins and ends; the input there is that of the nearest
+        equilibrium.
+    seconds
+        Duration.
+
+    Raises
+    ------
+    ValueError
+        If a state is not finite, or there are too many steps.
+    """
+    if not (is_finite(start) and is_finite(end)):
+        raise ValueError('expected finite states')
+    state, rest, dt = scenario.model.state, scenario.model.equilibrium, 1.0 / scenario.rate
+    _check_times(np.array([0.0, seconds]), dt)
+    steps = max(round(seconds / dt), 1)
+    share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
+    equilibria = tracking(scenario)
+    first, last = (
+        OperatingPoint(x, rest.input + equilibria.nearest(state.subtract(x, rest.state)).input)
+        for x in (start, end)
+    )
+    way = (1.0 - share) * state.subtract(start, end)
+    guess = state.add(np.broadcast_to(end, way.shape), way)
+    return ReferenceMotion(dt, (), np.zeros((steps + 1, 0)), {}, first, last, guess)
 
 
 def _check_times(times: Array, dt: float) -> None:

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from thorough import thorough
 
 import kalman_ros as kr
 
@@ -52,6 +53,27 @@ def test_a_reference_that_moves_is_no_error():
     np.testing.assert_allclose(run.truth[late, 2], np.cos(run.time[late]), atol=0.01)
 
 
+@pytest.mark.parametrize('seeds', [range(5), thorough(range(100))])
+def test_the_pole_swings_up_and_stands(seeds):
+    hanging = [0.0, 0.0, np.pi, 0.0]
+    cart = 'cart_pole', {'initial_state': hanging, 'initial_estimate': hanging,
+                         'initial_std': [0.01] * 4}  # fmt: skip
+    motion = kr.motion(*cart, start={'theta': np.pi}, seconds=2.0)
+    assert abs(motion.states[0, 2]) == pytest.approx(np.pi, abs=1e-4)
+    for seed in seeds:
+        run = kr.simulate(*cart, seconds=4.0, seed=seed, reference=motion, input_limit=15.0)
+        assert np.abs(run.truth[-50:, 2]).max() < 0.1, seed
+
+
+@pytest.mark.parametrize('seconds', [1.2, 1.5, 2.0, 2.5])
+def test_it_is_found_for_other_durations(seconds):
+    motion = kr.motion('cart_pole', start={'theta': np.pi}, seconds=seconds)
+    x = motion.states[:-2]
+    reached = kr.load('cart_pole').model.step(x, motion.inputs[:-2], motion.dt)
+    gap = motion.space.subtract(reached, motion.states[1:-1])
+    assert np.abs(gap).max() < 1e-6
+
+
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [
@@ -61,6 +83,10 @@ def test_a_reference_that_moves_is_no_error():
         ({'path': [[0, 0]]}, r'^path: expected 2 to 1000000 points, got 1'),
         ({'path': [[0, 0], [1, 0]], 'speed': 0}, r'^path: speed: expected a positive number'),
         ({'path': [[0, 0], [1, 0]], 'input_limit': 0.1}, r'^path: it needs v of .* at .* s'),
+        ({'seconds': 0}, r'^seconds: seconds: expected a positive number'),
+        ({'seconds': 1, 'end': {'z': 1}}, r'^seconds: names: '),
+        ({'seconds': 1, 'end': {'x': np.nan}}, r'^seconds: expected finite states'),
+        ({'seconds': 1e9}, r'^seconds: expected at most 60000 steps'),
         ({'values': {'x': [0, 1]}}, r'^values: expected their times'),
         ({'values': {'x': [0, 1]}, 'times': [0]}, r'^values: x: expected 1 numbers'),
         ({'values': {'z': [0, 1]}, 'times': [0, 1]}, r'^values: names: .* got .z.'),
