@@ -10,6 +10,7 @@ from kalman_ros.codecs.messages import UndecodableError, full_type, message_type
 from kalman_ros.codecs.messages import decode as decoded
 from kalman_ros.codecs.wire import learn_layouts
 from kalman_ros.core import Gaussian
+from kalman_ros.core.named_options import nearest
 from kalman_ros.pipeline.fuser import Fused, Fuser, Received
 from kalman_ros.pipeline.fusion import fusion
 from kalman_ros.pipeline.initial_pose import PoseReader
@@ -128,7 +129,7 @@ class Feed:
         if self._mounts.needed:
             bag.check(TOPIC, full_type(TYPE), 'mount.tf')
             self._take[TOPIC] = self._mounts.on_static
-        if scenario.input.fields:
+        if scenario.model.input.size:
             topic = resolve(scenario.input.topic)
             if topic in bag.topics or self.lockstep:
                 bag.check(topic, full_type(scenario.input.type), 'input')
@@ -137,7 +138,11 @@ class Feed:
                 self._take[topic] = partial(_each, readers)
                 self._on_lockstep_input = steps.on_input
             else:
-                self.notes.append(f'The recording has no input {topic}: it is taken to be idle.')
+                alike = nearest(topic, bag.topics)
+                hint = f' ({alike})' if alike else ''
+                self.notes.append(
+                    f'The recording has no input {topic}{hint}: it is taken to be idle.'
+                )
         if self.lockstep:
             self._take[resolve(TICK)] = steps.on_tick
         elif self.settings.simulated_time:

@@ -185,6 +185,32 @@ def test_a_sensor_with_too_few_innovations_is_not_called_consistent(tmp_path, mo
     assert tables.claim(few) == 'The filter is consistent.'
 
 
+@pytest.mark.parametrize(('lost', 'fails'), [(20, False), (21, True)])
+def test_a_sensor_that_is_mostly_dropped_fails_however_good_the_rest_is(tmp_path, lost, fails):
+    later = [10**7 * (k + 1) for k in range(40)]
+    arrivals = [(t, t if k >= lost else later[39], 'y', [0.0, 0.0]) for k, t in enumerate(later)]
+    found = replay(recorded(tmp_path / 'a', arrivals), {**VALUES, 'future_tolerance': 0.001})
+    assert statistics.statistics(found.sensors['y']).dropped == lost
+    dropped = [c for c in statistics.checks(found, None) if c.name == 'dropped of y']
+    assert [c.passed for c in dropped] == ([False] if fails else [])
+
+
+def test_a_missing_input_is_named_with_the_nearest_topic_and_none_without_an_input(tmp_path):
+    recorded(tmp_path / 'a', ARRIVALS)
+    found = replay(tmp_path / 'a', {**VALUES, 'input.topic': 'inputs'})
+    assert "no input /inputs (did you mean '/input'?)" in ' '.join(found.notes)
+    still = {
+        'model': 'linear', 'model_parameters.states': ['a', 'b'], 'model_parameters.inputs': [],
+        'model_parameters.A': [0.0] * 4, 'model_parameters.B': [],
+        'model_parameters.noise_density': [1.0, 1.0], 'sensors': ['y'],
+        **{name: value for name, value in VALUES.items() if name.startswith('y.')},
+        'y.measures': ['a', 'b'], 'initial_state': [0.0, 0.0], 'initial_estimate': [0.0, 0.0],
+        'initial_std': [1.0, 1.0], 'state.type': 'sensor_msgs/JointState',
+        'state.fields': ['position[a]', 'position[b]'],
+    }  # fmt: skip
+    assert not any('input' in note for note in replay(tmp_path / 'a', still).notes)
+
+
 @pytest.mark.slow
 def test_a_consistent_filter_passes_and_one_that_is_sure_of_itself_fails(tmp_path):
     record(tmp_path / 'a', VALUES, 20.0)

@@ -16,6 +16,8 @@ from kalman_ros.estimators.consistency import chi_square_bounds, independent, ne
 
 #: With fewer values nothing is checked.
 _LEAST = 20
+#: A sensor of which a larger share is dropped fails, however good the rest is.
+_MOST_DROPPED = 0.5
 #: The longest lag of an autocorrelation.
 LAGS = 20
 
@@ -178,6 +180,10 @@ def checks(replayed: Replayed, found: Errors | None) -> list[Check]:
         result.append(_check(f'NIS of {name} / {k}', 1.0, each.nis, low, high))
         bound = whiteness_bound(each.count, k, miss)
         result.append(_check(f'whiteness of {name}', 0.0, each.whiteness, -bound, bound))
+    for name, each in numbers.items():
+        share = each.dropped / each.received if each.received >= _LEAST else 0.0
+        if share > _MOST_DROPPED:
+            result.append(_check(f'dropped of {name}', 0.0, share, 0.0, _MOST_DROPPED))
     if found is not None:
         n = replayed.scenario.model.state.size
         low, high = chi_square_bounds(1.0, 2.0 / (n * found.independent), miss)
