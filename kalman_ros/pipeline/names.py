@@ -29,8 +29,8 @@ NAMES = {
         'window'
     ),
     'controller': (
-        'autostart enabled estimate_timeout frame future_tolerance idle_input input_limit '
-        'input_rate_limit learn_layouts lockstep max_message_size max_std '
+        'autostart enabled estimate_timeout frame future_tolerance heartbeat_timeout idle_input '
+        'input_limit input_rate_limit learn_layouts lockstep max_message_size max_std '
         'path_acceleration path_speed path_tolerance predict_latency realtime_priority '
         'reference_timeout resume transition_time'
     ),

@@ -30,7 +30,14 @@ TOPICS = {
         {'/estimate', '/estimate/covariance', '/estimate/state', *INNOVATIONS},
     ),
     'controller': (
-        {'/estimate', '/goal', '/reference', '/reference/path', '/reference/trajectory'},
+        {
+            '/estimate',
+            '/goal',
+            '/reference',
+            '/reference/path',
+            '/reference/trajectory',
+            '/stop',
+        },
         {'/force'},
     ),
     'monitor': (

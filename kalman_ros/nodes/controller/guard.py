@@ -10,7 +10,7 @@ from kalman_ros.core import Array, Space, is_finite, one_each
 from kalman_ros.linear.single import is_definite
 from kalman_ros.scenario import Scenario
 
-from .options import ControllerOptions
+from .options import RESUME, ControllerOptions
 
 #: An older stamp is a late estimate or a reset of time. It is a reset if only older ones were
 #: received for this many seconds.
@@ -175,7 +175,7 @@ def guard_limits(
 ) -> tuple[float, float, Array, Array]:
     """Return the limits of accepted estimates for an `EstimateGuard`."""
     most = one_each('max_std', options.max_std, scenario.model.state.size)
-    if options.resume not in ('auto', 'enable'):
-        raise ValueError(f"resume: expected auto or enable, got '{options.resume}'")
+    if options.resume not in RESUME:
+        raise ValueError(f"resume: expected {', '.join(RESUME)}, got '{options.resume}'")
     prior = scenario.initial_belief.covariance.diagonal()
     return options.estimate_timeout, options.future_tolerance, most, prior

@@ -61,6 +61,11 @@ class MotionReader:
         """Compute the gains of a motion again, for other weights."""
         self._jobs.start(lambda: motions.with_law(scenario, motion))
 
+    def forget(self) -> None:
+        """Forget what is planned, or being planned."""
+        self._jobs.forget()
+        self._planned = None
+
     def take(self) -> Motion | None:
         """Return a motion, once, when it is planned."""
         self.poll()

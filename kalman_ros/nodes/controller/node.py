@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
-from std_srvs.srv import SetBool
+from std_msgs.msg import Bool, Empty
+from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.signal_codecs import codec_of
@@ -24,7 +25,7 @@ from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.meters import Latency, Rate
-from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE
+from kalman_ros.nodes.middleware.topics import HISTORY, KEPT, QUEUE, WATCH
 from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
@@ -36,6 +37,7 @@ from .motions import MotionReader
 from .options import ControllerOptions
 from .output import OutputStage
 from .reference import ReferenceReader
+from .stop import Heartbeat, Stop
 
 #: The longest step, in seconds, over which an integral is updated or an estimate predicted.
 _LONGEST = 0.5
@@ -59,7 +61,8 @@ class ControllerNode(runtime.ScenarioNode):
         self._regulator = Regulator(model.state, feedback(scenario), model.equilibrium, blend)
         self._guard = EstimateGuard(model.state, *guard_limits(scenario, options))
         limiter = self._limiter = Limiter(*_limited(scenario, options))
-        self._enabled = options.enabled
+        self._stop = Stop(enabled=options.enabled)
+        self._heartbeat = Heartbeat(options.heartbeat_timeout)
         #: Whether the input went to idle, and has to continue from there.
         self._released = False
         self._period = 1.0 / scenario.rate
@@ -106,14 +109,27 @@ class ControllerNode(runtime.ScenarioNode):
             handle = self.get_clock().create_jump_callback(back, post_callback=self._on_clock_back)
             self.at_the_end(handle.unregister)
         self.create_service(SetBool, '~/enable', self._on_enable)
+        self.create_service(Trigger, '~/stop', self._on_stop_request)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        for quality in (KEPT, QUEUE):  # from before this moment, and from any publisher
+            self.create_subscription(Bool, 'stop', self._on_stop, quality)
+        self._heartbeat.beat()
+        if self._heartbeat.timeout:
+            beat = self._heartbeat.beat
+            self.create_subscription(Empty, 'heartbeat', lambda _: beat(), WATCH)
         self._clock_went_back = False
-        if self._enabled or self.options.lockstep:
+        if self._stop.may_act or self.options.lockstep:
             self._output.open()
 
     def deactivate(self) -> None:
         """Bring the input to idle: within its limits, unless that takes too long."""
         self._output.close(self._stamp)
         self._released = True
+        self._end_motion()
+
+    def _end_motion(self) -> None:
+        """Hold the equilibrium nearest to where a motion has got, and forget what is planned."""
+        self._motions.forget()
         if self._regulator.motion is not None:
             self._regulator.hold(*self._reference.rest_near(self._regulator.target[0]))
 
@@ -145,7 +161,7 @@ class ControllerNode(runtime.ScenarioNode):
         dt = min(max(dt, 0.0), _LONGEST)
         self._time = time
         now = None if self.options.lockstep else self._now()
-        reason = self._guard.reason(estimate, now)
+        reason = self._guard.reason(estimate, now) or self._heartbeat_problem()
         x = estimate.values if reason else self._predicted(time, estimate.values)
         if not reason and not is_finite(x):
             reason = 'the estimate cannot be predicted by its age'
@@ -154,7 +170,7 @@ class ControllerNode(runtime.ScenarioNode):
             self._fail(reason, time)
             return
         self._recover(x)
-        if not self._enabled:
+        if not self._stop.may_act:
             self._regulator.follow(x, self._output.release(time))
             return
         motion = self._motions.take()
@@ -173,6 +189,8 @@ class ControllerNode(runtime.ScenarioNode):
         self._released = True
         if self.options.resume == 'enable':
             self._enable(on=False)
+        elif self.options.resume == 'never':
+            self._stop_acting(reason)
         if not self._fault:
             words = f'{reason}: the force goes to {self._idle_name}'
             self.get_logger().error(words, throttle_duration_sec=1.0)
@@ -195,6 +213,9 @@ class ControllerNode(runtime.ScenarioNode):
         self._motions.poll()
         if self._early and self._meeting.over:
             self._on_estimate(self._early)
+        problem = self._heartbeat_problem()
+        if problem and self._stop.may_act:
+            self._fail(problem, self._stamp())
         silence, timeout = monotonic() - self._came, self.options.estimate_timeout
         if self._answered and timeout and silence > timeout:
             now = self._stamp()
@@ -240,20 +261,55 @@ class ControllerNode(runtime.ScenarioNode):
 
     def _on_enable(self, request: Any, response: Any) -> Any:
         on = request.data
-        self._enable(on=on)
-        response.success = True
-        response.message = 'forces are computed' if on else f'the force is {self._idle_name}'
+        response.success = self._enable(on=on)
+        if not response.success:
+            response.message = f'stopped ({self._stop.reason}): call ~/reset first'
+        else:
+            response.message = 'forces are computed' if on else f'the force is {self._idle_name}'
         return response
 
-    def _enable(self, *, on: bool) -> None:
-        """Compute inputs, or bring the input to idle and stop publishing; lockstep needs one."""
-        self._enabled = on
+    def _on_stop(self, message: Any) -> None:
+        """Stop if the message is true; false does not end a stop."""
+        if message.data:
+            self._stop_acting('the topic stop')
+
+    def _on_stop_request(self, _: Any, response: Any) -> Any:
+        self._stop_acting('~/stop')
+        response.success, response.message = True, f'the force is {self._idle_name}'
+        return response
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        self._stop.reset()
+        response.success, response.message = True, 'not stopped; ~/enable lets it act'
+        return response
+
+    def _stop_acting(self, reason: str) -> None:
+        """Bring the input to idle until a reset and then an enable; a motion ends."""
+        first = not self._stop.reason
+        self._stop.stop(reason)
+        self._enable(on=False)
+        self._end_motion()
+        if first:
+            self.get_logger().error(f'stopped: {reason}')
+            self.diagnostics.soon()
+
+    def _heartbeat_problem(self) -> str:
+        return '' if self.options.lockstep else self._heartbeat.problem
+
+    def _enable(self, *, on: bool) -> bool:
+        """Compute inputs, or bring the input to idle and stop publishing; lockstep needs one.
+
+        Return whether that was done: where it is stopped, it stays so.
+        """
+        if not self._stop.enable(on=on):
+            return False
         if self.options.lockstep:
-            return
+            return True
         if on:
             self._output.open()
         else:
             self._output.close(self._stamp)
+        return True
 
     @property
     def _idle_name(self) -> str:
@@ -301,10 +357,12 @@ class ControllerNode(runtime.ScenarioNode):
             'poles': np.array2string(gains.poles, precision=4),
         }
         zero = f'the force {"is" if self._output.at_idle else "goes to"} {self._idle_name}'
+        if self._stop.reason:
+            return Level.ERROR, f'stopped ({self._stop.reason}): {zero}', values
         if self._fault:
             return Level.ERROR, f'{self._fault}: {zero}', values
         values.update(self._progress())
-        if not self._enabled:
+        if not self._stop.may_act:
             return Level.WARN, f'disabled: {zero}', values
         if not self._answered:
             return Level.WARN, f'no {self.scenario.state.topic} received', values

@@ -21,6 +21,9 @@ from kalman_ros.pipeline.estimator_options import (
 )
 from kalman_ros.pipeline.intake import LONGEST
 
+#: What follows a fault.
+RESUME = ('auto', 'enable', 'never')
+
 
 @dataclass(frozen=True)
 class ControllerOptions:
@@ -63,8 +66,16 @@ class ControllerOptions:
         ),
     ] = (inf,)
     resume: Annotated[
-        str, About("after a fault resume at once, 'auto', or on ~/enable, 'enable'")
+        str,
+        About(
+            "after a fault resume at once, 'auto', on ~/enable, 'enable', or stop, 'never': then "
+            'on ~/reset and ~/enable'
+        ),
     ] = 'auto'
+    heartbeat_timeout: Annotated[
+        float,
+        About('real time: the input goes to idle after this time without heartbeat', 's', 0.0),
+    ] = 0.0
     transition_time: Annotated[
         float,
         About('duration of the transition to other gains; 0 for a jump', 's', 0.0, live=True),

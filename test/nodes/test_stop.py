@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every arrow between running, disabled and stopped, in the controller node."""
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool, Empty
+from std_srvs.srv import SetBool, Trigger
+
+from kalman_ros.nodes.controller.node import ControllerNode
+from kalman_ros.nodes.controller.stop import Heartbeat, Stop
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.mark.parametrize(
+    ('moves', 'acts'),
+    [
+        ('', True),
+        ('disable', False),
+        ('disable enable', True),
+        ('stop', False),
+        ('stop enable', False),
+        ('stop reset', False),
+        ('stop reset enable', True),
+        ('stop enable reset', False),
+        ('stop disable reset enable', True),
+        ('stop stop reset enable', True),
+        ('reset', True),
+        ('disable reset', False),
+        ('disable stop enable', False),
+    ],
+)
+def test_only_a_reset_and_then_an_enable_end_a_stop(moves, acts):
+    switch = Stop(enabled=True)
+    do = {
+        'enable': lambda: switch.enable(on=True),
+        'disable': lambda: switch.enable(on=False),
+        'stop': lambda: switch.stop('a reason'),
+        'reset': switch.reset,
+    }
+    for move in moves.split():
+        do[move]()
+    assert switch.may_act is acts
+
+
+def test_the_first_reason_stays():
+    switch = Stop(enabled=True)
+    switch.stop('first')
+    switch.stop('second')
+    assert switch.reason == 'first'
+    assert not switch.enable(on=True)
+    assert switch.enable(on=False)
+
+
+def test_a_heartbeat_is_late_beyond_its_timeout_alone(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr('kalman_ros.nodes.controller.stop.monotonic', lambda: now[0])
+    beats, none = Heartbeat(0.5), Heartbeat(0.0)
+    now[0] = 100.5
+    assert not beats.problem
+    now[0] = 100.501
+    assert beats.problem == 'no heartbeat for 0.5 s'
+    assert not none.problem
+    beats.beat()
+    assert not beats.problem
+
+
+def ask(node, service, kind, **fields):
+    """Return the answer of a service of the node, by its callback."""
+    callbacks = {'enable': node._on_enable, 'stop': node._on_stop_request, 'reset': node._on_reset}
+    return callbacks[service](kind.Request(**fields), kind.Response())
+
+
+def level(node):
+    return node.report()[1]
+
+
+def test_the_service_stops_and_says_what_ends_it(pair):
+    node = pair(ControllerNode).node
+    assert ask(node, 'stop', Trigger).success
+    assert level(node).startswith('stopped (~/stop): the force is zero')
+    assert node._output.closed
+    refused = ask(node, 'enable', SetBool, data=True)
+    assert not refused.success
+    assert refused.message == 'stopped (~/stop): call ~/reset first'
+    assert ask(node, 'reset', Trigger).message == 'not stopped; ~/enable lets it act'
+    assert node._output.closed
+    assert level(node).startswith('disabled')
+    assert ask(node, 'enable', SetBool, data=True).success
+    assert not node._output.closed
+
+
+@pytest.mark.parametrize('quality', [LATCHED, 10])
+def test_the_topic_stops_from_any_publisher_and_false_does_not_end_it(pair, quality):
+    started = pair(ControllerNode)
+    publisher = started.peer.create_publisher(Bool, 'stop', quality)
+    started.until(publisher.get_subscription_count, 'no subscriber of stop')
+    publisher.publish(Bool(data=False))
+    publisher.publish(Bool(data=True))
+    started.until(lambda: started.node._output.closed, 'not stopped')
+    publisher.publish(Bool(data=False))
+    publisher.wait_for_all_acked()
+    started.until(lambda: 'the topic stop' in level(started.node), level(started.node))
+    assert not ask(started.node, 'enable', SetBool, data=True).success
+
+
+def test_a_stop_from_before_the_start_counts(pair):
+    started = pair(ControllerNode, autostart='false')
+    publisher = started.peer.create_publisher(Bool, 'stop', LATCHED)
+    publisher.publish(Bool(data=True))
+    started.node.trigger_configure()
+    started.node.trigger_activate()
+    started.until(lambda: started.node._output.closed, 'not stopped')
+
+
+@pytest.mark.parametrize(
+    ('resume', 'state'), [('auto', 'running'), ('enable', 'disabled'), ('never', 'stopped')]
+)
+def test_a_fault_ends_as_resume_says(pair, resume, state):
+    node = pair(ControllerNode, resume=resume).node
+    node._fail('a fault', 0)
+    assert node._stop.may_act is (state == 'running')
+    assert bool(node._stop.reason) is (state == 'stopped')
+    allowed = ask(node, 'enable', SetBool, data=True).success
+    assert allowed is (state != 'stopped')
+    ask(node, 'reset', Trigger)
+    assert ask(node, 'enable', SetBool, data=True).success
+
+
+def test_without_its_heartbeat_the_input_goes_to_idle(pair):
+    started = pair(ControllerNode, heartbeat_timeout=0.3)
+    node = started.node
+    beats = started.publisher(Empty, 'heartbeat')
+    started.until(lambda: 'no heartbeat' in level(node), 'no fault')
+    beats.publish(Empty())
+    started.until(lambda: not node._heartbeat_problem(), 'not heard')
+
+
+def test_a_motion_ends_with_a_stop_and_waits_while_disabled(pair):
+    from kalman_ros.scenario.motions import along_path, motion_of
+
+    node = pair(ControllerNode).node
+    scenario = node.scenario
+    path = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    import numpy as np
+
+    motion = motion_of(scenario, along_path(scenario, np.array(path), 0.5, 0.5))
+    node._begin(motion)
+    ask(node, 'enable', SetBool, data=False)
+    assert node._regulator.motion is motion
+    ask(node, 'stop', Trigger)
+    assert node._regulator.motion is None
+    np.testing.assert_allclose(node._regulator.target[0][[1, 3]], 0.0, atol=1e-9)
