@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,8 @@ def motion(
         )
     law = law_of(scenario, overrides, Given(None, None, input_limit, input_rate_limit))
     allowed = number('tolerance', tolerance)
+    if not 0.0 <= allowed < inf:
+        raise ValueError(f'tolerance: expected a finite number of at least 0, got {allowed:g}')
     try:
         if values is not None:
             wanted = _in_time(law.scenario, values, times, velocities)
@@ -119,7 +122,7 @@ def _points(path: ArrayLike | None) -> Array:
 
 def _positive(name: str, value: float) -> float:
     checked = number(name, value)
-    if not checked > 0.0:
+    if not 0.0 < checked < inf:
         raise ValueError(f'{name}: expected a positive number, got {checked:g}')
     return checked
 

@@ -50,7 +50,8 @@ def timed_path(
     corners = points[moved]
     if len(corners) < 2:
         raise ValueError(f'expected two different points or more, got {len(points)}, all the same')
-    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
+    with np.errstate(over='ignore', invalid='ignore'):
+        s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
     length, mean = float(s[-1]), min(speed / acceleration, sqrt(8.0 * rounding / acceleration))
     if not length < np.inf:
         raise ValueError('expected positions whose distances are finite')

@@ -27,6 +27,8 @@ _FOLLOWED = 1e6
 _MOST_ITERATIONS = 100
 #: A change of states below this, relative to their size, ends the iteration.
 _CONVERGED = 1e-9
+#: So does a decrease of the cost below this, relative to it, once the steps leave no gaps.
+_SLOW = 1e-4
 #: The largest gap that the steps of a motion may leave, relative to the size of the states.
 _CLOSED = 1e-6
 #: A shorter share of a step is not taken; the inputs are damped instead.
@@ -95,13 +97,15 @@ def fit(model: Dynamics, reference: ReferenceMotion, weights: Cost) -> Motion:
         before, share = problem.merit(states, inputs, solution.penalty), 1.0
         while True:
             candidate = problem.moved(states, inputs, solution, share)
-            better = problem.merit(*candidate, solution.penalty) <= before
+            after = problem.merit(*candidate, solution.penalty)
+            better = after <= before
             if better or share < _SHORTEST or share * solution.size < _CONVERGED:
                 break
             share *= 0.5
         if better or share >= _SHORTEST:
             states, inputs = candidate
-        if solution.size < _CONVERGED:
+        slow = before - after <= _SLOW * before and problem.is_closed(states, inputs)
+        if solution.size < _CONVERGED or (better and slow):
             break
         damping = 0.1 * damping if share == 1.0 else max(10.0 * damping, _DAMPED)
     problem.check_closed(states, inputs)
@@ -226,10 +230,14 @@ class _Problem:
             s[i] = e[i] + F.T.dot(ahead) - L.T.dot(k[i])
         return K, k, S, s
 
+    def is_closed(self, states: Array, inputs: Array) -> bool:
+        """Return whether states and inputs are a motion of the model."""
+        return bool((np.abs(self.gaps(states, inputs)) <= _CLOSED * self._scale).all())
+
     def check_closed(self, states: Array, inputs: Array) -> None:
         """Raise ValueError if states and inputs are no motion of the model."""
-        d = self.gaps(states, inputs)
-        if not (np.abs(d) <= _CLOSED * self._scale).all():
+        if not self.is_closed(states, inputs):
+            d = self.gaps(states, inputs)
             raise self._failure(states, d, 'no motion of the model was found')
 
     def _failure(self, states: Array, d: Array, why: str) -> ValueError:

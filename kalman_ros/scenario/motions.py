@@ -75,7 +75,7 @@ def along_path(
     if not 2 <= len(points) <= _MOST_POINTS:
         raise ValueError(f'expected 2 to {_MOST_POINTS} points, got {len(points)}')
     used = points[:, ['xyz'.index(axis) for axis in axes]]
-    if not is_finite(used):
+    if not np.isfinite(used).all():
         raise ValueError('expected finite positions')
     dt = 1.0 / scenario.rate
     if times is None:

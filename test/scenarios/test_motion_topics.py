@@ -132,3 +132,15 @@ def test_the_example_of_the_page_follows_its_path():
         followed = run.trajectory()
     np.testing.assert_allclose(followed.truth[-1, :2], [3.0, 3.0], atol=0.1)
     assert 0.7 < followed.truth[:, 2].max() < 0.95
+
+
+def test_a_path_that_begins_elsewhere_is_reached_first():
+    close = {'state_cost': [20.0, 20.0, 0.1, 1.0, 0.1], 'input_cost': [0.1, 0.1]}
+    with Run(ROBOT, close) as run:
+        paths = publisher_of(run, Path, 'reference/path')
+        run.advance(0.2)
+        send(run, paths, path([(0.0, 2.0), (2.0, 2.0)]))
+        run.advance(13.0)
+        followed = run.trajectory()
+    np.testing.assert_allclose(followed.truth[-1, :2], [2.0, 2.0], atol=0.15)
+    assert np.linalg.norm(followed.truth[:, :2] - [0.0, 2.0], axis=1).min() < 0.15

@@ -36,10 +36,18 @@ class MotionReader:
         Returns the frame of the estimate, '' if unknown.
     held
         Returns the state (n,) that is held now, at which a trajectory begins.
+    here
+        Returns the last estimate (n,), None before the first; a path begins there.
     """
 
-    def __init__(self, node: Host, frame: Callable[[], str], held: Callable[[], Array]) -> None:
-        self._node, self._frame, self._held = node, frame, held
+    def __init__(
+        self,
+        node: Host,
+        frame: Callable[[], str],
+        held: Callable[[], Array],
+        here: Callable[[], Array | None],
+    ) -> None:
+        self._node, self._frame, self._held, self._here = node, frame, held, here
         self._warn = Throttle(node.get_logger().warning)
         self._topic = ''
 
@@ -109,6 +117,8 @@ class MotionReader:
         points = points.reshape(-1, 3)
         yaw = _yaw([pose.orientation for pose in poses])
         times = _times([stamped.header.stamp for stamped in message.poses])
+        if times is None and len(points):
+            points, yaw = self._from_here(points, yaw)
         scenario, options = self._scenario, self._options
         return lambda: motions.along_path(
             scenario,
@@ -119,6 +129,20 @@ class MotionReader:
             times,
             options.path_tolerance,
         )
+
+    def _from_here(self, points: Array, yaw: Array | None) -> tuple[Array, Array | None]:
+        """Return a path from where the robot is, unless the path begins there."""
+        here, state = self._here(), self._scenario.model.state
+        if here is None:
+            return points, yaw
+        body = body_of(state, self._scenario.state)
+        first = points[0].copy()
+        for axis in body.position:
+            first['xyz'.index(axis)] = body.value(here, axis)
+        if not float(np.linalg.norm(points[0] - first)) > self._options.path_tolerance:
+            return points, yaw
+        yaw = None if yaw is None else np.append(yaw[0], yaw)
+        return np.vstack((first, points)), yaw
 
     def _trajectory(self, message: Any) -> Callable[[], ReferenceMotion]:
         """Return what gives the reference of a ``trajectory_msgs/JointTrajectory``."""

@@ -84,7 +84,11 @@ class ControllerNode(runtime.ScenarioNode):
             frame,
             options.reference_timeout,
         )
-        self._motions = MotionReader(self, frame, lambda: self._regulator.target[0])
+        #: The last estimate that was used.
+        self._here: Array | None = None
+        self._motions = MotionReader(
+            self, frame, lambda: self._regulator.target[0], lambda: self._here
+        )
         self._motions.adopt(scenario, options, _limited(scenario, options)[0])
 
     def activate(self) -> None:
@@ -170,6 +174,7 @@ class ControllerNode(runtime.ScenarioNode):
             self._fail(reason, time)
             return
         self._recover(x)
+        self._here = x
         if not self._stop.may_act:
             self._regulator.follow(x, self._output.release(time))
             return
