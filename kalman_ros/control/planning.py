@@ -33,6 +33,8 @@ _SLOW = 1e-4
 _CLOSED = 1e-6
 #: A shorter share of a step is not taken; the inputs are damped instead.
 _SHORTEST = 1e-3
+#: The largest distance from the end of a motion at which it arrives, relative to the states.
+_ARRIVED = 0.1
 #: The first damping, relative to the weight of the inputs (K. Levenberg, 1944).
 _DAMPED = 1.0
 #: The most steps of a motion.
@@ -111,6 +113,7 @@ def fit(model: Dynamics, reference: ReferenceMotion, weights: Cost) -> Motion:
     problem.check_closed(states, inputs)
     final = inputs[-1]
     if reference.end is not None:  # exactly, from which the weights leave it a little away
+        problem.check_end(states[-1], reference.end.state)
         states[-1], final = model.state.wrap(reference.end.state), reference.end.input
     return Motion(model.state, reference.dt, states, np.vstack((inputs, final)))
 
@@ -229,6 +232,16 @@ class _Problem:
             S[i] = symmetric(np.diag(q[i]) + F.T.dot(S[i + 1]).dot(F) - L.T.dot(K[i]))
             s[i] = e[i] + F.T.dot(ahead) - L.T.dot(k[i])
         return K, k, S, s
+
+    def check_end(self, state: Array, end: Array) -> None:
+        """Raise ValueError if a motion does not come to its end."""
+        off = np.abs(self._space.subtract(state, end))
+        index = int(np.argmax(off / self._scale))
+        if off[index] > _ARRIVED * self._scale[index]:
+            name, unit = self._space.names[index], self._space.units[index]
+            raise ValueError(
+                f'it does not come to its end: {name} is {off[index]:.3g} {unit} away'
+            )
 
     def is_closed(self, states: Array, inputs: Array) -> bool:
         """Return whether states and inputs are a motion of the model."""

@@ -187,22 +187,29 @@ def between(scenario: Scenario, start: Array, end: Array, seconds: float) -> Ref
     Raises
     ------
     ValueError
-        If a state is not finite, or there are too many steps.
+        If a state is not finite, the model does not rest there, or there are too many steps.
     """
     if not (is_finite(start) and is_finite(end)):
         raise ValueError('expected finite states')
-    state, rest, dt = scenario.model.state, scenario.model.equilibrium, 1.0 / scenario.rate
+    state, dt = scenario.model.state, 1.0 / scenario.rate
     _check_times(np.array([0.0, seconds]), dt)
     steps = max(round(seconds / dt), 1)
     share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
-    equilibria = tracking(scenario)
-    first, last = (
-        OperatingPoint(x, rest.input + equilibria.nearest(state.subtract(x, rest.state)).input)
-        for x in (start, end)
-    )
+    first, last = (_at_rest(scenario, what, x) for what, x in (('start', start), ('end', end)))
     way = (1.0 - share) * state.subtract(start, end)
     guess = state.add(np.broadcast_to(end, way.shape), way)
     return ReferenceMotion(dt, (), np.zeros((steps + 1, 0)), {}, first, last, guess)
+
+
+def _at_rest(scenario: Scenario, what: str, state: Array) -> OperatingPoint:
+    """Return a state (n,) with the input that holds it; ValueError if none does."""
+    model = in_continuous_time(scenario.model)
+    u = steady_input(model, state, np.zeros(model.state.size)).input
+    rate = np.abs(model.derivative(state, u))
+    if (rate > _MISSED * max(1.0, np.abs(u).max())).any():
+        name = model.state.names[int(np.argmax(rate))]
+        raise ValueError(f'{what}: no input holds the model there: {name} changes')
+    return OperatingPoint(state, u)
 
 
 def _check_times(times: Array, dt: float) -> None:

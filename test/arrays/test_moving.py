@@ -88,6 +88,7 @@ def test_it_is_found_for_other_durations(seconds):
         ({'path': [[0, 0], [1, 0]], 'input_limit': 0.1}, r'^path: it needs v of .* at .* s'),
         ({'seconds': 0}, r'^seconds: seconds: expected a positive number'),
         ({'seconds': 1, 'end': {'z': 1}}, r'^seconds: names: '),
+        ({'seconds': 1, 'end': {'v': 1.0}}, r'^seconds: end: no input holds .*: x changes'),
         ({'seconds': 1, 'end': {'x': np.nan}}, r'^seconds: expected finite states'),
         ({'seconds': 1e9}, r'^seconds: expected at most 60000 steps'),
         ({'values': {'x': [0, 1]}}, r'^values: expected their times'),

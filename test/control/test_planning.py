@@ -99,6 +99,15 @@ def test_an_underactuated_model_leans_before_it_goes():
     assert closed(model, motion) < 1e-9
 
 
+def test_an_end_that_is_not_reached_is_named():
+    x = np.zeros((101, 1))
+    end = OperatingPoint(np.array([0.0, 0.0, 0.3, 0.0]), np.zeros(1))
+    walled = ReferenceMotion(0.01, (0,), x, {}, None, end)
+    weights = cost([1e6, 1.0, 1e-6, 1e-6], [1.0], (4, 1))
+    with pytest.raises(ValueError, match='it does not come to its end: theta is .* rad away'):
+        fit(CartPole(), walled, weights)
+
+
 def test_what_cannot_be_reached_fails_with_state_and_time():
     class Broken(CartPole):
         def derivative(self, x, u):
