@@ -83,6 +83,10 @@ def motion(
         raise ValueError(
             'path: expected a path, or values with their times, or the seconds from start to end'
         )
+    if seconds is None and not (start is None and end is None):
+        raise ValueError('start: expected the seconds of the motion with it')
+    if seconds is not None and start is None and end is None:
+        raise ValueError('seconds: expected a start or an end with it')
     law = law_of(scenario, overrides, Given(None, None, input_limit, input_rate_limit))
     allowed = number('tolerance', tolerance)
     if not 0.0 <= allowed < inf:

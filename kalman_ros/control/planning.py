@@ -22,8 +22,11 @@ from .lqr import Cost
 from .motion import Motion
 from .time_varying import Linearization, linearized_along
 
-#: The weight of a difference from the reference, relative to that in the cost of the regulator.
-_FOLLOWED = 1e6
+#: The weights of a difference from the reference that are tried, the first and the last, relative
+#: to that in the cost of the regulator.
+_FIRST, _LAST = 1e2, 1e6
+#: That of a difference from the state at which it begins or ends.
+_HELD = 1e10
 _MOST_ITERATIONS = 100
 #: A change of states below this, relative to their size, ends the iteration.
 _CONVERGED = 1e-9
@@ -33,8 +36,8 @@ _SLOW = 1e-4
 _CLOSED = 1e-6
 #: A shorter share of a step is not taken; the inputs are damped instead.
 _SHORTEST = 1e-3
-#: The largest distance from the end of a motion at which it arrives, relative to the states.
-_ARRIVED = 0.1
+#: The largest distance from where a motion shall begin or end, relative to the states.
+_ARRIVED = 1e-3
 #: The first damping, relative to the weight of the inputs (K. Levenberg, 1944).
 _DAMPED = 1.0
 #: The most steps of a motion.
@@ -72,7 +75,9 @@ class ReferenceMotion:
     guess: Array | None = None
 
 
-def fit(model: Dynamics, reference: ReferenceMotion, weights: Cost) -> Motion:
+def fit(
+    model: Dynamics, reference: ReferenceMotion, weights: Cost, accuracy: float = 1e-3
+) -> Motion:
     """Return the motion of a model that is nearest to a reference.
 
     Coordinates that the reference does not give are free, except at its start and end.
@@ -85,35 +90,30 @@ def fit(model: Dynamics, reference: ReferenceMotion, weights: Cost) -> Motion:
         The wanted motion.
     weights
         Weights of the regulator, which say how differences of the coordinates compare.
+    accuracy
+        How near it shall come, in the units of the coordinates. Differences get the more weight
+        until it does, or comes no nearer.
 
     Raises
     ------
     ValueError
         If no motion is found; the message names the state and the time at which it fails.
     """
-    problem = _Problem(model, reference, weights)
-    states, inputs = problem.first_guess()
-    damping = 0.0
-    for _ in range(_MOST_ITERATIONS):
-        solution = problem.solve(states, inputs, damping)
-        before, share = problem.merit(states, inputs, solution.penalty), 1.0
-        while True:
-            candidate = problem.moved(states, inputs, solution, share)
-            after = problem.merit(*candidate, solution.penalty)
-            better = after <= before
-            if better or share < _SHORTEST or share * solution.size < _CONVERGED:
-                break
-            share *= 0.5
-        if better or share >= _SHORTEST:
-            states, inputs = candidate
-        slow = before - after <= _SLOW * before and problem.is_closed(states, inputs)
-        if solution.size < _CONVERGED or (better and slow):
+    followed, found, least = _FIRST, None, np.inf
+    while True:
+        problem = _Problem(model, reference, weights, followed)
+        found_now = problem.minimum(*(found or problem.first_guess()))
+        off = problem.deviation(found_now[0])
+        if found is not None and off > 0.5 * least:  # no nearer, at the price of larger inputs
             break
-        damping = 0.1 * damping if share == 1.0 else max(10.0 * damping, _DAMPED)
-    problem.check_closed(states, inputs)
+        found, least = found_now, off
+        if off <= accuracy or followed >= _LAST:
+            break
+        followed *= 10.0
+    states, inputs = found
+    problem.check_ends(states)
     final = inputs[-1]
     if reference.end is not None:  # exactly, from which the weights leave it a little away
-        problem.check_end(states[-1], reference.end.state)
         states[-1], final = model.state.wrap(reference.end.state), reference.end.input
     return Motion(model.state, reference.dt, states, np.vstack((inputs, final)))
 
@@ -131,7 +131,9 @@ class _Solution:
 class _Problem:
     """The least-squares problem of a reference."""
 
-    def __init__(self, model: Dynamics, reference: ReferenceMotion, weights: Cost) -> None:
+    def __init__(
+        self, model: Dynamics, reference: ReferenceMotion, weights: Cost, followed: float
+    ) -> None:
         self._model, self._reference, self._space = model, reference, model.state
         self.rest_state, self.rest_input = model.equilibrium
         diagonal = weights.state.diagonal().copy()
@@ -140,11 +142,11 @@ class _Problem:
         q = np.zeros(len(diagonal))
         q[list(reference.hints)] = diagonal[list(reference.hints)]
         given = list(reference.coordinates)
-        q[given] = _FOLLOWED * diagonal[given]
+        q[given] = followed * diagonal[given]
         self._q: Array = np.tile(q, (len(reference.values), 1))
         for step, rest in ((0, reference.start), (-1, reference.end)):
             if rest is not None:
-                self._q[step] = _FOLLOWED * diagonal
+                self._q[step] = _HELD * diagonal
         self._R = weights.input
         self._wanted = self._wanted_states()
         self._scale = np.maximum(1.0, np.abs(self._wanted).max(axis=0))
@@ -165,6 +167,39 @@ class _Problem:
         guess = self._reference.guess
         states = self._wanted if guess is None else self._space.wrap(guess)
         return states.copy(), np.tile(self.rest_input, (len(self._wanted) - 1, 1))
+
+    def minimum(self, states: Array, inputs: Array) -> tuple[Array, Array]:
+        """Return the states and inputs of the motion that is nearest, from a first guess.
+
+        Raises
+        ------
+        ValueError
+            If none is found.
+        """
+        damping = 0.0
+        for _ in range(_MOST_ITERATIONS):
+            solution = self.solve(states, inputs, damping)
+            before, share = self.merit(states, inputs, solution.penalty), 1.0
+            while True:
+                candidate = self.moved(states, inputs, solution, share)
+                after = self.merit(*candidate, solution.penalty)
+                better = after <= before
+                if better or share < _SHORTEST or share * solution.size < _CONVERGED:
+                    break
+                share *= 0.5
+            if better or share >= _SHORTEST:
+                states, inputs = candidate
+            slow = before - after <= _SLOW * before and self.is_closed(states, inputs)
+            if solution.size < _CONVERGED or (better and slow):
+                break
+            damping = 0.1 * damping if share == 1.0 else max(10.0 * damping, _DAMPED)
+        self.check_closed(states, inputs)
+        return states, inputs
+
+    def deviation(self, states: Array) -> float:
+        """Return the largest difference from the values of the reference."""
+        off = self._space.subtract(states, self._wanted)[:, list(self._reference.coordinates)]
+        return float(np.abs(off).max(initial=0.0))
 
     def gaps(self, states: Array, inputs: Array) -> Array:
         """Return by how much each step misses the next state (N, n)."""
@@ -233,15 +268,18 @@ class _Problem:
             s[i] = e[i] + F.T.dot(ahead) - L.T.dot(k[i])
         return K, k, S, s
 
-    def check_end(self, state: Array, end: Array) -> None:
-        """Raise ValueError if a motion does not come to its end."""
-        off = np.abs(self._space.subtract(state, end))
-        index = int(np.argmax(off / self._scale))
-        if off[index] > _ARRIVED * self._scale[index]:
-            name, unit = self._space.names[index], self._space.units[index]
-            raise ValueError(
-                f'it does not come to its end: {name} is {off[index]:.3g} {unit} away'
-            )
+    def check_ends(self, states: Array) -> None:
+        """Raise ValueError if a motion does not begin and end where it shall."""
+        ends = ('begin', 0, self._reference.start), ('end', -1, self._reference.end)
+        for what, step, rest in ends:
+            if rest is None:
+                continue
+            off = np.abs(self._space.subtract(states[step], rest.state))
+            index = int(np.argmax(off / self._scale))
+            if off[index] > _ARRIVED * self._scale[index]:
+                name, unit = self._space.names[index], self._space.units[index]
+                away = f'{name} is {off[index]:.3g} {unit} away'
+                raise ValueError(f'it does not {what} where it should: {away}')
 
     def is_closed(self, states: Array, inputs: Array) -> bool:
         """Return whether states and inputs are a motion of the model."""

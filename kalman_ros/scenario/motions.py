@@ -26,6 +26,8 @@ from .body_roles import body_of
 from .regulator import feedback, steered, tracking, weights_of
 from .scenario import Scenario
 
+#: A motion comes as near as this share of the tolerance, if it can.
+_ACCURACY = 0.1
 #: A motion may differ from what was asked for by this share of its extent.
 _SHARE = 0.1
 #: Gains that differ by less, relative to the largest, are the same.
@@ -162,13 +164,23 @@ def in_time(
         if state.names[index] in state.angles:
             unwrapped[:, column] = np.unwrap(values[:, column])
     curve = interpolated(times, unwrapped, dt, velocities)
+    hints = _heading(scenario, coordinates, curve)
     first, last = (
-        _resting(scenario, coordinates, curve[k], {})
+        _resting(scenario, coordinates, curve[k], {i: h[k] for i, h in hints.items()})
         if velocities is None or not velocities[k].any()
         else None
         for k in (0, -1)
     )
-    return ReferenceMotion(dt, tuple(coordinates), curve, {}, first, last)
+    return ReferenceMotion(dt, tuple(coordinates), curve, hints, first, last)
+
+
+def _heading(scenario: Scenario, coordinates: Sequence[int], curve: Array) -> dict[int, Array]:
+    """Return the heading along values of x and y, by its index, where it is not given."""
+    index = body_of(scenario.model.state, scenario.state).index
+    places = [list(coordinates).index(index[a]) for a in 'xy' if index.get(a) in coordinates]
+    if len(places) < 2 or 'yaw' not in index or index['yaw'] in coordinates:
+        return {}
+    return {index['yaw']: headings(curve[:, places])}
 
 
 def between(scenario: Scenario, start: Array, end: Array, seconds: float) -> ReferenceMotion:
@@ -265,7 +277,8 @@ def motion_of(
     model = scenario.model
     if not model.input.size:
         raise DesignError('model: it has no input, so there is nothing to move')
-    motion = fit(model, reference, weights_of(scenario))
+    accuracy = _ACCURACY * float(np.min(tolerance))
+    motion = fit(model, reference, weights_of(scenario), accuracy)
     _check_followed(scenario, motion, reference, tolerance)
     _check_inputs(scenario, motion, limits)
     return with_law(scenario, motion)

@@ -32,6 +32,34 @@ def test_a_cart_goes_where_its_values_say_while_its_pole_stands():
     assert np.abs(run.truth[:, 2]).max() < 0.3
 
 
+def test_a_robot_goes_in_any_direction_by_values_of_its_place():
+    for x, y in ((0.0, 2.0), (-1.0, -1.0), (-2.0, 0.0)):
+        values = {'x': [0.0, x / 2, x], 'y': [0.0, y / 2, y]}
+        motion = kr.motion(*ROBOT, values=values, times=[0.0, 3.0, 6.0])
+        assert motion.states[:, 2].min() > -1e-3
+        heading = np.arctan2(y, x)
+        off = motion.space.subtract(motion.states, np.array([0, 0, 0, heading, 0]))[:, 3]
+        assert np.abs(off).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        ('cart_pole', {}, {'values': {'x': [0, 1]}, 'times': [0, 3]}),
+        ('cart_pole', {}, {'end': {'x': 1.0}, 'seconds': 2.0}),
+        ('submersible', {}, {'values': {'x': [0, 1, 0]}, 'times': [0, 2, 4]}),
+        (*ROBOT, {'path': [[0, 0], [2, 0], [2, 2]]}),
+    ],
+)
+def test_a_motion_is_one_of_the_model_to_its_last_step(arguments):
+    name, overrides, wanted = arguments
+    motion = kr.motion(name, overrides, **wanted)
+    model = kr.load(name, overrides).model
+    reached = model.step(motion.states[:-1], motion.inputs[:-1], motion.dt)
+    gap = motion.space.subtract(reached, motion.states[1:])
+    assert np.abs(gap).max() < 2e-3
+
+
 def test_many_runs_follow_it_as_one_does():
     motion = kr.motion(*ROBOT, path=[[0, 0], [1, 0]])
     many = kr.monte_carlo(*ROBOT, seconds=motion.duration, runs=4, reference=motion)
@@ -86,11 +114,14 @@ def test_it_is_found_for_other_durations(seconds):
         ({'path': [[0, 0], [1, 0]], 'tolerance': -1}, r'^tolerance: .* at least 0, got -1'),
         ({'path': [[0, 0], [1, 0]], 'tolerance': np.nan}, r'^tolerance: expected a finite'),
         ({'path': [[0, 0], [1, 0]], 'input_limit': 0.1}, r'^path: it needs v of .* at .* s'),
-        ({'seconds': 0}, r'^seconds: seconds: expected a positive number'),
+        ({'seconds': 0, 'end': {}}, r'^seconds: seconds: expected a positive number'),
+        ({'seconds': 1}, r'^seconds: expected a start or an end'),
+        ({'path': [[0, 0], [1, 0]], 'end': {}}, r'^start: expected the seconds'),
+        ({'seconds': 5, 'end': {'y': 1.0}}, r'^seconds: .*y is \S+ m away'),
         ({'seconds': 1, 'end': {'z': 1}}, r'^seconds: names: '),
         ({'seconds': 1, 'end': {'v': 1.0}}, r'^seconds: end: no input holds .*: x changes'),
         ({'seconds': 1, 'end': {'x': np.nan}}, r'^seconds: expected finite states'),
-        ({'seconds': 1e9}, r'^seconds: expected at most 60000 steps'),
+        ({'seconds': 1e9, 'end': {}}, r'^seconds: expected at most 60000 steps'),
         ({'values': {'x': [0, 1]}}, r'^values: expected their times'),
         ({'values': {'x': [0, 1]}, 'times': [0]}, r'^values: x: expected 1 numbers'),
         ({'values': {'z': [0, 1]}, 'times': [0, 1]}, r'^values: names: .* got .z.'),

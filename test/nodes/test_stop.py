@@ -5,13 +5,14 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool, Empty
 from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.nodes.controller.node import ControllerNode
 from kalman_ros.nodes.controller.stop import Heartbeat, Stop
 
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -93,7 +94,7 @@ def test_the_service_stops_and_says_what_ends_it(pair):
     assert not node._output.closed
 
 
-@pytest.mark.parametrize('quality', [LATCHED, 10])
+@pytest.mark.parametrize('quality', [LATCHED, 10, BEST_EFFORT])
 def test_the_topic_stops_from_any_publisher_and_false_does_not_end_it(pair, quality):
     started = pair(ControllerNode)
     publisher = started.peer.create_publisher(Bool, 'stop', quality)
@@ -102,7 +103,6 @@ def test_the_topic_stops_from_any_publisher_and_false_does_not_end_it(pair, qual
     publisher.publish(Bool(data=True))
     started.until(lambda: started.node._output.closed, 'not stopped')
     publisher.publish(Bool(data=False))
-    publisher.wait_for_all_acked()
     started.until(lambda: 'the topic stop' in level(started.node), level(started.node))
     assert not ask(started.node, 'enable', SetBool, data=True).success
 
@@ -154,3 +154,42 @@ def test_a_motion_ends_with_a_stop_and_waits_while_disabled(pair):
     ask(node, 'stop', Trigger)
     assert node._regulator.motion is None
     np.testing.assert_allclose(node._regulator.target[0][[1, 3]], 0.0, atol=1e-9)
+
+
+def test_the_input_goes_on_from_idle_after_a_stop_without_an_estimate_between(pair):
+    node = pair(ControllerNode, transition_time=0.5).node
+    x = node.scenario.model.equilibrium.state + 1.0
+    node._regulator.follow(x, node._output.value + 3.0)
+    ask(node, 'stop', Trigger)
+    ask(node, 'reset', Trigger)
+    ask(node, 'enable', SetBool, data=True)
+    node._recover(x)
+    assert not node._regulator.propose(x, 0.0).any()
+
+
+def test_a_set_point_ends_what_is_planned(pair):
+    node = pair(ControllerNode).node
+    node._motions._wanted = lambda: None
+    node._hold(*node.scenario.model.equilibrium)
+    assert node._motions._wanted is None
+
+
+def test_gains_that_are_ready_after_the_end_of_a_motion_do_not_start_it_again(pair):
+    from dataclasses import replace
+
+    import numpy as np
+
+    from kalman_ros.scenario.motions import along_path, motion_of
+
+    node = pair(ControllerNode).node
+    path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    motion = motion_of(node.scenario, along_path(node.scenario, path, 0.5, 0.5))
+    node._begin(motion)
+    node._motions.regain(motion, node.scenario)
+    node._regulator.propose(motion.states[0], 0.1)
+    node._regulator.propose(motion.states[0], 0.1)
+    node._begin(replace(motion))
+    assert node._regulator.elapsed == pytest.approx(0.1)
+    node._regulator.hold(*node.scenario.model.equilibrium)
+    node._begin(replace(motion))
+    assert node._regulator.motion is None

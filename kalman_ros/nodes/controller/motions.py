@@ -50,29 +50,40 @@ class MotionReader:
         self._node, self._frame, self._held, self._here = node, frame, held, here
         self._warn = Throttle(node.get_logger().warning)
         self._topic = ''
+        #: What gives the reference that is being planned.
+        self._wanted: Callable[[], ReferenceMotion] | None = None
 
     def adopt(self, scenario: Scenario, options: ControllerOptions, limits: Limits) -> None:
         """Plan for another scenario, or with other options, from now on."""
         if not options.path_speed > 0.0 or not options.path_acceleration > 0.0:
             raise ValueError('path_speed, path_acceleration: expected positive numbers')
         self._scenario, self._options, self._limits = scenario, options, limits
+        if self._wanted is not None:
+            self._plan()
 
     def listen(self) -> None:
         """Subscribe."""
         self._jobs: NewestJob[Motion] = NewestJob(waits=self._options.lockstep)
         self._planned: Motion | None = None
+        self._regained: Array | None = None
         if body_of(self._scenario.model.state, self._scenario.state).position:
             self._subscribe(PATH, 'nav_msgs/Path', self._path)
         self._subscribe(TRAJECTORY, 'trajectory_msgs/JointTrajectory', self._trajectory)
 
     def regain(self, motion: Motion, scenario: Scenario) -> None:
-        """Compute the gains of a motion again, for other weights."""
-        self._jobs.start(lambda: motions.with_law(scenario, motion))
+        """Compute the gains of a motion again, for other weights, unless another is planned."""
+        if self._wanted is None:
+            self._regained = motion.states
+            self._jobs.start(lambda: motions.with_law(scenario, motion))
+
+    def is_regained(self, motion: Motion) -> bool:
+        """Return whether a motion is the one whose gains were computed again."""
+        return motion.states is self._regained
 
     def forget(self) -> None:
         """Forget what is planned, or being planned."""
         self._jobs.forget()
-        self._planned = None
+        self._planned = self._wanted = None
 
     def take(self) -> Motion | None:
         """Return a motion, once, when it is planned."""
@@ -83,6 +94,8 @@ class MotionReader:
     def poll(self) -> None:
         """Receive what is planned; an error is logged instead."""
         result = self._jobs.take()
+        if result is not None:
+            self._wanted = None
         if isinstance(result, Exception):
             self._warn(f'{self._topic}: {result}; what was held stays')
         elif result is not None:
@@ -99,13 +112,18 @@ class MotionReader:
             except ValueError as error:
                 self._warn(f'{topic}: {error}; what was held stays')
                 return
-            self._topic, self._planned = topic, None
-            scenario, limits = self._scenario, self._limits
-            tolerance = self._options.path_tolerance
-            self._jobs.start(lambda: motions.motion_of(scenario, wanted(), limits, tolerance))
-            self.poll()
+            self._topic, self._planned, self._wanted = topic, None, wanted
+            self._plan()
 
         self._node.create_subscription(message, topic, on_message, QUEUE, raw=True)
+
+    def _plan(self) -> None:
+        """Start to plan the wanted motion; in lockstep it is then done."""
+        wanted, scenario, limits = self._wanted, self._scenario, self._limits
+        tolerance = self._options.path_tolerance
+        assert wanted is not None
+        self._jobs.start(lambda: motions.motion_of(scenario, wanted(), limits, tolerance))
+        self.poll()
 
     def _path(self, message: Any) -> Callable[[], ReferenceMotion]:
         """Return what gives the reference of a ``nav_msgs/Path``."""
@@ -155,6 +173,8 @@ class MotionReader:
         if values is None:
             raise ValueError('expected positions')
         times = np.array([_seconds(point.time_from_start) for point in points])
+        if len(times) and times[0] < 0.0:
+            raise ValueError(f'expected times from 0 on, got {times[0]:g} s')
         if len(times) and times[0] > 0.0:  # from what is held now
             times = np.append(0.0, times)
             values = np.vstack((self._held()[index], values))
@@ -177,15 +197,25 @@ def _times(stamps: Sequence[Any]) -> Array | None:
 
 
 def _yaw(orientations: Sequence[Any]) -> Array | None:
-    """Return the headings (K,) of poses; None if none but the last is given.
+    """Return the headings (K,) of poses, whose quaternions may have any length.
 
-    A planner that gives positions only leaves the orientations at identity, or at zero.
+    None if one before the last is not given: a planner that gives positions only leaves the
+    orientations at zero, or all of them at identity.
+
+    Raises
+    ------
+    ValueError
+        If an orientation is not finite.
     """
     q = np.array([(o.x, o.y, o.z, o.w) for o in orientations]).reshape(-1, 4)
-    if not q[:-1, :3].any():
+    if not np.isfinite(q).all():
+        raise ValueError('expected finite orientations')
+    given: Any = q.any(axis=1)
+    if not q[:-1, :3].any() or not given[:-1].all():
         return None
     x, y, z, w = q.T
-    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    yaw = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return np.asarray(yaw if given[-1] else np.append(yaw[:-1], yaw[-2]))
 
 
 def _joints(scenario: Scenario, names: Sequence[str]) -> list[int]:

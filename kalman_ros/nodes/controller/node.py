@@ -79,8 +79,8 @@ class ControllerNode(runtime.ScenarioNode):
         self._reference = ReferenceReader(
             self,
             scenario,
-            self._regulator.hold,
-            partial(self._regulator.follow_motion, smooth=False),
+            self._hold,
+            self._move,
             frame,
             options.reference_timeout,
         )
@@ -115,7 +115,7 @@ class ControllerNode(runtime.ScenarioNode):
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/stop', self._on_stop_request)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        for quality in (KEPT, QUEUE):  # from before this moment, and from any publisher
+        for quality in (KEPT, QUEUE, WATCH):  # from before this moment, and from any publisher
             self.create_subscription(Bool, 'stop', self._on_stop, quality)
         self._heartbeat.beat()
         if self._heartbeat.timeout:
@@ -258,11 +258,23 @@ class ControllerNode(runtime.ScenarioNode):
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
 
+    def _hold(self, state: Array, input: Array) -> None:
+        """Hold a set point, in place of every motion."""
+        self._motions.forget()
+        self._regulator.hold(state, input)
+
+    def _move(self, motion: Motion) -> None:
+        """Follow a set point that moves, in place of every other motion."""
+        self._motions.forget()
+        self._regulator.follow_motion(motion, smooth=False)
+
     def _begin(self, motion: Motion) -> None:
         """Follow a motion from its start, or from where it is if only its gains are new."""
         current = self._regulator.motion
-        same = current is not None and current.states is motion.states
-        self._regulator.follow_motion(motion, self._regulator.elapsed if same else 0.0)
+        if current is not None and current.states is motion.states:
+            self._regulator.follow_motion(motion, self._regulator.elapsed)
+        elif not self._motions.is_regained(motion):  # else it has ended meanwhile
+            self._regulator.follow_motion(motion)
 
     def _on_enable(self, request: Any, response: Any) -> Any:
         on = request.data
@@ -285,6 +297,7 @@ class ControllerNode(runtime.ScenarioNode):
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._stop.reset()
+        self._end_motion()  # also what was asked for meanwhile
         response.success, response.message = True, 'not stopped; ~/enable lets it act'
         return response
 
@@ -314,6 +327,7 @@ class ControllerNode(runtime.ScenarioNode):
             self._output.open()
         else:
             self._output.close(self._stamp)
+            self._released = True
         return True
 
     @property
