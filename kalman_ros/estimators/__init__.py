@@ -14,33 +14,33 @@ from .filter import Filter
 from .plan import Plan, check_linear
 
 _FOLDER = f'{__name__}.filters'
-#: The names of the filters, each that of a module with a class ``FILTER``; imported on demand.
-#: The shortest, which are the best known, come first.
+#: Names of the filters: the modules that define a class ``FILTER``, imported on demand.
+#: The shortest names come first, since they are the best known.
 FILTERS = tuple(sorted(names(_FOLDER), key=len))
-#: Implementations: our own code, or filterpy's for the filters that it has.
+#: Implementations: this package, or filterpy for the filters that it has.
 NATIVE, FILTERPY = IMPLEMENTATIONS = ('native', 'filterpy')
 
 
 def filter_class(name: str) -> type[Filter]:
-    """Return the class of a filter, with what is known of its kind.
+    """Return the class of a filter.
 
     Raises
     ------
     ValueError
-        If there is no such filter; the message lists those that there are.
+        If there is no such filter; the message lists the known ones.
     """
     refuse_unknown([name], FILTERS, 'filter')
-    found: type[Filter] = import_module(f'{_FOLDER}.{name}').FILTER
-    return found
+    loaded: type[Filter] = import_module(f'{_FOLDER}.{name}').FILTER
+    return loaded
 
 
 def default_filter(plan: Plan) -> str:
-    """Return the simplest filter that is right for a plan: kf if all is linear, else ekf."""
+    """Return the simplest suitable filter for a plan: kf if everything is linear, else ekf."""
     return 'kf' if plan.linear else 'ekf'
 
 
 def _check_needs(name: str, kind: type[Filter], plan: Plan) -> None:
-    """Raise ValueError if a plan is not as a kind of filter needs it."""
+    """Raise ValueError if a plan does not meet the needs of a kind of filter."""
     if kind.needs_linear:
         check_linear(name, plan.model)
         for sensor, timed in plan.sensors.items():

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which is wrong when a reading is rejected: its sensor, or the estimate.
+"""The decision whether the sensor or the estimate is wrong when a reading is rejected.
 
 The rule:
 
-1. The last reading of a sensor either agrees with the estimate or contradicts it, and counts
-until the sensor has not been received for ten of its intervals, and at least for a second.
-2. A state is *vouched for* while some of the sensors that see it agree, at least half as many as
-   contradict; no rejected reading widens the covariance of such a state.
-3. Other states are widened, until the reading passes, once the sensors that see them have rejected
-``recover_after`` readings in a row, in total; each of several sensors has to contribute, since
-none counts for more than half of the total.
+1. The last reading of a sensor either agrees with the estimate or contradicts it. It counts until
+   nothing has been received from the sensor for ten of its intervals, and for at least a second.
+2. A state is *vouched for* while the sensors that agree, of those that see it, are at least half
+   as many as the sensors that contradict, and at least one. No rejected reading widens the
+   covariance of such a state.
+3. Other states are widened until the reading passes, once ``recover_after`` readings in a row, in
+   total, of the sensors that see them were rejected. Each of several sensors has to contribute,
+   since none counts for more than half of the total.
 
-A single sensor therefore recovers after ``recover_after`` rejections; of two that see
-the same states, the one that contradicts the estimate stays rejected; and an estimate that nearly
-all contradict is widened. A sensor sees the states by which its reading has a derivative: a
-gyroscope that agrees does not vouch for a position.
+A single sensor therefore recovers after ``recover_after`` rejections. Of two sensors that see the
+same states, the one that contradicts the estimate stays rejected. An estimate that nearly all
+sensors contradict is widened. A sensor sees the states on which its reading depends, by the
+Jacobian: a gyroscope that agrees does not vouch for a position.
 
 Limits of the rule: when two sensors both contradict the estimate, or one joins after the other, it
 cannot decide which is right; the estimate stays with the first. A majority of sensors with the
@@ -32,23 +33,23 @@ import numpy.typing as npt
 
 from kalman_ros.core import Gaussian, Sensor
 
-#: A sensor without readings for longer than all of these does not count: ns, and its intervals.
+#: A sensor does not count after a silence longer than both: in ns, and in its intervals.
 _SILENCE, _INTERVALS = 1_000_000_000, 10
 
 
 class Record(NamedTuple):
-    """How the readings of a sensor compared with the estimate, up to the last of them.
+    """Agreement of the readings of a sensor with the estimate, up to the last reading.
 
     Parameters
     ----------
     time
-        The stamp of that reading in nanoseconds; None before the first.
+        Stamp of the last reading in nanoseconds; None before the first reading.
     interval
-        The nanoseconds between the last two; 0 before the second.
+        Nanoseconds between the last two readings; 0 before the second reading.
     agrees
-        Whether it passed its gate; None if that is not informative.
+        Whether the last reading passed its gate; None if that is not informative.
     rejections
-        The number of consecutive readings that did not.
+        Number of consecutive readings that did not pass.
     """
 
     time: int | None = None
@@ -62,7 +63,7 @@ class Record(NamedTuple):
         return Record(time, interval, agrees, self.rejections + 1 if agrees is False else 0)
 
     def is_expected(self, now: int, longest: float = inf) -> bool:
-        """Return whether another reading is expected; not after ``longest`` ns without one."""
+        """Return whether another reading is expected: not after ``longest`` ns without one."""
         if self.time is None:
             return False
         silence = max(_SILENCE, _INTERVALS * self.interval) if self.interval else inf
@@ -70,17 +71,17 @@ class Record(NamedTuple):
 
 
 Records = tuple[Record, ...]
-#: States, as booleans (n,), or those of each sensor (sensors, n).
+#: Mask of states (n,), or of the states of several sensors (sensors, n).
 Mask = npt.NDArray[np.bool_]
 
 
 def replaced(records: Records, index: int, record: Record) -> Records:
-    """Return the records with another one at ``index``."""
+    """Return the records with ``record`` at ``index``."""
     return (*records[:index], record, *records[index + 1 :])
 
 
 def after_recovery(records: Records, seen: Mask, widened: Mask) -> Records:
-    """Return the records after a recovery: sensors that see a ``widened`` state (n,) restart."""
+    """Restart the records of the sensors that see a ``widened`` state (n,), after a recovery."""
     return tuple(
         Record(record.time, record.interval) if np.any(sees & widened) else record
         for record, sees in zip(records, seen)
@@ -88,15 +89,15 @@ def after_recovery(records: Records, seen: Mask, widened: Mask) -> Records:
 
 
 def seen_states(sensors: Mapping[str, Sensor], belief: Gaussian) -> Mask:
-    """Return which states (n,) each sensor sees, as rows of booleans.
+    """Return the mask (sensors, n) of the states that each sensor sees.
 
-    A derivative may vanish at one point, as that of a bearing along an axis, so two are tested.
+    A derivative may vanish at one point, as for a bearing along an axis, so two are tested.
     """
     points = belief.mean, belief.mean + belief.std
     return np.array(
         [
-            np.logical_or.reduce([np.any(each.jacobian(x) != 0.0, axis=0) for x in points])
-            for each in sensors.values()
+            np.logical_or.reduce([np.any(sensor.jacobian(x) != 0.0, axis=0) for x in points])
+            for sensor in sensors.values()
         ]
     )
 
@@ -107,11 +108,11 @@ class Finding(NamedTuple):
     Parameters
     ----------
     vouched
-        The states that other sensors vouch for (n,), as booleans.
+        Mask (n,) of the states that other sensors vouch for.
     outvoted
-        Whether all states that the sensor sees are vouched for.
+        Whether other sensors vouch for all states that the sensor sees.
     enough
-        Whether enough readings were rejected to widen the others.
+        Whether enough readings were rejected to widen the other states.
     """
 
     vouched: Mask
@@ -131,15 +132,15 @@ def judge(
     Parameters
     ----------
     records
-        Of every sensor, including the rejected reading.
+        Records of all sensors, including the rejected reading.
     seen
-        The states that each sensor sees (sensors, n), as booleans.
+        Mask (sensors, n) of the states that each sensor sees.
     index
-        The sensor.
+        Index of the sensor.
     recover_after
-        The number of rejections after which a state is doubted.
+        Number of rejections after which a state is doubted.
     longest
-        The longest silence in nanoseconds after which any sensor still counts.
+        Longest silence in nanoseconds after which a sensor still counts.
     """
     now = records[index].time
     assert now is not None

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many runs of an estimator in step: readings in order, gates, missing readings, repairs.
+"""A batch of estimator runs in step: readings in order, gates, missing readings, repairs.
 
-It is `online.OnlineEstimator` for readings that arrive in order, for a whole batch. What is rare,
-a covariance to repair or a gate that may recover, is left to the code for one run.
+This is `online.OnlineEstimator` for a whole batch whose readings arrive in order. Rare cases, a
+covariance to repair or a gate that may recover, are left to the code for one run.
 """
 
 from __future__ import annotations
@@ -25,42 +25,42 @@ from .policy import Policy
 
 
 def for_many(filter: Filter) -> Filter:
-    """Return the filter for beliefs with leading axes, whatever the functions of its model take.
+    """Return the filter for beliefs with leading axes, even if its model takes a single state.
 
     Raises
     ------
     ValueError
-        If its beliefs are mixtures.
+        If the beliefs of the filter are mixtures.
     """
     if filter.mixture:
         raise ValueError(
             'filter: expected one with a single Gaussian as its belief, such as kf, ekf or ukf, '
             f'for a batch, got {type(filter).__name__}'
         )
-    several: Any = filter
-    found: Filter = replace(several, model=stacked(filter.model))
-    return found
+    single: Any = filter
+    stacked_filter: Filter = replace(single, model=stacked(filter.model))
+    return stacked_filter
 
 
 class BatchEstimator:
-    """Runs a filter on the readings of a batch, whose members share their times and inputs' times.
+    """A filter on a batch whose members share the times of their readings and inputs.
 
     Parameters
     ----------
     filter
-        The filter of one run.
+        Filter of one run.
     sensors
-        By name, in the order in which readings of one time are fused.
+        Sensors by name, in the order in which readings of one time are fused.
     initial
-        The belief at the first time; its mean may be that of each member (..., n).
+        Belief at the first time; its mean is (n,) for all members, or (..., n).
     input
-        The input (m,) until the first one.
+        Input (m,) until the first `set_input`.
     members
-        The shape of the batch.
+        Shape of the batch.
     policy
-        The gates and how they recover; readings are in order and never expire.
+        Gates and their recovery; readings are in order and never expire.
     schedule
-        The `GainSchedule` of this filter, if another batch has one already.
+        `GainSchedule` of this filter, if another batch has computed one.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class BatchEstimator:
         schedule: GainSchedule | None = None,
     ) -> None:
         policy = policy or Policy()
-        #: Gains and covariances that all members share.
+        #: Gains and covariances, shared by all members.
         self.schedule = schedule or GainSchedule(filter)
         self._one, self._filter = filter, for_many(filter)
         self._sensors = {name: stacked_sensor(sensor) for name, sensor in sensors.items()}
@@ -84,11 +84,11 @@ class BatchEstimator:
         self._needed = policy.recover_after
         self.members = members
         mean = np.broadcast_to(initial.mean, (*members, initial.mean.shape[-1]))
-        #: The beliefs at `time`; a covariance that all members share is (n, n).
+        #: Beliefs at `time`; a covariance that all members share is (n, n).
         self.belief = unchecked((_by_coordinate(mean), initial.covariance))
-        #: In nanoseconds; None before the first.
+        #: Time of the beliefs in nanoseconds; None before the first `advance`.
         self.time: int | None = None
-        #: The number of readings that moved the estimates, and that were rejected, by sensor.
+        #: Numbers of fused and of rejected readings, by sensor and member.
         self.fused = {name: np.zeros(members, dtype=int) for name in sensors}
         self.rejected = {name: np.zeros(members, dtype=int) for name in sensors}
         self._records = BatchRecords(len(sensors), members)
@@ -102,14 +102,14 @@ class BatchEstimator:
         return self.belief
 
     def set_input(self, u: Array) -> None:
-        """Set the inputs (..., m) in effect from `time` on; one that is not finite is ignored."""
+        """Set the inputs (..., m) in effect from `time` on; ignore those that are not finite."""
         if not is_finite(u):
             good = np.isfinite(u * u).all(axis=-1, keepdims=True)
             u = np.where(good, u, self._input)
         self._input = u
 
     def add_reading(self, name: str, y: Array, present: Mask | None = None) -> Correction:
-        """Fuse readings ``y`` (..., k) taken at `time`, of those members that are ``present``.
+        """Fuse the readings ``y`` (..., k) at `time` of the members that are ``present``.
 
         A reading that is not finite counts as missing.
         """
@@ -141,9 +141,9 @@ class BatchEstimator:
         return correction
 
     def whitened(self, error: Array) -> Array:
-        """Return L^-1 error (..., n) with L L' = P of each belief: N(0, I) if it is consistent.
+        """Return L^-1 error (..., n) with L L' = P, which is N(0, I) for consistent beliefs.
 
-        NaN where P is not positive definite.
+        The result is NaN where P is not positive definite.
         """
         P = self.belief.covariance
         if P.ndim == 2 and self.schedule.applies:
@@ -154,7 +154,7 @@ class BatchEstimator:
         return whitened(factor(P), error)
 
     def _predicted_as_scheduled(self, dt: float) -> Gaussian | None:
-        """Return the beliefs after ``dt`` seconds where they share a covariance, else None."""
+        """Return the beliefs after ``dt`` seconds if they share a covariance, else None."""
         x, P = self.belief
         if P.ndim != 2 or not self.schedule.applies:
             return None
@@ -166,37 +166,37 @@ class BatchEstimator:
         return unchecked((mean, covariance)) if is_finite(mean) else None
 
     def _corrected_as_scheduled(self, name: str, y: Array) -> Correction | None:
-        """Fuse readings where all members share a covariance, and there are no gates."""
+        """Fuse readings if members share a covariance and there are no gates, else return None."""
         (x, P), sensor = self.belief, self._sensors[name]
         if P.ndim != 2 or not self.schedule.applies or self._gates:
             return None
         try:
-            found = self.schedule.correction(P, sensor)
+            scheduled = self.schedule.correction(P, sensor)
         except np.linalg.LinAlgError:
             return None
-        if found is None:
+        if scheduled is None:
             return None
         innovation = sensor.output.subtract(y, sensor.measure(x))
-        mean = self.schedule.wrap(x + times(found.gain, innovation))
+        mean = self.schedule.wrap(x + times(scheduled.gain, innovation))
         if not (is_finite(innovation) and is_finite(mean)):
             return None
-        self.belief = unchecked((mean, found.covariance))
+        self.belief = unchecked((mean, scheduled.covariance))
         self.fused[name] += 1
-        S = found.innovation_covariance
-        nis = squared(times(found.whitening, innovation))
-        return Correction(self.belief, innovation, S, found.gain, nis=nis)
+        S = scheduled.innovation_covariance
+        nis = squared(times(scheduled.whitening, innovation))
+        return Correction(self.belief, innovation, S, scheduled.gain, nis=nis)
 
     def _predicted(self, dt: float) -> Gaussian:
         """Return the beliefs after ``dt`` seconds; a member that fails restarts."""
         try:
             with np.errstate(all='ignore'):
-                found = self._filter.predict(self.belief, self._input, dt)
-                found, bad = self._committed(found, np.ones(self.members, dtype=bool))
+                predicted = self._filter.predict(self.belief, self._input, dt)
+                predicted, bad = self._committed(predicted, np.ones(self.members, dtype=bool))
         except (ArithmeticError, np.linalg.LinAlgError):
-            found, bad = self.belief, np.ones(self.members, dtype=bool)
+            predicted, bad = self.belief, np.ones(self.members, dtype=bool)
         if not bad.any():
-            return found
-        x, P = self._own(found)
+            return predicted
+        x, P = self._member_copies(predicted)
         for at in _indices(bad):
             u = np.broadcast_to(self._input, (*self.members, self._input.shape[-1]))[at]
             try:
@@ -206,15 +206,15 @@ class BatchEstimator:
             x[at], P[at] = one
         return unchecked((x, P))
 
-    def _committed(self, belief: Gaussian, wanted: Mask) -> tuple[Gaussian, Mask]:
-        """Return finite and definite beliefs, and which of the ``wanted`` ones cannot be."""
+    def _committed(self, belief: Gaussian, selected: Mask) -> tuple[Gaussian, Mask]:
+        """Return repaired beliefs, and the mask of ``selected`` ones that cannot be repaired."""
         x, P = belief
         known = factor(P) if belief.factor is None else belief.factor
         definite = np.isfinite(known).all(axis=(-2, -1))
-        bad = wanted & ~(np.isfinite(np.einsum('...i,...i->...', x, x)) & definite)
+        bad = selected & ~(np.isfinite(np.einsum('...i,...i->...', x, x)) & definite)
         if not bad.any():
             return belief, bad
-        x, P = self._own(belief)
+        x, P = self._member_copies(belief)
         failed = np.zeros_like(bad)
         for at in _indices(bad):
             try:
@@ -223,8 +223,8 @@ class BatchEstimator:
                 failed[at] = True
         return unchecked((x, P)), failed
 
-    def _own(self, belief: Gaussian) -> tuple[Array, Array]:
-        """Return means and covariances that each member has for itself."""
+    def _member_copies(self, belief: Gaussian) -> tuple[Array, Array]:
+        """Return copies of the means and covariances, one for each member."""
         x, P = belief
         return x.copy(order='K'), np.broadcast_to(P, (*self.members, *P.shape[-2:])).copy()
 
@@ -236,7 +236,7 @@ class BatchEstimator:
         outcome: tuple[Mask, Mask, Mask],
         posterior: Gaussian,
     ) -> tuple[Gaussian, Mask]:
-        """Record what passed the gate; members that may recover go through the `Gate` of one."""
+        """Record the outcomes at the gate; members that may recover pass the `Gate` of one run."""
         taken, passed, accepted = outcome
         assert self.time is not None
         order, sensor = self._order[name], self._sensors[name]
@@ -247,7 +247,7 @@ class BatchEstimator:
         self._records.add(order, self.time, agrees, taken & ~doubtful)
         if not doubtful.any():
             return posterior, accepted
-        x, P = self._own(posterior)
+        x, P = self._member_copies(posterior)
         accepted = accepted.copy()
         for at in _indices(doubtful):
             before = self._records.of(at)
@@ -266,7 +266,7 @@ class BatchEstimator:
 
 
 def _by_coordinate(x: Array) -> Array:
-    """Return a copy of vectors (..., n) whose coordinates are first in memory."""
+    """Return a copy of vectors (..., n) with the coordinate as the slowest axis in memory."""
     return np.moveaxis(np.moveaxis(x, -1, 0).copy(), 0, -1)
 
 

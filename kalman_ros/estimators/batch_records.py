@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which readings of a batch agreed with the estimates, by sensor and member."""
+"""Agreement of the readings of a batch with the estimates, by sensor and member."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy.typing as npt
 
 from .agreement import Record, Records
 
-#: Which members of a batch (...,).
+#: Mask of the members of a batch (...,).
 Mask = npt.NDArray[np.bool_]
-#: In place of a time or an agreement that there has not been.
+#: Placeholder for a missing time or agreement.
 NEVER = -1
 
 
 class BatchRecords:
-    """The `agreement.Records` of every member, as arrays (sensors, ...)."""
+    """The `agreement.Records` of all members, as arrays (sensors, ...)."""
 
     def __init__(self, sensors: int, members: tuple[int, ...]) -> None:
         shape = (sensors, *members)
@@ -39,7 +39,7 @@ class BatchRecords:
     def of(self, at: tuple[int, ...]) -> Records:
         """Return the records of one member."""
         place = (slice(None), *at)
-        columns = (each[place].tolist() for each in vars(self).values())
+        columns = (column[place].tolist() for column in vars(self).values())
         return tuple(
             Record(
                 None if time == NEVER else time,

@@ -17,9 +17,9 @@ from kalman_ros.core import Array
 
 
 def chi_square_bounds(mean: float, variance: float, miss: float) -> tuple[float, float]:
-    """Return the bounds outside of which such a positive average lies with probability ``miss``.
+    """Return the bounds outside of which a positive average lies with probability ``miss``.
 
-    The average is approximated by a scaled chi-square variable with its mean and variance (F. E.
+    The average is approximated by a scaled chi-square variable of equal mean and variance (F. E.
     Satterthwaite, 1946), which is exact for an average of independent chi-square variables and
     close for the average of a quadratic form along a correlated Gaussian sequence.
     """
@@ -31,7 +31,7 @@ def chi_square_bounds(mean: float, variance: float, miss: float) -> tuple[float,
 
 
 def chi_square_gate(probability: float, degrees: float) -> float:
-    """Return the quantile of chi-square with ``degrees`` at ``probability``."""
+    """Return the quantile at ``probability`` of chi-square with ``degrees`` of freedom."""
     from scipy.special import gammaincinv
 
     return float(2.0 * gammaincinv(degrees / 2.0, probability))
@@ -45,7 +45,7 @@ def nees(error: Array, covariance: Array) -> Array:
     error
         Truth minus estimate (..., n).
     covariance
-        The covariance of the estimate (..., n, n).
+        Covariance of the estimate (..., n, n).
 
     A coordinate reported as certain, with a row of zeros, does not count if its error is zero;
     otherwise the result is infinite.
@@ -65,7 +65,7 @@ def nees(error: Array, covariance: Array) -> Array:
 def normalised(error: Array, covariance: Array) -> Array:
     """Return L^-1 error (..., n) with L L' = covariance: the sum of its squares is the `nees`.
 
-    A coordinate with zero variance and without error is 0; with an error all are
+    A coordinate with zero variance is 0 if its error is zero; otherwise all coordinates are
     infinite.
 
     Raises
@@ -95,7 +95,7 @@ def _uncertain(error: Array, covariance: Array) -> tuple[Array, Array]:
 def independent(errors: Array) -> float:
     """Return the number of independent squares equivalent to correlated errors (N, n).
 
-    For one coordinate that is N / (1 + 2 sum (1 - l/N) r_l) with its correlations r_l about the
+    For one coordinate it is N / (1 + 2 sum (1 - l/N) r_l) with the autocorrelations r_l about the
     mean zero, up to the first that is not positive (C. J. Geyer, Practical Markov Chain Monte
     Carlo, 1992); squares are no more correlated than the values themselves. Variances
     add, so for several coordinates it is the harmonic mean. The scale of the errors cancels.
@@ -147,13 +147,13 @@ class ChiSquareWindow:
         return self.count
 
     def inside(self, miss: float = 0.001) -> bool:
-        """Return whether the average is within its bounds, or the window empty."""
+        """Return whether the average is within its bounds or the window is empty."""
         low, high = self.bounds(miss)
         return not self._values or low <= self.mean <= high
 
 
 def verdict(windows: Mapping[str, ChiSquareWindow]) -> str:
-    """Return the verdict on averages inside their bounds: 'consistent', and which are empty."""
+    """Return the verdict on averages inside their bounds, and the names of the empty windows."""
     sentences = ['consistent'] if any(window.count for window in windows.values()) else []
     sentences += [
         f'no {name} to judge yet' for name, window in windows.items() if not window.count
@@ -175,7 +175,7 @@ class NeesWindow(ChiSquareWindow):
             z = normalised(errors, covariances)
         except np.linalg.LinAlgError:
             z = np.full(errors.shape, np.inf)
-            if len(errors) > 1:  # only some of them, perhaps
+            if len(errors) > 1:  # perhaps only some covariances are singular
                 for error, covariance in zip(errors, covariances):
                     self.add_errors(error[np.newaxis], covariance[np.newaxis])
                 return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Truth compared with estimate, readings and inputs, matched by their stamps."""
+"""Comparison of the truth with estimates, readings and inputs of the same stamp."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .consistency import NeesWindow
 
 #: The number of instants kept while waiting for their counterpart.
 _KEPT = 2000
-#: The number of pairs compared in one call: one by one they take many times as long.
+#: The number of pairs compared in one call; single comparisons take many times as long.
 _TOGETHER = 500
-#: In ns: an estimate that is older than a truth by more has no truth with its stamp.
+#: An estimate that is older than the newest truth by more, in ns, has no truth of its stamp.
 _LATE = 1_000_000_000
 
 
@@ -35,25 +35,25 @@ class MeanSquare:
 
     @property
     def root(self) -> Array:
-        """The root mean square (n,); NaN before the first."""
+        """The root mean square (n,); NaN before the first vector."""
         if not self.count:
             return np.full(self._sum.size, np.nan)
         return np.sqrt(self._sum / self.count)
 
 
 class Comparison:
-    """Compares an estimator with the truth; `settle` before the results are read.
+    """Comparison of an estimator with the truth; call `settle` before reading the results.
 
     Parameters
     ----------
     state
-        The space of the state.
+        Space of the state.
     sensors
-        By name; their raw error is the reading minus the noise-free reading of the truth.
+        Sensors by name; their raw error is the reading minus the noise-free reading of the truth.
     weight
-        Of the cost of a sample: (n + m, n + m), for the stacked state and input.
+        Cost weight of a sample (n + m, n + m), for the stacked state and input.
     length
-        The number of estimates over which the NEES is averaged.
+        Number of estimates over which the NEES is averaged.
     """
 
     def __init__(
@@ -66,9 +66,9 @@ class Comparison:
         self.nees = NeesWindow(state.size, length)
         self.cost = 0.0
         self.steps = 0
-        #: Whether each of the last estimates could be compared with a truth of its stamp.
+        #: For each of the last estimates, whether there was a truth of its stamp.
         self.compared: deque[bool] = deque(maxlen=length)
-        #: Pairs of an item and the truth of its time, not compared yet, by kind.
+        #: Pending pairs of an item and the truth of the same time, by kind.
         self._pairs: dict[str, list[tuple[Any, Array]]] = {
             kind: [] for kind in ('estimate', 'input', *self._sensors)
         }
@@ -98,7 +98,7 @@ class Comparison:
                 kept.pop(next(iter(kept)))  # type: ignore[call-overload]
 
     def _drop_unmatched(self, before: int) -> None:
-        """Drop pending items from before a time, whose truth was lost."""
+        """Drop pending items older than a time: their truth was lost."""
         while self._waiting:
             kind, time = next(iter(self._waiting))
             if time >= before:
@@ -108,7 +108,7 @@ class Comparison:
                 self.compared.append(False)
 
     def estimate(self, time: int, belief: Gaussian) -> None:
-        """Add an estimate at ``time``; one that is not finite is only counted."""
+        """Add an estimate at ``time``; an estimate that is not finite is only counted."""
         if np.isfinite(belief.mean).all():
             self._take('estimate', time, belief)
         else:
@@ -138,7 +138,7 @@ class Comparison:
             self.settle()
 
     def settle(self) -> None:
-        """Compare all that is paired."""
+        """Compare all pending pairs."""
         for kind, pairs in self._pairs.items():
             if not pairs:
                 continue
@@ -164,6 +164,6 @@ class Comparison:
         for name, sensor in self._sensors.items():
             differences = sensor.output.subtract(sensor.measure(mean), sensor.measure(x))
             self.fused[name].add(differences)
-        given = ~np.isnan(covariance).any(axis=(-2, -1))
-        if given.any():
-            self.nees.add_errors(errors[given], covariance[given])
+        known = ~np.isnan(covariance).any(axis=(-2, -1))
+        if known.any():
+            self.nees.add_errors(errors[known], covariance[known])

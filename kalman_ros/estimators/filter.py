@@ -17,7 +17,7 @@ from .plan import Plan
 
 
 class Prediction(NamedTuple):
-    """A belief after a step in which errors moved by F (..., n, n) and noise added Q."""
+    """A belief after a step that maps errors by F (..., n, n) and adds noise of covariance Q."""
 
     belief: Gaussian
     F: Array
@@ -30,17 +30,17 @@ class Correction:
     Parameters
     ----------
     posterior
-        The belief after the reading.
+        Belief after the reading.
     innovation
-        The reading minus its prediction (..., k).
+        Reading minus its prediction (..., k).
     innovation_covariance
-        S (..., k, k), what the innovation was expected to scatter by.
+        S (..., k, k), the predicted covariance of the innovation.
     gain
-        K (..., n, k), by which the innovation moved the mean; None for a mixture.
+        K (..., n, k), which maps the innovation to the change of the mean; None for a mixture.
     jacobian
-        H (..., k, n), the sensor about the mean before, where the filter has one.
+        H (..., k, n), the sensor's Jacobian at the prior mean; None if the filter has none.
     nis
-        The normalised innovation squared, if it is known.
+        Normalised innovation squared, if it is known.
     """
 
     __slots__ = ('_nis', 'gain', 'innovation', 'innovation_covariance', 'jacobian', 'posterior')
@@ -67,11 +67,11 @@ class Correction:
 
         It is chi-square with k degrees of freedom if the filter is consistent (Bar-Shalom, Li
         and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4).
-        Infinite if S is not positive definite.
+        The value is infinite if S is not positive definite.
         """
         if self._nis is None:
-            weighed = kernels(self.innovation).weighed
-            self._nis = weighed(self.innovation_covariance, self.innovation)
+            k = kernels(self.innovation)
+            self._nis = k.weighed(self.innovation_covariance, self.innovation)
         return self._nis
 
     @property
@@ -102,8 +102,8 @@ class Filter(ABC):
 
     Beliefs may have leading axes, means (..., n) and covariances (..., n, n), with inputs
     (..., m) and readings (..., k), for a model and sensors that take them (`core.stacked`). A
-    covariance (n, n) that all members share stays one. A member that fails becomes NaN; for one
-    belief that is an error. What is known of a kind of filter are attributes of its class.
+    covariance (n, n) that all members share stays shared. A member that fails becomes NaN; for a
+    single belief a failure is an error. The class attributes describe the kind of filter.
     """
 
     model: Dynamics
@@ -111,10 +111,10 @@ class Filter(ABC):
     #: Whether the model and the sensors have to be linear, and the model in continuous time.
     needs_linear: ClassVar[bool] = False
     needs_continuous: ClassVar[bool] = False
-    #: Whether no gain has a smaller error; for a fixed gain, in steady state. The theory of the
-    #: LQG loop holds for these.
+    #: Whether no other gain has a smaller error; for a fixed gain, in steady state. The theory of
+    #: the LQG loop holds for these filters.
     optimal: ClassVar[bool] = True
-    #: Whether it has one gain for each sensor, by name in ``gains``.
+    #: Whether the filter has one constant gain for each sensor, by name in ``gains``.
     fixed_gain: ClassVar[bool] = False
     #: Whether beliefs are sums of Gaussians, which have no leading axes.
     mixture: ClassVar[bool] = False
@@ -126,15 +126,15 @@ class Filter(ABC):
         Raises
         ------
         ValueError
-            If the plan does not suit; DesignError if there is no such filter.
+            If the plan does not suit the filter; DesignError if the design has no solution.
         """
-        found: Any = cls
-        made: Filter = found(plan.model)
-        return made
+        constructor: Any = cls
+        filter: Filter = constructor(plan.model)
+        return filter
 
     @classmethod
     def placed_poles(cls, n: int, **options: Any) -> list[complex]:
-        """Return the n poles in 1/s that a gain is designed for; none if by other means."""
+        """Return the n poles in 1/s that a gain is designed for; empty for other designs."""
         return []
 
     @abstractmethod
@@ -167,7 +167,7 @@ class LinearUpdate(SmoothableFilter):
     Parameters
     ----------
     model
-        How the state moves.
+        System model.
     """
 
     model: Dynamics

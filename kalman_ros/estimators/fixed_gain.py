@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Observers whose gains are designed once: x += L (y - C x), for any L.
+"""Observers with gains that are designed once: x += L (y - C x), for any L.
 
-The covariance is that of the error with this gain, not with the optimal one:
+The covariance is the error covariance with this gain, not with the optimal one:
 P = (I - L C) P (I - L C)' + L R L' holds for every gain.
 """
 
@@ -41,7 +41,7 @@ class FixedGainObserver(Filter):
         return Correction(posterior, innovation, k.sandwich(C, P, R), L, C)
 
     def gain(self, sensor: Sensor) -> Array:
-        """Return the gain L (n, k) of a sensor; ValueError if there is none."""
+        """Return the gain L (n, k) of a sensor; raise ValueError if there is none."""
         try:
             return self.gains[sensor.name]
         except KeyError:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The covariances and gains of a linear system, which no reading changes: computed once for all.
+"""The covariances and gains of a linear system, computed once since no reading changes them.
 
-They are those of the filter for one belief, with its repairs.
+They equal the results of the filter for one belief, including its repairs.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from kalman_ros.linear.batched import whitened
 from .filter import Filter, LinearUpdate, committed
 from .fixed_gain import FixedGainObserver
 
-#: More steps than this are forgotten; a schedule that has converged repeats itself.
+#: The cache is cleared beyond this many entries; a schedule that has converged repeats itself.
 _MOST = 20_000
 
 
 class ScheduledPrediction(NamedTuple):
-    """A prediction: x' = F x + G u, and the covariance (n, n) after it."""
+    """A prediction x' = F x + G u, with the covariance (n, n) after it."""
 
     F: Array
     G: Array
@@ -29,7 +29,7 @@ class ScheduledPrediction(NamedTuple):
 
 
 class ScheduledCorrection(NamedTuple):
-    """A correction: the gain K (n, k), the covariances S (k, k) and P (n, n), and L^-1 of S."""
+    """A correction: gain K (n, k), covariances S (k, k) and P (n, n), and L^-1 with L L' = S."""
 
     gain: Array
     innovation_covariance: Array
@@ -38,12 +38,12 @@ class ScheduledCorrection(NamedTuple):
 
 
 class GainSchedule:
-    """Predictions and corrections of a linear system, by the covariance before them.
+    """Predictions and corrections of a linear system, by the prior covariance.
 
     Parameters
     ----------
     filter
-        The filter of one belief.
+        Filter of one belief.
     """
 
     def __init__(self, filter: Filter) -> None:
@@ -57,7 +57,7 @@ class GainSchedule:
         self._roots: dict[bytes, Array] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Send a schedule to another process without what it has computed."""
+        """Pickle a schedule without its cached results."""
         return GainSchedule, (self._filter,)
 
     def wrap(self, x: Array) -> Array:
@@ -73,17 +73,17 @@ class GainSchedule:
             If the covariance cannot be predicted.
         """
         key = P.tobytes(), dt
-        found = self._known.get(key)
-        if not isinstance(found, ScheduledPrediction):
+        prediction = self._known.get(key)
+        if not isinstance(prediction, ScheduledPrediction):
             step = self._model.sampled(dt)  # type: ignore[attr-defined]
             n, m = step.G.shape
             moved, _ = committed(self._filter.predict(Gaussian(np.zeros(n), P), np.zeros(m), dt))
-            found = ScheduledPrediction(step.F, step.G, moved.covariance)
-            self._keep(key, found)
-        return found
+            prediction = ScheduledPrediction(step.F, step.G, moved.covariance)
+            self._keep(key, prediction)
+        return prediction
 
     def correction(self, P: Array, sensor: Sensor) -> ScheduledCorrection | None:
-        """Return the correction by a reading of ``sensor``; None if that is not linear.
+        """Return the correction by a reading of ``sensor``; None if the sensor is not linear.
 
         Raises
         ------
@@ -93,15 +93,15 @@ class GainSchedule:
         if not sensor.linear:
             return None
         key = P.tobytes(), id(sensor)
-        found = self._known.get(key)
-        if not isinstance(found, ScheduledCorrection):
-            found = self._corrected(P, sensor)
-            self._sensors[id(sensor)] = sensor  # alive, so that no other one gets its id
-            self._keep(key, found)
-        return found
+        correction = self._known.get(key)
+        if not isinstance(correction, ScheduledCorrection):
+            correction = self._corrected(P, sensor)
+            self._sensors[id(sensor)] = sensor  # kept alive, so that no other sensor gets its id
+            self._keep(key, correction)
+        return correction
 
     def whitening(self, P: Array) -> Array:
-        """Return L^-1 (n, n) with L L' = P, which makes errors of this covariance N(0, I)."""
+        """Return L^-1 (n, n) with L L' = P, which maps errors of covariance P to N(0, I)."""
         key = P.tobytes()
         if key not in self._roots:
             if len(self._roots) >= _MOST:
@@ -118,11 +118,11 @@ class GainSchedule:
         return ScheduledCorrection(K, S, posterior.covariance, _inverse_root(S))
 
     def _keep(
-        self, key: tuple[bytes, float], found: ScheduledPrediction | ScheduledCorrection
+        self, key: tuple[bytes, float], result: ScheduledPrediction | ScheduledCorrection
     ) -> None:
         if len(self._known) >= _MOST:
             self._known.clear()
-        self._known[key] = found
+        self._known[key] = result
 
 
 def _inverse_root(P: Array) -> Array:

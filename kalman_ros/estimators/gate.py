@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gate: accepts or rejects a reading, and recovers from a wrong estimate."""
+"""The gate, which accepts or rejects a reading and recovers from a wrong estimate."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from .filter import Correction, Filter
 from .outcome import Outcome
 from .policy import Policy
 
-#: Widening by four each time, this increases standard deviations by up to a million.
+#: Each widening doubles the standard deviations, which so grow by up to a factor of a million.
 _MOST_WIDENINGS = 20
 
 
 class Gate:
-    """Corrects a belief by a reading, or rejects it; widens the belief after too many rejections.
+    """Correct a belief by a reading or reject it; widen the belief after too many rejections.
 
     Parameters
     ----------
     sensors
-        By name, in the order of ``records``.
+        Sensors by name, in the order of ``records``.
     policy
-        The largest NIS per sensor, and the number of rejections before recovery.
+        Largest NIS of each sensor, and the number of rejections before recovery.
     """
 
     def __init__(self, sensors: Mapping[str, Sensor], policy: Policy) -> None:
@@ -51,18 +51,18 @@ class Gate:
         Parameters
         ----------
         filter, belief
-            The filter, and the belief before the reading.
+            Filter, and the belief before the reading.
         y, sensor
-            The reading and its sensor.
+            Reading (k,) and its sensor.
         at
-            Its time in nanoseconds, and the index of its sensor.
+            Time of the reading in nanoseconds, and the index of its sensor.
         records
-            Earlier outcomes by sensor.
+            Records of the earlier outcomes, by sensor.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If there is no correction.
+            If the correction cannot be computed.
         """
         time, order = at
         correction = filter.correct(belief, y, sensor)
@@ -77,18 +77,20 @@ class Gate:
         if not needed or sum(record.rejections for record in records) < needed:
             return Outcome.REJECTED, correction, records
         seen = agreement.seen_states(self._sensors, belief)
-        found = agreement.judge(records, seen, order, needed, self._memory)
-        refused = records[order].rejections >= needed and bool(np.any(found.vouched & seen[order]))
+        finding = agreement.judge(records, seen, order, needed, self._memory)
+        refused = records[order].rejections >= needed and bool(
+            np.any(finding.vouched & seen[order])
+        )
         rejected = Outcome.OUTVOTED if refused else Outcome.REJECTED
-        if found.outvoted or not found.enough:
+        if finding.outvoted or not finding.enough:
             return rejected, correction, records
-        recovered = _widened(filter, belief, y, sensor, found.vouched, gate)
+        recovered = _widened(filter, belief, y, sensor, finding.vouched, gate)
         if recovered is None:
             return rejected, correction, records
         return (
             Outcome.RECOVERED,
             recovered,
-            agreement.after_recovery(records, seen, ~found.vouched),
+            agreement.after_recovery(records, seen, ~finding.vouched),
         )
 
 
@@ -100,7 +102,7 @@ def _widened(
     vouched: agreement.Mask,
     gate: float,
 ) -> Correction | None:
-    """Return the correction by a reading that passes after doubted states are widened."""
+    """Widen the doubted states until the reading passes; return its correction."""
     factor = np.where(vouched, 1.0, 2.0)
     for _ in range(_MOST_WIDENINGS):
         covariance = np.outer(factor, factor) * belief.covariance

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weighted sums of Gaussians: their moments, fewer of them, and what they forecast."""
+"""Weighted sums of Gaussians: moments, reduction and forecasts."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Space, symmetric
 
-#: Two parts that tell the mixture from one Gaussian by less than this, in nats, are merged.
+#: Two parts are merged if that changes the mixture by less than this relative entropy, in nats.
 _ALIKE = 1e-3
-#: An angle or a rotation is divided if its standard deviation is larger, in rad, out to N of them;
-#: the parts have this share of their distance as theirs.
+#: An angle or a rotation is divided if its standard deviation is larger than the first, in rad.
+#: The parts extend to N standard deviations; theirs are this share of the distance between parts.
 _WIDEST, _REACH, _OVERLAP = 0.6, 3.0, 0.6
 
 
 class Mixture(Gaussian):
-    """A weighted sum of Gaussians, which is to all others the Gaussian of its two moments.
+    """A weighted sum of Gaussians that other code uses as the Gaussian of the same two moments.
 
     Parameters
     ----------
     weights
-        Of the parts (k,), with the sum 1.
+        Weights of the parts (k,), with the sum 1.
     parts
-        The Gaussians.
+        Gaussians.
     space
-        Of the state.
+        Space of the state.
     """
 
     weights: Array
@@ -42,11 +42,11 @@ class Mixture(Gaussian):
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what makes a copy."""
+        """Return the arguments that recreate the mixture."""
         return Mixture, (self.weights, self.parts, self._space)
 
     def _replace(self, **changes: Any) -> Gaussian:  # type: ignore[override]
-        """Return one Gaussian, since other moments are not those of the parts."""
+        """Return a single Gaussian, since the parts do not have the changed moments."""
         return Gaussian(*self)._replace(**changes)
 
 
@@ -61,8 +61,8 @@ def pooled(space: Space, weights: Array, points: Array, P: Array) -> tuple[Array
 def reduced(weights: Array, parts: Sequence[Gaussian], space: Space, most: int) -> Mixture:
     """Return a mixture with the same moments, of at most ``most`` parts.
 
-    The pair is merged whose merging changes the mixture least, by a bound of the relative
-    entropy, as long as there are too many parts or the bound is small (A. Runnalls,
+    The pair whose merger changes the mixture least, by a bound of the relative entropy, is merged
+    while there are too many parts or the bound is small (A. Runnalls,
     Kullback-Leibler Approach to Gaussian Mixture Reduction, IEEE Trans. Aerospace and Electronic
     Systems 43(3), 2007).
     """
@@ -71,16 +71,16 @@ def reduced(weights: Array, parts: Sequence[Gaussian], space: Space, most: int) 
     loss = np.full((len(w), len(w)), np.inf)
 
     def compare(i: Any, j: Any) -> None:
-        """Find the losses of merging parts ``j`` into parts ``i``."""
+        """Compute the losses of merging parts ``j`` into parts ``i``."""
         total = w[i] + w[j]
         a, b = (w[i] / total)[:, None, None], (w[j] / total)[:, None, None]
         d = space.subtract(x[j], x[i])
         merged = a * P[i] + b * P[j] + a * b * d[:, :, None] * d[:, None, :]
         with np.errstate(invalid='ignore'):
-            own = w[i] * volume[i] + w[j] * volume[j]
-            found = 0.5 * (total * np.linalg.slogdet(merged)[1] - own)
-        # parts that are certain of something have no volume to lose
-        loss[i, j] = np.where(np.isnan(found), np.inf, found)
+            separate = w[i] * volume[i] + w[j] * volume[j]
+            bound = 0.5 * (total * np.linalg.slogdet(merged)[1] - separate)
+        # parts that are certain in some direction have no volume to lose
+        loss[i, j] = np.where(np.isnan(bound), np.inf, bound)
 
     compare(*np.triu_indices(len(w), 1))
     while len(left) > 1:
@@ -99,11 +99,11 @@ def reduced(weights: Array, parts: Sequence[Gaussian], space: Space, most: int) 
 
 
 def turned_parts(belief: Gaussian, space: Space, count: int) -> tuple[Array, list[Gaussian]]:
-    """Return weights (k,) and parts of a belief, ``count`` if a turn is too wide for one.
+    """Return weights (k,) and parts of a belief; ``count`` parts if a turn is too wide for one.
 
     The belief is divided along the widest angle, or the axis of the widest rotation, at even
-    angles, into Gaussians narrow enough that a turn within them is linear; all else follows by
-    regression.
+    angles, into Gaussians narrow enough that a turn within them is linear; the other states follow
+    by regression.
     """
     x, P = belief
     widest, axis = 0.0, np.zeros(len(x))
@@ -127,19 +127,19 @@ def turned_parts(belief: Gaussian, space: Space, count: int) -> tuple[Array, lis
 def forecast_nis(weights: Array, innovations: Array, S: Array) -> float:
     """Return a NIS that is chi-square with k degrees of freedom if the forecast is a mixture.
 
-    Of one Gaussian it is innovation' S^-1 innovation. Else each number is replaced by the standard
-    deviations at which a Gaussian has the same probability below, given the numbers before it
+    For one Gaussian it is innovation' S^-1 innovation. Otherwise each coordinate is replaced by
+    the standard normal quantile of its probability, given the coordinates before it
     (M. Rosenblatt, Remarks on a Multivariate Transformation, Annals of Mathematical Statistics
     23(3), 1952; F. Diebold, T. Gunther and A. Tay, Evaluating Density Forecasts, International
-    Economic Review 39(4), 1998). The ratio to the variance has the right mean, too, but one
-    reading that is rare and far off would outweigh all others.
+    Economic Review 39(4), 1998). The ratio to the variance has the right mean, too, but a rare
+    reading far from the mean would outweigh all others.
 
     Parameters
     ----------
     weights, S
-        Of the parts of the forecast (p,), with the sum 1, and their covariances (p, k, k).
+        Weights of the parts of the forecast (p,), with the sum 1, and covariances (p, k, k).
     innovations
-        The reading minus the mean of each part (p, k).
+        Reading minus the mean of each part (p, k).
     """
     from scipy.special import log_ndtr, ndtri_exp  # 0.1 s to import
 

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A filter in time: order, late data, known inputs, gates and counts of outcomes.
+"""The online estimator: a filter with time order, late data, inputs, gates and outcome counts.
 
-Nodes, replays and Monte Carlo studies share this class. Times are whole
-nanoseconds, as ROS stamps are, so differences are exact.
+Nodes, replays and Monte Carlo studies share this class. Times are whole nanoseconds, like ROS
+stamps, so differences are exact.
 
 The estimator keeps the items of a window ordered by stamp, with the belief after each. A late
 item is inserted and the items after it are processed again with the same operations, so the
 result does not depend on the order of arrival. Items that arrive together are all inserted
 before processing, so the later ones are repeated only once. A model in discrete time has a
-state at its steps alone: stamps are moved to the nearest one.
+state only at its steps: stamps are moved to the nearest step.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from .policy import Policy
 from .start import match_reading
 from .timeline import Arrival, Item, State, Timeline
 
-#: A model in discrete time is not followed over more periods than its `periods` counts.
+#: A gap of more periods of a model in discrete time restarts the estimator.
 _MOST_PERIODS = 100_000
-#: Old readings mean that the clock went back only if none was current for this long, in
+#: Old readings mean that the clock went back only if no reading was current for this long, in
 #: nanoseconds.
 _OUTDATED = 250_000_000
 
 
 class OnlineEstimator:
-    """Runs a `Filter` on stamped readings and inputs, in whatever order they arrive.
+    """A `Filter` on stamped readings and inputs, in any order of arrival.
 
     Parameters
     ----------
     filter
-        The filter; it knows time only as step lengths.
+        Filter, which knows time only as step lengths.
     sensors
-        By name, in the order in which readings with one stamp are fused.
+        Sensors by name, in the order in which readings with one stamp are fused.
     initial
-        The belief at the first stamp received, and after each restart.
+        Belief at the first stamp received, and after each restart.
     input
-        The input (m,) in effect until the first one arrives.
+        Input (m,) in effect until the first one arrives.
     policy
-        How to treat late, doubtful or missing data.
+        Treatment of late, doubtful or missing data.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class OnlineEstimator:
         self.counts: dict[str, Counter[Outcome]] = {name: Counter() for name in sensors}
         self.restarts = 0
         self._zero = input
-        #: Called with the items that no later one can change, in the order of their stamps.
+        #: Called with the items that no later item can change, in the order of their stamps.
         self.on_final: Callable[[Sequence[Item]], object] = len
         self._timeline = Timeline(State(None, initial, None, ()))
         self.configure(filter, sensors, policy or Policy())
@@ -94,11 +94,11 @@ class OnlineEstimator:
         self._old_in_a_row = 0
         #: The first stamp, from which the steps of a model in discrete time are counted.
         self._first: int | None = None
-        #: When the last reading that was not too old was received, in nanoseconds.
+        #: Time of arrival of the last reading that was not too old, in nanoseconds.
         self._current_at: int | None = None
 
     def finish(self) -> None:
-        """Have all items count as final, those within the window too."""
+        """Make all items final, including those within the window."""
         self.on_final(self._timeline.drain())
 
     def restart(self) -> None:
@@ -148,7 +148,7 @@ class OnlineEstimator:
         return self._predict(head, time, self._filter)[0]
 
     def add_input(self, time: int, u: Array, now: int | None = None) -> Outcome:
-        """Add the input in effect from ``time`` on; for equal stamps the last one counts.
+        """Add the input in effect from ``time`` on; of equal stamps the last input counts.
 
         A controller answers twice when two readings of one instant are received separately.
         With ``now``, the time of arrival, stamps in the future are refused.
@@ -163,7 +163,7 @@ class OnlineEstimator:
         covariance: Array | None = None,
         now: int | None = None,
     ) -> tuple[Outcome, Correction | None]:
-        """Add a reading of the sensor ``name``, with the covariance of its message, if any.
+        """Add a reading of the sensor ``name``, with the covariance of its message if it has one.
 
         Returns the outcome, and the correction if one was computed (also when the gate rejected
         it). With ``now``, the time of arrival, stamps in the future are refused.
@@ -173,30 +173,30 @@ class OnlineEstimator:
     def add(
         self, arrivals: Iterable[Arrival], now: int | None = None
     ) -> list[tuple[Outcome, Correction | None]]:
-        """Add readings and inputs that arrived together at ``now``, as if one after the other.
+        """Add readings and inputs that arrived together at ``now``, as if in sequence.
 
         Returns the result of `add_reading` for each; an input has no correction.
         """
-        found = [self._place(arrival, now) for arrival in arrivals]
+        results = [self._place(arrival, now) for arrival in arrivals]
         self._settle()
-        return [each.fate if isinstance(each, Item) else (each, None) for each in found]
+        return [result.fate if isinstance(result, Item) else (result, None) for result in results]
 
     def _place(self, arrival: Arrival, now: int | None) -> Item | Outcome:
-        """Insert an arrival and return its item, or count it and return why it is refused."""
-        found = self._checked(arrival, now)
-        if isinstance(found, Item):
-            refused = self._timeline.insert(found, self._window)
+        """Insert an arrival and return its item, or count and return its refusal."""
+        result = self._checked(arrival, now)
+        if isinstance(result, Item):
+            refused = self._timeline.insert(result, self._window)
             if arrival.source is not None:
-                refused = self._restarted_for(found, refused, now)
+                refused = self._restarted_for(result, refused, now)
             if refused is None:
-                return found
-            found = refused
+                return result
+            result = refused
         if arrival.source is not None:
-            self.counts[arrival.source][found] += 1
-        return found
+            self.counts[arrival.source][result] += 1
+        return result
 
     def _checked(self, arrival: Arrival, now: int | None) -> Item | Outcome:
-        """Return an item for an arrival, or why it is invalid."""
+        """Return an item for an arrival, or the outcome if the arrival is invalid."""
         name, time, values, covariance = arrival
         sensor = None if name is None else self._sensors[name]
         if values.shape != (self._zero.shape if sensor is None else sensor.covariance.shape[:1]):
@@ -204,7 +204,7 @@ class OnlineEstimator:
         if not is_finite(values):
             return Outcome.NOT_FINITE
         if name is not None and covariance is not None:
-            sensor = self._noisy(name, covariance)
+            sensor = self._with_noise(name, covariance)
             if sensor is None:
                 return Outcome.BAD_COVARIANCE
         if now is not None and time - now > self._policy.future_tolerance * 1e9:
@@ -221,9 +221,9 @@ class OnlineEstimator:
     def _restarted_for(
         self, item: Item, refused: Outcome | None, now: int | None
     ) -> Outcome | None:
-        """Restart if too many readings in a row were too old; return why this one is refused.
+        """Restart if too many readings in a row were too old; return the outcome if refused.
 
-        While other readings are current, the sensor lags; the clock did not go back.
+        While other readings are current, the sensor lags and the clock did not go back.
         """
         if refused is not Outcome.TOO_OLD:
             self._old_in_a_row, self._current_at = 0, now
@@ -239,8 +239,8 @@ class OnlineEstimator:
         self._first, item.key = stamp, (stamp, order, stamp)
         return self._timeline.insert(item, self._window)
 
-    def _noisy(self, name: str, covariance: Array) -> Sensor | None:
-        """Return the sensor with this noise, None if it is no covariance; the last is cached."""
+    def _with_noise(self, name: str, covariance: Array) -> Sensor | None:
+        """Return the sensor with this noise, None if it is no covariance; cache the last one."""
         key = covariance.tobytes()
         last = self._with_covariance.get(name)
         if last is not None and last[0] == key:
@@ -274,7 +274,7 @@ class OnlineEstimator:
     def _predict(self, state: State, time: int, filter: Filter) -> tuple[Gaussian, int]:
         """Return the belief at ``time``, and the number of repairs on the way.
 
-        It is the initial belief if the old one has expired.
+        The belief is the initial one if the previous one has expired.
         """
         if state.time is None or time == state.time or state.u is None:
             return state.belief, 0

@@ -7,9 +7,9 @@ from enum import Enum
 
 
 class Outcome(Enum):
-    """What happened to a reading. Every reading has exactly one outcome."""
+    """The outcome of a reading. Every reading has exactly one."""
 
-    #: Identity: the hash of `Enum`, by name, takes longer than counting with it.
+    #: Hash by identity: the hash of `Enum`, by name, takes longer than the counting.
     __hash__ = object.__hash__
 
     FUSED = 'fused'
@@ -38,7 +38,7 @@ class Outcome(Enum):
 
     @property
     def explained(self) -> bool:
-        """Whether the reader of the message knows more than the outcome: which field, and why."""
+        """Whether the reader of the message can name the field and the reason."""
         return self in (
             Outcome.WRONG_SIZE, Outcome.NO_FIX, Outcome.ABSENT, Outcome.OTHER_FRAME,
             Outcome.NO_TRANSFORM,

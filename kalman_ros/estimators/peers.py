@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""filterpy's classes behind our interface, as a cross-check."""
+"""The filters of filterpy behind the interface of this package, as a cross-check."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ class _Kalman(Filter):
 
     @_sound
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
-        """Predict with filterpy, in steps as short as those of our own filters."""
+        """Predict with filterpy, in steps as short as the steps of the native filters."""
         count = 1 if self._kind is KalmanFilter else parts(self.model, dt)
         for _ in range(count):
-            belief = self._moved(belief, u, dt / count)
+            belief = self._predicted(belief, u, dt / count)
         return belief
 
-    def _moved(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
+    def _predicted(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
         step = self.model.transition(belief.mean, u, dt)
         peer = self._peer(belief, 1)
         peer.F, peer.Q, peer.B = step.F, step.Q, step.G

@@ -15,7 +15,7 @@ from kalman_ros.linear.kernels import kernels
 
 #: A covariance is predicted in at most this many parts, which bounds the time of a long step.
 _MOST_PARTS = 100
-#: Steps may exceed ``max_step`` by this rounding of a difference of stamps.
+#: Steps may exceed ``max_step`` by this factor, the rounding of a difference of stamps.
 _ONE = 1.0 + 1e-9
 
 
@@ -23,8 +23,8 @@ def parts(model: Dynamics, dt: float) -> int:
     """Return the number of equal parts in which to predict a covariance over ``dt`` seconds.
 
     The mean of a nonlinear model is integrated in steps of at most ``max_step``, and a
-    linearisation is valid no longer, so the covariance uses the same steps. Beyond the model's own
-    resolution the path is unknown, and more parts gain nothing.
+    linearisation is valid no longer, so the covariance uses the same steps. Beyond the resolution
+    of the model the path is unknown, and more parts gain nothing.
     """
     ratio = abs(dt) / model.max_step
     if model.is_discrete or not _ONE < ratio <= MOST_SUBSTEPS:
@@ -33,7 +33,7 @@ def parts(model: Dynamics, dt: float) -> int:
 
 
 def carried(model: Dynamics, points: Array, u: Array, dt: float) -> tuple[Array, Array]:
-    """Return points (p, ..., n) after ``dt`` seconds, and the noise covariance Q of the step.
+    """Return the points (p, ..., n) after ``dt`` seconds, and the noise covariance Q of the step.
 
     Over a step that is longer than ``max_step``, Q <- F Q F' + Q_k for each of its `parts`, along
     the path of the first point.
@@ -51,7 +51,7 @@ def carried(model: Dynamics, points: Array, u: Array, dt: float) -> tuple[Array,
 
 @dataclass(frozen=True)
 class Plan:
-    """A model, its sensors with their rates, and the loop's rate: the input for a filter."""
+    """The input of a filter design: a model, its sensors with rates, and the rate of the loop."""
 
     model: Dynamics
     sensors: Mapping[str, TimedSensor]
@@ -63,8 +63,11 @@ class Plan:
         return self.model.is_linear and all(timed.sensor.linear for timed in self.sensors.values())
 
     def computed_by(self, model: Dynamics, sensors: Mapping[str, Sensor]) -> Plan:
-        """Return the same plan with a model and sensors that compute the same."""
-        timed = {name: replace(each, sensor=sensors[name]) for name, each in self.sensors.items()}
+        """Return the plan with another implementation of the same model and sensors."""
+        timed = {
+            name: replace(timed_sensor, sensor=sensors[name])
+            for name, timed_sensor in self.sensors.items()
+        }
         return Plan(model, timed, self.rate)
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the online estimator treats imperfect data."""
+"""The policy of the online estimator for imperfect data."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Policy:
-    """How an `OnlineEstimator` treats late, doubtful or missing data.
+    """The treatment of late, doubtful or missing data in an `OnlineEstimator`.
 
     Parameters
     ----------
     window
         Seconds for which late items are accepted; 0 accepts only items in order.
     gates
-        The largest normalised innovation squared that is fused, by sensor.
+        Largest normalised innovation squared that is fused, by sensor.
     recover_after
-        The number of consecutive rejected readings, of all sensors that see the same states and
+        Number of consecutive rejected readings, of all sensors that see the same states and
         without one that agrees, after which the covariance is widened until the next reading
         passes, so that an overconfident filter recovers (`agreement`). 0 disables it.
     restart_after
-        N consecutive readings older than the window mean that the clock went back, if none was
-        current for 0.25 s: the estimator restarts. 0 disables it.
+        Number of consecutive readings older than the window after which the estimator restarts,
+        if no reading was current for 0.25 s: the clock went back. 0 disables it.
     max_gap
         Seconds without data after which the belief expires and the estimator restarts. 0 disables
         it.
     future_tolerance
         Seconds by which a stamp may be ahead of its arrival.
     from_reading
-        Start from the first reading, taken as exact (`start`), instead of from the initial belief
-        alone; states that it does not see keep the initial belief.
+        Whether to start from the first reading, taken as exact (`start`). States that the reading
+        does not see keep the initial belief.
     rest_until_input
-        The state is constant until the first input, which sets it in motion: until then readings
-        correct the belief, and time does not change it.
+        Whether the state is constant until the first input, which sets it in motion. Until then
+        readings correct the belief, and time does not change it.
     """
 
     window: float = 1.0

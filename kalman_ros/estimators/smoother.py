@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Rauch-Tung-Striebel smoother: estimates given all readings, later ones included.
+"""The Rauch-Tung-Striebel smoother: estimates given all readings, including later ones.
 
 Backwards over the beliefs x, P of a filter and their predictions x_p, P_p,
 
@@ -8,7 +8,7 @@ Backwards over the beliefs x, P of a filter and their predictions x_p, P_p,
 
 (H. Rauch, F. Tung and C. Striebel, Maximum Likelihood Estimates of Linear Dynamic Systems, AIAA
 Journal 3(8), 1965), with the covariance as a sum of positive semi-definite terms. F and Q are
-those of `SmoothableFilter.linearized`.
+the results of `SmoothableFilter.linearized`.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from .filter import SmoothableFilter
 
 @dataclass(frozen=True)
 class Filtered:
-    """The filter's result at one instant.
+    """The result of a filter at one instant.
 
     Parameters
     ----------
     time
-        In nanoseconds.
+        Time of the instant, in nanoseconds.
     belief
-        After all readings of this instant and before it.
+        Belief after all readings up to this instant.
     input
-        In effect from then on (m,).
+        Input (m,) in effect from this instant on.
     restarted
-        Whether the belief is independent of the one before.
+        Whether the belief is independent of the previous one.
     """
 
     time: int
@@ -53,9 +53,9 @@ def smooth(filter: object, steps: Sequence[Filtered]) -> list[Gaussian]:
     Parameters
     ----------
     filter
-        The filter of the steps, a `SmoothableFilter`.
+        Filter of the steps, a `SmoothableFilter`.
     steps
-        In order of time, without repeated times. Steps may have any length.
+        Results in order of time, without repeated times. Intervals may have any length.
 
     Raises
     ------
@@ -68,12 +68,12 @@ def smooth(filter: object, steps: Sequence[Filtered]) -> list[Gaussian]:
 
 
 def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussian]:
-    """Yield the beliefs of `smooth`, the last first, of ``steps`` in reverse order.
+    """Yield the beliefs of `smooth` from the last to the first, for ``steps`` in reverse order.
 
     Raises
     ------
     ValueError, numpy.linalg.LinAlgError
-        As `smooth` does.
+        In the same cases as `smooth`.
     """
     if not isinstance(filter, SmoothableFilter):
         names = [name for name in FILTERS if issubclass(filter_class(name), SmoothableFilter)]
@@ -98,7 +98,7 @@ def _back(
     until: int,
     after: Gaussian,
 ) -> Gaussian:
-    """Return the smoothed belief of a step, from the one ``after`` it, at time ``until``."""
+    """Return the smoothed belief of a step, given the one ``after`` it at time ``until``."""
     space = filter.model.state
     x, P = step.belief.mean, step.belief.covariance
     predicted, F, Q = filter.linearized(step.belief, step.input, (until - step.time) * 1e-9)

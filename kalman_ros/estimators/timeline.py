@@ -22,8 +22,8 @@ _TOGETHER = 17
 class State(NamedTuple):
     """The belief at a time, the input in effect from then on, and the outcomes by sensor.
 
-    The input is None while the system is at rest. ``repairs`` counts the covariances on the way
-    here that rounding made indefinite and that were repaired.
+    The input is None while the system is at rest. ``repairs`` counts the covariances on the way to
+    this state that rounding made indefinite and that were repaired.
     """
 
     time: int | None
@@ -36,7 +36,7 @@ class State(NamedTuple):
 class Arrival(NamedTuple):
     """A reading (k,) of a sensor, or an input (m,) with the ``source`` None, and its stamp.
 
-    ``covariance`` (k, k) is that of the message, if it has one.
+    ``covariance`` (k, k) is the covariance in the message, if it has one.
     """
 
     source: str | None
@@ -48,8 +48,8 @@ class Arrival(NamedTuple):
 class Item:
     """A reading, or an input (``sensor`` None), and the estimator state after it.
 
-    It keeps the filter and the sensor that were in use when it was received. A reading has no
-    outcome before it is processed.
+    The item keeps the filter and the sensor in use when it was received. A reading has no outcome
+    before it is processed.
     """
 
     __slots__ = (
@@ -70,24 +70,24 @@ class Item:
 
     @property
     def fate(self) -> tuple[Outcome, Correction | None]:
-        """Its outcome and correction, once it is processed."""
+        """The outcome and the correction of a processed item."""
         assert self.outcome is not None
         return self.outcome, self.correction
 
 
 class Timeline:
-    """Items ordered by stamp, in whatever order they are received.
+    """Items ordered by stamp, in any order of arrival.
 
     Parameters
     ----------
     base
-        The estimator state before the first item.
+        Estimator state before the first item.
     """
 
     def __init__(self, base: State) -> None:
         self._base = base
         self._items: list[Item] = []
-        #: The number of items, from the oldest on, that are processed.
+        #: The number of processed items, counted from the oldest.
         self._settled = 0
 
     @property
@@ -96,9 +96,9 @@ class Timeline:
         return self._items[-1].after if self._items else self._base
 
     def insert(self, item: Item, window: int) -> Outcome | None:
-        """Insert an item by its stamp; return why not if that is impossible.
+        """Insert an item by its stamp; return the outcome if that is impossible.
 
-        ``window``, in nanoseconds, is how much older it may be than the newest one.
+        The item may be older than the newest one by at most ``window``, in nanoseconds.
         """
         items = self._items
         if not items or item.key > items[-1].key:
@@ -120,9 +120,9 @@ class Timeline:
     def settle(
         self, process: Callable[[Item, State], State]
     ) -> Iterator[tuple[Item, Outcome | None]]:
-        """Process the inserted items, and those after them again.
+        """Process the inserted items, and process the items after them again.
 
-        Yields each of these items with the outcome that it had before.
+        Yields each processed item with its previous outcome.
         """
         items, start = self._items, self._settled
         state = items[start - 1].after if start else self._base
@@ -130,7 +130,7 @@ class Timeline:
             before = item.outcome
             try:
                 state = process(item, state)
-            except Exception:  # from a model; the other items stay
+            except Exception:  # raised by a model; the other items stay
                 del items[self._settled]
                 raise
             self._settled += 1
@@ -153,13 +153,13 @@ class Timeline:
         return self._drop(gone)
 
     def drain(self) -> list[Item]:
-        """Drop all items that are processed, as `forget` does."""
+        """Drop all processed items, as `forget` does."""
         return self._drop(self._settled)
 
     def _drop(self, count: int) -> list[Item]:
-        gone = self._items[:count]
-        if gone:
-            self._base = gone[-1].after
+        dropped = self._items[:count]
+        if dropped:
+            self._base = dropped[-1].after
             del self._items[:count]
             self._settled -= count
-        return gone
+        return dropped

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The filters, one a file: the file's name is the filter's name, and ``FILTER`` is its class.
+"""The filters, one per file: the name of the file is the name, and ``FILTER`` is the class.
 
-A new file is all that a new filter needs: parameters, help, nodes, replays, studies and tests
-list these files, and the class says what else they have to know.
+A new filter needs only a new file: parameters, help, nodes, replays, studies and tests list these
+files and read the attributes of the class.
 """

@@ -19,7 +19,7 @@ from kalman_ros.linear.kernels import kernels
 class ExtendedKalmanFilter(LinearUpdate):
     """A Kalman filter of the model and the sensors linearised about the estimate.
 
-    The mean moves by the model itself, the covariance by the linear one.
+    The model propagates the mean, and the linearised model propagates the covariance.
     """
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
@@ -31,7 +31,7 @@ class ExtendedKalmanFilter(LinearUpdate):
         return unchecked((x, P))
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
-        """Return what `predict` does, with F <- F_k F and Q <- F_k Q F_k' + Q_k of its steps."""
+        """Return the prediction, with F <- F_k F and Q <- F_k Q F_k' + Q_k over its steps."""
         (x, P), k = belief, kernels(belief[0])
         model, count = self.model, parts(self.model, dt)
         x, F, Q = model.linearized_step(x, u, dt / count)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Gaussian sum filter: a bank of extended Kalman filters, one for each hypothesis.
+"""The Gaussian sum filter: a bank of extended Kalman filters, one per hypothesis.
 
 D. Alspach and H. Sorenson, Nonlinear Bayesian Estimation Using Gaussian Sum Approximations, IEEE
-Trans. Automatic Control 17(4), 1972. With bearings its hypotheses are ranges: the bank of Peach
-(1995), in which a range that becomes too uncertain is divided again.
+Trans. Automatic Control 17(4), 1972. With bearings the hypotheses are ranges, as in the bank of
+Peach (1995); a range that becomes too uncertain is divided again.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from .ekf import ExtendedKalmanFilter
 
 #: Hypotheses with a smaller weight are dropped.
 _LEAST_WEIGHT = 1e-4
-#: A mixture has at most N times as many parts as one reading may divide one of them into.
+#: Largest number of parts of a mixture, as a multiple of the parts of one division.
 _MOST = 3
-#: Into how many parts a belief is divided, unless that is chosen.
+#: Default number of parts into which a belief is divided.
 HYPOTHESES = 8
 
 
@@ -33,16 +33,16 @@ HYPOTHESES = 8
 class GaussianSumFilter(Filter):
     """Extended Kalman filters in parallel, weighted by the likelihood of the readings.
 
-    It is one of them until a sensor finds it too wide for its reading, and divides it, or an angle
-    or a rotation is too uncertain for one; each part is divided again where it has become too
-    wide.
+    The belief is a single Gaussian until it is too wide for a reading of a sensor, or until an
+    angle or a rotation is too uncertain; then it is divided. A part that becomes too wide is
+    divided again.
 
     Parameters
     ----------
     ekf
-        The filter of each hypothesis.
+        Filter of each hypothesis.
     hypotheses
-        Into how many parts one reading divides one belief at most.
+        Largest number of parts into which one reading divides a belief.
     """
 
     ekf: ExtendedKalmanFilter
@@ -64,7 +64,7 @@ class GaussianSumFilter(Filter):
 
     @property
     def model(self) -> Dynamics:  # type: ignore[override]
-        """How the state moves."""
+        """The system model."""
         return self.ekf.model
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
@@ -77,27 +77,27 @@ class GaussianSumFilter(Filter):
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Correct or divide each part; weights are multiplied by the likelihood of the reading.
 
-        The NIS of a mixture is that of `forecast_nis`.
+        The NIS of a mixture is `forecast_nis`.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If no part can have foreseen the reading, for what they foresaw is not finite.
+            If no part explains the reading, since its likelihoods are not finite.
         """
         if isinstance(belief, Mixture):
             before, weights = belief.parts, belief.weights
         else:
             before, weights = [belief], np.ones(1)
         before, weights = self._within_reach(before, weights)
-        found = [self._corrected(part, y, sensor) for part in before]
-        if len(found) == 1 and isinstance(found[0], Correction):
-            return found[0]
-        outcomes = [_outcome(each, y, sensor) for each in found]
+        results = [self._corrected(part, y, sensor) for part in before]
+        if len(results) == 1 and isinstance(results[0], Correction):
+            return results[0]
+        outcomes = [_outcome(result, y, sensor) for result in results]
         log = np.log(weights)
-        log_weights = np.concatenate([a + each.log_weights for a, (each, _) in zip(log, outcomes)])
-        posterior = self._mixture(log_weights, [p for each, _ in outcomes for p in each.parts])
-        shares = np.concatenate([w * each.shares for w, (each, _) in zip(weights, outcomes)])
-        points = np.concatenate([each.forecast for each, _ in outcomes])
+        log_weights = np.concatenate([a + h.log_weights for a, (h, _) in zip(log, outcomes)])
+        posterior = self._mixture(log_weights, [p for h, _ in outcomes for p in h.parts])
+        shares = np.concatenate([w * h.shares for w, (h, _) in zip(weights, outcomes)])
+        points = np.concatenate([h.forecast for h, _ in outcomes])
         S = np.concatenate([scatter for _, scatter in outcomes])
         predicted, total = pooled(sensor.output, shares, points, S)
         difference = sensor.output.subtract
@@ -111,22 +111,22 @@ class GaussianSumFilter(Filter):
     def _within_reach(
         self, parts: Sequence[Gaussian], weights: Array
     ) -> tuple[Sequence[Gaussian], Array]:
-        """Return the parts, with those divided of which a turn is too wide for one."""
+        """Divide the parts in which a turn is too wide for a single Gaussian."""
         if not self._space.turns:
             return parts, weights
-        shares = [turned_parts(part, self._space, self.hypotheses) for part in parts]
-        if all(len(own) == 1 for own, _ in shares):
+        divisions = [turned_parts(part, self._space, self.hypotheses) for part in parts]
+        if all(len(weight) == 1 for weight, _ in divisions):
             return parts, weights
-        divided = [part for _, own in shares for part in own]
-        return divided, np.concatenate([w * own for w, (own, _) in zip(weights, shares)])
+        divided = [part for _, pieces in divisions for part in pieces]
+        return divided, np.concatenate([w * weight for w, (weight, _) in zip(weights, divisions)])
 
     def _corrected(self, part: Gaussian, y: Array, sensor: Sensor) -> Hypotheses | Correction:
-        """Return what a reading divides a part into, else its correction."""
+        """Return the hypotheses into which a reading divides a part, else its correction."""
         divided = sensor.hypotheses(part, y, self.hypotheses)
         return self.ekf.correct(part, y, sensor) if divided is None else divided
 
     def _mixture(self, log_weights: Array, parts: list[Gaussian]) -> Gaussian:
-        """Return the parts that are likely enough, few enough, with weights of sum 1."""
+        """Return the mixture of the likely parts, reduced in number, with weights of sum 1."""
         weights = np.exp(log_weights - log_weights.max())
         if not weights.sum() > 0.0:
             raise np.linalg.LinAlgError('no hypothesis is left')
@@ -137,18 +137,20 @@ class GaussianSumFilter(Filter):
         )
 
 
-def _outcome(found: Hypotheses | Correction, y: Array, sensor: Sensor) -> tuple[Hypotheses, Array]:
-    """Return a part's hypotheses, one if it was only corrected, and the scatter of its forecast.
+def _outcome(
+    result: Hypotheses | Correction, y: Array, sensor: Sensor
+) -> tuple[Hypotheses, Array]:
+    """Return the hypotheses of a part, one if it was only corrected, and the forecast covariances.
 
-    That is the covariance (q, k, k) of the reading about each point of the forecast.
+    These are the covariances (q, k, k) of the reading about each point of the forecast.
     """
-    if isinstance(found, Hypotheses):
-        return found, np.broadcast_to(sensor.covariance, (len(found.shares), y.size, y.size))
-    S = found.innovation_covariance
-    log_likelihood = -0.5 * (found.nis + np.linalg.slogdet(2.0 * np.pi * S)[1])
-    forecast = sensor.output.subtract(y, found.innovation)
+    if isinstance(result, Hypotheses):
+        return result, np.broadcast_to(sensor.covariance, (len(result.shares), y.size, y.size))
+    S = result.innovation_covariance
+    log_likelihood = -0.5 * (result.nis + np.linalg.slogdet(2.0 * np.pi * S)[1])
+    forecast = sensor.output.subtract(y, result.innovation)
     one = Hypotheses(
-        np.array([log_likelihood]), [found.posterior], np.ones(1), forecast[np.newaxis]
+        np.array([log_likelihood]), [result.posterior], np.ones(1), forecast[np.newaxis]
     )
     return one, S[np.newaxis]
 

@@ -32,7 +32,7 @@ class KalmanFilter(LinearUpdate):
         return unchecked((k.affine(F, x, G, u), k.sandwich(F, P, Q)))
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
-        """Return what `predict` does, with the F and Q of the step."""
+        """Return the prediction with the F and Q of the step."""
         F, _, Q = self.model.sampled(dt)
         return Prediction(self.predict(belief, u, dt), F, Q)
 

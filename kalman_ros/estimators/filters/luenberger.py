@@ -45,17 +45,17 @@ class LuenbergerObserver(FixedGainObserver):
     ) -> LuenbergerObserver:
         """Return the observer whose error, with all sensors together, has the given poles.
 
-        The continuous gain L with eig(A - L C) at the poles is divided among the readings: one
-        of a sensor with period T corrects by L T. Fewer poles than states are completed as by
-        `pole_pairs`.
+        The continuous gain L with eig(A - L C) at the poles is divided among the readings: a
+        reading of a sensor with period T corrects by L T. If there are fewer poles than states,
+        `pole_pairs` completes them.
 
         Raises
         ------
         DesignError
-            If the sensors, if there are any, do not observe every state, or a pole is too fast
-            for the slowest sensor that it needs.
+            If there are no sensors, if they do not observe every state, or if a pole is too fast
+            for the rates of the sensors.
         ValueError
-            If there are more poles than states, or a complex one comes without its conjugate.
+            If there are more poles than states, or a complex pole has no conjugate.
         """
         model: Any = plan.model
         n = model.state.size
@@ -70,11 +70,11 @@ class LuenbergerObserver(FixedGainObserver):
             L = place_observer(model.A, C, poles).gain
         except ValueError as error:  # also a DesignError
             raise DesignError(f'observer_{error}') from None
-        gains, at = {}, 0
+        gains, start = {}, 0
         for name, timed in plan.sensors.items():
             k = timed.sensor.output.size
-            gains[name] = L[:, at : at + k] / timed.rate
-            at += k
+            gains[name] = L[:, start : start + k] / timed.rate
+            start += k
         observer = cls(model, gains)
         _check_decay(plan, observer)
         return observer
@@ -89,14 +89,14 @@ class LuenbergerObserver(FixedGainObserver):
 def _check_decay(plan: Plan, observer: FixedGainObserver) -> None:
     """Raise DesignError if the error grows over a period of the readings."""
     n = observer.model.state.size
-    over = np.eye(n)
+    transition = np.eye(n)
     F = observer.model.sampled(plan.dt).F
     for step in range(plan.period):
-        over = F @ over
+        transition = F @ transition
         for name in plan.due(step):
             C = plan.sensors[name].sensor.jacobian(np.zeros(n))
-            over = (np.eye(n) - observer.gains[name] @ C) @ over
-    if not np.max(np.abs(np.linalg.eigvals(over))) < 1.0:
+            transition = (np.eye(n) - observer.gains[name] @ C) @ transition
+    if not np.max(np.abs(np.linalg.eigvals(transition))) < 1.0:
         raise DesignError('observer_poles: too fast for the rates of the sensors')
 
 

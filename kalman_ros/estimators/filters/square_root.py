@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The extended Kalman filter in square-root form: it moves factors of covariances.
+"""The extended Kalman filter in square-root form, which propagates factors of covariances.
 
-A covariance P = L L' keeps as many digits of a small variance beside a large one as L has, which
-are twice as many as P has; and L L' is never indefinite. Both steps are one orthogonal
+The factor L of P = L L' resolves a small variance beside a large one with twice as many digits as
+P does, and L L' is never indefinite. Both steps are one orthogonal
 transformation, in the array form of T. Kailath, A. Sayed and B. Hassibi, Linear Estimation (2000),
 chapter 12.
 """
@@ -27,7 +27,7 @@ class FactoredGaussian(Gaussian):
     Parameters
     ----------
     mean
-        (..., n).
+        Mean (..., n).
     factor
         L (..., n, n) with L L' = P.
     """
@@ -42,11 +42,11 @@ class FactoredGaussian(Gaussian):
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what makes a copy."""
+        """Return the arguments that recreate the belief."""
         return FactoredGaussian, (self.mean, self.factor)
 
     def _replace(self, **changes: Any) -> Gaussian:  # type: ignore[override]
-        """Return a belief without a factor, since another covariance has another one."""
+        """Return a belief without a factor, since another covariance has another factor."""
         return Gaussian(*self)._replace(**changes)
 
 
@@ -59,7 +59,7 @@ class SquareRootFilter(LinearUpdate):
         return self.linearized(belief, u, dt).belief
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
-        """Return what `predict` does, with F <- F_k F and Q <- F_k Q F_k' + Q_k of its steps."""
+        """Return the prediction, with F <- F_k F and Q <- F_k Q F_k' + Q_k over its steps."""
         x, k, L = belief.mean, kernels(belief.mean), _factor(belief)
         F, Q = np.eye(x.shape[-1]), np.zeros((x.shape[-1],) * 2)
         count = parts(self.model, dt)
@@ -85,7 +85,7 @@ class SquareRootFilter(LinearUpdate):
         S = symmetric(product(root, root.swapaxes(-1, -2)))
         total, space = k.corrected(x, K, innovation), self.model.state
         posterior: Gaussian = FactoredGaussian(space.wrap(total), L)
-        if space.rotations:  # the axes of their errors turn
+        if space.rotations:  # the axes of the rotation errors turn
             posterior = Gaussian(*space.arrived(total, x, posterior.covariance))
         return Correction(posterior, innovation, S, K, H)
 

@@ -19,15 +19,15 @@ _MOST_STEPS = 200_000
 
 
 class SteadyStateKalmanFilter(FixedGainObserver):
-    """The observer whose gains are those of the Kalman filter in steady state."""
+    """An observer with the gains of the Kalman filter in steady state."""
 
     @classmethod
     def build(cls, plan: Plan) -> SteadyStateKalmanFilter:
         """Return the observer of a linear model.
 
         The Riccati recursion runs over the sensors' schedule until the covariance repeats; where
-        rates differ, a sensor's gain is its average over the period. With one rate the gain is
-        that of the discrete algebraic Riccati equation.
+        rates differ, the gain of a sensor is its average over the period. With one rate the gain
+        follows from the discrete algebraic Riccati equation.
 
         Raises
         ------
@@ -37,18 +37,23 @@ class SteadyStateKalmanFilter(FixedGainObserver):
         model: Any = plan.model
         names, phases = _phases(plan)
         try:
-            found = periodic_filter(phases, _MOST_STEPS // plan.period)
+            steady = periodic_filter(phases, _MOST_STEPS // plan.period)
         except DesignError as error:
             raise DesignError(f'filter: {error}') from None
         gains = defaultdict[str, list[Array]](list)
-        for name, L in zip(names, found.gains):
+        for name, L in zip(names, steady.gains):
             if name is not None:
                 gains[name].append(L)
-        return cls(model, {name: np.mean(each, axis=0) for name, each in gains.items()})
+        return cls(
+            model, {name: np.mean(phase_gains, axis=0) for name, phase_gains in gains.items()}
+        )
 
 
 def _phases(plan: Plan) -> tuple[list[str | None], list[Phase]]:
-    """Return the sensor, if any, of each phase: sensors that are due together read in turn."""
+    """Return the phases of a period, and the name of the sensor of each, or None.
+
+    Sensors that are due together read in sequence, without time between them.
+    """
     n = plan.model.state.size
     step = plan.model.transition(np.zeros(n), np.zeros(plan.model.input.size), plan.dt)
     names: list[str | None] = []

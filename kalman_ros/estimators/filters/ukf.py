@@ -69,12 +69,12 @@ class UnscentedKalmanFilter(SmoothableFilter):
 
     @cached_property
     def _scale(self) -> float:
-        """N + lambda."""
+        """The sum n + lambda."""
         return self.alpha**2 * (self._n + self.kappa)
 
     @cached_property
     def directions(self) -> Array:
-        """Where the sigma points lie, in standard deviations from the mean (n, 2n + 1)."""
+        """Offsets of the sigma points from the mean, in standard deviations (n, 2n + 1)."""
         eye = sqrt(self._scale) * np.eye(self._n)
         return np.asfortranarray(np.hstack((np.zeros((self._n, 1)), eye, -eye)))
 
@@ -99,7 +99,7 @@ class UnscentedKalmanFilter(SmoothableFilter):
         return _Repeated(self.covariance_weights)
 
     def _points(self, belief: Gaussian, k: Any) -> tuple[Array, Array]:
-        """Return the sigma points (2n + 1, ..., n), and how they differ (..., n, 2n + 1)."""
+        """Return the sigma points (2n + 1, ..., n) and their offsets (..., n, 2n + 1)."""
         x, P = belief
         offsets = k.scaled(k.repaired_factor(P), self.directions)
         return self.model.state.reached(k.points_about(x, offsets), x), offsets
@@ -109,29 +109,30 @@ class UnscentedKalmanFilter(SmoothableFilter):
         mean = space.mean(points, self.mean_weights)
         return mean, k.as_columns(space.subtract(points, mean))
 
-    def _moved(self, belief: Gaussian, u: Array, dt: float) -> tuple[Gaussian, Array, Array]:
+    def _propagated(self, belief: Gaussian, u: Array, dt: float) -> tuple[Gaussian, Array, Array]:
         """Return the belief after a step, and the deviations before and after it."""
         k = kernels(belief[0])
         points, before = self._points(belief, k)
-        moved, Q = carried(self.model, points, u, dt)
-        mean, d = self._spread(self.model.state, moved, k)
+        propagated, Q = carried(self.model, points, u, dt)
+        mean, d = self._spread(self.model.state, propagated, k)
         P = k.mirrored(k.moments(self._weights[self._n] * d, d, Q))
         return unchecked((mean, P)), before, d
 
     def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
-        """Move every point by the model; P = sum of W d d' + Q."""
-        return self._moved(belief, u, dt)[0]
+        """Propagate the sigma points through the model; P = sum of W d d' + Q."""
+        return self._propagated(belief, u, dt)[0]
 
     def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
-        """Return what `predict` does; F is the slope of the points, and Q what it leaves.
+        """Return the prediction; F is the slope of the points, and Q the remaining covariance.
 
         S. Sarkka, Unscented Rauch-Tung-Striebel Smoother, IEEE Trans. Automatic Control 53(3),
         2008: F P is the covariance of the state after the step with the state before.
         """
-        moved, before, after = self._moved(belief, u, dt)
+        predicted, before, after = self._propagated(belief, u, dt)
         P = belief.covariance
         F = _slope(P, (self._weights[self._n] * before) @ after.swapaxes(-1, -2))
-        return Prediction(moved, F, symmetric(moved.covariance - sandwich(F, P, np.zeros(()))))
+        Q = symmetric(predicted.covariance - sandwich(F, P, np.zeros(())))
+        return Prediction(predicted, F, Q)
 
     def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
         """Fuse a reading: K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'.
@@ -152,7 +153,7 @@ class UnscentedKalmanFilter(SmoothableFilter):
 
 
 def _slope(P: Array, cross: Array) -> Array:
-    """Return F (..., n, n) with F P = cross'; the smallest, if states are known exactly."""
+    """Return F (..., n, n) with F P = cross'; the smallest F if states are known exactly."""
     if cross.ndim > 2:
         P = np.broadcast_to(P, cross.shape)
         stacked = zip(P.reshape(-1, *P.shape[-2:]), cross.reshape(-1, *cross.shape[-2:]))
@@ -161,14 +162,14 @@ def _slope(P: Array, cross: Array) -> Array:
         return np.asarray(solve(P, cross).T)
     except np.linalg.LinAlgError:
         variances = P.diagonal()
-        # the units of the states do not matter
+        # scaled, so that the units of the states do not matter
         std = np.sqrt(np.where(variances > 0.0, variances, 1.0))
         scaled = np.linalg.lstsq(P / np.outer(std, std), cross / std[:, np.newaxis], rcond=None)[0]
         return np.asarray((scaled / std[:, np.newaxis]).T)
 
 
 class _Repeated(dict[int, Array]):
-    """A row (p,) repeated k times (k, p), by k; numpy's broadcasting takes longer."""
+    """A row (p,) repeated k times (k, p), by k, since the broadcasting of numpy takes longer."""
 
     def __init__(self, row: Array) -> None:
         super().__init__()
