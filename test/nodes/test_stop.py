@@ -174,6 +174,32 @@ def test_a_set_point_ends_what_is_planned(pair):
     assert node._motions._wanted is None
 
 
+def test_new_gains_do_not_replace_a_motion_that_is_being_planned(pair):
+    node = pair(ControllerNode).node
+    reader, started = node._motions, []
+    reader._jobs.start = started.append
+    reader.regain(type('Motion', (), {'states': 0})(), node.scenario)
+    assert len(started) == 1
+    reader._wanted = lambda: None
+    reader.regain(type('Motion', (), {'states': 0})(), node.scenario)
+    assert len(started) == 1
+    reader.adopt(node.scenario, node.options, None)  # it is planned again, with the new weights
+    assert len(started) == 2
+
+
+def test_a_trajectory_that_begins_later_begins_at_what_is_held(pair):
+    from builtin_interfaces.msg import Duration
+    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+    node = pair(ControllerNode).node
+    point = JointTrajectoryPoint(positions=[1.0], time_from_start=Duration(sec=2))
+    node._regulator.hold(node.scenario.model.equilibrium.state + 0.25, node._output.value)
+    reference = node._motions._trajectory(JointTrajectory(joint_names=['x'], points=[point]))()
+    assert reference.values[0, 0] == pytest.approx(0.25)
+    assert reference.values[-1, 0] == pytest.approx(1.0)
+    assert len(reference.values) == 201
+
+
 def test_gains_that_are_ready_after_the_end_of_a_motion_do_not_start_it_again(pair):
     from dataclasses import replace
 

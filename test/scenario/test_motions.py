@@ -13,6 +13,8 @@ from kalman_ros.scenario.regulator import feedback, steered
 ROBOT = {'model': 'diff_drive', 'model_parameters.command_time': 0.2}
 CORNER = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0]])
 LINE = CORNER[:2]
+#: What makes the place across a robot at rest grow.
+UP = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
 #: No input moves its first state.
 STUCK = {'model_parameters.A': [0.0, 0.0, 0.0, -1.0], 'model_parameters.B': [0.0, 1.0]}
 
@@ -163,6 +165,19 @@ def test_a_robot_on_wheels_has_no_gain_at_rest():
     assert not steered(build({'model': 'cart_pole'}))
     with pytest.raises(DesignError):  # of a linear model no motion helps
         feedback(build({'model': 'linear', **STUCK}))
+
+
+def test_a_mode_that_grows_and_that_no_input_moves_is_refused(monkeypatch):
+    scenario = robot()
+    model = scenario.model
+    monkeypatch.setattr(
+        model, 'derivative', lambda x, u: type(model).derivative(model, x, u) + 0.1 * x * UP
+    )
+    A = type(model).state_jacobian
+    monkeypatch.setattr(model, 'state_jacobian', lambda x, u: A(model, x, u) + 0.1 * np.diag(UP))
+    assert not steered(scenario)
+    with pytest.raises(DesignError):
+        feedback(scenario)
 
 
 def test_a_moving_set_point_moves_by_its_velocity_and_then_rests():
