@@ -15,7 +15,7 @@ _AT_A_STEP = 1e-6
 
 
 class Aim(NamedTuple):
-    """What a regulator holds at a moment: u = input - gain (x - state).
+    """State, input and gain of a regulator at a moment: u = input - gain (x - state).
 
     ``gain`` (m, n) is None where the gain of the law is used.
     """

@@ -25,7 +25,7 @@ from .time_varying import Linearization, linearized_along
 #: The weights of a difference from the reference that are tried, the first and the last, relative
 #: to that in the cost of the regulator.
 _FIRST, _LAST = 1e2, 1e6
-#: That of a difference from the state at which it begins or ends.
+#: The weight of a difference from the states at which a motion begins and ends, likewise.
 _HELD = 1e10
 _MOST_ITERATIONS = 100
 #: A change of states below this, relative to their size, ends the iteration.
@@ -99,18 +99,18 @@ def fit(
     ValueError
         If no motion is found; the message names the state and the time at which it fails.
     """
-    followed, found, least = _FIRST, None, np.inf
+    followed, best, least = _FIRST, None, np.inf
     while True:
         problem = _Problem(model, reference, weights, followed)
-        found_now = problem.minimum(*(found or problem.first_guess()))
-        off = problem.deviation(found_now[0])
-        if found is not None and off > 0.5 * least:  # no nearer, at the price of larger inputs
+        nearest = problem.minimum(*(best or problem.first_guess()))
+        off = problem.deviation(nearest[0])
+        if best is not None and off > 0.5 * least:  # no nearer, at the price of larger inputs
             break
-        found, least = found_now, off
+        best, least = nearest, off
         if off <= accuracy or followed >= _LAST:
             break
         followed *= 10.0
-    states, inputs = found
+    states, inputs = best
     problem.check_ends(states)
     final = inputs[-1]
     if reference.end is not None:  # exactly, from which the weights leave it a little away

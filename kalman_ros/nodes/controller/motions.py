@@ -50,13 +50,11 @@ class MotionReader:
         self._node, self._frame, self._held, self._here = node, frame, held, here
         self._warn = Throttle(node.get_logger().warning)
         self._topic = ''
-        #: What gives the reference that is being planned.
+        #: Returns the reference that is being planned; None if none is.
         self._wanted: Callable[[], ReferenceMotion] | None = None
 
     def adopt(self, scenario: Scenario, options: ControllerOptions, limits: Limits) -> None:
         """Plan for another scenario, or with other options, from now on."""
-        if not options.path_speed > 0.0 or not options.path_acceleration > 0.0:
-            raise ValueError('path_speed, path_acceleration: expected positive numbers')
         self._scenario, self._options, self._limits = scenario, options, limits
         if self._wanted is not None:
             self._plan()

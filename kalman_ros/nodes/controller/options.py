@@ -21,7 +21,7 @@ from kalman_ros.pipeline.estimator_options import (
 )
 from kalman_ros.pipeline.intake import LONGEST
 
-#: What follows a fault.
+#: Allowed values of ``resume``, the behaviour after a fault.
 RESUME = ('auto', 'enable', 'never')
 
 

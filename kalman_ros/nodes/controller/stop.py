@@ -61,7 +61,7 @@ class Heartbeat:
 
     @property
     def problem(self) -> str:
-        """What is wrong; '' if nothing."""
+        """Message of a late heartbeat; '' if it is in time."""
         silence = monotonic() - self._last
         if not self.timeout or silence <= self.timeout:
             return ''
