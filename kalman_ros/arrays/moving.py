@@ -13,7 +13,7 @@ import numpy as np
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.planning import ReferenceMotion
 from kalman_ros.core import Array, ArrayLike
-from kalman_ros.scenario import Scenario, motions
+from kalman_ros.scenario import Scenario, motions, reference_motions
 
 from .accept import number, numbers
 from .loop_setup import Given, law_of
@@ -96,9 +96,11 @@ def motion(
             wanted = _in_time(law.scenario, values, times, velocities)
         elif seconds is not None:
             first, last = _state(law.scenario, start), _state(law.scenario, end)
-            wanted = motions.between(law.scenario, first, last, _positive('seconds', seconds))
+            wanted = reference_motions.between(
+                law.scenario, first, last, _positive('seconds', seconds)
+            )
         else:
-            wanted = motions.along_path(
+            wanted = reference_motions.along_path(
                 law.scenario, _points(path), _positive('speed', speed),
                 _positive('acceleration', acceleration), rounding=allowed,
             )  # fmt: skip
@@ -145,7 +147,7 @@ def _in_time(
     if velocities is not None and [*velocities] != [*values]:
         raise ValueError(f'velocities: expected those of {", ".join(values)}')
     slopes = None if velocities is None else _table(velocities, len(clock))
-    return motions.in_time(scenario, index, clock, curve, slopes)
+    return reference_motions.in_time(scenario, index, clock, curve, slopes)
 
 
 def _table(values: Mapping[str, ArrayLike], count: int) -> Array:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +68,36 @@ class Motion:
     def time(self) -> Array:
         """Times of the states in seconds (N + 1,)."""
         return np.asarray(np.arange(len(self.states)) * self.dt)
+
+    def moving(self, seconds: float) -> tuple[Array, Array]:
+        """Return the state (n,) at the step at or before a time, and its rate of change (n,)."""
+        last = len(self.states) - 1
+        step = min(max(int(seconds / self.dt + _AT_A_STEP), 0), last)
+        if step == last:
+            return self.states[last], np.zeros(self.space.size)
+        change = self.space.subtract(self.states[step + 1], self.states[step])
+        return self.states[step], change / self.dt
+
+    def part(self, start: float, end: float) -> Motion:
+        """Return the part between two times, from the step at or before the first one."""
+        last = len(self.states) - 1
+        first = min(int(max(start, 0.0) / self.dt + _AT_A_STEP), last)
+        final = min(max(int(end / self.dt + _AT_A_STEP), first), last)
+        steps = slice(first, final + 1)
+        gains = None if self.gains is None else self.gains[steps]
+        return replace(self, states=self.states[steps], inputs=self.inputs[steps], gains=gains)
+
+    def then(self, next: Motion) -> Motion:
+        """Return this motion, and after it one that begins where it ends."""
+        gains = None
+        if self.gains is not None and next.gains is not None:
+            gains = np.concatenate((self.gains[:-1], next.gains))
+        return replace(
+            next,
+            states=np.concatenate((self.states[:-1], next.states)),
+            inputs=np.concatenate((self.inputs[:-1], next.inputs)),
+            gains=gains,
+        )
 
     def at(self, seconds: float) -> Aim:
         """Return the aim at a time from the start; the first before it, the last after the end.

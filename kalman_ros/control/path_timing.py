@@ -15,16 +15,24 @@ _FEWEST, _MOST = 200, 20_000
 _FINE = 20
 #: The speeds that are tried, from the slowest one, relative to the largest.
 _SPEEDS, _SLOWEST = 21, 1.0 / 32.0
+#: Points nearer than this, in metres, are the same.
+_APART = 1e-9
 
 
 def timed_path(
-    points: Array, speed: float, acceleration: float, rounding: float, dt: float, most: int
+    points: Array,
+    speed: float,
+    acceleration: float,
+    rounding: float,
+    dt: float,
+    most: int,
+    first_speed: float = 0.0,
 ) -> Array:
     """Return positions (N + 1, d) in steps of ``dt`` along the polygon through ``points``.
 
-    The motion begins and ends at rest. It is slower where the path bends: the acceleration
-    across it is at most about ``acceleration``, as along it. Corners are rounded by the mean over
-    a time T: a right angle is cut by a T^2 / 8.
+    The motion ends at rest, and begins at the ``first_speed``. It is slower where the path bends:
+    the acceleration across it is at most about ``acceleration``, as along it. Corners are rounded
+    by the mean over a time T: a right angle is cut by a T^2 / 8.
 
     Parameters
     ----------
@@ -40,13 +48,15 @@ def timed_path(
         Length of a step in seconds.
     most
         The largest allowed N.
+    first_speed
+        Speed in m/s at the first point; less if the path bends or ends too soon for it.
 
     Raises
     ------
     ValueError
         If there are fewer than two different points, or the motion has more than ``most`` steps.
     """
-    moved = np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))
+    moved = np.append(True, np.any(np.abs(np.diff(points, axis=0)) > _APART, axis=1))
     corners = points[moved]
     if len(corners) < 2:
         raise ValueError(f'expected two different points or more, got {len(points)}, all the same')
@@ -62,7 +72,7 @@ def timed_path(
         )
     count = int(np.clip(ceil(_FINE * length / (speed * max(mean, dt))), _FEWEST, _MOST))
     at = np.linspace(0.0, length, count + 1)
-    v = _speeds(_along(corners, s, at), at, speed, acceleration, mean)
+    v = _speeds(_along(corners, s, at), at, speed, acceleration, mean, first_speed)
     # constant acceleration between two places: the time is the distance by the mean speed
     t = np.append(0.0, np.cumsum(2.0 * np.diff(at) / (v[1:] + v[:-1])))
     steps = ceil(t[-1] / dt)
@@ -72,12 +82,18 @@ def timed_path(
             f'the path bends so much that it takes {t[-1]:.4g} s: expected at most {most} steps, '
             f'{most * dt:.4g} s'
         )
-    clock = np.clip((np.arange(-2 * half, steps + 2 * half + 1)) * dt, 0.0, t[-1])
+    before = half if v[0] > 0.0 else 2 * half  # at rest, the mean begins to move earlier
+    clock = np.minimum(np.arange(-before, steps + 2 * half + 1) * dt, t[-1])
+    moving, clock = clock >= 0.0, np.maximum(clock, 0.0)
     place = np.clip(np.searchsorted(t, clock, 'right') - 1, 0, count - 1)
     since = clock - t[place]
     gain = (np.diff(v) / np.diff(t))[place]
     passed = at[place] + since * (v[place] + 0.5 * gain * since)
-    return _smooth(_along(corners, s, passed), half)
+    positions = _along(corners, s, passed)
+    earlier = np.arange(-before, 0) * dt * v[0]  # a continuation of the first line
+    direction = (corners[1] - corners[0]) / s[1]
+    positions[~moving] += earlier[:, np.newaxis] * direction
+    return _smooth(positions, half)
 
 
 def headings(positions: Array) -> Array:
@@ -91,17 +107,24 @@ def headings(positions: Array) -> Array:
     return np.asarray(np.interp(np.arange(len(positions)) - 0.5, index, angle))
 
 
-def interpolated(times: Array, values: Array, dt: float, velocities: Array | None = None) -> Array:
+def interpolated(
+    times: Array,
+    values: Array,
+    dt: float,
+    velocities: Array | None = None,
+    first: Array | None = None,
+) -> Array:
     """Return values (N + 1, k) in steps of ``dt`` from those at ``times`` (K,).
 
     Cubic polynomials join the points, with the given ``velocities`` (K, k), or those of the
-    spline that begins and ends at rest (C. de Boor, A Practical Guide to Splines, 2001, chapter
-    IV).
+    spline that begins with the ``first`` velocity (k,), by default zero, and ends at rest (C. de
+    Boor, A Practical Guide to Splines, 2001, chapter IV).
     """
     from scipy.interpolate import CubicHermiteSpline, CubicSpline  # only with a motion
 
+    rest = np.zeros(values.shape[1])
     curve = (
-        CubicSpline(times, values, bc_type='clamped')
+        CubicSpline(times, values, bc_type=((1, rest if first is None else first), (1, rest)))
         if velocities is None
         else CubicHermiteSpline(times, values, velocities)
     )
@@ -115,7 +138,9 @@ def _along(corners: Array, s: Array, at: Array) -> Array:
     return np.column_stack([np.interp(at, s, coordinate) for coordinate in corners.T])
 
 
-def _speeds(places: Array, at: Array, speed: float, acceleration: float, mean: float) -> Array:
+def _speeds(
+    places: Array, at: Array, speed: float, acceleration: float, mean: float, first: float
+) -> Array:
     """Return the largest speed at each place that respects the acceleration.
 
     At speed v the ``mean`` over a time T is one over a length w = v T, within which the direction
@@ -127,7 +152,7 @@ def _speeds(places: Array, at: Array, speed: float, acceleration: float, mean: f
     for candidate in speed * np.geomspace(_SLOWEST, 1.0, _SPEEDS):
         window = min(max(round(candidate * mean / step), 1), len(places) - 1)
         v[candidate * _turn(places, window) <= acceleration * mean] = candidate
-    v[0] = v[-1] = 0.0
+    v[0], v[-1] = min(first, speed), 0.0
     squares, gain = np.square(v), 2.0 * acceleration * step
     for way in (squares, squares[::-1]):
         for k in range(1, len(way)):

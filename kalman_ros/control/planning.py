@@ -11,11 +11,12 @@ Control, IROS 2018). No property of the model is used, such as flatness or an in
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from kalman_ros.core import Array, Dynamics, OperatingPoint
+from kalman_ros.core import Array, Dynamics, OperatingPoint, Space
 from kalman_ros.linear.matrices import symmetric
 
 from .lqr import Cost
@@ -24,9 +25,12 @@ from .time_varying import Linearization, linearized_along
 
 #: The weights of a difference from the reference that are tried, the first and the last, relative
 #: to that in the cost of the regulator.
-_FIRST, _LAST = 1e2, 1e6
-#: The weight of a difference from the states at which a motion begins and ends, likewise.
-_HELD = 1e10
+_FIRST, _LAST = 1e2, 1e12
+#: The weight of a difference from the state at which a motion ends, relative to these.
+_HELD = 1e8
+#: Ten times the weight is of use where differences fall to this share, or where the inputs still
+#: count: they grow by this factor, or cost this share of the cost of the differences.
+_NEARER, _GROWN, _COUNTED = 0.5, 7.0, 0.5
 _MOST_ITERATIONS = 100
 #: A change of states below this, relative to their size, ends the iteration.
 _CONVERGED = 1e-9
@@ -36,10 +40,12 @@ _SLOW = 1e-4
 _CLOSED = 1e-6
 #: A shorter share of a step is not taken; the inputs are damped instead.
 _SHORTEST = 1e-3
-#: The largest distance from where a motion shall begin or end, relative to the states.
+#: The largest distance from where a motion shall end, relative to the states.
 _ARRIVED = 1e-3
 #: The first damping, relative to the weight of the inputs (K. Levenberg, 1944).
 _DAMPED = 1.0
+#: The finest accuracy.
+_FINEST = 1e-9
 #: The most steps of a motion.
 MOST_STEPS = 60_000
 
@@ -59,24 +65,55 @@ class ReferenceMotion:
     hints
         Where other coordinates are likely to be, by index, (N + 1,) each: the heading along a
         path. They are not required.
-    start, end
-        Where it begins and ends at rest; None where only the values count.
+    start
+        State (n,) at which it begins; None where only the values count.
+    end
+        Where it ends at rest; None where only the values count.
     guess
         States (N + 1, n) from which the search starts; by default the values, elsewhere the
         equilibrium.
+    resting
+        Directions in which it may end elsewhere at rest, with the change of the input that this
+        needs, as columns (n, r) and (m, r).
+    joining
+        Seconds in which it comes to the reference from where it starts; there it may be away.
     """
 
     dt: float
     coordinates: tuple[int, ...]
     values: Array
     hints: dict[int, Array]
-    start: OperatingPoint | None = None
+    start: Array | None = None
     end: OperatingPoint | None = None
     guess: Array | None = None
+    resting: tuple[Array, Array] | None = None
+    joining: float = 0.0
+
+    @property
+    def joined(self) -> Array:
+        """By how much each value counts (N + 1,): from 0 at the start to 1."""
+        steps = np.arange(len(self.values))
+        return np.minimum(steps / max(self.joining / self.dt, 1e-9), 1.0)
+
+    def end_near(self, space: Space, state: Array) -> OperatingPoint:
+        """Return where it ends at rest, nearest to a state (n,)."""
+        assert self.end is not None
+        if self.resting is None:
+            return self.end
+        directions, inputs = self.resting
+        difference = space.subtract(state, self.end.state)
+        amount = np.linalg.lstsq(directions, difference, rcond=None)[0]
+        return OperatingPoint(
+            space.add(self.end.state, directions @ amount), self.end.input + inputs @ amount
+        )
 
 
 def fit(
-    model: Dynamics, reference: ReferenceMotion, weights: Cost, accuracy: float = 1e-3
+    model: Dynamics,
+    reference: ReferenceMotion,
+    weights: Cost,
+    accuracy: float = 1e-3,
+    interrupt: Callable[[], None] = lambda: None,
 ) -> Motion:
     """Return the motion of a model that is nearest to a reference.
 
@@ -93,28 +130,39 @@ def fit(
     accuracy
         How near it shall come, in the units of the coordinates. Differences get the more weight
         until it does, or comes no nearer.
+    interrupt
+        Called before each iteration; what it raises ends the search.
 
     Raises
     ------
     ValueError
         If no motion is found; the message names the state and the time at which it fails.
     """
-    followed, best, least = _FIRST, None, np.inf
+    followed, best, least, size = _FIRST, None, np.inf, 0.0
+    accuracy = max(accuracy, _FINEST)
     while True:
-        problem = _Problem(model, reference, weights, followed)
-        nearest = problem.minimum(*(best or problem.first_guess()))
-        off = problem.deviation(nearest[0])
-        if best is not None and off > 0.5 * least:  # no nearer, at the price of larger inputs
+        problem = _Problem(model, reference, weights, followed, interrupt)
+        try:
+            nearest = problem.minimum(*(best or problem.first_guess()))
+        except ValueError:
+            if best is None:
+                raise
             break
-        best, least = nearest, off
-        if off <= accuracy or followed >= _LAST:
+        off = max(problem.deviation(nearest[0]) / accuracy, problem.end_missed(nearest[0]))
+        tracking, needed = problem.costs(*nearest)
+        counted = needed > _GROWN**2 * size or needed > _COUNTED * tracking
+        if best is not None and off > _NEARER * least and not counted:
+            break  # no nearer, at the price of larger inputs
+        best, least, size = nearest, off, needed
+        if off <= 1.0 or followed >= _LAST:
             break
         followed *= 10.0
     states, inputs = best
-    problem.check_ends(states)
+    problem.check_end(states)
     final = inputs[-1]
     if reference.end is not None:  # exactly, from which the weights leave it a little away
-        states[-1], final = model.state.wrap(reference.end.state), reference.end.input
+        rest = reference.end_near(model.state, states[-1])
+        states[-1], final = model.state.wrap(rest.state), rest.input
     return Motion(model.state, reference.dt, states, np.vstack((inputs, final)))
 
 
@@ -132,9 +180,15 @@ class _Problem:
     """The least-squares problem of a reference."""
 
     def __init__(
-        self, model: Dynamics, reference: ReferenceMotion, weights: Cost, followed: float
+        self,
+        model: Dynamics,
+        reference: ReferenceMotion,
+        weights: Cost,
+        followed: float,
+        interrupt: Callable[[], None],
     ) -> None:
         self._model, self._reference, self._space = model, reference, model.state
+        self._interrupt = interrupt
         self.rest_state, self.rest_input = model.equilibrium
         diagonal = weights.state.diagonal().copy()
         positive = diagonal[diagonal > 0.0]
@@ -144,9 +198,12 @@ class _Problem:
         given = list(reference.coordinates)
         q[given] = followed * diagonal[given]
         self._q: Array = np.tile(q, (len(reference.values), 1))
-        for step, rest in ((0, reference.start), (-1, reference.end)):
-            if rest is not None:
-                self._q[step] = _HELD * diagonal
+        softer = (_FIRST / followed) ** (1.0 - reference.joined)
+        self._q[:, given] *= softer[:, np.newaxis] if reference.joining else 1.0
+        self._Q_end: Array = np.diag(self._q[-1])
+        if reference.end is not None:
+            self._q[-1] = 0.0
+            self._Q_end = _end_weight(_HELD * followed * diagonal, reference.resting)
         self._R = weights.input
         self._wanted = self._wanted_states()
         self._scale = np.maximum(1.0, np.abs(self._wanted).max(axis=0))
@@ -157,16 +214,19 @@ class _Problem:
         for index, values in reference.hints.items():
             wanted[:, index] = values
         wanted[:, list(reference.coordinates)] = reference.values
-        for step, rest in ((0, reference.start), (-1, reference.end)):
-            if rest is not None:
-                wanted[step] = rest.state
+        if reference.start is not None:
+            wanted[0] = reference.start
+        if reference.end is not None:
+            wanted[-1] = reference.end.state
         return self._space.wrap(wanted)
 
     def first_guess(self) -> tuple[Array, Array]:
         """Return states and inputs from which the search starts."""
         guess = self._reference.guess
-        states = self._wanted if guess is None else self._space.wrap(guess)
-        return states.copy(), np.tile(self.rest_input, (len(self._wanted) - 1, 1))
+        states = (self._wanted if guess is None else self._space.wrap(guess)).copy()
+        if self._reference.start is not None:
+            states[0] = self._wanted[0]
+        return states, np.tile(self.rest_input, (len(self._wanted) - 1, 1))
 
     def minimum(self, states: Array, inputs: Array) -> tuple[Array, Array]:
         """Return the states and inputs of the motion that is nearest, from a first guess.
@@ -178,6 +238,7 @@ class _Problem:
         """
         damping = 0.0
         for _ in range(_MOST_ITERATIONS):
+            self._interrupt()
             solution = self.solve(states, inputs, damping)
             before, share = self.merit(states, inputs, solution.penalty), 1.0
             while True:
@@ -197,9 +258,17 @@ class _Problem:
         return states, inputs
 
     def deviation(self, states: Array) -> float:
-        """Return the largest difference from the values of the reference."""
+        """Return the largest difference from the values of the reference, once it is joined."""
         off = self._space.subtract(states, self._wanted)[:, list(self._reference.coordinates)]
+        off = off[self._reference.joined >= 1.0]
         return float(np.abs(off).max(initial=0.0))
+
+    def costs(self, states: Array, inputs: Array) -> tuple[float, float]:
+        """Return the cost of the differences and that of the inputs."""
+        e = self._space.subtract(states, self._wanted)
+        w = inputs - self.rest_input
+        tracking = float(np.sum(self._q * e * e)) + float(e[-1] @ self._Q_end @ e[-1])
+        return 0.5 * tracking, 0.5 * float(np.einsum('ki,ij,kj', w, self._R, w))
 
     def gaps(self, states: Array, inputs: Array) -> Array:
         """Return by how much each step misses the next state (N, n)."""
@@ -209,9 +278,7 @@ class _Problem:
     def merit(self, states: Array, inputs: Array, penalty: Array) -> float:
         """Return the cost, and the gaps by their penalty; infinite where it is not finite."""
         with np.errstate(all='ignore'):
-            e = self._space.subtract(states, self._wanted)
-            w = inputs - self.rest_input
-            value = 0.5 * float(np.sum(self._q * e * e) + np.einsum('ki,ij,kj', w, self._R, w))
+            value = sum(self.costs(states, inputs))
             value += float(np.sum(penalty * np.abs(self.gaps(states, inputs))))
         return value if np.isfinite(value) else np.inf
 
@@ -231,11 +298,14 @@ class _Problem:
         steps = linearized_along(self._model, states[:-1], inputs, self._reference.dt)
         if not (np.isfinite(d).all() and all(np.isfinite(part).all() for part in steps)):
             raise self._failure(states, d, 'the model is not finite')
-        e = self._q * self._space.subtract(states, self._wanted)
+        off = self._space.subtract(states, self._wanted)
+        e = self._q * off
+        e[-1] = self._Q_end @ off[-1]
         r = (inputs - self.rest_input).dot(self._R)
         K, k, S, s = self._backward(steps, d, e, r, (1.0 + damping) * self._R)
         dx = np.empty_like(states)
-        dx[0] = -_least_squares(S[0], s[0])
+        held = self._reference.start is not None
+        dx[0] = np.zeros(len(e[0])) if held else -_least_squares(S[0], s[0])
         du = np.empty_like(inputs)
         for i, (F, G) in enumerate(zip(*steps)):
             du[i] = -(K[i].dot(dx[i]) + k[i])
@@ -256,7 +326,7 @@ class _Problem:
         K, k = np.empty((N, m, n)), np.empty((N, m))
         S, s = np.empty((N + 1, n, n)), np.empty((N + 1, n))
         q = self._q
-        S[N], s[N] = np.diag(q[N]), e[N]
+        S[N], s[N] = self._Q_end, e[N]
         for i in range(N - 1, -1, -1):
             F, G = steps.F[i], steps.G[i]
             GS = G.T.dot(S[i + 1])
@@ -268,18 +338,24 @@ class _Problem:
             s[i] = e[i] + F.T.dot(ahead) - L.T.dot(k[i])
         return K, k, S, s
 
-    def check_ends(self, states: Array) -> None:
-        """Raise ValueError if a motion does not begin and end where it shall."""
-        ends = ('begin', 0, self._reference.start), ('end', -1, self._reference.end)
-        for what, step, rest in ends:
-            if rest is None:
-                continue
-            off = np.abs(self._space.subtract(states[step], rest.state))
-            index = int(np.argmax(off / self._scale))
-            if off[index] > _ARRIVED * self._scale[index]:
-                name, unit = self._space.names[index], self._space.units[index]
-                away = f'{name} is {off[index]:.3g} {unit} away'
-                raise ValueError(f'it does not {what} where it should: {away}')
+    def end_missed(self, states: Array) -> float:
+        """Return the distance from where a motion shall end, relative to the largest allowed."""
+        return float(self._end_distances(states).max() / _ARRIVED)
+
+    def check_end(self, states: Array) -> None:
+        """Raise ValueError if a motion does not end where it shall."""
+        if self.end_missed(states) > 1.0:
+            index = int(np.argmax(self._end_distances(states)))
+            away = self._end_distances(states)[index] * self._scale[index]
+            name, unit = self._space.names[index], self._space.units[index]
+            raise ValueError(f'it does not end where it should: {name} is {away:.3g} {unit} away')
+
+    def _end_distances(self, states: Array) -> Array:
+        """Return how far a motion ends from where it shall (n,), relative to the states."""
+        if self._reference.end is None:
+            return np.zeros_like(self._scale)
+        rest = self._reference.end_near(self._space, states[-1])
+        return np.asarray(np.abs(self._space.subtract(states[-1], rest.state)) / self._scale)
 
     def is_closed(self, states: Array, inputs: Array) -> bool:
         """Return whether states and inputs are a motion of the model."""
@@ -296,6 +372,16 @@ class _Problem:
         step, index = np.unravel_index(int(np.argmax(size)), size.shape)
         at = float(step) * self._reference.dt
         return ValueError(f'{why}: it fails at {self._space.names[index]}, {at:.3g} s')
+
+
+def _end_weight(diagonal: Array, resting: tuple[Array, Array] | None) -> Array:
+    """Return the weight (n, n) of a difference at the end, without that of some directions."""
+    if resting is None:
+        return np.diag(diagonal)
+    root = np.sqrt(diagonal)
+    free = np.linalg.qr(root[:, np.newaxis] * resting[0])[0]
+    left = np.eye(len(root)) - free @ free.T
+    return np.asarray(symmetric(root[:, np.newaxis] * left * root))
 
 
 def _least_squares(S: Array, s: Array) -> Array:

@@ -97,14 +97,38 @@ def feed_forward(system: LinearSystem, coordinates: Sequence[str] | None = None)
     names = system.state.names if coordinates is None else tuple(coordinates)
     selected = system.state.indices(names, 'coordinates')
     n = len(system.A)
-    # without the scale a stiff spring makes every x_e tiny beside its u_e, lost in rounding
-    scale = (np.linalg.norm(system.A) or 1.0) / (np.linalg.norm(system.B) or 1.0)
-    _, sizes, Vh = np.linalg.svd(np.hstack((system.A, system.B * scale)))
-    rank = int(np.sum(sizes > _RANK_TOLERANCE * sizes[0]))
-    rest = Vh[rank:].T
+    rest, scale = _equilibria(system)
     # the least z of those with rest z nearest to r, and (x_e, u_e / scale) = rest z
     gain = rest @ np.linalg.pinv(rest[selected], rcond=_RANK_TOLERANCE)
     return FeedForward(names, gain[:n], gain[n:] * scale, tuple(selected))
+
+
+def resting_directions(system: LinearSystem, held: Sequence[int]) -> tuple[Array, Array] | None:
+    """Return changes of states and inputs, (n, r) and (m, r), between which it rests everywhere.
+
+    The coordinates with the indices ``held`` do not change; None if then no other does.
+    """
+    n = len(system.A)
+    rest, scale = _equilibria(system)
+    free = rest @ _null_space(rest[list(held)])
+    states, inputs = free[:n], free[n:] * scale
+    moved = np.linalg.norm(states, axis=0) > _REACHED
+    return (states[:, moved], inputs[:, moved]) if moved.any() else None
+
+
+def _equilibria(system: LinearSystem) -> tuple[Array, float]:
+    """Return a basis (n + m, r) of the equilibria (x_e, u_e / scale), and the scale."""
+    # without the scale a stiff spring makes every x_e tiny beside its u_e, lost in rounding
+    scale = float((np.linalg.norm(system.A) or 1.0) / (np.linalg.norm(system.B) or 1.0))
+    return _null_space(np.hstack((system.A, system.B * scale))), scale
+
+
+def _null_space(matrix: Array) -> Array:
+    if not matrix.size:
+        return np.eye(matrix.shape[1])
+    _, sizes, Vh = np.linalg.svd(matrix)
+    rank = int(np.sum(sizes > _RANK_TOLERANCE * sizes[0]))
+    return np.asarray(Vh[rank:].T)
 
 
 def holdable(system: LinearSystem) -> list[str]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions of a scenario's model, from a path or from values in time."""
+"""Motions of a scenario's model that follow a reference, with the gains of its law."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
 
@@ -13,16 +13,10 @@ from kalman_ros.control.limiter import Limits
 from kalman_ros.control.lqr import Cost, dlqr
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.moving_point import steady_input
-from kalman_ros.control.path_timing import headings, interpolated, timed_path
-from kalman_ros.control.planning import MOST_STEPS, ReferenceMotion, fit
-from kalman_ros.control.time_varying import (
-    cost_along,
-    linearized_along,
-    with_gains,
-)
-from kalman_ros.core import Array, DesignError, OperatingPoint, in_continuous_time, is_finite
+from kalman_ros.control.planning import ReferenceMotion, fit
+from kalman_ros.control.time_varying import cost_along, linearized_along, with_gains
+from kalman_ros.core import Array, DesignError, in_continuous_time, is_finite
 
-from .body_roles import body_of
 from .regulator import feedback, steered, tracking, weights_of
 from .scenario import Scenario
 
@@ -34,213 +28,8 @@ _SHARE = 0.1
 _SAME = 1e-6
 #: An input misses a rate by less than this, relative to its size.
 _MISSED = 1e-6
-#: The most points of a path.
-_MOST_POINTS = 1_000_000
-
-
-def along_path(
-    scenario: Scenario,
-    points: Array,
-    speed: float,
-    acceleration: float,
-    yaw: Array | None = None,
-    times: Array | None = None,
-    rounding: float = 0.05,
-) -> ReferenceMotion:
-    """Return the reference of a path, from rest to rest: at most this fast, or at given times.
-
-    Parameters
-    ----------
-    scenario
-        Has a state with a position.
-    points
-        Positions (K, 3) in metres, of which the coordinates are used that the state has.
-    speed, acceleration
-        Largest ones, in m/s and m/s^2.
-    yaw
-        Headings at the points (K,) in radians, for a robot that can move sideways or backwards;
-        by default the direction of the path.
-    times
-        Seconds (K,) at which the points are passed, in place of speed and acceleration.
-    rounding
-        Distance in metres by which a right angle is cut, at most.
-
-    Raises
-    ------
-    ValueError
-        If the state has no position, or the points are not a path.
-    """
-    body = body_of(scenario.model.state, scenario.state)
-    axes = body.position
-    if not axes:
-        raise ValueError('the state of this model has no position')
-    if not 2 <= len(points) <= _MOST_POINTS:
-        raise ValueError(f'expected 2 to {_MOST_POINTS} points, got {len(points)}')
-    used = points[:, ['xyz'.index(axis) for axis in axes]]
-    if not np.isfinite(used).all():
-        raise ValueError('expected finite positions')
-    dt = 1.0 / scenario.rate
-    if times is None:
-        positions = timed_path(used, speed, acceleration, rounding, dt, MOST_STEPS)
-    else:
-        _check_times(times, dt)
-        positions = interpolated(times, used, dt)
-    hints = {}
-    if 'yaw' in body.index and len(axes) > 1:
-        hints[body.index['yaw']] = (
-            headings(positions) if yaw is None else _headings_at(used, yaw, positions)
-        )
-    coordinates = tuple(body.index[axis] for axis in axes)
-    first, last = (
-        _resting(scenario, coordinates, positions[k], {i: h[k] for i, h in hints.items()})
-        for k in (0, -1)
-    )
-    return ReferenceMotion(dt, coordinates, positions, hints, first, last)
-
-
-def _resting(
-    scenario: Scenario, coordinates: Sequence[int], values: Array, hints: Mapping[int, float]
-) -> OperatingPoint:
-    """Return the state at rest with these values (k,) of some coordinates, or near them."""
-    state, rest = scenario.model.state, scenario.model.equilibrium.state
-    wanted = rest.copy()
-    wanted[list(coordinates)] = values
-    difference = state.subtract(wanted, rest)[list(coordinates)]
-    names = [state.names[index] for index in coordinates]
-    nearest = tracking(scenario, names).nearest(difference)
-    found = state.add(rest, nearest.state)
-    found[list(coordinates)] = values
-    for index, value in hints.items():
-        found[index] = value
-    return OperatingPoint(found, scenario.model.equilibrium.input + nearest.input)
-
-
-def _headings_at(points: Array, yaw: Array, positions: Array) -> Array:
-    """Return the headings (N + 1,) at positions in time, from those at the points of a path."""
-    s = _distances(points)
-    passed = _distances(positions)
-    share = passed * (s[-1] / passed[-1]) if passed[-1] > 0.0 else passed
-    return np.asarray(np.interp(share, s, np.unwrap(yaw)))
-
-
-def _distances(points: Array) -> Array:
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-
-
-def in_time(
-    scenario: Scenario,
-    coordinates: Sequence[int],
-    times: Array,
-    values: Array,
-    velocities: Array | None = None,
-) -> ReferenceMotion:
-    """Return the reference of values in time, joined by cubic polynomials.
-
-    Parameters
-    ----------
-    scenario
-        The system.
-    coordinates
-        Indices of the coordinates of the state that are given (k,).
-    times
-        Seconds (K,), increasing.
-    values
-        Values at these times (K, k).
-    velocities
-        Their rates of change (K, k); by default the motion begins and ends at rest.
-
-    Raises
-    ------
-    ValueError
-        If the times do not increase, a number is not finite, or there are too many steps.
-    """
-    dt = 1.0 / scenario.rate
-    if not is_finite(values) or (velocities is not None and not is_finite(velocities)):
-        raise ValueError('expected finite numbers')
-    _check_times(times, dt)
-    state = scenario.model.state
-    unwrapped = values.copy()
-    for column, index in enumerate(coordinates):
-        if state.names[index] in state.angles:
-            unwrapped[:, column] = np.unwrap(values[:, column])
-    curve = interpolated(times, unwrapped, dt, velocities)
-    hints = _heading(scenario, coordinates, curve)
-    first, last = (
-        _resting(scenario, coordinates, curve[k], {i: h[k] for i, h in hints.items()})
-        if velocities is None or not velocities[k].any()
-        else None
-        for k in (0, -1)
-    )
-    return ReferenceMotion(dt, tuple(coordinates), curve, hints, first, last)
-
-
-def _heading(scenario: Scenario, coordinates: Sequence[int], curve: Array) -> dict[int, Array]:
-    """Return the heading along values of x and y, by its index, where it is not given."""
-    index = body_of(scenario.model.state, scenario.state).index
-    places = [list(coordinates).index(index[a]) for a in 'xy' if index.get(a) in coordinates]
-    if len(places) < 2 or 'yaw' not in index or index['yaw'] in coordinates:
-        return {}
-    return {index['yaw']: headings(curve[:, places])}
-
-
-def between(scenario: Scenario, start: Array, end: Array, seconds: float) -> ReferenceMotion:
-    """Return the reference of a motion from one state at rest to another, by any way.
-
-    Parameters
-    ----------
-    scenario
-        The system.
-    start, end
-        States (n,) at which it begins and ends; the input there is that of the nearest
-        equilibrium.
-    seconds
-        Duration.
-
-    Raises
-    ------
-    ValueError
-        If a state is not finite, the model does not rest there, or there are too many steps.
-    """
-    if not (is_finite(start) and is_finite(end)):
-        raise ValueError('expected finite states')
-    state, dt = scenario.model.state, 1.0 / scenario.rate
-    _check_times(np.array([0.0, seconds]), dt)
-    steps = max(round(seconds / dt), 1)
-    share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
-    first, last = (_at_rest(scenario, what, x) for what, x in (('start', start), ('end', end)))
-    way = (1.0 - share) * state.subtract(start, end)
-    guess = state.add(np.broadcast_to(end, way.shape), way)
-    return ReferenceMotion(dt, (), np.zeros((steps + 1, 0)), {}, first, last, guess)
-
-
-def _at_rest(scenario: Scenario, what: str, state: Array) -> OperatingPoint:
-    """Return a state (n,) with the input that holds it; ValueError if none does."""
-    model = in_continuous_time(scenario.model)
-    u = steady_input(model, state, np.zeros(model.state.size)).input
-    rate = np.abs(model.derivative(state, u))
-    if (rate > _MISSED * max(1.0, np.abs(u).max())).any():
-        name = model.state.names[int(np.argmax(rate))]
-        raise ValueError(f'{what}: no input holds the model there: {name} changes')
-    return OperatingPoint(state, u)
-
-
-def _check_times(times: Array, dt: float) -> None:
-    """Raise ValueError if times do not increase, or make too many steps."""
-    if len(times) < 2:
-        raise ValueError(f'expected two points or more, got {len(times)}')
-    if not is_finite(times):
-        raise ValueError('expected finite times')
-    back = np.flatnonzero(np.diff(times) <= 0.0)
-    if back.size:
-        first = back[0]
-        raise ValueError(
-            f'expected increasing times, got {times[first + 1]:.6g} s after {times[first]:.6g} s'
-        )
-    duration = times[-1] - times[0]
-    if duration > MOST_STEPS * dt:
-        raise ValueError(
-            f'expected at most {MOST_STEPS} steps, {MOST_STEPS * dt:.4g} s, got {duration:.4g} s'
-        )
+#: By how much the search swerves from the straight way, in units of the states, where that fails.
+_SWERVES = 0.0, 0.3, -0.3
 
 
 def motion_of(
@@ -248,6 +37,7 @@ def motion_of(
     reference: ReferenceMotion,
     limits: Limits | None = None,
     tolerance: float | Sequence[float] = 0.05,
+    interrupt: Callable[[], None] = lambda: None,
 ) -> Motion:
     """Return the motion of a scenario's model that follows a reference, with its gains.
 
@@ -265,6 +55,8 @@ def motion_of(
     tolerance
         How far a coordinate may be from the reference, beyond a tenth of the reference's extent;
         one for all or one each (n,).
+    interrupt
+        Called often; what it raises ends the search.
 
     Raises
     ------
@@ -277,11 +69,41 @@ def motion_of(
     model = scenario.model
     if not model.input.size:
         raise DesignError('model: it has no input, so there is nothing to move')
-    accuracy = _ACCURACY * float(np.min(tolerance))
-    motion = fit(model, reference, weights_of(scenario), accuracy)
+    motion = _found(scenario, reference, _ACCURACY * float(np.min(tolerance)), interrupt)
     _check_followed(scenario, motion, reference, tolerance)
     _check_inputs(scenario, motion, limits)
     return with_law(scenario, motion)
+
+
+def _found(
+    scenario: Scenario, reference: ReferenceMotion, accuracy: float, interrupt: Callable[[], None]
+) -> Motion:
+    """Return the motion nearest to a reference, also where the straight way is a dead end.
+
+    A robot on wheels that shall park to its side starts to the left as well as to the right, so
+    that the straight way between has no direction in which it gets better.
+    """
+    failure: ValueError | None = None
+    for swerve in _SWERVES if reference.guess is not None else (0.0,):
+        tried = reference if not swerve else _swerving(scenario, reference, swerve)
+        try:
+            return fit(scenario.model, tried, weights_of(scenario), accuracy, interrupt)
+        except np.linalg.LinAlgError as error:
+            failure = failure or ValueError(f'no motion of the model was found: {error}')
+        except ValueError as error:
+            failure = failure or error
+    assert failure is not None
+    raise failure
+
+
+def _swerving(scenario: Scenario, reference: ReferenceMotion, amount: float) -> ReferenceMotion:
+    """Return a reference whose search starts on a curve to one side."""
+    assert reference.guess is not None
+    bump = np.sin(np.linspace(0.0, np.pi, len(reference.guess)))[:, np.newaxis]
+    sides = (-1.0) ** np.arange(reference.guess.shape[1])
+    return replace(
+        reference, guess=scenario.model.state.add(reference.guess, amount * bump * sides)
+    )
 
 
 def with_law(scenario: Scenario, motion: Motion) -> Motion:
@@ -379,6 +201,7 @@ def _check_followed(
     wanted = motion.states.copy()
     wanted[:, given] = reference.values
     off = np.abs(state.subtract(motion.states, wanted))[:, given]
+    off[reference.joined < 1.0] = 0.0
     allowed = np.broadcast_to(np.asarray(tolerance, dtype=float), (state.size,))[given].copy()
     extent = np.ptp(reference.values, axis=0)
     units = [state.units[index] for index in given]

@@ -13,7 +13,7 @@ from kalman_ros.control.laws import build_law
 from kalman_ros.control.limiter import Limits
 from kalman_ros.control.lqr import Cost, LqrDesign, cost, dlqr, sampled_cost, sampled_lqr
 from kalman_ros.control.moving_point import driven, steady_input
-from kalman_ros.control.tracking import FeedForward, feed_forward
+from kalman_ros.control.tracking import FeedForward, feed_forward, resting_directions
 from kalman_ros.core import (
     Array,
     ArrayLike,
@@ -98,14 +98,23 @@ def tracking(scenario: Scenario, names: Sequence[str] | None = None) -> FeedForw
 
     They are references for the coordinates with these ``names``, or for the whole state.
     """
+    return feed_forward(_at_rest(scenario), names)
+
+
+def resting(scenario: Scenario, held: Sequence[int]) -> tuple[Array, Array] | None:
+    """Return in which directions a model can rest elsewhere; see `resting_directions`."""
+    return resting_directions(_at_rest(scenario), held)
+
+
+def _at_rest(scenario: Scenario) -> LinearSystem:
+    """Return a system with A x + B u = 0 where a scenario's model rests, about its equilibrium."""
     model = scenario.model
-    if model.is_discrete:  # x = F x + G u where (F - 1) x + G u = 0
-        step = model.transition(*model.equilibrium, model.period)
-        F_1, none = step.F - np.eye(len(step.F)), np.zeros_like(step.Q)
-        return feed_forward(
-            LinearSystem(F_1, step.G, none, model.state.tangent, model.input), names
-        )
-    return feed_forward(_system(scenario)[0], names)
+    if not model.is_discrete:
+        return _system(scenario)[0]
+    # x = F x + G u where (F - 1) x + G u = 0
+    step = model.transition(*model.equilibrium, model.period)
+    F_1, none = step.F - np.eye(len(step.F)), np.zeros_like(step.Q)
+    return LinearSystem(F_1, step.G, none, model.state.tangent, model.input)
 
 
 def target(scenario: Scenario, equilibria: FeedForward, state: Array) -> OperatingPoint:

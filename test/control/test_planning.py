@@ -92,7 +92,7 @@ def test_an_underactuated_model_leans_before_it_goes():
     t = np.arange(0.0, 4.0, 0.01)
     s = t / t[-1]
     x = (0.5 * s**3 * (10.0 - 15.0 * s + 6.0 * s * s))[:, np.newaxis]
-    ends = (OperatingPoint(np.array([p, 0.0, 0.0, 0.0]), np.zeros(1)) for p in (0.0, 0.5))
+    ends = np.zeros(4), OperatingPoint(np.array([0.5, 0.0, 0.0, 0.0]), np.zeros(1))
     motion = fit(model, ReferenceMotion(0.01, (0,), x, {}, *ends),
                  cost([1.0] * 4, [1.0], (4, 1)))  # fmt: skip
     assert np.abs(motion.states[:, 0] - x[:, 0]).max() < 8e-3

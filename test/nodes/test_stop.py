@@ -140,7 +140,8 @@ def test_without_its_heartbeat_the_input_goes_to_idle(pair):
 
 
 def test_a_motion_ends_with_a_stop_and_waits_while_disabled(pair):
-    from kalman_ros.scenario.motions import along_path, motion_of
+    from kalman_ros.scenario.motions import motion_of
+    from kalman_ros.scenario.reference_motions import along_path
 
     node = pair(ControllerNode).node
     scenario = node.scenario
@@ -148,7 +149,7 @@ def test_a_motion_ends_with_a_stop_and_waits_while_disabled(pair):
     import numpy as np
 
     motion = motion_of(scenario, along_path(scenario, np.array(path), 0.5, 0.5))
-    node._begin(motion)
+    node._regulator.follow_motion(motion)
     ask(node, 'enable', SetBool, data=False)
     assert node._regulator.motion is motion
     ask(node, 'stop', Trigger)
@@ -194,28 +195,68 @@ def test_a_trajectory_that_begins_later_begins_at_what_is_held(pair):
     node = pair(ControllerNode).node
     point = JointTrajectoryPoint(positions=[1.0], time_from_start=Duration(sec=2))
     node._regulator.hold(node.scenario.model.equilibrium.state + 0.25, node._output.value)
-    reference = node._motions._trajectory(JointTrajectory(joint_names=['x'], points=[point]))()
+    message = JointTrajectory(joint_names=['x'], points=[point])
+    reference = node._motions._trajectory('reference/trajectory', message).reference(None)
     assert reference.values[0, 0] == pytest.approx(0.25)
     assert reference.values[-1, 0] == pytest.approx(1.0)
     assert len(reference.values) == 201
 
 
 def test_gains_that_are_ready_after_the_end_of_a_motion_do_not_start_it_again(pair):
-    from dataclasses import replace
-
     import numpy as np
 
-    from kalman_ros.scenario.motions import along_path, motion_of
+    from kalman_ros.scenario.motions import motion_of
+    from kalman_ros.scenario.reference_motions import along_path
 
     node = pair(ControllerNode).node
     path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     motion = motion_of(node.scenario, along_path(node.scenario, path, 0.5, 0.5))
-    node._begin(motion)
+    node._regulator.follow_motion(motion)
+    node._regulator.propose(motion.states[0], 0.1)
+    node._regulator.propose(motion.states[0], 0.1)
     node._motions.regain(motion, node.scenario)
-    node._regulator.propose(motion.states[0], 0.1)
-    node._regulator.propose(motion.states[0], 0.1)
-    node._begin(replace(motion))
-    assert node._regulator.elapsed == pytest.approx(0.1)
-    node._regulator.hold(*node.scenario.model.equilibrium)
-    node._begin(replace(motion))
-    assert node._regulator.motion is None
+    again, elapsed = taken(node)
+    assert again.states is motion.states
+    assert elapsed == pytest.approx(0.1)
+    node._motions.regain(motion, node.scenario)
+    node._hold(*node.scenario.model.equilibrium)
+    assert taken(node, seconds=0.5) is None
+
+
+def taken(node, seconds=60.0):
+    """Return what is planned, or None after some seconds."""
+    from time import monotonic, sleep
+
+    end = monotonic() + seconds
+    while monotonic() < end:
+        planned = node._motions.take()
+        if planned is not None:
+            return planned
+        sleep(0.01)
+    return None
+
+
+def test_what_is_planned_while_it_does_not_act_is_planned_again_from_where_it_is(pair):
+    from time import sleep
+
+    import numpy as np
+    from geometry_msgs.msg import PoseStamped
+    from nav_msgs.msg import Path
+
+    node = pair(ControllerNode).node
+    message = Path(poses=[PoseStamped(), PoseStamped()])
+    message.poses[1].pose.position.x = 1.0
+    reader = node._motions
+    reader._here = lambda: here
+    here = np.zeros(node.scenario.model.state.size)
+    reader._plan(reader._path('reference/path', message))
+    for _ in range(1000):
+        reader.poll(acts=False)
+        if reader._planned is not None:
+            break
+        sleep(0.01)
+    reader.poll(acts=False)
+    here = here + 0.5
+    motion, elapsed = taken(node)
+    assert elapsed == 0.0
+    np.testing.assert_allclose(motion.states[0], here)

@@ -7,7 +7,8 @@ import pytest
 from kalman_ros.control.limiter import Limits
 from kalman_ros.core import DesignError
 from kalman_ros.scenario import build
-from kalman_ros.scenario.motions import along_path, in_time, motion_of, moving_point
+from kalman_ros.scenario.motions import motion_of, moving_point
+from kalman_ros.scenario.reference_motions import along_path, in_time
 from kalman_ros.scenario.regulator import feedback, steered
 
 ROBOT = {'model': 'diff_drive', 'model_parameters.command_time': 0.2}
@@ -84,7 +85,7 @@ def test_at_its_end_the_regulator_is_the_law_to_the_last_bit():
 def test_what_no_input_follows_is_refused_with_state_and_time():
     scenario = build({'model': 'cart_pole'})
     times = np.array([0.0, 1.0, 2.0])
-    lean = in_time(scenario, [2], times, np.array([[0.0], [0.4], [0.4]]))
+    lean = in_time(scenario, [0, 2], times, np.array([[0.0, 0.0], [0.0, 0.4], [0.0, 0.4]]))
     with pytest.raises(ValueError, match=r'theta is \S+ rad away|fails at \w+, \S+ s'):
         motion_of(scenario, lean)
     jump = in_time(scenario, [0, 1], times, np.array([[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]]))

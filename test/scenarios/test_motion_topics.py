@@ -123,6 +123,20 @@ def test_a_new_path_in_the_middle_is_followed_without_a_jump():
     np.testing.assert_allclose(followed.truth[-1, :2], [2.0, 0.1], atol=0.15)
 
 
+def test_a_path_that_a_planner_publishes_again_and_again_does_not_slow_the_robot():
+    with Run(ROBOT, seed=2) as run:
+        paths = publisher_of(run, Path, 'reference/path')
+        for k in range(12):  # from where the robot is, as a planner does
+            x, y = (0.0, 0.0) if k == 0 else run.trajectory().estimate[-1, :2]
+            send(run, paths, path([(x, y), (0.5 * (x + 3.0), 0.5 * y), (3.0, 0.0)]))
+            run.advance(0.5)
+        followed = run.trajectory()
+    speeds = followed.truth[150:450, 2]
+    assert speeds.min() > 0.35 and speeds.max() < 0.65
+    assert np.abs(np.diff(followed.input, axis=0)).max() < 0.5
+    assert followed.truth[-1, 0] > 2.6
+
+
 def test_the_example_of_the_page_follows_its_path():
     file = Path_(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
     with Run(str(file)) as run:

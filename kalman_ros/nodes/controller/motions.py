@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kalman_ros.codecs.messages import decode, message_type
+from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limits
 from kalman_ros.control.motion import Motion
 from kalman_ros.control.planning import ReferenceMotion
@@ -18,52 +19,79 @@ from kalman_ros.nodes.middleware.topics import QUEUE
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario, motions
 from kalman_ros.scenario.body_roles import body_of
+from kalman_ros.scenario.reference_motions import Beginning, along_path, in_time
 
-from .newest_job import NewestJob
+from .newest_job import Job, NewestJob
 from .options import ControllerOptions
 
 PATH, TRAJECTORY = 'reference/path', 'reference/trajectory'
 
+#: What is planned goes on from a motion if the estimate is within this many tolerances of it.
+_NEAR = 4.0
+#: The motion that is followed is kept for this many times as long as the last planning took.
+_LEAD, _LONGEST_LEAD = 1.5, 1.0
+#: The most characters of a frame that are logged.
+_SHOWN = 60
+
+
+class _Wanted(NamedTuple):
+    """What a message asks for.
+
+    ``coordinates`` are the indices of those that it gives. ``reference`` returns the reference
+    from a beginning on, which is None before the first estimate.
+    """
+
+    topic: str
+    coordinates: list[int]
+    reference: Callable[[Beginning | None], ReferenceMotion]
+
+
+class _Planned(NamedTuple):
+    """A motion, and the time at which it begins in the one that is followed; None: at once."""
+
+    motion: Motion
+    since: float | None
+
 
 class MotionReader:
-    """Plans the motion of each received path or trajectory; the newest one counts.
+    """Plans the motion of each received path or trajectory, from the one that is followed on.
 
     Parameters
     ----------
     node
         The node, for its subscriptions.
+    regulator
+        The regulator, for the motion that it follows.
     frame
         Returns the frame of the estimate, '' if unknown.
-    held
-        Returns the state (n,) that is held now, at which a trajectory begins.
     here
-        Returns the last estimate (n,), None before the first; a path begins there.
+        Returns the last estimate (n,), None before the first.
     """
 
     def __init__(
         self,
         node: Host,
+        regulator: Regulator,
         frame: Callable[[], str],
-        held: Callable[[], Array],
         here: Callable[[], Array | None],
     ) -> None:
-        self._node, self._frame, self._held, self._here = node, frame, held, here
+        self._node, self._regulator, self._frame, self._here = node, regulator, frame, here
         self._warn = Throttle(node.get_logger().warning)
-        self._topic = ''
-        #: Returns the reference that is being planned; None if none is.
-        self._wanted: Callable[[], ReferenceMotion] | None = None
+        #: What was asked for last, until it is planned.
+        self._wanted: _Wanted | None = None
 
     def adopt(self, scenario: Scenario, options: ControllerOptions, limits: Limits) -> None:
         """Plan for another scenario, or with other options, from now on."""
         self._scenario, self._options, self._limits = scenario, options, limits
         if self._wanted is not None:
-            self._plan()
+            self._jobs.forget()
+            self._plan(self._wanted)
 
     def listen(self) -> None:
         """Subscribe."""
-        self._jobs: NewestJob[Motion] = NewestJob(waits=self._options.lockstep)
-        self._planned: Motion | None = None
-        self._regained: Array | None = None
+        self._jobs: NewestJob[_Planned] = NewestJob(waits=self._options.lockstep)
+        self._planned: _Planned | None = None
+        self._waited = False
         if body_of(self._scenario.model.state, self._scenario.state).position:
             self._subscribe(PATH, 'nav_msgs/Path', self._path)
         self._subscribe(TRAJECTORY, 'trajectory_msgs/JointTrajectory', self._trajectory)
@@ -71,97 +99,136 @@ class MotionReader:
     def regain(self, motion: Motion, scenario: Scenario) -> None:
         """Compute the gains of a motion again, for other weights, unless another is planned."""
         if self._wanted is None:
-            self._regained = motion.states
-            self._jobs.start(lambda: motions.with_law(scenario, motion))
-
-    def is_regained(self, motion: Motion) -> bool:
-        """Return whether a motion is the one whose gains were computed again."""
-        return motion.states is self._regained
+            self._jobs.start(lambda: lambda _: _Planned(motions.with_law(scenario, motion), 0.0))
 
     def forget(self) -> None:
         """Forget what is planned, or being planned."""
         self._jobs.forget()
         self._planned = self._wanted = None
 
-    def take(self) -> Motion | None:
-        """Return a motion, once, when it is planned."""
-        self.poll()
-        motion, self._planned = self._planned, None
-        return motion
+    def take(self) -> tuple[Motion, float] | None:
+        """Return a motion to follow, once, when it is planned, and from what time in it on."""
+        self.poll(acts=True)
+        planned, self._planned = self._planned, None
+        if planned is None:
+            return None
+        if self._waited and self._planned_for is not None:  # it may be elsewhere by now
+            self._plan(self._planned_for)
+            return self.take() if self._options.lockstep else None
+        since = planned.since
+        return planned.motion, 0.0 if since is None else self._regulator.elapsed - since
 
-    def poll(self) -> None:
-        """Receive what is planned; an error is logged instead."""
+    def poll(self, *, acts: bool) -> None:
+        """Receive what is planned; an error is logged instead.
+
+        What is planned while the controller does not act is planned again before it is followed.
+        """
+        if self._planned is not None and (acts or not self._jobs.is_waiting):
+            self._waited = self._waited or not acts
+            return
         result = self._jobs.take()
-        if result is not None:
+        if result is None:
+            return
+        wanted = self._wanted
+        if not self._jobs.is_waiting:
             self._wanted = None
         if isinstance(result, Exception):
-            self._warn(f'{self._topic}: {result}; what was held stays')
-        elif result is not None:
-            self._planned = result
+            topic = '' if wanted is None else f'{wanted.topic}: '
+            self._warn(f'{topic}{result}; what was held stays')
+        else:
+            self._planned, self._planned_for, self._waited = result, wanted, not acts
 
-    def _subscribe(
-        self, topic: str, kind: str, read: Callable[[Any], Callable[[], ReferenceMotion]]
-    ) -> None:
+    def _subscribe(self, topic: str, kind: str, read: Callable[[str, Any], _Wanted]) -> None:
         message = message_type(kind)
 
         def on_message(data: bytes) -> None:
             try:
-                wanted = read(decode(data, message))
+                wanted = read(topic, decode(data, message))
             except ValueError as error:
                 self._warn(f'{topic}: {error}; what was held stays')
                 return
-            self._topic, self._planned, self._wanted = topic, None, wanted
-            self._plan()
+            self._plan(wanted)
 
         self._node.create_subscription(message, topic, on_message, QUEUE, raw=True)
 
-    def _plan(self) -> None:
-        """Start to plan the wanted motion; in lockstep it is then done."""
-        wanted, scenario, limits = self._wanted, self._scenario, self._limits
-        tolerance = self._options.path_tolerance
-        assert wanted is not None
-        self._jobs.start(lambda: motions.motion_of(scenario, wanted(), limits, tolerance))
-        self.poll()
+    def _plan(self, wanted: _Wanted) -> None:
+        """Plan what is wanted, as soon as the plan before is followed."""
+        self._wanted, self._planned, self._waited = wanted, None, False
+        self._jobs.start(lambda: self._job(wanted))
+        if self._options.lockstep:
+            self.poll(acts=True)
 
-    def _path(self, message: Any) -> Callable[[], ReferenceMotion]:
-        """Return what gives the reference of a ``nav_msgs/Path``."""
+    def _job(self, wanted: _Wanted) -> Job[_Planned]:
+        """Return what plans the wanted motion from now on."""
+        scenario, limits = self._scenario, self._limits
+        tolerance = self._options.path_tolerance
+        beginning, kept, since = self._beginning(wanted.coordinates)
+
+        def job(interrupt: Callable[[], None]) -> _Planned:
+            reference = wanted.reference(beginning)
+            motion = motions.motion_of(scenario, reference, limits, tolerance, interrupt)
+            return _Planned(motion if kept is None else kept.then(motion), since)
+
+        return job
+
+    def _beginning(
+        self, coordinates: list[int]
+    ) -> tuple[Beginning | None, Motion | None, float | None]:
+        """Return where a motion begins, the part of one that leads there, and where that begins.
+
+        It goes on from the motion that is followed: from where that will be at the end of the
+        planning, if it takes as long as the last time. If the estimate is not near the motion, or
+        at rest, it begins at the estimate.
+        """
+        here, regulator, space = self._here(), self._regulator, self._scenario.model.state
+        if here is None:
+            return None, None, None
+        aim, rest = regulator.target[0], np.zeros(space.size)
+        off = np.abs(space.subtract(here, aim)[coordinates])
+        near = bool((off <= _NEAR * self._options.path_tolerance).all())
+        motion, now = regulator.motion, regulator.elapsed
+        if motion is None or not near:
+            is_held = near and regulator.feedback.gain.any()
+            return Beginning(aim if is_held else here, rest), None, None
+        lead = 0.0 if self._options.lockstep else min(_LEAD * self._jobs.took, _LONGEST_LEAD)
+        kept = motion.part(now, now + lead)
+        return Beginning(*motion.moving(now + lead)), kept, now
+
+    def _path(self, topic: str, message: Any) -> _Wanted:
+        """Return what a ``nav_msgs/Path`` asks for."""
         given, expected = message.header.frame_id, self._frame()
         if given and expected and given != expected:
-            raise ValueError(f"expected the frame '{expected}' of the estimate, got '{given}'")
+            raise ValueError(
+                f"expected the frame '{expected}' of the estimate, got '{given[:_SHOWN]}'"
+            )
         poses = [stamped.pose for stamped in message.poses]
         points = np.array([(p.position.x, p.position.y, p.position.z) for p in poses])
         points = points.reshape(-1, 3)
         yaw = _yaw([pose.orientation for pose in poses])
         times = _times([stamped.header.stamp for stamped in message.poses])
-        if times is None and len(points):
-            points, yaw = self._from_here(points, yaw)
         scenario, options = self._scenario, self._options
-        return lambda: motions.along_path(
-            scenario,
-            points,
-            options.path_speed,
-            options.path_acceleration,
-            yaw,
-            times,
-            options.path_tolerance,
-        )
+        body = body_of(scenario.model.state, scenario.state)
+        coordinates = [body.index[axis] for axis in body.position]
 
-    def _from_here(self, points: Array, yaw: Array | None) -> tuple[Array, Array | None]:
-        """Return a path from where the robot is, unless the path begins there."""
-        here, state = self._here(), self._scenario.model.state
-        if here is None:
-            return points, yaw
-        body = body_of(state, self._scenario.state)
-        first = points[0].copy()
-        for axis in body.position:
-            first['xyz'.index(axis)] = body.value(here, axis)
-        if not float(np.linalg.norm(points[0] - first)) > self._options.path_tolerance:
-            return points, yaw
-        yaw = None if yaw is None else np.append(yaw[0], yaw)
-        return np.vstack((first, points)), yaw
+        def reference(beginning: Beginning | None) -> ReferenceMotion:
+            if beginning is not None and times is not None and len(points):
+                first = points[0, ['xyz'.index(axis) for axis in body.position]]
+                self._check_start(coordinates, first, beginning)
+            return along_path(
+                scenario,
+                points,
+                options.path_speed,
+                options.path_acceleration,
+                yaw,
+                times,
+                options.path_tolerance,
+                beginning,
+            )
 
-    def _trajectory(self, message: Any) -> Callable[[], ReferenceMotion]:
-        """Return what gives the reference of a ``trajectory_msgs/JointTrajectory``."""
+        return _Wanted(topic, coordinates, reference)
+
+    def _trajectory(self, topic: str, message: Any) -> _Wanted:
+        """Return what a ``trajectory_msgs/JointTrajectory`` asks for."""
         names, points = list(message.joint_names), message.points
         index = _joints(self._scenario, names)
         values, velocities = (
@@ -173,13 +240,38 @@ class MotionReader:
         times = np.array([_seconds(point.time_from_start) for point in points])
         if len(times) and times[0] < 0.0:
             raise ValueError(f'expected times from 0 on, got {times[0]:g} s')
-        if len(times) and times[0] > 0.0:  # from what is held now
-            times = np.append(0.0, times)
-            values = np.vstack((self._held()[index], values))
-            if velocities is not None:
-                velocities = np.vstack((np.zeros(len(names)), velocities))
         scenario = self._scenario
-        return lambda: motions.in_time(scenario, index, times, values, velocities)
+
+        def reference(beginning: Beginning | None) -> ReferenceMotion:
+            if times[0] == 0.0:
+                if beginning is not None:
+                    self._check_start(index, values[0], beginning)
+                return in_time(scenario, index, times, values, velocities, beginning)
+            # the first point is reached from what is held now
+            held = self._regulator.target[0]
+            begun = beginning or Beginning(held, np.zeros(scenario.model.state.size))
+            first = np.vstack((begun.state[index], values))
+            slopes = None
+            if velocities is not None:
+                slopes = np.vstack((begun.rate[index], velocities))
+            clock = np.append(0.0, times)
+            return in_time(scenario, index, clock, first, slopes, begun)
+
+        return _Wanted(topic, index, reference)
+
+    def _check_start(self, coordinates: list[int], first: Array, beginning: Beginning) -> None:
+        """Raise ValueError if what begins now begins elsewhere than the model is."""
+        space, tolerance = self._scenario.model.state, self._options.path_tolerance
+        wanted = beginning.state.copy()
+        wanted[coordinates] = first
+        off = np.abs(space.subtract(wanted, beginning.state)[coordinates])
+        if not (off <= _NEAR * tolerance).all():
+            worst = int(np.argmax(np.nan_to_num(off, nan=np.inf)))
+            name, unit = (side[coordinates[worst]] for side in (space.names, space.units))
+            raise ValueError(
+                f'it begins {off[worst]:.3g} {unit} away in {name}, allowed are '
+                f'{_NEAR * tolerance:g} {unit}: give the first point a later time'
+            )
 
 
 def _seconds(stamp: Any) -> float:

@@ -1,21 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work beside a loop: only the newest job counts."""
+"""Work beside a loop: one job at a time, and of those that wait only the newest."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from threading import Lock, Thread
+from threading import Thread
+from time import monotonic
 from typing import Generic, TypeVar
 
 T = TypeVar('T')
 
+#: Does the work; it calls its argument often, which raises where its result is of no more use.
+Job = Callable[[Callable[[], None]], T]
+
 #: Seconds after which a thread passes the interpreter on: the loop must not wait for longer.
 _SWITCH = 0.0005
+#: A job that takes longer, in seconds, is given up for a newer one.
+_PATIENCE = 2.0
+
+
+class ObsoleteError(Exception):
+    """The result of a job is of no more use."""
 
 
 class NewestJob(Generic[T]):
-    """Does one job at a time in a thread, and forgets all but the newest.
+    """Does one job at a time in a thread, and then the newest of those that were added meanwhile.
+
+    All methods are called by the loop, in one thread. A result has to be taken before the next
+    job starts, which may thus depend on it.
 
     Parameters
     ----------
@@ -26,58 +39,85 @@ class NewestJob(Generic[T]):
 
     def __init__(self, *, waits: bool) -> None:
         self._waits = waits
-        self._lock = Lock()
-        self._next: Callable[[], T] | None = None
-        self._result: T | Exception | None = None
-        self._busy = self._forgotten = False
+        self._next: Callable[[], Job[T]] | None = None
+        self._running: _Running[T] | None = None
 
     @property
-    def busy(self) -> bool:
-        """Whether a job is being done."""
-        return self._busy
+    def is_waiting(self) -> bool:
+        """Return whether a job waits for the result of another to be taken."""
+        return self._next is not None
 
-    def start(self, job: Callable[[], T]) -> None:
-        """Do a job in place of those that are not done yet."""
-        if self._waits:
-            self._result = _outcome(job)
-            return
-        with self._lock:
-            self._next, self._result = job, None
-            if self._busy:
-                return
-            self._busy = True
-        sys.setswitchinterval(_SWITCH)
-        Thread(target=self._work, daemon=True).start()
+    @property
+    def took(self) -> float:
+        """Return how long the job whose result was taken last has taken, in seconds."""
+        return self._took
+
+    _took = 0.0
+
+    def start(self, prepare: Callable[[], Job[T]]) -> None:
+        """Do a job in place of those that wait; ``prepare`` returns it when it is next."""
+        self._next = prepare
+        self._proceed()
 
     def forget(self) -> None:
         """Forget all jobs, and what they result in."""
-        with self._lock:
-            self._next, self._result = None, None
-            self._forgotten = True
+        self._next = None
+        if self._running is not None:
+            self._running.forgotten = True
 
     def take(self) -> T | Exception | None:
-        """Return the result of the newest job, or its error, once; None before it is done."""
-        if self._result is None:
+        """Return the result of a job, or its error, once; None before it is done."""
+        running = self._running
+        if running is None or not running.done:
+            self._proceed()
             return None
-        with self._lock:
-            result, self._result = self._result, None
-        return result
+        self._running = None
+        self._took = running.took
+        if running.forgotten or isinstance(running.outcome, ObsoleteError):
+            self._proceed()
+            return None
+        return running.outcome
 
-    def _work(self) -> None:
-        while True:
-            with self._lock:
-                job, self._next, self._forgotten = self._next, None, False
-                if job is None:
-                    self._busy = False
-                    return
-            result = _outcome(job)
-            with self._lock:
-                if self._next is None and not self._forgotten:
-                    self._result = result
+    def _proceed(self) -> None:
+        """Start the next job, if none runs."""
+        if self._running is not None:
+            if self._next is not None:
+                self._running.hurried = True
+            return
+        if self._next is None:
+            return
+        job, self._next = self._next(), None
+        self._running = _Running(job)
+        if self._waits:
+            self._running.work()
+            return
+        sys.setswitchinterval(_SWITCH)
+        Thread(target=self._running.work, daemon=True).start()
 
 
-def _outcome(job: Callable[[], T]) -> T | Exception:
-    try:
-        return job()
-    except Exception as error:
-        return error
+class _Running(Generic[T]):
+    """A job that is being done."""
+
+    def __init__(self, job: Job[T]) -> None:
+        self._job = job
+        self._began = monotonic()
+        self.outcome: T | Exception | None = None
+        self.took = 0.0
+        #: Whether a newer one waits, or its result is not wanted any more.
+        self.hurried = self.forgotten = False
+        self.done = False
+
+    def work(self) -> None:
+        """Do the job; whatever it raises is its outcome."""
+        try:
+            self.outcome = self._job(self._check)
+        except Exception as error:
+            self.outcome = error
+        except BaseException as error:  # a model of the user's that ends the program
+            self.outcome = RuntimeError(f'{type(error).__name__}: {error}')
+        self.took = monotonic() - self._began
+        self.done = True
+
+    def _check(self) -> None:
+        if self.forgotten or (self.hurried and monotonic() - self._began > _PATIENCE):
+            raise ObsoleteError

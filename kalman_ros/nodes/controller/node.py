@@ -86,9 +86,7 @@ class ControllerNode(runtime.ScenarioNode):
         )
         #: The last estimate that was used.
         self._here: Array | None = None
-        self._motions = MotionReader(
-            self, frame, lambda: self._regulator.target[0], lambda: self._here
-        )
+        self._motions = MotionReader(self, self._regulator, frame, lambda: self._here)
         self._motions.adopt(scenario, options, _limited(scenario, options)[0])
 
     def activate(self) -> None:
@@ -177,10 +175,11 @@ class ControllerNode(runtime.ScenarioNode):
         self._here = x
         if not self._stop.may_act:
             self._regulator.follow(x, self._output.release(time))
+            self._motions.poll(acts=False)
             return
-        motion = self._motions.take()
-        if motion is not None:
-            self._begin(motion)
+        planned = self._motions.take()
+        if planned is not None:
+            self._regulator.follow_motion(*planned)
         wanted = self._regulator.propose(x, dt)
         if is_finite(wanted):
             self._regulator.applied(x, wanted, self._output.command(time, wanted), dt)
@@ -215,7 +214,7 @@ class ControllerNode(runtime.ScenarioNode):
 
     def _supervise(self) -> None:
         """Bring the input to idle while no estimate arrives; uses the steady clock."""
-        self._motions.poll()
+        self._motions.poll(acts=self._stop.may_act)
         if self._early and self._meeting.over:
             self._on_estimate(self._early)
         problem = self._heartbeat_problem()
@@ -267,14 +266,6 @@ class ControllerNode(runtime.ScenarioNode):
         """Follow a set point that moves, in place of every other motion."""
         self._motions.forget()
         self._regulator.follow_motion(motion, smooth=False)
-
-    def _begin(self, motion: Motion) -> None:
-        """Follow a motion from its start, or from where it is if only its gains are new."""
-        current = self._regulator.motion
-        if current is not None and current.states is motion.states:
-            self._regulator.follow_motion(motion, self._regulator.elapsed)
-        elif not self._motions.is_regained(motion):  # else it has ended meanwhile
-            self._regulator.follow_motion(motion)
 
     def _on_enable(self, request: Any, response: Any) -> Any:
         on = request.data

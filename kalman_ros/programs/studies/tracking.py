@@ -23,7 +23,8 @@ from kalman_ros.analysis.checks import Check
 from kalman_ros.control.motion import Motion
 from kalman_ros.core import Array
 from kalman_ros.scenario import build
-from kalman_ros.scenario.motions import along_path, motion_of
+from kalman_ros.scenario.motions import motion_of
+from kalman_ros.scenario.reference_motions import along_path
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.trajectory import Trajectory
 
