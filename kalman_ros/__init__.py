@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .arrays.observers import lqe as lqe
     from .arrays.own_loop import OnlineEstimator as OnlineEstimator
     from .arrays.own_loop import Regulator as Regulator
+    from .arrays.predictive import mpc as mpc
     from .arrays.problems import compile as compile
     from .arrays.problems import continuous_model as continuous_model
     from .arrays.problems import discrete_model as discrete_model
@@ -68,6 +69,7 @@ _WHERE = {
     'arrays.moving': ('motion',),
     'arrays.observers': ('dlqe', 'lqe'),
     'arrays.own_loop': ('OnlineEstimator', 'Regulator'),
+    'arrays.predictive': ('mpc',),
     'arrays.problems': ('compile', 'continuous_model', 'discrete_model', 'sensor'),
     'arrays.scenarios': ('load', 'make_scenario'),
     'arrays.simulating': ('simulate',),

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import degrees
 
+from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.control.margins import Margins
 from kalman_ros.control.stability import Mode
 from kalman_ros.estimators import filter_class
@@ -135,7 +136,7 @@ def _slowest(modes: Sequence[Mode]) -> float:
 
 def loop_names(law: str) -> tuple[str, str]:
     """Return the names of the loops of a law: with all states known, and with the estimate."""
-    return ('LQR', 'LQG') if law == 'lqr' else ('state feedback', 'output feedback')
+    return ('LQR', 'LQG') if law in OPTIMAL else ('state feedback', 'output feedback')
 
 
 def _loop_warnings(

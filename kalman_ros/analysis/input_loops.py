@@ -13,6 +13,7 @@ from kalman_ros.control.compensator import current_compensator
 from kalman_ros.control.delay import sampled_plant
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.guarantee import Guarantee, sampled_guarantees
+from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.control.lqe import LqeDesign, dlqe
 from kalman_ros.control.margins import DiskMargin, Margins, margins
 from kalman_ros.control.simultaneous import simultaneous_disk
@@ -179,7 +180,7 @@ def _disk_or_none(loop: StateSpace) -> DiskMargin | None:
 
 def _guarantees(scenario: Scenario) -> Sequence[Guarantee | None]:
     """Return the guaranteed margins of each input."""
-    if scenario.law != 'lqr':
+    if scenario.law not in OPTIMAL:
         return [None] * scenario.model.input.size
     design, weights = regulator(scenario)
     dt = 1.0 / scenario.rate

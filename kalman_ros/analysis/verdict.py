@@ -9,6 +9,7 @@ from math import inf, nan
 import numpy as np
 from scipy.special import ndtri
 
+from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
@@ -70,7 +71,7 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
         theory = verdicts.theory(scenario)
         results = verdicts.checks(scenario, theory, run)
         basis = "The theory of J is the LQG optimum tr(S Q) + tr(K'(R + G'S G) K P)."
-        if scenario.law != 'lqr':
+        if scenario.law not in OPTIMAL:
             basis = 'The theory of J is that of these gains, which are not the optimum.'
         claim = 'The loop is stable and its statistics hold.'
         return Judgement(results, theory.settling_time, basis, claim)

@@ -6,13 +6,13 @@
 with (x_e, u_e) the equilibrium of the reference, or a moment of a `Motion`, and q the integral of
 the error of the tracked states. While an input is limited, q does not grow in the direction of
 the limit (conditional integration: K. Astrom and T. Hagglund, Advanced PID Control, 2006, section
-3.5).
+3.5). Where limits are predicted, u has a part for them; see `predictive`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, inf
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from kalman_ros.core import Array, Space
 from kalman_ros.linear.batched import times
 from kalman_ros.linear.structure import ComplexArray
 
+from .limiter import Limits
 from .motion import Aim, Motion
+from .predictive import Prediction, Predictor
 from .state_space import StateSpace
 
 
@@ -38,12 +40,15 @@ class Feedback:
         The p coordinates of the state that are integrated.
     poles
         Of the closed loop, sampled (n + p,).
+    prediction
+        Where limits are predicted, what is needed for it.
     """
 
     gain: Array
     integral_gain: Array
     tracked: tuple[int, ...]
     poles: ComplexArray
+    prediction: Prediction | None = None
 
     def system(self, dt: float) -> StateSpace:
         """Return the law in samples of ``dt`` as a system from x to -u, whose state is q."""
@@ -68,12 +73,25 @@ class Regulator:
         The state (n,) and input (m,) to hold, at rest.
     blend
         Seconds in which the jump of a change of gains decays.
+    limits
+        Limits of the input, for a law that predicts them.
+    budget
+        Seconds in which it has to.
     """
 
     def __init__(
-        self, space: Space, feedback: Feedback, target: tuple[Array, Array], blend: float = 0.0
+        self,
+        space: Space,
+        feedback: Feedback,
+        target: tuple[Array, Array],
+        blend: float = 0.0,
+        limits: Limits | None = None,
+        budget: float = inf,
     ) -> None:
         self._space, self._feedback, self._blend = space, feedback, blend
+        self._limits = limits or Limits.none(len(feedback.gain))
+        self._budget = budget
+        self._predictor = self._predictor_of(feedback)
         self._motion: Motion | None = None
         self._elapsed = 0.0
         self._aim = Aim(*target)
@@ -121,8 +139,22 @@ class Regulator:
         if smooth:
             self._continue()
 
-    def adopt(self, feedback: Feedback, blend: float) -> None:
-        """Use other gains from now on; the input is continuous."""
+    @property
+    def predictor(self) -> Predictor | None:
+        """What predicts the limits; None for a law that does not."""
+        return self._predictor
+
+    def _predictor_of(self, feedback: Feedback) -> Predictor | None:
+        if feedback.prediction is None:
+            return None
+        return Predictor(feedback.prediction, self._limits, self._budget)
+
+    def adopt(self, feedback: Feedback, blend: float, limits: Limits | None = None) -> None:
+        """Use other gains, and limits if given, from now on; the input is continuous."""
+        if limits is not None:
+            self._limits = limits
+        if feedback is not self._feedback or limits is not None:
+            self._predictor = self._predictor_of(feedback)
         if feedback.tracked != self._feedback.tracked:
             self._integral = np.zeros(len(feedback.tracked))
         self._feedback, self._blend = feedback, blend
@@ -167,7 +199,17 @@ class Regulator:
         error = self._space.subtract(x, state)
         feedback = self._feedback
         u: Array = input - times(feedback.gain if gain is None else gain, error)
+        if self._predictor is not None and (self._motion is not None or feedback.gain.any()):
+            before = np.broadcast_to(input, u.shape) if self._last is None else self._last[1]
+            u = u + self._predictor.correction(error, self._ahead(self._predictor.steps), before)
         return u - times(feedback.integral_gain, self._integral) if feedback.tracked else u
+
+    def _ahead(self, steps: int) -> Motion:
+        """Return the reference from now on."""
+        if self._motion is None:
+            state, input, _ = self._aim
+            return Motion(self._space, 0.0, state[np.newaxis], input[np.newaxis])
+        return self._motion.ahead(self._elapsed, steps)
 
     def _integrate(self, x: Array, excess: Array, dt: float) -> None:
         feedback = self._feedback

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array
+from kalman_ros.core import Array, ArrayLike, one_each
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,22 @@ class Limits:
     def none(m: int) -> Limits:
         """Return limits that never apply."""
         return Limits(np.full(m, inf), np.full(m, inf))
+
+
+def limits_of(m: int, magnitude: ArrayLike = inf, rate: ArrayLike = inf) -> Limits:
+    """Return the limits of ``m`` actuators; one number is used for every input.
+
+    Raises
+    ------
+    ValueError
+        If the number of values is wrong, or one is negative.
+    """
+    pairs = ('input_limit', magnitude), ('input_rate_limit', rate)
+    checked = [one_each(name, values, m) for name, values in pairs]
+    for (name, _), values in zip(pairs, checked):
+        if not np.all(values >= 0.0):
+            raise ValueError(f'{name}: expected at least 0, got {values.tolist()}')
+    return Limits(*checked)
 
 
 class Limiter:

@@ -25,6 +25,22 @@ class Aim(NamedTuple):
     gain: Array | None = None
 
 
+class Differences(NamedTuple):
+    """How small differences from a motion move, and what an input costs that is added.
+
+    x_{k+1} = F_k x_k + G_k u_k, F (N + 1, n, n) and G (N + 1, n, m); the weights of an input that
+    is added to the regulator's, R + G'S G (N + 1, m, m).
+    """
+
+    F: Array
+    G: Array
+    weights: Array
+
+    def part(self, steps: slice | Array) -> Differences:
+        """Return those of some steps."""
+        return Differences(*(each[steps] for each in self))
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """States in steps of ``dt``, x_{k+1} = step(x_k, u_k, dt), and the gains that keep them.
@@ -41,6 +57,8 @@ class Motion:
         u_k (N + 1, m); the last one holds the last state.
     gains
         K_k (N + 1, m, n) of the time-varying regulator; None for the gain of the law.
+    differences
+        How differences from it move; None where the gain is that of the law.
     """
 
     space: Space
@@ -48,6 +66,7 @@ class Motion:
     states: Array
     inputs: Array
     gains: Array | None = None
+    differences: Differences | None = None
 
     def __repr__(self) -> str:
         kind = 'the gains of the law' if self.gains is None else 'time-varying gains'
@@ -78,6 +97,19 @@ class Motion:
         change = self.space.subtract(self.states[step + 1], self.states[step])
         return self.states[step], change / self.dt
 
+    def ahead(self, seconds: float, steps: int) -> Motion:
+        """Return the motion of some ``steps`` from a time on; it rests after its end."""
+        last = len(self.states) - 1
+        first = int(max(seconds, 0.0) / self.dt + _AT_A_STEP)
+        index = np.minimum(np.arange(first, first + steps + 1), last)
+        return replace(
+            self,
+            states=self.states[index],
+            inputs=self.inputs[index],
+            gains=None if self.gains is None else self.gains[index],
+            differences=None if self.differences is None else self.differences.part(index),
+        )
+
     def part(self, start: float, end: float) -> Motion:
         """Return the part between two times, from the step at or before the first one."""
         last = len(self.states) - 1
@@ -85,18 +117,30 @@ class Motion:
         final = min(max(int(end / self.dt + _AT_A_STEP), first), last)
         steps = slice(first, final + 1)
         gains = None if self.gains is None else self.gains[steps]
-        return replace(self, states=self.states[steps], inputs=self.inputs[steps], gains=gains)
+        differences = None if self.differences is None else self.differences.part(steps)
+        return replace(
+            self,
+            states=self.states[steps],
+            inputs=self.inputs[steps],
+            gains=gains,
+            differences=differences,
+        )
 
     def then(self, next: Motion) -> Motion:
         """Return this motion, and after it one that begins where it ends."""
-        gains = None
+        gains = differences = None
         if self.gains is not None and next.gains is not None:
             gains = np.concatenate((self.gains[:-1], next.gains))
+        if self.differences is not None and next.differences is not None:
+            differences = Differences(
+                *(np.concatenate((a[:-1], b)) for a, b in zip(self.differences, next.differences))
+            )
         return replace(
             next,
             states=np.concatenate((self.states[:-1], next.states)),
             inputs=np.concatenate((self.inputs[:-1], next.inputs)),
             gains=gains,
+            differences=differences,
         )
 
     def at(self, seconds: float) -> Aim:

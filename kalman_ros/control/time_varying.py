@@ -23,7 +23,7 @@ from kalman_ros.linear.discretize import noise_integral
 from kalman_ros.linear.matrices import symmetric
 
 from .lqr import Cost, LqrDesign, dlqr
-from .motion import Motion
+from .motion import Differences, Motion
 
 #: The number of steps that are linearised at a time, which bounds the memory.
 _CHUNK = 1000
@@ -81,8 +81,16 @@ def cost_along(model: Dynamics, states: Array, inputs: Array, weights: Cost, dt:
     return Cost(weight[:, :n, :n], weight[:, n:, n:], weight[:, :n, n:])
 
 
-def backward_riccati(steps: Linearization, weights: Cost, S: Array) -> tuple[Array, Array]:
-    """Return the gains K_k (N, m, n), and S_0 (n, n), from the cost-to-go ``S`` at the end.
+class Recursion(NamedTuple):
+    """Gains K_k (N, m, n), weights R + G'S_{k+1} G (N, m, m), and S_0 (n, n)."""
+
+    gains: Array
+    weights: Array
+    cost_to_go: Array
+
+
+def backward_riccati(steps: Linearization, weights: Cost, S: Array) -> Recursion:
+    """Return the time-varying regulator from the cost-to-go ``S`` at the end.
 
     Parameters
     ----------
@@ -93,15 +101,17 @@ def backward_riccati(steps: Linearization, weights: Cost, S: Array) -> tuple[Arr
     S
         S_N (n, n).
     """
-    K = np.empty_like(steps.G.swapaxes(-1, -2))
+    N, (n, m) = len(steps.G), steps.G.shape[1:]
+    K, W = np.empty((N, m, n)), np.empty((N, m, m))
     rows = zip(steps.F[::-1], steps.G[::-1], weights.state[::-1], weights.input[::-1],
                weights.cross[::-1])  # fmt: skip
     for k, (F, G, Q, R, N) in enumerate(rows):
         GS = G.T.dot(S)
-        gain = np.linalg.solve(R + GS.dot(G), GS.dot(F) + N.T)
+        W[-1 - k] = R + GS.dot(G)
+        gain = np.linalg.solve(W[-1 - k], GS.dot(F) + N.T)
         S = symmetric(Q + F.T.dot(S).dot(F - G.dot(gain)) - N.dot(gain))
         K[-1 - k] = gain
-    return K, S
+    return Recursion(K, W, S)
 
 
 def resting_regulator(F: Array, G: Array, weights: Cost, dt: float) -> LqrDesign:
@@ -120,7 +130,7 @@ def resting_regulator(F: Array, G: Array, weights: Cost, dt: float) -> LqrDesign
     steps = Linearization(*(np.broadcast_to(each, (count, *each.shape)) for each in (F, G)))
     stacked = Cost(*(np.broadcast_to(w, (count, *w.shape)) for w in (
         weights.state, weights.input, weights.cross)))  # fmt: skip
-    gains, S = backward_riccati(steps, stacked, weights.state)
+    gains, _, S = backward_riccati(steps, stacked, weights.state)
     poles = np.linalg.eigvals(F - G.dot(gains[0]))
     largest = float(np.abs(poles).max(initial=0.0))
     if not largest <= 1.0 + _GROWTH:
@@ -149,13 +159,15 @@ def with_gains(model: Dynamics, motion: Motion, weights: Cost) -> Motion:
     costs = cost_along(model, states, inputs, weights, dt)
     end = Cost(costs.state[-1], costs.input[-1], costs.cross[-1])
     rest = regulator_at_rest(steps.F[-1], steps.G[-1], end, dt)
-    gains = np.empty((len(states), *rest.gain.shape))
-    gains[-1] = rest.gain
     before = Cost(costs.state[:-1], costs.input[:-1], costs.cross[:-1])
-    gains[:-1], _ = backward_riccati(
-        Linearization(steps.F[:-1], steps.G[:-1]), before, rest.cost_to_go
+    found = backward_riccati(Linearization(steps.F[:-1], steps.G[:-1]), before, rest.cost_to_go)
+    G = steps.G[-1]
+    W = end.input + G.T @ rest.cost_to_go @ G
+    return replace(
+        motion,
+        gains=np.concatenate((found.gains, rest.gain[np.newaxis])),
+        differences=Differences(*steps, np.concatenate((found.weights, W[np.newaxis]))),
     )
-    return replace(motion, gains=gains)
 
 
 def regulator_at_rest(F: Array, G: Array, weights: Cost, dt: float) -> LqrDesign:

@@ -72,7 +72,7 @@ def options(values: Mapping[str, Any], *, with_law: bool = True) -> dict[str, Op
         if with_law:
             from . import law
 
-            found.update(law.options(system, values))
+            found.update(law.options(system, built.state, values))
     vectors = {
         'initial_state': (system.initial_state, 'initial state of the plant'),
         'initial_estimate': (

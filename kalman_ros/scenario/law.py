@@ -8,17 +8,23 @@ the design of gains.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any
 
-from kalman_ros.control.laws import LAWS, law_options
-from kalman_ros.core import About, Option, System, semidefinite
+from kalman_ros.control.laws import LAWS, STATE_LIMIT, WITHIN_LIMITS, law_options
+from kalman_ros.core import About, Option, Space, System, semidefinite
 
 
-def options(system: System, values: Mapping[str, Any]) -> dict[str, Option]:
+def options(system: System, state: Space, values: Mapping[str, Any]) -> dict[str, Option]:
     """Return the options of the law chosen by ``values``, and of the cost."""
     law = Option('law', 'lqr', About(f'control law: {", ".join(LAWS)}'))
     chosen = str(law.check(values.get(law.name, law.default)))
     found = {option.name: option for option in (law, *law_options(chosen))}
+    if chosen in WITHIN_LIMITS:
+        for name, unit in zip(state.names, state.units):
+            about = About(f'lowest and highest {name}, at a price', unit, live=True)
+            option = Option(f'{STATE_LIMIT}.{name}', [-inf, inf], about)
+            found[option.name] = option
     weights = {
         'state_cost': (system.state_cost, 'weight of the state'),
         'input_cost': (system.input_cost, 'weight of the input'),
@@ -41,5 +47,10 @@ def build(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:
         'state_cost': semidefinite('state_cost', values['state_cost'], n),
         'input_cost': semidefinite('input_cost', values['input_cost'], m, definite=True),
         'law': values['law'],
-        'law_options': {option.name: values[option.name] for option in law_options(values['law'])},
+        'law_options': {
+            name: value
+            for name, value in values.items()
+            if name in {option.name for option in law_options(values['law'])}
+            or name.startswith(f'{STATE_LIMIT}.')
+        },
     }

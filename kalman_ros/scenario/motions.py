@@ -9,6 +9,7 @@ from math import inf
 
 import numpy as np
 
+from kalman_ros.control.laws import OPTIMAL, WITHIN_LIMITS
 from kalman_ros.control.limiter import Limits
 from kalman_ros.control.lqr import Cost, dlqr
 from kalman_ros.control.motion import Motion
@@ -108,9 +109,12 @@ def _swerving(scenario: Scenario, reference: ReferenceMotion, amount: float) -> 
 
 def with_law(scenario: Scenario, motion: Motion) -> Motion:
     """Return a motion with the gains of a scenario's law."""
-    if scenario.law != 'lqr' or scenario.model.is_linear:
+    if scenario.law not in OPTIMAL or scenario.model.is_linear:
         return motion
     found = with_gains(scenario.model, motion, weights_of(scenario))
+    assert found.gains is not None
+    if scenario.law not in WITHIN_LIMITS:  # nothing is predicted
+        found = replace(found, differences=None)
     assert found.gains is not None
     steady = feedback(scenario).gain
     if np.allclose(found.gains[-1], steady, rtol=_SAME, atol=_SAME * np.abs(steady).max()):
@@ -169,7 +173,7 @@ def moving_point(
     states[-1] = model.state.add(rest.state, there.state)
     inputs.append(rest.input + there.input)
     motion = Motion(model.state, dt, np.array(states), np.array(inputs))
-    if scenario.law != 'lqr' or model.is_linear:
+    if scenario.law not in OPTIMAL or model.is_linear:
         return motion
     gains = np.empty((len(states), *feedback(scenario).gain.shape))
     gains[:] = _gain_at(scenario, state, inputs[0])

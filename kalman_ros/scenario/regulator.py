@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from math import inf
 
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback
-from kalman_ros.control.laws import build_law
-from kalman_ros.control.limiter import Limits
+from kalman_ros.control.laws import OPTIMAL, WITHIN_LIMITS, build_law
+from kalman_ros.control.limiter import Limits, limits_of
 from kalman_ros.control.lqr import Cost, LqrDesign, cost, dlqr, sampled_cost, sampled_lqr
 from kalman_ros.control.moving_point import driven, steady_input
+from kalman_ros.control.time_varying import resting_regulator
 from kalman_ros.control.tracking import FeedForward, feed_forward, resting_directions
 from kalman_ros.core import (
     Array,
@@ -23,7 +25,6 @@ from kalman_ros.core import (
     in_continuous_time,
     is_finite,
     linearize,
-    one_each,
 )
 from kalman_ros.linear.structure import uncontrollable_modes, unstable
 
@@ -76,7 +77,12 @@ def feedback(scenario: Scenario) -> Feedback:
     # at rest the input is that of the equilibrium, wherever the model is and whatever its heading
     step = system.sampled(dt)
     poles = np.linalg.eigvals(step.F).astype(complex)
-    return Feedback(np.zeros(step.G.T.shape), np.empty((m, 0)), (), poles)
+    prediction = None
+    if scenario.law in WITHIN_LIMITS:
+        at_rest = partial(resting_regulator, dt=dt)
+        options = scenario.law_options
+        prediction = build_law(scenario.law, system, weights, dt, options, at_rest).prediction
+    return Feedback(np.zeros(step.G.T.shape), np.empty((m, 0)), (), poles, prediction)
 
 
 def steered(scenario: Scenario) -> bool:
@@ -86,7 +92,7 @@ def steered(scenario: Scenario) -> bool:
     wheels.
     """
     model = scenario.model
-    if model.is_linear or model.is_discrete or scenario.law != 'lqr' or not model.input.size:
+    if model.is_linear or model.is_discrete or scenario.law not in OPTIMAL or not model.input.size:
         return False
     system = _system(scenario)[0]
     fixed = unstable(uncontrollable_modes(system.A, system.B), sampled=False)
@@ -173,15 +179,7 @@ def limits(scenario: Scenario, magnitude: ArrayLike = inf, rate: ArrayLike = inf
     ValueError
         If the number of values is wrong, or one is negative.
     """
-    m = scenario.model.input.size
-    found = [
-        one_each(name, values, m)
-        for name, values in (('input_limit', magnitude), ('input_rate_limit', rate))
-    ]
-    for name, values in zip(('input_limit', 'input_rate_limit'), found):
-        if not np.all(values >= 0.0):
-            raise ValueError(f'{name}: expected at least 0, got {values.tolist()}')
-    return Limits(found[0], found[1])
+    return limits_of(scenario.model.input.size, magnitude, rate)
 
 
 def price(scenario: Scenario) -> Cost:

@@ -40,7 +40,8 @@ class Law:
     def proportional(self) -> bool:
         """Whether the input is -K x: no integral action, no limit, no reference."""
         limits = np.isinf([self.limits.magnitude, self.limits.rate])
-        return self.reference is None and not self.feedback.tracked and bool(limits.all())
+        plain = not self.feedback.tracked and self.feedback.prediction is None
+        return self.reference is None and plain and bool(limits.all())
 
     def target(self, time: float) -> Array:
         """Return the state (n,) to hold at a time in seconds."""
@@ -61,7 +62,9 @@ class Answer:
     def __init__(self, law: Law) -> None:
         self._scenario = scenario = law.scenario
         model = scenario.model
-        self._regulator = Regulator(model.state, law.feedback, model.equilibrium)
+        self._regulator = Regulator(
+            model.state, law.feedback, model.equilibrium, limits=law.limits
+        )
         self._limiter = Limiter(law.limits, np.zeros(model.input.size))
         self._reference: Any = law.reference
         self._last: int | None = None

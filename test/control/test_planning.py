@@ -129,7 +129,8 @@ def test_the_gains_are_those_of_the_dense_problem():
     R = np.array([np.eye(m) + a @ a.T for a in rng.normal(size=(N, m, m))])
     S = np.diag([1.0, 2.0, 3.0])
     weights = Cost(Q, R, np.zeros((N, n, m)))
-    K, S_0 = backward_riccati(Linearization(F, G), weights, S)
+    K, W, S_0 = backward_riccati(Linearization(F, G), weights, S)
+    np.testing.assert_allclose(W[-1], R[-1] + G[-1].T @ S @ G[-1])
     x0 = rng.normal(size=n)
     # the whole cost as a quadratic function of all inputs
     free, forced = np.eye(n), np.zeros((n, N * m))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from math import inf
 from time import monotonic
 from typing import Any
 
@@ -46,7 +47,7 @@ _BACK = Duration(seconds=-0.1)
 
 
 class ControllerNode(runtime.ScenarioNode):
-    """Responds to every estimate with the input of a law: lqr, placement or lqi."""
+    """Responds to every estimate with the input of a law: lqr, placement, lqi or mpc."""
 
     with_law = True
 
@@ -58,9 +59,18 @@ class ControllerNode(runtime.ScenarioNode):
         super().configure()
         scenario, options = self.scenario, self.options
         model, blend = scenario.model, options.transition_time
-        self._regulator = Regulator(model.state, feedback(scenario), model.equilibrium, blend)
+        bounds, idle = _limited(scenario, options)
+        budget = options.solve_timeout or inf
+        self._regulator = Regulator(
+            model.state,
+            feedback(scenario),
+            model.equilibrium,
+            blend,
+            bounds,
+            inf if options.lockstep else budget,
+        )
         self._guard = EstimateGuard(model.state, *guard_limits(scenario, options))
-        limiter = self._limiter = Limiter(*_limited(scenario, options))
+        limiter = self._limiter = Limiter(bounds, idle)
         self._stop = Stop(enabled=options.enabled)
         self._heartbeat = Heartbeat(options.heartbeat_timeout)
         #: Whether the input went to idle, and has to continue from there.
@@ -87,7 +97,7 @@ class ControllerNode(runtime.ScenarioNode):
         #: The last estimate that was used.
         self._here: Array | None = None
         self._motions = MotionReader(self, self._regulator, frame, lambda: self._here)
-        self._motions.adopt(scenario, options, _limited(scenario, options)[0])
+        self._motions.adopt(scenario, options, bounds)
 
     def activate(self) -> None:
         """Respond to estimates from now on."""
@@ -338,7 +348,7 @@ class ControllerNode(runtime.ScenarioNode):
             found, equilibria = feedback(scenario), tracking(scenario)
 
         def apply() -> None:
-            self._regulator.adopt(found, options.transition_time)
+            self._regulator.adopt(found, options.transition_time, bounds)
             self._limiter.adopt(bounds, idle)
             self._guard.adopt(*accepted)
             self._reference.adopt(scenario, equilibria)
@@ -366,6 +376,11 @@ class ControllerNode(runtime.ScenarioNode):
             'gain': np.array2string(gains.gain, precision=4),
             'poles': np.array2string(gains.poles, precision=4),
         }
+        predictor = self._regulator.predictor
+        if predictor is not None:
+            values['inputs planned within limits'] = predictor.limited
+            values['plans too late'] = predictor.late
+            values['plans not possible'] = predictor.infeasible
         zero = f'the force {"is" if self._output.at_idle else "goes to"} {self._idle_name}'
         if self._stop.reason:
             return Level.ERROR, f'stopped ({self._stop.reason}): {zero}', values

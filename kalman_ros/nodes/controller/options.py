@@ -99,6 +99,14 @@ class ControllerOptions:
         float,
         About('how long a set point with a velocity moves on without a newer one', 's', 0.0),
     ] = 0.5
+    solve_timeout: Annotated[
+        float,
+        About(
+            'real time, law mpc: longest time to plan; then the last plan goes on; 0 for any',
+            's',
+            0.0,
+        ),
+    ] = 0.005
     predict_latency: Annotated[
         bool, About('real time: predict each estimate by its age before use', live=True)
     ] = False

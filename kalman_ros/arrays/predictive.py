@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Predictive control from matrices or a model: limits of inputs and states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kalman_ros.control.feedback import Feedback
+from kalman_ros.control.feedback import Regulator as Answer
+from kalman_ros.control.laws import bounds
+from kalman_ros.control.limiter import Limiter, Limits, limits_of
+from kalman_ros.control.lqr import cost, dlqr, sampled_cost
+from kalman_ros.control.motion import Motion
+from kalman_ros.control.predictive import predicted
+from kalman_ros.core import Array, ArrayLike, Dynamics, Gaussian, Space
+
+from . import text
+from .accept import finite, plant, sample_time, shifted, weight
+from .estimates import _path
+from .known_names import KnownNames
+
+
+class Plan(NamedTuple):
+    """What is planned from now on: times (N + 1,), states (N + 1, n) and inputs (N, m)."""
+
+    time: Array
+    states: Array
+    inputs: Array
+
+
+class PredictiveControl(KnownNames):
+    """Model predictive control, one input a step; `mpc` makes it.
+
+    Where no limit acts, it is the linear-quadratic regulator, u = -K x. It brings the state to the
+    equilibrium; for other references, and motions, use `Regulator` with ``{'law': 'mpc'}``.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        inputs: tuple[str, ...],
+        feedback: Feedback,
+        limits: Limits,
+        rest: tuple[Array, Array],
+    ) -> None:
+        assert feedback.prediction is not None
+        self._space, self._inputs, self._rest, self._limits = space, inputs, rest, limits
+        self._feedback, self._prediction = feedback, feedback.prediction
+        self._answer = Answer(space, feedback, rest, limits=limits)
+        self._limiter = Limiter(limits, np.zeros(len(inputs)))
+        self._state = rest[0]
+
+    @property
+    def dt(self) -> float:
+        """The length of a step in seconds."""
+        return self._prediction.dt
+
+    @property
+    def gain(self) -> Array:
+        """K (m, n) of the regulator."""
+        return self._feedback.gain
+
+    @property
+    def horizon(self) -> float:
+        """Seconds over which limits are predicted."""
+        return self._prediction.steps * self.dt
+
+    @property
+    def limited(self) -> int:
+        """The number of steps in which a limit acted on the plan."""
+        assert self._answer.predictor is not None
+        return self._answer.predictor.limited
+
+    @property
+    def infeasible(self) -> int:
+        """The number of steps without a plan within the limits that have to be kept."""
+        assert self._answer.predictor is not None
+        return self._answer.predictor.infeasible
+
+    def step(self, estimate: Gaussian | ArrayLike) -> Array:
+        """Return the input (m,) for an estimate, a step after the last one.
+
+        Parameters
+        ----------
+        estimate
+            A state (n,), or a belief, of which the mean counts.
+
+        Raises
+        ------
+        ValueError
+            If the estimate is not a finite state.
+        """
+        given = estimate.mean if isinstance(estimate, Gaussian) else estimate
+        self._state = finite('estimate', given, self._space.size)
+        wanted = self._answer.propose(self._state, self.dt)
+        u = self._limiter.toward(wanted, self.dt)
+        self._answer.applied(self._state, wanted, u, self.dt)
+        return u
+
+    @property
+    def plan(self) -> Plan:
+        """What was planned in the last step."""
+        assert self._answer.predictor is not None
+        state, input = self._answer.target
+        error = self._space.subtract(self._state, state)
+        held = Motion(self._space, self.dt, state[np.newaxis], input[np.newaxis])
+        states, inputs = self._answer.predictor.plan(error, held)
+        return Plan(np.asarray(np.arange(len(states)) * self.dt), states, inputs)
+
+    def plot(self, path: str | Path | None = None) -> Any:
+        """Draw the plan of the last step and its limits.
+
+        Returns
+        -------
+        The axes of a figure of matplotlib, which a notebook shows and ``plt.show()`` opens; with a
+        ``path`` the figure is saved there instead, and closed.
+        """
+        from kalman_ros.report.plan_picture import plan_picture  # matplotlib is slow to load
+
+        prediction = self._prediction
+        limits = prediction.low, prediction.high, self._limits.magnitude
+        return plan_picture(self.plan, self._space, self._inputs, limits, _path(path))
+
+    def __repr__(self) -> str:
+        prediction = self._prediction
+        lines = [
+            f'predictive control over {self.horizon:.4g} s, {prediction.steps} steps of '
+            f'{self.dt:g} s in {prediction.moves} moves; without limits u = -K x, K ='
+        ]
+        lines += text.matrix(self._inputs, self._space.names, self.gain)
+        for name, most, rate in zip(self._inputs, self._limits.magnitude, self._limits.rate):
+            if np.isfinite(most):
+                lines.append(f'{name} within ± {most:g}')
+            if np.isfinite(rate):
+                lines.append(f'{name} changes by at most {rate:g} a second')
+        for name, low, high, price in zip(
+            self._space.names, prediction.low, prediction.high, prediction.price
+        ):
+            if np.isfinite(low) or np.isfinite(high):
+                kept = 'kept' if np.isinf(price) else f'price {price / self.dt:g} a second'
+                lines.append(f'{name} within {low:g} to {high:g}, {kept}')
+        return '\n'.join(lines)
+
+
+def mpc(
+    A: Any,
+    B: ArrayLike | None = None,
+    Q: ArrayLike | None = None,
+    R: ArrayLike | None = None,
+    *,
+    dt: float | None = None,
+    input_limit: ArrayLike | None = None,
+    input_rate_limit: ArrayLike | None = None,
+    state_limit: Mapping[str, Sequence[float]] | None = None,
+    state_price: ArrayLike = 1e6,
+    horizon: float = 0.0,
+    moves: int = 20,
+) -> PredictiveControl:
+    """Return the regulator with the least cost within limits of inputs and states.
+
+    Parameters
+    ----------
+    A, B
+        Of dx/dt = A x + B u; or a system alone, ``mpc(model, Q, R, dt=0.01)``, about its
+        equilibrium. For one in discrete time the sum of the cost is minimised.
+    Q, R
+        Weights (n, n) and (m, m), as for `lqr`.
+    dt
+        Length of a step in seconds, during which the input is held.
+    input_limit, input_rate_limit
+        Largest input, and its largest change per second; one number for all inputs.
+    state_limit
+        [low, high] by the name of a state; of matrices ``x0``, ``x1`` and so on.
+    state_price
+        Cost a second of the square of the excess over a limit; infinite for limits that
+        have to be kept. One number for all states.
+    horizon
+        Seconds over which limits are predicted; 0 for four times the decay of the slowest pole.
+    moves
+        The number of changes of the input that are planned.
+
+    Raises
+    ------
+    ValueError
+        If an argument is invalid.
+    DesignError
+        If no gain stabilises the system with these weights.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> control = kr.mpc([[0, 1], [0, 0]], [0, 1], [1, 0], 1, dt=0.1, input_limit=0.5)
+    >>> control.step([1.0, 0.0])
+    array([-0.5])
+    """
+    model = A if isinstance(A, Dynamics) else None
+    B, Q, R = shifted(A, (B, Q, R))
+    found = plant(A, B)
+    n, m = found.B.shape
+    if not m:
+        raise ValueError('B: expected at least one input, got a system without')
+    dt = sample_time(found, dt)
+    if dt is None:
+        raise ValueError('dt: expected the length of a step in seconds, got nothing')
+    weights = cost(weight('Q', Q, n), weight('R', R, m, definite=True), (n, m))
+    step, price = (found.A, found.B), weights
+    if found.dt is None:
+        sampled = found.system.sampled(dt)
+        step, price = (sampled.F, sampled.G), sampled_cost(found.system, weights, dt)
+    space = Space(found.states, ('',) * n) if model is None else model.state
+    limits = limits_of(
+        m, inf if input_limit is None else input_limit,
+        inf if input_rate_limit is None else input_rate_limit,
+    )  # fmt: skip
+    design = dlqr(*step, price)
+    prediction = predicted(
+        step, price, design, dt, horizon=horizon, moves=moves, price_of_states=state_price,
+        limits=bounds(space, {} if state_limit is None else state_limit),
+    )  # fmt: skip
+    feedback = Feedback(design.gain, np.empty((m, 0)), (), design.poles, prediction)
+    rest = (np.zeros(n), np.zeros(m)) if model is None else model.equilibrium
+    return PredictiveControl(space, found.inputs, feedback, limits, rest)
