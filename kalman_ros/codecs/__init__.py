@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message <-> vector: the only code that accesses the fields and stamps of messages."""
+"""Conversion of messages to vectors: the only code that accesses their fields and stamps."""
