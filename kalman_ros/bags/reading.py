@@ -134,7 +134,7 @@ class Bag:
 
 
 def _on_disk(files: Sequence[Path]) -> int:
-    """Return the bytes that files take on disk; ValueError if one is not a file, or twice."""
+    """Return the bytes that files take on disk; ValueError if one is no file or a repeated one."""
     names: dict[tuple[int, int], Path] = {}
     total = 0
     for file in files:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of messages to vectors: the only code that accesses their fields and stamps."""
+"""Conversion between messages and vectors: no other code accesses fields and stamps."""

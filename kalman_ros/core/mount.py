@@ -61,7 +61,7 @@ class Mounting(NamedTuple):
         return _ENU_FROM_NED if self.convention == 'ned' else np.eye(3)
 
 
-#: Mounting along the axes of the body, with any frame of the messages.
+#: Mounting along the axes of the body, with the frame of the first message.
 STRAIGHT = Mounting()
 
 

@@ -67,8 +67,8 @@ class Sensor(ABC):
     def hypotheses(self, belief: Gaussian, y: Array, count: int) -> Hypotheses | None:
         """Return the belief corrected by ``y`` (k,) as up to ``count`` Gaussians.
 
-        A sensor for which many states have like readings divides here a belief that is too wide
-        for one linearisation. None, the default, means that the belief is not too wide.
+        A sensor to which many states look alike divides here a belief that is too wide for one
+        linearisation. None, the default, means that the belief is not too wide.
         """
         return None
 

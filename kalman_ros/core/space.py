@@ -161,17 +161,17 @@ class Space:
         return self._map_rotations(so3.shortest, x) if self._turned else x
 
     def add(self, x: Array, d: Array) -> Array:
-        """Retract the difference ``d`` (..., n) to ``x`` (..., n): the inverse of `subtract`.
+        """Return the retraction (..., n) of the difference ``d`` at ``x``, inverse of `subtract`.
 
         A rotation becomes Exp(d) Exp(x).
         """
         return self.wrap(self.reached(x + d, x))
 
     def reached(self, total: Array, origin: Array) -> Array:
-        """Return the retraction (..., n) of the plain sum ``total``, which is ``origin`` + d.
+        """Return the retraction (..., n) of ``total`` - ``origin`` at ``origin``.
 
-        Unlike `add` it does not wrap angles, so that a caller may compute the sum in its own way
-        and wrap the result, or not.
+        Unlike `add` it does not wrap angles, so that a caller may compute the sum ``total`` in its
+        own way and wrap the result, or not.
         """
         if not self._turned:
             return total

@@ -29,7 +29,7 @@ _NEAREST = 1e-6
 #: than this share of the range, since it then lacks what passes close; or if the second-order
 #: term of the predicted angle is more than this share of the noise, as standard deviations.
 _WIDE, _CURVED = 0.25, 0.25
-#: Standard deviations up to which ranges are searched, and the nearest of them by the farthest.
+#: Standard deviations up to which ranges are searched, and ratio of the nearest to the farthest.
 _REACH, _NEAR = 5.0, 1e-4
 #: Numbers of points of the search for ranges, and of the integral over each part of them.
 _SEARCHED, _INTEGRATED = 200, 8

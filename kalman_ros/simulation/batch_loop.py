@@ -36,7 +36,7 @@ class Controller(Protocol):
 
 @dataclass(frozen=True)
 class Loop:
-    """The loops to run, without what depends on the seed.
+    """The loops to run, except for their seeds.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ class Errors:
     nees
         Mean normalised error squared, divided by its expectation.
     independent
-        Number of independent errors that determine the mean as well.
+        Number of independent errors with the same information.
     ate
         Root mean square distance in the plane, in metres; NaN without a plane.
     count

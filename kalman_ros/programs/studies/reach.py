@@ -151,7 +151,7 @@ def _one() -> LinearSystem:
 
 
 def _energy_checks() -> list[Check]:
-    """Drive the plant with the inputs of the Gramian: the end, and the energy x'W^-1 x."""
+    """Compare end and energy, x'W^-1 x, of the plant with the inputs of the Gramian."""
     system, checks = _one(), []
     for seconds in TIMES:
         inputs, price = reaching(system.sampled(DT), APART, round(seconds / DT))
