@@ -12,7 +12,7 @@ from kalman_ros.core import Array, ArrayLike
 
 ComplexArray = npt.NDArray[np.complex128]
 
-#: In air of 20 degrees C, in m/s.
+#: Speed of sound in air of 20 degrees C, in m/s.
 SPEED_OF_SOUND = 343.0
 
 
@@ -23,10 +23,10 @@ class MicrophoneArray:
     Parameters
     ----------
     positions
-        x and y of each from the array's centre (M, 2), in m; a flat list is accepted. Three or
-        more, not all in a line, which would leave left and right ambiguous.
+        Coordinates x and y of each microphone from the array's centre (M, 2), in m; a flat list is
+        accepted. Three or more, not all in a line, which would leave left and right ambiguous.
     speed_of_sound
-        In m/s.
+        Speed of sound in m/s.
 
     Raises
     ------
@@ -46,26 +46,26 @@ class MicrophoneArray:
 
     @property
     def size(self) -> int:
-        """The number of microphones M."""
+        """Number of microphones M."""
         return len(self.positions)
 
     @property
     def radius(self) -> float:
-        """The distance of the outermost microphone from the centre, in m."""
+        """Distance of the outermost microphone from the centre, in m."""
         return float(np.hypot(*self.positions.T).max())
 
     def steering(self, frequencies: Array, bearings: Array) -> ComplexArray:
         """Return the phases (K, G, M) of a plane wave at the microphones.
 
-        That is exp(i 2 pi f u . p / c) for a wave from the direction u: a microphone
-        closer to the source receives it earlier.
+        They are exp(i 2 pi f u . p / c) for a wave from the direction u: a microphone closer to
+        the source receives it earlier.
 
         Parameters
         ----------
         frequencies
-            In Hz (K,).
+            Frequencies in Hz (K,).
         bearings
-            From the x axis towards the y axis, in rad (G,).
+            Bearings from the x axis towards the y axis, in rad (G,).
         """
         lead = _unit(bearings) @ self.positions.T / self.speed_of_sound
         return np.asarray(np.exp(2j * np.pi * np.multiply.outer(frequencies, lead)))

@@ -32,15 +32,15 @@ from kalman_ros.core import Array
 
 from .array import MicrophoneArray
 
-#: Frequencies per band: enough to average their squares, few enough to be similar.
+#: Number of frequencies per band: enough to average their squares, few enough to be similar.
 _PER_BAND = 32
 #: Ratios of source to noise in a beam, equally likely: -10 to 59 dB, in fine steps.
 _RATIOS = 10.0 ** (np.arange(-10.0, 60.0, 3.0) / 10.0)[:, np.newaxis, np.newaxis]
-#: The share of a frame over which it fades in and out.
+#: Share of a frame over which it fades in and out.
 _FADE = 0.1
-#: Harmonics of a beam beyond the size of the array in wavelengths, which decay at once.
+#: Number of harmonics of a beam beyond the size of the array in wavelengths, which decay at once.
 _SPARE = 8
-#: Directions of the integral per direction of a beam.
+#: Number of directions of the integral per direction of a beam.
 _FINER = 8
 #: A peak narrower than this many steps is refined, over N steps to either side.
 _LEAST_STEPS = 2.0
@@ -54,11 +54,11 @@ class Arrival(NamedTuple):
     Parameters
     ----------
     bearing
-        From the array's x axis towards its y axis, in [-pi, pi).
+        Bearing from the array's x axis towards its y axis, in [-pi, pi).
     variance
-        Of the bearing, in rad^2.
+        Variance of the bearing, in rad^2.
     evidence
-        The logarithm of the odds of a source against noise alone. Noise alone reaches
+        Logarithm of the odds of a source against noise alone. Noise alone reaches
         ``log(q)`` in at most one frame of q (by Markov's inequality).
     """
 
@@ -68,18 +68,18 @@ class Arrival(NamedTuple):
 
 
 class DirectionFinder:
-    """Finds the bearing of the only source near an array.
+    """Estimator of the bearing of the only source near an array.
 
     Parameters
     ----------
     array
         The microphones.
     sample_rate
-        Samples a second.
+        Samples per second.
     samples
-        Of one frame, N.
+        Number of samples N of one frame.
     band
-        The lowest and the highest frequency in use, in Hz.
+        Lowest and highest frequency in use, in Hz.
 
     Raises
     ------
@@ -136,7 +136,7 @@ class DirectionFinder:
         X = np.fft.rfft(self._taper * frame)[:, self._chosen].T
         beams = np.abs(np.einsum('kgm,km->kg', self._steering, X)) ** 2
         power = self._microphones * np.sum(np.abs(X) ** 2, axis=1, keepdims=True)
-        beams, power = (np.add.reduceat(each, self._starts) for each in (beams, power))
+        beams, power = (np.add.reduceat(values, self._starts) for values in (beams, power))
         gamma: Array = np.divide(beams, power, out=np.zeros_like(beams), where=power > 0.0)
         return gamma
 

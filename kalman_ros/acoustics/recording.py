@@ -20,7 +20,7 @@ class Recording:
     sample_rate
         Samples per second.
     channels
-        The sound (M, N), in any unit.
+        Sound (M, N), in any unit.
     """
 
     sample_rate: float
@@ -39,7 +39,7 @@ def read(path: Path, channels: int) -> Recording:
     Raises
     ------
     ValueError
-        If it is missing, unreadable, or has another number of channels.
+        If the file is missing, unreadable, or has another number of channels.
     """
     from scipy.io import wavfile  # slow to import, and rarely needed
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in and out, and their replay without middleware."""
+"""Reading, writing and replay of recordings, without middleware."""

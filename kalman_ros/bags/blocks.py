@@ -12,16 +12,16 @@ from typing import NamedTuple, Protocol
 
 from .budget import MOST_PENDING, MOST_WAITING, Budget
 
-#: The bytes in memory of a message beside its content; messages are counted in groups of N.
+#: Bytes that a message takes in memory beside its content, and messages that are counted at once.
 _MESSAGE, _GROUP = 200, 4096
-#: The longest time from publication to reception that is put in order, in nanoseconds.
+#: Longest time from publication to reception that is put in order, in nanoseconds.
 _LATENCY = 2_000_000_000
 
 
 class Message(NamedTuple):
-    """When it was received, its topic, its CDR bytes, and when it was published.
+    """A message: the time of reception, the topic, the CDR bytes, and the time of publication.
 
-    Times are in nanoseconds; the last is None where the recording does not have it.
+    Times are in nanoseconds; the last is None if the recording does not have it.
     """
 
     time: int
@@ -31,7 +31,7 @@ class Message(NamedTuple):
 
 
 class Block(NamedTuple):
-    """A part of a file: the times of its first and last message, in ns, and how to read it."""
+    """A part of a file: the times of its first and last message, in ns, and its reader."""
 
     start: int
     end: int
@@ -42,7 +42,7 @@ class Source(Protocol):
     """A file of a recording.
 
     ``topics`` are the message types that each topic has been recorded with, ``blocks`` the parts
-    of the file, and ``damage`` says in words what of it cannot be read, if anything.
+    of the file, and ``damage`` describes the part that cannot be read, if any.
     """
 
     topics: dict[str, set[str]]
@@ -66,10 +66,10 @@ def in_order(
     ValueError
         If a block cannot be read, or the budget does not suffice.
     """
-    wanted = sorted((b for b in blocks if b.start <= end and b.end >= start), key=itemgetter(0))
+    selected = sorted((b for b in blocks if b.start <= end and b.end >= start), key=itemgetter(0))
     #: The time of the next message of each block, its place in the file, and the rest, last first.
     pending: list[tuple[int, int, list[Message]]] = []
-    for index, block in enumerate(wanted):
+    for index, block in enumerate(selected):
         messages = _collect(block.read(topics, budget), budget)
         if any(not block.start <= message.time <= block.end for message in messages):
             raise ValueError('a message was not received when the part that it is in says')
@@ -77,7 +77,7 @@ def in_order(
             messages.sort(key=itemgetter(0))
             messages.reverse()
             heappush(pending, (messages[-1].time, index, messages))
-        until = wanted[index + 1].start if index + 1 < len(wanted) else inf
+        until = selected[index + 1].start if index + 1 < len(selected) else inf
         while pending and pending[0][0] < until:
             _, number, messages = pending[0]
             message = messages.pop()
@@ -91,7 +91,7 @@ def in_order(
 
 
 def _collect(messages: Iterable[Message], budget: Budget) -> list[Message]:
-    """Return messages as a list, as far as the budget suffices."""
+    """Return messages as a list; raise ValueError if the budget does not suffice."""
     iterator = iter(messages)
     collected: list[Message] = []
     while group := list(islice(iterator, _GROUP)):

@@ -3,21 +3,21 @@
 
 from __future__ import annotations
 
-#: The most bytes of one part of a file, and of all that is in memory at a time.
+#: Largest number of bytes of one part of a file, and of all that is in memory at a time.
 MOST_BLOCK, MOST_PENDING = 1 << 28, 1 << 29
-#: The most messages that wait for others.
+#: Largest number of messages that wait for others.
 MOST_WAITING = 50_000
-#: The bytes that any recording may expand to, and how many more for a byte on disk.
+#: Bytes to which any recording may expand, and further bytes for a byte on disk.
 FREE_BYTES, MOST_RATIO = 1 << 30, 1000
-#: The records that any recording may have, besides one for a byte on disk: the times of messages
+#: Records that any recording may have, besides one for a byte on disk: the times of messages
 #: differ, so that even one without content takes several bytes when it is compressed.
 FREE_RECORDS = 1_000_000
-#: The bytes in memory that describe a part of a file, or a topic beside its name.
+#: Bytes in memory that describe a part of a file, or a topic beside its name.
 _NOTE = 500
 
 
 class Budget:
-    """What opening a recording, or a pass over its messages, may take.
+    """Limits of memory and work for opening a recording, or for a pass over its messages.
 
     The readers of all formats ask it before they read a part or keep something, and report their
     work, so that a small file neither fills the memory nor keeps a program busy for long.
@@ -25,12 +25,12 @@ class Budget:
     Parameters
     ----------
     disk
-        The bytes that the recording takes on disk.
+        Bytes that the recording takes on disk.
 
     Raises
     ------
     ValueError
-        By the methods, if the recording takes more.
+        By the methods, if the recording exceeds a limit.
     """
 
     def __init__(self, disk: int) -> None:
@@ -40,7 +40,7 @@ class Budget:
         self._held = 0
 
     def expand(self, stored: int, size: int) -> None:
-        """Allow for a part of ``size`` bytes, ``stored`` as others, before it is read."""
+        """Account for a part of ``size`` bytes, in ``stored`` bytes on disk, before it is read."""
         if max(stored, size) > MOST_BLOCK:
             raise ValueError(f'a part of {max(stored, size)} bytes, more than {MOST_BLOCK}')
         self._bytes -= size
@@ -48,22 +48,22 @@ class Budget:
             raise ValueError(f'{self._disk} bytes on disk expand to more than {MOST_RATIO} times')
 
     def work(self, records: int) -> None:
-        """Allow for reading some records, wanted or not."""
+        """Account for reading some records, requested or not."""
         self._records -= records
         if self._records < 0:
             most = FREE_RECORDS + self._disk
             raise ValueError(f'more than {most} records or steps for {self._disk} bytes on disk')
 
     def hold(self, size: int) -> None:
-        """Allow for what stays in memory until it is released."""
+        """Account for bytes that stay in memory until they are released."""
         self._held += size
         if self._held > MOST_PENDING:
             raise ValueError(f'more than {MOST_PENDING} bytes are not in order, or describe parts')
 
     def release(self, size: int) -> None:
-        """Subtract what is not in memory any more."""
+        """Subtract bytes that are not in memory any more."""
         self._held -= size
 
     def note(self, name: str = '') -> None:
-        """Allow for the description of a part, or of a topic by its name."""
+        """Account for the description of a part, or of a topic by its name."""
         self.hold(_NOTE + len(name))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Collects the results of a replay: in memory as arrays, and on disk as a recording."""
+"""Collection of the results of a replay: in memory as arrays, and on disk as a recording."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .replayed import SensorReplay
 
 _OUTCOMES = tuple(Outcome)
 _CODES = {outcome: float(code) for code, outcome in enumerate(_OUTCOMES)}
-#: Messages are handed to the system after each N beliefs.
+#: Number of waiting messages above which all are handed to the system.
 _FLUSH = 2000
 
 
@@ -39,7 +39,7 @@ def seconds(time: int, start: int) -> float:
 
 
 class SensorColumns:
-    """What became of the readings of one sensor."""
+    """The readings of one sensor, with their outcomes."""
 
     def __init__(self, source: SensorSource) -> None:
         k = source.sensor.output.size
@@ -49,34 +49,34 @@ class SensorColumns:
         self._configured: Array = source.sensor.covariance
 
     def add(self, fused: Fused, received: float, stamp: float) -> None:
-        """Take a reading."""
+        """Add a reading."""
         _, _, sample, outcome, correction = fused
-        own = self._configured if sample.covariance is None else sample.covariance
+        covariance = self._configured if sample.covariance is None else sample.covariance
         code, stamped = _CODES[outcome], float(sample.time is not None)
         completed = float(getattr(sample, 'completed', False))
         if correction is None:
             numbers = np.array((received, stamp, stamped, completed, code, nan))
-            self._rows.append(numbers, sample.values, own, None, None)
+            self._rows.append(numbers, sample.values, covariance, None, None)
             return
         numbers = np.array((received, stamp, stamped, completed, code, correction.nis))
         v, S = correction.innovation, correction.innovation_covariance
-        self._rows.append(numbers, sample.values, own, v, S)
+        self._rows.append(numbers, sample.values, covariance, v, S)
 
     def result(self, counts: dict[Outcome, int], undecodable: int) -> SensorReplay:
-        """Return all of it."""
-        found = self._rows.columns()
-        received, stamp, stamped, completed, code, nis = found['numbers'].T
+        """Return all readings."""
+        columns = self._rows.columns()
+        received, stamp, stamped, completed, code, nis = columns['numbers'].T
         names = np.array([outcome.name for outcome in _OUTCOMES])
         return SensorReplay(
             received=received,
             stamp=stamp,
             stamped=stamped > 0.0,
             completed=completed > 0.0,
-            value=found['value'],
-            covariance=found['covariance'],
+            value=columns['value'],
+            covariance=columns['covariance'],
             outcome=names[code.astype(int)],
-            innovation=found['innovation'],
-            innovation_covariance=found['expected'],
+            innovation=columns['innovation'],
+            innovation_covariance=columns['expected'],
             nis=nis,
             counts=counts,
             undecodable=undecodable,
@@ -84,51 +84,51 @@ class SensorColumns:
 
 
 class BeliefColumns:
-    """Beliefs in time."""
+    """Beliefs over time."""
 
     def __init__(self, size: int) -> None:
         self._rows = Rows(time=(1,), mean=(size,), covariance=(size, size))
 
     def add(self, time: float, belief: Gaussian) -> None:
-        """Take a belief at a time in seconds."""
+        """Add a belief at a time in seconds."""
         self._rows.append(np.array((time,)), belief.mean, belief.covariance)
 
     def result(self) -> Beliefs:
-        """Return all of them."""
-        found = self._rows.columns()
-        return Beliefs(found['time'][:, 0], found['mean'], found['covariance'])
+        """Return all beliefs."""
+        columns = self._rows.columns()
+        return Beliefs(columns['time'][:, 0], columns['mean'], columns['covariance'])
 
 
 class InputColumns:
-    """Inputs in time."""
+    """Inputs over time."""
 
     def __init__(self, size: int) -> None:
         self._rows = Rows(times=(2,), value=(size,))
 
     def add(self, received: float, stamp: float, u: Array) -> None:
-        """Take an input."""
+        """Add an input."""
         self._rows.append(np.array((received, stamp)), u)
 
     def result(self) -> InputRecord:
-        """Return all of them."""
-        found = self._rows.columns()
-        received, stamp = found['times'].T
-        return InputRecord(received, stamp, found['value'])
+        """Return all inputs."""
+        columns = self._rows.columns()
+        received, stamp = columns['times'].T
+        return InputRecord(received, stamp, columns['value'])
 
 
 class EstimateRecording:
-    """Writes the topics that the estimator publishes into a recording.
+    """Recording of the topics that the estimator publishes.
 
     Parameters
     ----------
     writer
-        Of the recording.
+        Writer of the recording.
     settings
-        Of the estimator.
+        Settings of the estimator.
     resolve
-        Returns the full name of a topic.
+        Function that returns the full name of a topic.
     origin
-        The datum of satellite fixes.
+        Datum of satellite fixes.
     """
 
     def __init__(
@@ -148,8 +148,8 @@ class EstimateRecording:
         self._globe = GlobalTopics(scenario, options, origin)
         for signal in self._globe.signals:
             writer.add(resolve(signal.topic), full_type(signal.type))
-        found = [topics.estimate, topics.state, topics.covariance]
-        for topic in (*found, *(each.topic for each in self._innovations.values())):
+        outputs = [topics.estimate, topics.state, topics.covariance]
+        for topic in (*outputs, *(innovation.topic for innovation in self._innovations.values())):
             writer.add(resolve(topic.name), full_type(topic.signal.type))
         self._odometry = None
         if options.publish_odometry:
@@ -158,7 +158,7 @@ class EstimateRecording:
             writer.add(resolve(signal.topic), full_type(signal.type))
 
     def publish(self, received: int, time: int, belief: Gaussian) -> None:
-        """Write a belief at ``time``, by a message ``received`` then; both in nanoseconds."""
+        """Write a belief at ``time``, after a message ``received`` then; both in nanoseconds."""
         topics, (x, P) = self._topics, belief
         self._write(topics.estimate, received, topics.estimate.write(time, x, P))
         self._write(topics.state, received, topics.state.write(time, x))
@@ -172,7 +172,7 @@ class EstimateRecording:
             self._writer.flush()
 
     def publish_innovation(self, received: int, fused: Fused) -> None:
-        """Write the innovation of a reading, if it has one that is finite."""
+        """Write the innovation of a reading, if it has a finite one."""
         if fused.correction is not None and fused.correction.nis < inf:
             write = self._innovations[fused.channel.name]
             message = write(fused.time, fused.correction)
@@ -199,6 +199,8 @@ def _serialised(message: Any) -> bytes:
 def add_all(
     fused: Sequence[Fused], into: dict[str, SensorColumns], received: int, start: int
 ) -> None:
-    """Take the readings that were fused together."""
-    for each in fused:
-        into[each.channel.name].add(each, seconds(received, start), seconds(each.time, start))
+    """Add the readings that were fused together."""
+    for reading in fused:
+        into[reading.channel.name].add(
+            reading, seconds(received, start), seconds(reading.time, start)
+        )

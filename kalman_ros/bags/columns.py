@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import Array
 
-#: The most bytes in memory.
+#: Largest number of bytes in memory.
 _MOST = 1 << 24
 
 
@@ -20,13 +20,13 @@ class Rows:
     Parameters
     ----------
     fields
-        The shape of each by its name, in the order in which `append` takes them.
+        Shape of each field by its name, in the order in which `append` takes the fields.
     """
 
     def __init__(self, **fields: tuple[int, ...]) -> None:
         self._fields = fields
         self._sizes = [int(np.prod(shape)) for shape in fields.values()]
-        self._each = [(size, np.full(size, np.nan).tobytes()) for size in self._sizes]
+        self._blanks = [(size, np.full(size, np.nan).tobytes()) for size in self._sizes]
         self._rows = bytearray()
         self._file: IO[bytes] | None = None
         self._count = 0
@@ -35,8 +35,8 @@ class Rows:
         """Append a row; a field is NaN where its value is None, or has another size."""
         self._rows += b''.join(
             [
-                nothing if value is None or value.size != size else value.tobytes()
-                for value, (size, nothing) in zip(values, self._each)
+                blank if value is None or value.size != size else value.tobytes()
+                for value, (size, blank) in zip(values, self._blanks)
             ]
         )
         self._count += 1
@@ -48,12 +48,12 @@ class Rows:
     def columns(self) -> dict[str, Array]:
         """Return each field (N, ...) by its name; no row may follow."""
         width = sum(self._sizes)
-        found: Any = np.frombuffer(self._rows)
+        numbers: Any = np.frombuffer(self._rows)
         if self._file is not None:
             self._file.write(self._rows)
             self._file.flush()
-            found = np.memmap(self._file, float, 'r')
-        table = found.reshape(self._count, width)
+            numbers = np.memmap(self._file, float, 'r')
+        table = numbers.reshape(self._count, width)
         ends = np.cumsum(self._sizes)
         return {
             name: table[:, end - size : end].reshape(self._count, *shape)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads parts of recordings, compressed or not, never more than they announce."""
+"""Reading of parts of recordings, compressed or not, and never more than they announce."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from .budget import Budget
 
-#: A signal is handled after N bytes.
+#: Bytes of a piece, after which a signal is handled.
 _PIECE = 1 << 22
 
 MISSING = 'rosbags is not installed: python3 -m pip install rosbags'
@@ -33,7 +33,7 @@ _KINDS: dict[str, Callable[[], Any]] = {'lz4': _lz4, 'zstd': _zstd, 'bz2': bz2.B
 
 
 class Part(NamedTuple):
-    """The bytes ``at`` a place of a file, how many, and the kind and size of their content."""
+    """Bytes at a place of a file, their number, and the kind and size of their content."""
 
     at: int
     stored: int
@@ -41,7 +41,7 @@ class Part(NamedTuple):
     size: int
 
     def read(self, path: Path, budget: Budget) -> bytes:
-        """Return the content; ValueError as `expand`, or if the budget does not suffice."""
+        """Return the content; ValueError as for `expand`, or if the budget does not suffice."""
         budget.expand(self.stored, self.size)
         with path.open('rb') as file:
             file.seek(self.at)
@@ -49,12 +49,12 @@ class Part(NamedTuple):
 
 
 def expand(data: bytes, kind: str, size: int) -> bytes:
-    """Return the ``size`` bytes that were compressed to ``data``; '' and 'none' are no kinds.
+    """Return the ``size`` bytes compressed to ``data``; '' and 'none' mean no compression.
 
     Raises
     ------
     ValueError
-        If it is another size, or the kind is not known.
+        If the content has another size, or the kind is not known.
     """
     if kind in ('', 'none'):
         content = data
@@ -75,7 +75,7 @@ def expand(data: bytes, kind: str, size: int) -> bytes:
 
 
 def _decompressed(decompressor: Any, data: bytes, most: int) -> bytes:
-    """Return the first ``most`` bytes that were compressed to ``data``, made in pieces."""
+    """Return the first ``most`` bytes that were compressed to ``data``, in pieces."""
     content = BytesIO()
     while not decompressor.eof and (left := most - content.tell()):
         piece = decompressor.decompress(data, max_length=min(left, _PIECE))

@@ -14,17 +14,17 @@ _PLAIN |= {f'{sign}int{bits}' for sign in ('', 'u') for bits in (8, 16, 32, 64)}
 
 
 def definition(kind: str) -> str:
-    """Return the definition of ``package/msg/Name`` with those that it uses; '' if not there."""
-    found: dict[str, str] = {}
+    """Return the definition of ``package/msg/Name`` and of its parts; '' if one is missing."""
+    texts: dict[str, str] = {}
     left = [kind]
     while left:
         name = left.pop(0)
         text = _text(name)
         if not text:
             return ''
-        found[name] = text
-        left += [used for used in _used(name, text) if used not in found and used not in left]
-    first, *others = found.items()
+        texts[name] = text
+        left += [used for used in _used(name, text) if used not in texts and used not in left]
+    first, *others = texts.items()
     line = f'\n{"=" * 80}\n'
     return line.join((first[1], *(f'MSG: {_short(name)}\n{text}' for name, text in others)))
 

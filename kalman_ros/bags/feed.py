@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feeds an estimator with recorded messages, by the classes that its node uses."""
+"""Feed of an estimator with recorded messages, by the classes that its node uses."""
 
 from __future__ import annotations
 
@@ -34,25 +34,25 @@ from .reading import Bag
 
 TICK, CLOCK, POSE = 'tick', '/clock', 'initialpose'
 TICK_TYPE, CLOCK_TYPE = 'sensor_msgs/msg/TimeReference', 'rosgraph_msgs/msg/Clock'
-#: A simulated clock that goes back by less, in nanoseconds, has not been set back.
+#: Nanoseconds beyond which a simulated clock that goes back has been set back.
 _BACK = 100_000_000
 
 
 class Feed:
-    """Takes the messages of a recording one by one, as the node would receive them.
+    """Receiver of the messages of a recording, one by one, as the node would receive them.
 
-    A recording with ticks is one of lockstep: a step is fused when it is complete. Otherwise each
+    A recording with ticks is in lockstep: a step is fused when it is complete. Otherwise each
     reading is fused when it is received, at the time of the recording, or of ``/clock`` if the
     parameters say that time is simulated.
 
     Parameters
     ----------
     settings
-        Of the estimator.
+        Settings of the estimator.
     bag
-        The recording.
+        Recording that is replayed.
     resolve
-        Returns the full name of a topic.
+        Function that returns the full name of a topic.
 
     Raises
     ------
@@ -65,43 +65,43 @@ class Feed:
         self.settings = settings = settings.in_lockstep(self.lockstep)
         learn_layouts(on=settings.options.learn_layouts)
         scenario = settings.scenario
-        found = settings.fusion()
-        self.online = settings.estimator(found)
+        estimation = settings.fusion()
+        self.online = settings.estimator(estimation)
         self.origin = settings.origin()
-        #: Sentences on what the recording lacks.
+        #: Sentences about what the recording lacks.
         self.notes: list[str] = []
-        own, note = (settings.options.frame, settings.options.child_frame), self.notes.append
+        frames, note = (settings.options.frame, settings.options.child_frame), self.notes.append
         self._mounts = mounts = Mounts(scenario, settings.options.child_frame, note)
         mounts.on_mounted = self._use
         channels = {
-            name: SensorReader(name, each, self.origin, own, note, mounts)
-            for name, each in scenario.sensors.items()
+            name: SensorReader(name, source, self.origin, frames, note, mounts)
+            for name, source in scenario.sensors.items()
         }
-        input = InputReader(scenario.input, own, note)
+        input = InputReader(scenario.input, frames, note)
         timeout = settings.input_timeout()
         self.fuser = Fuser(
-            scenario, self.online, channels, input, lambda _: None, timeout, found.arithmetic
+            scenario, self.online, channels, input, lambda _: None, timeout, estimation.arithmetic
         )
         self._intake = Intake(lambda _: None)
         self._intake.longest = settings.options.max_message_size
         self._read_pose = PoseReader(scenario)
         self._resolve = resolve
-        #: What takes the messages of each topic, by its full name.
+        #: Function that takes the messages of each topic, by its full name.
         self._take: dict[str, Callable[[bytes], object]] = {}
-        #: What reads each topic of sensors, of which several may share one.
+        #: Functions that read each topic of sensors, which several sensors may share.
         self._readers: dict[str, list[Callable[[bytes], object]]] = {}
         self._wire(bag)
-        #: The time at which a message is received, in nanoseconds.
+        #: Time at which a message is received, in nanoseconds.
         self._now = 0
         self._simulated = CLOCK in self._take
-        #: What all times are counted from, in nanoseconds; None before it is known.
+        #: Time from which all times are counted, in nanoseconds; None before it is known.
         self.start: int | None = None if self.lockstep else bag.start
         self._period = round(1e9 / settings.options.publish_rate) if self._publishes else 0
         self._due: int | None = None
-        self.sensors = {name: SensorColumns(each) for name, each in scenario.enabled.items()}
+        self.sensors = {name: SensorColumns(source) for name, source in scenario.enabled.items()}
         self.beliefs = BeliefColumns(scenario.model.state.size)
         self.inputs = InputColumns(scenario.model.input.size)
-        #: Where the estimator's topics are written to, if they are.
+        #: Recording of the estimator's topics, if there is one.
         self.recording: EstimateRecording | None = None
         self._received = 0
 
@@ -112,11 +112,11 @@ class Feed:
 
     @property
     def topics(self) -> list[str]:
-        """The full names of the topics that are used."""
+        """Full names of the topics that are used."""
         return [*self._take]
 
     def _wire(self, bag: Bag) -> None:
-        """Find the topics that are needed in the recording."""
+        """Connect the topics of the recording that are needed."""
         scenario, resolve = self.settings.scenario, self._resolve
         steps = LockstepFuser(self.fuser, self, lambda _: None, resolve)
         for name, source in scenario.enabled.items():
@@ -125,7 +125,7 @@ class Feed:
             on_reading = partial(steps.on_reading if self.lockstep else self._on_reading, name)
             readers = self._readers.setdefault(topic, [])
             readers.append(on_reading)
-            self._take[topic] = partial(_each, readers)
+            self._take[topic] = partial(_call_all, readers)
         if self._mounts.needed:
             bag.check(TOPIC, full_type(TYPE), 'mount.tf')
             self._take[TOPIC] = self._mounts.on_static
@@ -135,7 +135,7 @@ class Feed:
                 bag.check(topic, full_type(scenario.input.type), 'input')
                 readers = self._readers.setdefault(topic, [])  # a sensor may be on it, too
                 readers.append(self._on_input)
-                self._take[topic] = partial(_each, readers)
+                self._take[topic] = partial(_call_all, readers)
                 self._on_lockstep_input = steps.on_input
             else:
                 alike = nearest(topic, bag.topics)
@@ -154,8 +154,8 @@ class Feed:
 
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now."""
-        found = fusion(scenario, self.settings.options, self.settings.extra)
-        self.fuser.configure(scenario, found)
+        estimation = fusion(scenario, self.settings.options, self.settings.extra)
+        self.fuser.configure(scenario, estimation)
 
     def __call__(self, message: Message) -> None:
         """Take the next message."""
@@ -167,7 +167,7 @@ class Feed:
         self._intake(message.topic, self._take[message.topic], message.data)
 
     def undecodable(self, name: str) -> int:
-        """Return how many messages of a sensor were dropped before they were decoded."""
+        """Return the number of messages of a sensor that were dropped before their decoding."""
         topic = self._resolve(self.settings.scenario.sensors[name].signal.topic)
         return self._intake.dropped(topic)
 
@@ -230,7 +230,7 @@ class Feed:
     # --- the results --------------------------------------------------------------------------
 
     def publish(self, time: int, belief: Gaussian) -> None:
-        """Take the belief at ``time``, in nanoseconds."""
+        """Record the belief at ``time``, in nanoseconds."""
         if self.start is None:
             self.start = time
         belief = self.settings.scenario.believed.own(belief)
@@ -241,24 +241,24 @@ class Feed:
             self.recording.publish(self._received, time, belief)
 
     def publish_innovations(self, fused: Sequence[Fused]) -> None:
-        """Take readings that were fused together, with their corrections."""
+        """Record readings that were fused together, with their corrections."""
         if self.lockstep:
             self.fuser.judge(fused)
         start = self._now if self.start is None else self.start
         add_all(fused, self.sensors, self._now, start)
         if self.recording is not None:
-            for each in fused:
-                self.recording.publish_innovation(self._received, each)
+            for reading in fused:
+                self.recording.publish_innovation(self._received, reading)
 
 
-def _each(readers: Sequence[Callable[[bytes], object]], data: bytes) -> None:
-    """Have each of several readers take a message."""
+def _call_all(readers: Sequence[Callable[[bytes], object]], data: bytes) -> None:
+    """Pass a message to each of several readers."""
     for read in readers:
         read(data)
 
 
 def resolver(namespace: str) -> Callable[[str], str]:
-    """Return what makes full names of topics, in a namespace such as ``/`` or ``/robot``."""
+    """Return the function that makes full names of topics, in a namespace such as ``/robot``."""
     base = f'/{namespace.strip("/")}'.rstrip('/')
 
     def resolve(topic: str) -> str:

@@ -10,12 +10,12 @@ MAGIC = b'\x89MCAP0\r\n'
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 STATISTICS, SUMMARY_OFFSET, DATA_END = 0x0B, 0x0E, 0x0F
 
-#: What a record begins with: its kind, and the length of the rest.
+#: Start of a record: its kind, and the length of the rest.
 RECORD = Struct('<BQ')
-#: A message with that: channel, number, when it was received and published, in nanoseconds.
+#: Start of a message: also channel, number, and times of reception and publication in ns.
 MESSAGE_RECORD = Struct('<BQHIQQ')
 MESSAGE_FIELDS = Struct('<HIQQ')
-#: A chunk: the first and the last time, the size and the CRC of its content.
+#: Start of a chunk: the first and the last time, the size and the CRC of its content.
 CHUNK_FIELDS = Struct('<QQQI')
 U16, U32, U64 = Struct('<H'), Struct('<I'), Struct('<Q')
 
@@ -26,7 +26,7 @@ def record(kind: int, content: bytes) -> bytes:
 
 
 def text(value: str) -> bytes:
-    """Return a text, behind its length."""
+    """Return a text, preceded by its length."""
     data = value.encode()
     return U32.pack(len(data)) + data
 
@@ -53,7 +53,7 @@ class Channel(NamedTuple):
 
 
 class Fields:
-    """Takes the fields of a record one by one; ValueError if it is too short."""
+    """Reader of the fields of a record, one by one; ValueError if the record is too short."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads MCAP files: complete ones, and those of a recorder that was killed.
+"""Reader of MCAP files: complete ones, and those of a recorder that was killed.
 
 Only the heads of the records are read to find the chunks, so that neither the summary nor the
 end of the file is needed, and a chunk is in memory only while it is read.
@@ -19,9 +19,9 @@ from .blocks import Block, Message
 from .budget import Budget
 from .compression import Part
 
-#: Messages outside of chunks are read in parts of N bytes.
+#: Bytes of the parts in which messages outside of chunks are read.
 _PART = 1 << 22
-#: The longest record of a topic or a type that is read.
+#: Longest record of a topic or a type that is read.
 _MOST = 1 << 20
 
 
@@ -31,14 +31,14 @@ class McapFile:
     Parameters
     ----------
     path
-        Of the file.
+        Path of the file.
     budget
-        What opening it may take.
+        Budget for opening the file.
 
     Raises
     ------
     ValueError
-        If it is no MCAP file, or the budget does not suffice.
+        If it is not an MCAP file, or the budget does not suffice.
     """
 
     def __init__(self, path: Path, budget: Budget) -> None:
@@ -105,7 +105,7 @@ class McapFile:
         self.blocks.append(block)
 
     def _chunk(self, head: bytes, after: int, length: int, budget: Budget) -> None:
-        """Note where a chunk is, whose record of some length begins with ``head``."""
+        """Add the chunk whose record of some length begins with ``head``."""
         fields = mcap.Fields(head)
         start, end, size = (fields.number(mcap.U64) for _ in range(3))
         crc, kind, stored = fields.number(mcap.U32), fields.text(), fields.number(mcap.U64)
@@ -139,7 +139,7 @@ class McapFile:
     def _read(
         self, part: Part, crc: int, topics: Collection[str], budget: Budget
     ) -> Iterator[Message]:
-        """Yield the messages of some topics in a chunk, and learn of the topics in it."""
+        """Yield the messages of some topics in a chunk, and learn the topics in it."""
         data = part.read(self._path, budget)
         if crc and crc32(data) != crc:
             raise ValueError(f'the chunk at byte {part.at} is damaged: its checksum differs')

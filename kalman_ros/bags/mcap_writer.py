@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes MCAP files that can be read at any moment, up to what was flushed."""
+"""Writer of MCAP files that can be read at any moment, up to the last flush."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from zlib import crc32
 
 from . import mcap
 
-#: A chunk is written when it has as many bytes, if it was not flushed before.
+#: Bytes after which a chunk is written, if it was not flushed before.
 _CHUNK = 1 << 20
 
 
@@ -19,15 +19,15 @@ class McapWriter:
     Parameters
     ----------
     path
-        Of the file, which must not exist.
+        Path of the file, which must not exist.
     library
-        What the file says that it was written by.
+        Name of the library that writes the file, which the file contains.
     """
 
     def __init__(self, path: Path, library: str) -> None:
         self._file = path.open('xb')
         self._at = 0
-        #: The records of types and topics, which the summary repeats.
+        #: Records of types and topics, which the summary repeats.
         self._schemas: dict[str, bytes] = {}
         self._channels: list[bytes] = []
         self._chunks: list[bytes] = []
@@ -62,7 +62,7 @@ class McapWriter:
     def write(self, channel: int, time: int, data: bytes, published: int) -> None:
         """Add a message to the topic with that number.
 
-        It was received at ``time`` and published at another, both in nanoseconds.
+        It was received at ``time`` and ``published`` at another, both in nanoseconds.
         """
         chunk = self._chunk
         self._index.setdefault(channel, array('Q')).extend((time, len(chunk)))
@@ -79,7 +79,7 @@ class McapWriter:
             self._end_chunk()
 
     def flush(self) -> None:
-        """Hand all messages to the system: they are in the file if this process is killed."""
+        """Hand all messages to the system: they stay in the file if this process is killed."""
         self._end_chunk()
         self._file.flush()
 
@@ -95,8 +95,8 @@ class McapWriter:
         length, offsets = self._at - start, b''
         for channel, entries in self._index.items():
             offsets += mcap.U16.pack(channel) + mcap.U64.pack(self._at)
-            found = entries.tobytes()
-            index = mcap.U16.pack(channel) + mcap.U32.pack(len(found)) + found
+            content = entries.tobytes()
+            index = mcap.U16.pack(channel) + mcap.U32.pack(len(content)) + content
             self._put(mcap.record(mcap.MESSAGE_INDEX, index))
         numbers = (*times, start, length)
         self._chunks.append(
@@ -114,7 +114,7 @@ class McapWriter:
         self._begin()
 
     def close(self) -> None:
-        """Write the rest, and the summary by which others find their way in the file."""
+        """Write the rest, and the summary by which readers find the parts of the file."""
         self._end_chunk()
         self._put(mcap.record(mcap.DATA_END, mcap.U32.pack(0)))
         start, offsets, summary = self._at, b'', b''

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads recordings: of rosbag2, as MCAP or SQLite, in one file or several, and of ROS 1."""
+"""Reader of recordings: of rosbag2, as MCAP or SQLite, in one file or several, and of ROS 1."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _KINDS: dict[str, Callable[[Path, Budget], Source]] = {
     '.db3': SqliteFile,
     '.bag': Ros1File,
 }
-#: Topics that are named in a message.
+#: Number of topics that are named in a message.
 _NAMED = 6
 
 
@@ -34,23 +34,23 @@ class Bag:
     Parameters
     ----------
     path
-        Of the folder or the file.
+        Path of the folder or the file.
 
     Raises
     ------
     ValueError
-        If it is no recording, or has no messages.
+        If it is not a recording, or has no messages.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        #: The message types that each topic has been recorded with.
+        #: Message types that each topic has been recorded with.
         self.topics: dict[str, set[str]] = {}
-        #: What of the recording cannot be read, a line a file.
+        #: Damage of the recording, one line for each damaged file.
         self.damage: list[str] = []
         self._blocks: list[Block] = []
         files = self._files()
-        #: The bytes of the recording on disk.
+        #: Bytes of the recording on disk.
         self._disk = _on_disk(files)
         budget = Budget(self._disk)
         for file in files:
@@ -58,16 +58,16 @@ class Bag:
         if not self._blocks:
             why = '; '.join(['it has no messages', *self.damage])
             raise ValueError(f"'{self.path}' is an empty recording: {why}")
-        #: When the first and the last message were received, in nanoseconds.
+        #: Times at which the first and the last message were received, in nanoseconds.
         self.start = min(block.start for block in self._blocks)
         self.end = max(block.end for block in self._blocks)
 
     def _files(self) -> list[Path]:
         path = self.path
         if path.is_dir():
-            found = sorted(each for each in path.iterdir() if each.suffix in _KINDS)
-            if found:
-                return found
+            files = sorted(file for file in path.iterdir() if file.suffix in _KINDS)
+            if files:
+                return files
             if any(path.glob('*.zstd')):
                 raise ValueError(f"'{path}' is compressed: unzstd its files first")
             raise ValueError(f"'{path}' is no recording: no {', '.join(_KINDS)} file is in it")
@@ -87,27 +87,27 @@ class Bag:
         for topic, kinds in source.topics.items():
             if topic.isprintable():
                 self.topics.setdefault(topic, set()).update(map(one_line, kinds))
-            else:  # it is no topic of ROS, and a terminal would obey it
+            else:  # it is no topic of ROS, and a terminal would interpret it
                 damage.append(f'no name of a topic: {one_line(topic)}')
         self._blocks += source.blocks
-        self.damage += [f'{file}: {each}' for each in damage]
+        self.damage += [f'{file}: {reason}' for reason in damage]
 
-    def check(self, topic: str, kind: str, what: str) -> None:
-        """Raise ValueError unless a topic is there with the message type ``package/msg/Name``.
+    def check(self, topic: str, kind: str, purpose: str) -> None:
+        """Raise ValueError unless a topic is recorded with the type ``package/msg/Name``.
 
-        ``what`` it is needed for is named, and the topics that are there.
+        The message names the ``purpose`` of the topic, and the recorded topics.
         """
         if topic not in self.topics:
             alike = nearest(topic, self.topics)
             names = sorted(self.topics)
             more = f' and {len(names) - _NAMED} more' if len(names) > _NAMED else ''
-            there = f'{", ".join(names[:_NAMED])}{more}'
-            hint = ' '.join(filter(None, (alike, f'recorded are {there or "none"}')))
-            raise ValueError(f'{what}: the recording has no topic {topic}; {hint}')
-        found = self.topics[topic]
-        if found != {kind}:
-            got = ' and '.join(sorted(found))
-            raise ValueError(f'{what}: expected {kind} on {topic}, recorded is {got}')
+            recorded = f'{", ".join(names[:_NAMED])}{more}'
+            hint = ' '.join(filter(None, (alike, f'recorded are {recorded or "none"}')))
+            raise ValueError(f'{purpose}: the recording has no topic {topic}; {hint}')
+        kinds = self.topics[topic]
+        if kinds != {kind}:
+            got = ' and '.join(sorted(kinds))
+            raise ValueError(f'{purpose}: expected {kind} on {topic}, recorded is {got}')
 
     def messages(
         self, topics: Collection[str], start: float = -inf, end: float = inf
@@ -117,9 +117,9 @@ class Bag:
         Parameters
         ----------
         topics
-            Full names.
+            Full names of the topics.
         start, end
-            In nanoseconds.
+            Limits of the times of reception, in nanoseconds.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class Bag:
 
 
 def _on_disk(files: Sequence[Path]) -> int:
-    """Return the bytes that files take on disk; ValueError if one is no file, or there twice."""
+    """Return the bytes that files take on disk; ValueError if one is no file or a repeated one."""
     names: dict[tuple[int, int], Path] = {}
     total = 0
     for file in files:
@@ -144,6 +144,6 @@ def _on_disk(files: Sequence[Path]) -> int:
         first = names.setdefault((status.st_dev, status.st_ino), file)
         if first is not file:
             raise ValueError(f"'{file}' is the same file as '{first.name}'")
-        # a file with holes is longer; a file system that does not count blocks says 0
+        # a file with holes is longer; a file system that does not count blocks reports 0
         total += min(status.st_size, 512 * status.st_blocks or status.st_size)
     return total

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes recordings: folders of rosbag2 with one MCAP file and `metadata.yaml`.
+"""Writer of recordings: folders of rosbag2 with one MCAP file and `metadata.yaml`.
 
-The bytes of messages are written as they are, never decoded. The writer is not that of rosbags,
-whose files have neither an index nor metadata before they are closed.
+The bytes of messages are written as they are, never decoded. The writer of rosbags is not used,
+since its files have neither an index nor metadata before they are closed.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from .definitions import definition
 from .mcap_writer import McapWriter
 
 _LIBRARY = 'kalman_ros'
-#: Put in place once it is whole.
+#: Name of the metadata, and of the file that replaces it once it is complete.
 _METADATA, _NEW_METADATA = 'metadata.yaml', 'metadata.tmp'
-#: The quality of service of a topic of which nothing is known, as rosbag2 writes it.
+#: Quality of service of a topic about which nothing is known, as rosbag2 writes it.
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 _QUALITY = {
     'history': 'unknown',
@@ -43,21 +43,21 @@ class _Topic(NamedTuple):
 
 
 class RecordingWriter:
-    """A folder of rosbag2 that can be read at any time, up to what was flushed.
+    """A folder of rosbag2 that can be read at any time, up to the last flush.
 
     Use as a context manager, or `close` it.
 
     Parameters
     ----------
     folder
-        Made, with those above it; it must be empty if it exists.
+        Folder that is created, with its parents; it must be empty if it exists.
     replace
         Whether a recording that was written into the same folder before is replaced.
 
     Raises
     ------
     ValueError
-        If it is not empty, or cannot be made.
+        If the folder is not empty, or cannot be created.
     """
 
     def __init__(self, folder: str | Path, *, replace: bool = False) -> None:
@@ -65,7 +65,7 @@ class RecordingWriter:
         self._name = f'{self._folder.resolve().name}_0.mcap'
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            if replace and {each.name for each in self._folder.iterdir()} <= self._files:
+            if replace and {file.name for file in self._folder.iterdir()} <= self._files:
                 for name in self._files:
                     (self._folder / name).unlink(missing_ok=True)
             if any(self._folder.iterdir()):
@@ -87,7 +87,7 @@ class RecordingWriter:
 
     @property
     def _files(self) -> set[str]:
-        """The names of the files that are written."""
+        """Names of the files that are written."""
         return {self._name, _METADATA, _NEW_METADATA}
 
     def __contains__(self, topic: str) -> bool:
@@ -95,12 +95,12 @@ class RecordingWriter:
 
     @property
     def waiting(self) -> int:
-        """The number of messages that are not written yet."""
+        """Number of messages that are not written yet."""
         return len(self._waiting)
 
     @property
     def count(self) -> int:
-        """The number of messages."""
+        """Number of messages."""
         return sum(self._file.counts) + len(self._waiting)
 
     def add(
@@ -110,26 +110,26 @@ class RecordingWriter:
         qualities: Sequence[Mapping[str, Any]] = (),
         digest: str = '',
     ) -> None:
-        """Add a topic, of which messages can then be written; `flush` puts it on record.
+        """Add a topic, whose messages can then be written; `flush` puts it on record.
 
         Parameters
         ----------
         topic
-            The full name.
+            Full name.
         kind
-            The type, ``package/msg/Name``.
+            Type, ``package/msg/Name``.
         qualities
-            The quality of service that each publisher offers, in the words of rosbag2.
+            Quality of service that each publisher offers, in the terms of rosbag2.
         digest
-            The hash of the type, if it is known.
+            Hash of the type, if it is known.
         """
-        offered = json.dumps([{**_QUALITY, **each} for each in qualities or ({},)])
+        offered = json.dumps([{**_QUALITY, **quality} for quality in qualities or ({},)])
         metadata = {'offered_qos_profiles': offered, 'topic_type_hash': digest}
         self._numbers[topic] = self._file.add(topic, kind, definition(kind), metadata)
         self._topics.append(_Topic(topic, kind, offered, digest))
 
     def write(self, topic: str, time: int, data: bytes, published: int | None = None) -> None:
-        """Add a message that was received at ``time``, and when it was published, if known.
+        """Add a message with its time of reception, and of publication if that is known.
 
         Both are in nanoseconds.
         """
@@ -137,7 +137,7 @@ class RecordingWriter:
         self._waiting.append((time, self._numbers[topic], data, sent))
 
     def flush(self) -> None:
-        """Write all messages, in order: they are in the file then, if this process is killed."""
+        """Write all messages in order, so that they are in the file if this process is killed."""
         self._waiting.sort(key=itemgetter(0))
         for time, number, data, published in self._waiting:
             self._file.write(number, time, data, published)
@@ -146,14 +146,14 @@ class RecordingWriter:
         self._describe()
 
     def close(self) -> None:
-        """Write what is left, the index of the file and the metadata."""
+        """Write the remaining messages, the index of the file and the metadata."""
         if not self._closed:
             self._closed = True
             self.flush()
             self._file.close()
 
     def _describe(self) -> None:
-        """Put `metadata.yaml` in the place of the one before; JSON is YAML."""
+        """Replace `metadata.yaml`, in JSON, which is YAML."""
         file = self._file
         total = sum(file.counts)
         start = {'nanoseconds_since_epoch': file.start if total else 0}

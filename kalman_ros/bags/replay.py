@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording through the estimator: what the node would have believed, faster than real time."""
+"""Replay of a recording through the estimator, as in its node but faster than real time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from .replayed import Replayed, Truth
 from .smoothing import FinalBeliefs
 from .steps import Steps
 
-#: The progress is reported after each N messages.
+#: Number of messages between two reports of the progress.
 _REPORT = 500
 
 
@@ -45,7 +45,7 @@ def estimator_settings(
         The name of a scenario in ``config/``, the path of a parameter file, or the parameters
         themselves; None for the default of the node.
     overrides
-        Parameters over those.
+        Parameters over those of the scenario.
 
     Raises
     ------
@@ -53,14 +53,14 @@ def estimator_settings(
         If a parameter is unknown or wrong.
     """
     if isinstance(scenario, Mapping):
-        given = dict(scenario)
+        parameters = dict(scenario)
     else:
-        given = from_file(shipped.file(scenario or models.DEFAULT), 'estimator')
-    given.update(overrides or {})
-    if 'model' not in given:
+        parameters = from_file(shipped.file(scenario or models.DEFAULT), 'estimator')
+    parameters.update(overrides or {})
+    if 'model' not in parameters:
         section = own_section(shipped.file(models.DEFAULT), 'estimator')
-        given = {'model': models.DEFAULT, **section, **given}
-    return settings(given)
+        parameters = {'model': models.DEFAULT, **section, **parameters}
+    return settings(parameters)
 
 
 def replay(
@@ -76,7 +76,7 @@ def replay(
     out: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Replayed:
-    """Return what the estimator's node makes of a recording.
+    """Replay a recording through the estimator, as its node would receive it.
 
     The messages pass through the same decoder, the same estimator and the same rules for data
     that are late, missing, doubled or out of order, in the order in which they were received.
@@ -90,23 +90,23 @@ def replay(
     overrides
         Parameters over those of the scenario: ``{'imu.topic': '/imu/data'}``.
     start, end
-        Which part of the recording, in seconds from its start; in lockstep, in simulated seconds.
+        Part of the recording, in seconds from its start; in lockstep, in simulated seconds.
     smooth
-        Whether to compute the states given all readings, later ones too.
+        Whether to compute the states given all readings, including later ones.
     truth
-        A topic with the true state, of the type and fields that the estimate has.
+        Topic with the true state, of the type and fields that the estimate has.
     namespace
-        In which the topics of the scenario are.
+        Namespace of the topics of the scenario.
     out
-        A folder for a recording of the topics that the estimator publishes; an earlier one in it
-        is replaced.
+        Folder for a recording of the topics that the estimator publishes; an earlier one in it is
+        replaced.
     progress
-        Called now and then with the seconds of the recording that are done.
+        Function that is called now and then with the seconds of the recording that are done.
 
     Raises
     ------
     ValueError
-        If the recording, the parameters or a topic cannot be used; one line says why.
+        If the recording, the parameters or a topic cannot be used; one line gives the reason.
     """
     configured = estimator_settings(scenario, overrides)
     return replay_bag(
@@ -127,7 +127,7 @@ def replay_bag(
     out: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Replayed:
-    """Return the same of a recording that is open; see `replay`."""
+    """Replay a recording that is open; see `replay`."""
     if not 0.0 <= start < end:
         raise ValueError(f'part: expected 0 <= start < end, got {start:g} and {end:g}')
     if out is not None:
@@ -192,13 +192,13 @@ def replay_bag(
 
 
 def _limits(bag: Bag, start: float, end: float) -> tuple[float, float]:
-    """Return a part of a recording in nanoseconds."""
+    """Return the limits of a part of a recording, in nanoseconds."""
     first = bag.start + round(start * 1e9) if start else -inf
     return first, bag.start + round(end * 1e9) if isfinite(end) else inf
 
 
 class _TruthReader:
-    """Reads the true states of a recording."""
+    """Reader of the true states of a recording."""
 
     def __init__(self, settings: Settings, bag: Bag, topic: str) -> None:
         self.topic = topic
@@ -209,7 +209,7 @@ class _TruthReader:
         self._stamps: list[int] = []
 
     def __call__(self, data: bytes) -> None:
-        """Take a message; what cannot be decoded is left out."""
+        """Add the state in a message, if it can be decoded, has a stamp and is finite."""
         try:
             time, x, _ = self._read(data)
         except (UndecodableError, LookupError, ValueError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of a replay, as arrays."""
+"""Results of a replay, as arrays."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from kalman_ros.scenario import Scenario
 
 @dataclass(frozen=True)
 class SensorReplay(SensorRecord):
-    """What became of a sensor's N readings, and the counts of the whole replay.
+    """Outcomes of a sensor's N readings, and the counts of the whole replay.
 
     Times are in seconds from the start of the recording; a reading is NaN where the message lacked
-    fields. An outcome is that of the time of receipt.
+    fields. An outcome is the one at the time of reception.
 
     Parameters
     ----------
     counts
-        The number of readings by outcome, at the end: a late reading may have changed
-        the outcome of another.
+        Number of readings by outcome, at the end: a late reading may have changed the outcome of
+        another one.
     undecodable
-        The number of messages that were not those of the type, or too long.
+        Number of messages that were not of the type, or too long.
     """
 
     counts: Mapping[Outcome, int]
@@ -35,7 +35,7 @@ class SensorReplay(SensorRecord):
 
     @property
     def fused(self) -> int:
-        """The number of readings that moved the estimate."""
+        """Number of readings that moved the estimate."""
         return sum(count for outcome, count in self.counts.items() if outcome.accepted)
 
 
@@ -47,7 +47,7 @@ class Truth:
     state: Array
 
     def at(self, scenario: Scenario, time: Array) -> Array:
-        """Return the states (M, n) at times (M,), on lines between those that are known.
+        """Return the states (M, n) at times (M,), interpolated between the known states.
 
         Outside of the known times they are NaN.
         """
@@ -59,44 +59,44 @@ class Truth:
         length = self.time[after] - self.time[before]
         share = (time - self.time[before]) / np.where(length > 0.0, length, 1.0)
         change = space.subtract(self.state[after], self.state[before])
-        found = space.add(self.state[before], share[:, np.newaxis] * change)
+        state = space.add(self.state[before], share[:, np.newaxis] * change)
         inside = (time >= self.time[0]) & (time <= self.time[-1])
-        return np.where(inside[:, np.newaxis], found, np.nan)
+        return np.where(inside[:, np.newaxis], state, np.nan)
 
 
 @dataclass(frozen=True, repr=False)
 class Replayed:
-    """A recording as the estimator has seen it.
+    """A recording as the estimator processed it.
 
     Parameters
     ----------
     scenario
-        The model and the sensors.
+        Model and sensors.
     start
-        The time in nanoseconds that all others are counted from: when the first message of the
-        recording was received, or in lockstep the stamp of the first step.
+        Time in nanoseconds from which all others are counted: the reception of the first message
+        of the recording, or in lockstep the stamp of the first step.
     duration
         Seconds from the first to the last message that was used; in lockstep, simulated seconds.
     lockstep
         Whether the recording is of a run in lockstep.
     sensors
-        By name, those that are enabled.
+        Enabled sensors by name.
     beliefs
-        After each reading that corrected the estimate, or each step.
+        Beliefs after each reading that corrected the estimate, or after each step.
     inputs
-        As they were received.
+        Inputs as they were received.
     restarts, repairs
-        Of the estimator.
+        Numbers of restarts and repairs of the estimator.
     smoothed
-        The beliefs given all readings, if that was asked for.
+        Beliefs given all readings, if requested.
     biases
-        Of the sensors that have one, at the end.
+        Biases of the sensors that have one, at the end.
     truth
-        If the recording has it and its topic was named.
+        True states, if the recording has them and their topic was named.
     notes
-        Sentences on what is missing or damaged.
+        Sentences about what is missing or damaged.
     arithmetic
-        What computed the model and the sensors: C, CasADi or numpy, with the reason.
+        Arithmetic of the model and the sensors: C, CasADi or numpy, with the reason.
     """
 
     scenario: Scenario
@@ -116,5 +116,5 @@ class Replayed:
 
     def __repr__(self) -> str:
         rows = (f'{name}: {s.fused} of {len(s.nis)} fused' for name, s in self.sensors.items())
-        what = ', '.join(rows)
-        return f'Replayed({self.duration:.4g} s, {len(self.beliefs.time)} beliefs, {what})'
+        sensors = ', '.join(rows)
+        return f'Replayed({self.duration:.4g} s, {len(self.beliefs.time)} beliefs, {sensors})'

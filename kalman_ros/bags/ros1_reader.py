@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads bags of ROS 1 (http://wiki.ros.org/Bags/Format/2.0) as messages of ROS 2.
+"""Reader of bags of ROS 1 (http://wiki.ros.org/Bags/Format/2.0) as messages of ROS 2.
 
-Message definitions that a bag brings along are not used: code would have to be made of them. The
-types that the standard packages of ROS 2 have, too, are converted by rosbags.
+Message definitions in a bag are not used, since code would have to be generated from them. Types
+that the standard packages of ROS 2 have, too, are converted by rosbags.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ def _types() -> Any:
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
         raise ValueError(f'to read a bag of ROS 1, {MISSING}') from None
-    # those of ROS 2: the header of ROS 1 has a number more, which the conversion leaves out
+    # types of ROS 2: the header of ROS 1 has a number more, which the conversion leaves out
     return get_typestore(Stores.ROS2_JAZZY)
 
 
 def _fields(data: bytes) -> dict[bytes, bytes]:
     """Return the named values in the head of a record."""
-    found: dict[bytes, bytes] = {}
+    fields: dict[bytes, bytes] = {}
     at = 0
     while at + U32.size <= len(data):
-        if len(found) > _MOST_FIELDS:
+        if len(fields) > _MOST_FIELDS:
             raise ValueError(f'a record with more than {_MOST_FIELDS} fields')
         (size,) = U32.unpack_from(data, at)
         at += U32.size
         name, _, value = data[at : at + size].partition(b'=')
-        found[name] = value
+        fields[name] = value
         at += size
-    return found
+    return fields
 
 
 def _number(fields: dict[bytes, bytes], name: bytes, kind: Struct = U32) -> int:
@@ -81,14 +81,14 @@ class Ros1File:
     Parameters
     ----------
     path
-        Of the bag.
+        Path of the bag.
     budget
-        What opening it may take.
+        Budget for opening the bag.
 
     Raises
     ------
     ValueError
-        If it is no bag of version 2.0, or the budget does not suffice.
+        If it is not a bag of version 2.0, or the budget does not suffice.
     """
 
     def __init__(self, path: Path, budget: Budget) -> None:
@@ -113,11 +113,11 @@ class Ros1File:
                 raise ValueError('expected a bag of ROS 1, version 2.0, which this is not')
             while (at := file.tell()) < size:
                 budget.work(1)
-                found = self._head(file, size)
-                if found is None:
+                head = self._head(file, size)
+                if head is None:
                     self.damage = f'it is cut off: {at} of {size} bytes are complete'
                     break
-                fields, length = found
+                fields, length = head
                 after, op = file.tell() + length, _op(fields)
                 if op == _INDEX and length < _MOST:
                     times = self._index(file.read(length), times)
@@ -149,7 +149,7 @@ class Ros1File:
 
     @staticmethod
     def _index(data: bytes, times: list[int]) -> list[int]:
-        """Return the first and the last of some times and those in an index of a chunk."""
+        """Return the first and the last of some times and of those in an index of a chunk."""
         whole = len(data) // _ENTRY.size * _ENTRY.size
         times = times + [s * 1_000_000_000 + ns for s, ns, _ in _ENTRY.iter_unpack(data[:whole])]
         return [min(times), max(times)] if times else []
@@ -157,7 +157,7 @@ class Ros1File:
     def _end_chunk(self, chunk: Part | None, times: list[int], budget: Budget) -> None:
         if chunk is None:
             return
-        if not times:  # it has no index behind it
+        if not times:  # no index follows it
             for fields, _ in self._records(chunk, budget):
                 if _op(fields) == _MESSAGE:
                     times.append(_time(fields.get(b'time', b'')))
@@ -196,7 +196,7 @@ class Ros1File:
             start = content + rest
 
     def _read(self, chunk: Part, topics: Collection[str], budget: Budget) -> Iterator[Message]:
-        """Yield the messages of some topics in a chunk, as those of ROS 2."""
+        """Yield the messages of some topics in a chunk, as messages of ROS 2."""
         for fields, data in self._records(chunk, budget):
             if _op(fields) == _CONNECTION:
                 self._connect(fields, data, budget)

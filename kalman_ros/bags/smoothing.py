@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The smoothed states of a replay, from what the estimator had settled on."""
+"""The smoothed states of a replay, from the final beliefs of the estimator."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from .columns import Rows
 
 
 class FinalBeliefs:
-    """Keeps the last belief of each instant, once nothing can change it any more.
+    """Storage of the last belief of each instant, once nothing can change it any more.
 
-    Beyond a size they are on disk, so that the memory of a long recording is bounded.
+    Beyond a size it is on disk, so that the memory of a long recording is bounded.
 
     Parameters
     ----------
     online
         The estimator.
     inputs
-        The number of inputs.
+        Number of inputs.
     """
 
     def __init__(self, online: OnlineEstimator, inputs: int) -> None:
@@ -58,34 +58,34 @@ class FinalBeliefs:
             moment = np.array((self._last.time, self._last.restarted), dtype=np.int64)
             self._rows.append(moment.view(np.float64), *self._last.belief, self._last.input)
 
-    def smoothed(self, start: int, own: Callable[[Gaussian], Gaussian]) -> Beliefs:
+    def smoothed(self, start: int, without_biases: Callable[[Gaussian], Gaussian]) -> Beliefs:
         """Return the beliefs given all readings, at times in seconds from ``start``.
 
         Parameters
         ----------
         start
-            In nanoseconds.
-        own
-            Returns the belief of the states that are asked for, without biases of sensors.
+            Time from which seconds are counted, in nanoseconds.
+        without_biases
+            Function that returns the belief without the biases of sensors.
 
         Raises
         ------
         ValueError
-            If the filter is of a kind that cannot be smoothed.
+            If the filter cannot be smoothed.
         """
         self._online.finish()
         self._keep()
         rows = self._rows.columns()
         moments = rows['moment'].view(np.int64)
-        found = BeliefColumns(len(own(self._online.belief).mean))
+        beliefs = BeliefColumns(len(without_biases(self._online.belief).mean))
         try:
             for (time, _), belief in zip(
                 moments[::-1], smoothed_back(self._online.filter, _backwards(rows, moments))
             ):
-                found.add(seconds(int(time), start), own(belief))
+                beliefs.add(seconds(int(time), start), without_biases(belief))
         except np.linalg.LinAlgError as error:
             raise ValueError(f'smooth: a prediction cannot be inverted: {error}') from None
-        back = found.result()
+        back = beliefs.result()
         return Beliefs(back.time[::-1], back.mean[::-1], back.covariance[::-1])
 
 

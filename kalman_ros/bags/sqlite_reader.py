@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the SQLite files of rosbag2, in slices of time."""
+"""Reader of the SQLite files of rosbag2, in slices of time."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from typing import Any
 from .blocks import Block, Message
 from .budget import Budget
 
-#: Messages of a slice, on average, and the most slices.
+#: Average number of messages in a slice, and the largest number of slices.
 _SLICE, _MOST_SLICES = 2000, 100_000
-#: The most bytes of the table of topics.
+#: Largest size of the table of topics, in bytes.
 _MOST_TOPICS = 1 << 24
-#: Any column may have values of any type; a number for its bytes would be taken for their count.
+#: Condition for values of another type: a number for the bytes would be taken for their count.
 _OTHER = "typeof(data) != 'blob' OR typeof(timestamp) != 'integer'"
-#: Steps of SQLite between two looks at the budget, and how many are counted as a record: a row
-#: takes about thirty in a pass.
+#: Steps of SQLite between two checks of the budget, and steps that count as a record: a row takes
+#: about thirty in a pass.
 _LOOK, _STEPS = 1000, 100
-#: What a query may do and read. A schema may bring along anything else.
+#: Actions and names that a query may use, since a schema may contain anything else.
 _TABLES = {'topics', 'messages'}
 _ALLOWED: dict[int, set[str | None]] = {
     sqlite3.SQLITE_SELECT: {None},
@@ -38,14 +38,14 @@ class SqliteFile:
     Parameters
     ----------
     path
-        Of the file.
+        Path of the file.
     budget
-        What opening it may take.
+        Budget for opening the file.
 
     Raises
     ------
     ValueError
-        If it is no such file, or the budget does not suffice.
+        If it is not such a file, or the budget does not suffice.
     """
 
     damage = ''
@@ -170,13 +170,13 @@ class SqliteFile:
 
 
 def _authorize(action: int, first: str | None, second: str | None, *_: Any) -> int:
-    """Return whether SQLite may do what a query needs."""
+    """Return whether SQLite may do what a query requests."""
     name = second if action == sqlite3.SQLITE_FUNCTION else first
     return sqlite3.SQLITE_OK if name in _ALLOWED.get(action, ()) else sqlite3.SQLITE_DENY
 
 
 def _watch(budget: Budget, stopped: list[BaseException]) -> Generator[int, None, None]:
-    """Yield, each time that SQLite asks, whether it is to stop, and keep the reason.
+    """Yield, each time that SQLite asks, whether it must stop, and keep the reason.
 
     SQLite drops what is raised here, by the budget or the handler of a signal. The handler runs
     at the first bytecode, which in a generator is inside of the ``try``, in a function before it.

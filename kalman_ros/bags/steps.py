@@ -15,29 +15,29 @@ from .budget import MOST_PENDING, MOST_WAITING
 class Steps:
     """The messages of the steps between two times, in the order of cause and effect.
 
-    Those of a step are all from the tick before it to its own. A run takes another time than it
-    simulates, so the clock of the recorder says nothing about steps.
+    The messages of a step are all those from the tick before it to its own tick. A run does not
+    take the time that it simulates, so the clock of the recorder does not determine the steps.
 
     Parameters
     ----------
     messages
-        In the order in which they were received.
+        Messages in the order in which they were received.
     tick
-        The topic of the ticks.
+        Topic of the ticks.
     start, end
-        In simulated seconds from the first tick.
+        Limits in simulated seconds from the first tick.
 
     Raises
     ------
     ValueError
-        While iterating, if so much comes without a tick that it would fill the memory.
+        While iterating, if messages without a tick would fill the memory.
     """
 
     def __init__(
         self, messages: Iterable[Message], tick: str, start: float = 0.0, end: float = inf
     ) -> None:
         self._messages, self._tick, self._limits = messages, tick, (start * 1e9, end * 1e9)
-        #: The stamp of the first tick, in nanoseconds; None before it.
+        #: Stamp of the first tick, in nanoseconds; None before it.
         self.origin: int | None = None
 
     def __iter__(self) -> Iterator[Message]:
@@ -67,7 +67,7 @@ class Steps:
         yield from waiting
 
     def _elapsed(self, message: Message) -> int | None:
-        """Return the simulated time of a tick in nanoseconds; None of another message."""
+        """Return the simulated time of a tick in nanoseconds; None for another message."""
         if message.topic != self._tick:
             return None
         try:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message <-> vector: the only code that accesses the fields and stamps of messages."""
+"""Conversion between messages and vectors: no other code accesses fields and stamps."""

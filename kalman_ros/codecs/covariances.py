@@ -22,8 +22,8 @@ def _below(part: str, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f'{part}.{name}' for name in names)
 
 
-#: Message type -> its covariances: the attribute, and the field of each row.
-_CARRIED: dict[str, dict[str, tuple[str, ...]]] = {
+#: Covariances of each message type: the attribute, and the field of each row.
+_COVARIANCES: dict[str, dict[str, tuple[str, ...]]] = {
     'PoseWithCovariance': {
         'covariance': _below('pose.position', _XYZ) + _below('pose.orientation', ANGLES)
     },
@@ -50,29 +50,29 @@ _CARRIED: dict[str, dict[str, tuple[str, ...]]] = {
 #: fixed axes (geometry_msgs/PoseWithCovariance), as are the errors of a rotation.
 _ROWS = dict(zip(VECTOR, ANGLES))
 
-#: The first element of a covariance of a message whose driver has no such reading: the comments of
+#: First element of a covariance of a message whose driver has no such reading, by the comments of
 #: sensor_msgs/Imu.
 ABSENT = -1.0
-#: The types with this convention.
+#: Types with this convention.
 _DECLARING = ('Imu',)
 
 
 class AbsentError(ValueError):
-    """A message says that it does not contain what is read."""
+    """Error of a message that declares a field as absent."""
 
 
 def declaring(paths: Sequence[Path], sample: Any) -> list[Way]:
-    """Return the covariances whose first element may say that a field of ``paths`` is absent."""
-    found = dict.fromkeys(
+    """Return the covariances whose first element may declare a field of ``paths`` as absent."""
+    ways = dict.fromkeys(
         place[0]
-        for place in (_carried(path, sample) for path in paths)
+        for place in (_covariance_row(path, sample) for path in paths)
         if place is not None and type(walk(sample, place[0][:-1])).__name__ in _DECLARING
     )
-    return list(found)
+    return list(ways)
 
 
 def refuse_absent(ways: Sequence[Way], first: Sequence[float]) -> None:
-    """Raise AbsentError if a covariance of ``ways``, by its first element, is of no reading."""
+    """Raise AbsentError if the ``first`` element of a covariance of ``ways`` declares absence."""
     for way, value in zip(ways, first):
         if value == ABSENT:
             raise AbsentError(f'{way[-1]}[0] is {ABSENT:g}')
@@ -82,7 +82,7 @@ def refuse_absent(ways: Sequence[Way], first: Sequence[float]) -> None:
 class Block:
     """A covariance array in a message, and the coordinates of its rows.
 
-    ``own`` are indices into the vector, ``rows`` into the array, ``size`` the array's width.
+    ``own`` are indices into the vector, ``rows`` into the array; ``size`` is the array's width.
     """
 
     way: Way
@@ -96,7 +96,7 @@ class Block:
         Raises
         ------
         ValueError
-            If there are more or fewer.
+            If there are more or fewer numbers.
         """
         numbers = np.asarray(walk(message, self.way), dtype=float).ravel()
         if numbers.size != self.size**2:
@@ -130,37 +130,37 @@ def blocks(paths: Sequence[Path], sample: Any, explicit: str = '') -> tuple[Bloc
                 f"covariance: expected the path of {count} numbers in {kind}, got '{explicit}'"
             )
         return (Block(way, everything, everything, len(paths)),)
-    found: dict[Way, list[tuple[int, int, int]]] = {}
+    rows_by_way: dict[Way, list[tuple[int, int, int]]] = {}
     for index, path in enumerate(paths):
-        place = _carried(path, sample)
+        place = _covariance_row(path, sample)
         if place is not None:
             way, row, size = place
-            found.setdefault(way, []).append((index, row, size))
+            rows_by_way.setdefault(way, []).append((index, row, size))
     return tuple(
         Block(way, tuple(i for i, _, _ in rows), tuple(row for _, row, _ in rows), rows[0][2])
-        for way, rows in found.items()
+        for way, rows in rows_by_way.items()
     )
 
 
 def _has_room(sample: Any, way: Way, size: int) -> bool:
     """Return whether a covariance of ``size`` rows fits at the end of ``way``."""
     try:
-        found = walk(sample, way)
+        value = walk(sample, way)
     except AttributeError:
         return False
-    if isinstance(found, np.ndarray):  # a fixed-length array
-        return bool(found.dtype == float and found.size == size**2)
-    if isinstance(found, array):
-        return found.typecode == 'd'
-    return isinstance(found, float) and size == 1
+    if isinstance(value, np.ndarray):  # a fixed-length array
+        return bool(value.dtype == float and value.size == size**2)
+    if isinstance(value, array):
+        return value.typecode == 'd'
+    return isinstance(value, float) and size == 1
 
 
-def _carried(path: Path, sample: Any) -> tuple[Way, int, int] | None:
+def _covariance_row(path: Path, sample: Any) -> tuple[Way, int, int] | None:
     """Return the covariance array with a row for ``path``, the row, and the array's width."""
     for depth in range(len(path.way)):
         owner = walk(sample, path.way[:depth])
         rest = '.'.join(map(str, (*path.way[depth:-1], _ROWS.get(path.attribute, path.attribute))))
-        for attribute, rows in _CARRIED.get(type(owner).__name__, {}).items():
+        for attribute, rows in _COVARIANCES.get(type(owner).__name__, {}).items():
             if rest in rows:
                 return (*path.way[:depth], attribute), rows.index(rest), len(rows)
     return None

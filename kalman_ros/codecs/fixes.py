@@ -2,7 +2,7 @@
 """Fixes of a satellite receiver, ``sensor_msgs/NavSatFix``, as metres of a datum.
 
 Like the angles of a quaternion, ``east``, ``north`` and ``up`` are fields of such a message that
-are computed from its own.
+are computed from its own fields.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from kalman_ros.core.geodesy import Origin, Place, place
 from .messages import full_type, message_type, write_stamp
 
 TYPE = 'sensor_msgs/NavSatFix'
-#: The computed fields.
+#: Computed fields.
 LOCAL = ('east', 'north', 'up')
 
 
 class NoFixError(ValueError):
-    """A message contains no position."""
+    """Error of a message without a position."""
 
 
 def is_local(signal: Signal) -> bool:
@@ -32,7 +32,7 @@ def is_local(signal: Signal) -> bool:
     Raises
     ------
     ValueError
-        If it mixes these with others, or repeats one.
+        If it mixes computed fields with others, or repeats one.
     """
     fields = signal.fields
     if full_type(signal.type) != full_type(TYPE) or not {*fields}.intersection(LOCAL):
@@ -44,7 +44,7 @@ def is_local(signal: Signal) -> bool:
 
 
 class FixCodec:
-    """Reads metres east, north and up of a datum from fixes, and writes them.
+    """Codec of metres east, north and up of a datum, read from fixes and written as fixes.
 
     It has the methods of a `SignalCodec`.
 
@@ -53,9 +53,9 @@ class FixCodec:
     signal
         Topic, type, fields, and the datum if it is known.
     frame
-        Written to ``header.frame_id``.
+        Frame that is written to ``header.frame_id``.
     origin
-        The datum of several receivers, which the first fix that is read may set.
+        Datum of several receivers, which the first fix that is read may set.
     """
 
     carries_covariance = has_covariance = True
@@ -72,12 +72,12 @@ class FixCodec:
         self._block = np.ix_(self._rows, self._rows)
 
     def decode(self, message: Any) -> Array:
-        """Return the vector (k,) in a message; NaN for a height that it does not have.
+        """Return the vector (k,) in a message; NaN for a height that the message lacks.
 
         Raises
         ------
         NoFixError
-            If it has no position.
+            If the message has no position.
         """
         where = place_of(message)
         plane = self._origin.at(where)
@@ -91,7 +91,7 @@ class FixCodec:
     def decode_covariance(self, message: Any) -> Array | None:
         """Return the covariance (k, k) of a message; None if its type is unknown.
 
-        It is given in the directions at the receiver, and returned in those at the datum.
+        It is given in the directions at the receiver, and returned in the directions at the datum.
         """
         kind, known = message.position_covariance_type, self.message_type
         if kind not in (
@@ -143,7 +143,7 @@ def place_of(message: Any) -> Place:
     Raises
     ------
     NoFixError
-        If its status is without a fix, or the numbers are no place.
+        If its status is not a fix, or the numbers are not a place.
     """
     status = message.status.status
     if status < message.status.STATUS_FIX:

@@ -20,7 +20,7 @@ from .padding import without_padding
 from .paths import Way
 from .signal_codec import SignalCodec
 
-#: Marks are unlikely numbers: these bits, and a counter.
+#: Bits of the first mark; marks are unlikely numbers, which count up from here.
 _FIRST_MARK = 0x7E57C0DE00000000
 #: Plain CDR aligns a float64 to 8 bytes, counted from after the four leading bytes.
 BASE, SIZE = 4, 8
@@ -38,23 +38,22 @@ class Sample(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Where a message has its numbers, in steps of 8 bytes from the start of its fields.
+    """Positions of the numbers in a message, in steps of 8 bytes from the start of its fields.
 
     Parameters
     ----------
     data
-        A message.
+        Example of such a message.
     fixed
-        The parts that are equal in every message of this layout.
+        Parts that are equal in every message of this layout.
     values
-        The position of each coordinate (n,).
+        Position of each coordinate (n,).
     covariance
-        The elements of the covariance (n, n) in a message, and the position of each; or None.
+        Elements of the covariance (n, n) in a message, and the position of each; or None.
     stamped
         Whether the message begins with a header.
     declaring, declared
-        The covariances that may say that a field is absent, and the position of each one's first
-        element.
+        Covariances that may declare a field as absent, and the positions of their first elements.
     """
 
     data: bytes
@@ -81,27 +80,27 @@ def learn(codec: SignalCodec, message: Any, data: bytes) -> Layout | None:
     marked = bytes(serialize_message(message))[: len(data)]
     if len(marked) < len(data) or marked[:BASE] != data[:BASE]:  # e.g. another byte order
         return None
-    there = _marks_in(marked, count)
-    if there is None:
+    positions = _marks_in(marked, count)
+    if positions is None:
         return None
     values, covariance = codec.decode(message), codec.decode_covariance(message)
-    own: Any = ...
+    elements: Any = ...
     if covariance is not None:
         # between two blocks of a covariance there are zeros that the message does not contain
-        carried = covariance != 0.0
-        own = ... if carried.all() else carried
-        covariance = covariance[own]
-    wanted = values if covariance is None else np.append(values, covariance)
-    if not (_numbers_of(wanted) < count).all():  # a value computed from a field is not a mark
+        nonzero = covariance != 0.0
+        elements = ... if nonzero.all() else nonzero
+        covariance = covariance[elements]
+    marks = values if covariance is None else np.append(values, covariance)
+    if not (_numbers_of(marks) < count).all():  # a value computed from a field is not a mark
         return None
-    places = None if covariance is None else (own, there[_numbers_of(covariance)])
-    declared = there[_numbers_of(np.array(codec.declarations(message)))]
+    places = None if covariance is None else (elements, positions[_numbers_of(covariance)])
+    declared = positions[_numbers_of(np.array(codec.declarations(message)))]
     try:
         used = without_padding(b'\xff' * len(data), message)
     except NotImplementedError:
         return None
-    fixed = _fixed_runs(data, marked, used, there, stamped)
-    where = there[_numbers_of(values)]
+    fixed = _fixed_runs(data, marked, used, positions, stamped)
+    where = positions[_numbers_of(values)]
     return Layout(data, fixed, where, places, stamped, codec.declaring, declared)
 
 
@@ -116,15 +115,15 @@ def _marks_in(marked: bytes, count: int) -> Places | None:
     cells = np.frombuffer(marked, '<u8', max(len(marked) - BASE, 0) // SIZE, BASE)
     numbers = cells - np.uint64(_FIRST_MARK)
     places = np.flatnonzero(numbers < count)
-    there = np.full(count, -1, np.intp)
-    there[numbers[places]] = places
-    return there if len(places) == count and (there >= 0).all() else None
+    positions = np.full(count, -1, np.intp)
+    positions[numbers[places]] = places
+    return positions if len(places) == count and (positions >= 0).all() else None
 
 
 def _fixed_runs(
-    data: bytes, marked: bytes, used: bytes, there: Places, stamped: bool
+    data: bytes, marked: bytes, used: bytes, positions: Places, stamped: bool
 ) -> list[slice]:
-    """Return the positions where bytes must be equal: all but numbers, stamp and padding.
+    """Return the slices in which bytes must be equal: all except numbers, stamp and padding.
 
     ``marked`` equals ``data`` except for its numbers. Padding, which is zero in ``used``, may
     have any value: the publisher's earlier memory.
@@ -132,7 +131,7 @@ def _fixed_runs(
     fixed = np.frombuffer(data, np.uint8) == np.frombuffer(marked, np.uint8)
     fixed &= np.frombuffer(used, np.uint8) != 0
     for byte in range(SIZE):
-        fixed[BASE + SIZE * there + byte] = False
+        fixed[BASE + SIZE * positions + byte] = False
     if stamped:
         fixed[STAMP_START : STAMP_START + STAMP.size] = False
     edges = np.flatnonzero(np.diff(np.concatenate(([False], fixed, [False]))))

@@ -19,12 +19,12 @@ _FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
 #: The stamp of a leading header in a serialised message.
 STAMP = struct.Struct('<iI')
 _BIG_ENDIAN_STAMP = struct.Struct('>iI')
-#: It follows the four leading bytes of every message.
+#: Position of the stamp, after the four leading bytes of every message.
 STAMP_START = 4
-#: The length of the frame after it, whose last byte is zero.
+#: Length of the frame after it, whose last byte is zero.
 _LENGTH = struct.Struct('<I')
 _BIG_ENDIAN_LENGTH = struct.Struct('>I')
-#: The frame of a leading header.
+#: Position of the frame of a leading header.
 FRAME_START = STAMP_START + STAMP.size
 
 
@@ -34,36 +34,36 @@ def message_type(name: str) -> Any:
     Raises
     ------
     ValueError
-        If it is not installed, cannot be loaded, or there is no such message.
+        If the package is not installed, cannot be loaded, or has no such message.
     """
     package, _, kind = name.replace('/msg/', '/').partition('/')
     if not package.isidentifier() or not kind.isidentifier():
         raise ValueError(f"type: expected 'package/Name', got '{name}'")
     try:
-        found = getattr(importlib.import_module(f'{package}.msg'), kind, None)
+        message_class = getattr(importlib.import_module(f'{package}.msg'), kind, None)
     except ImportError:
         raise ValueError(f"type: the message package '{package}' is not installed") from None
-    if found is None:
+    if message_class is None:
         raise ValueError(f"type: the package '{package}' has no message '{kind}'")
     try:
         # as rclpy does at the first use, where it would end in a traceback
-        if getattr(type(found), '_TYPE_SUPPORT', '') is None:
-            type(found).__import_type_support__()
+        if getattr(type(message_class), '_TYPE_SUPPORT', '') is None:
+            type(message_class).__import_type_support__()
     except UnsupportedTypeSupport:
         where = 'is their folder in LD_LIBRARY_PATH?'
         raise ValueError(f"type: cannot load the libraries of '{package}': {where}") from None
-    return found
+    return message_class
 
 
 def full_type(name: str) -> str:
-    """Return the type ``package/Name`` as ``package/msg/Name``, as the graph and bags have it."""
+    """Return the type ``package/Name`` as ``package/msg/Name``, as in the graph and in bags."""
     return name.replace('/msg/', '/').replace('/', '/msg/')
 
 
 class UndecodableError(Exception):
-    """The bytes of a message do not match its type.
+    """Error of bytes that do not match the type of their message.
 
-    Not a ValueError: readers handle invalid contents of a decoded message in many ways; here
+    It is no ValueError: readers handle invalid contents of a decoded message in many ways; here
     only the size is known.
     """
 
@@ -86,13 +86,13 @@ def decode(data: bytes, kind: Any) -> Any:
         raise UndecodableError(f'{len(data)} bytes are no {kind.__name__}') from error
 
 
-#: For this many seconds after a failure no other is logged.
+#: Seconds after a failure in which no other failure is logged.
 _PAUSE = 1.0
 _failed = -_PAUSE
 
 
 class _Silence:
-    """Suppresses the middleware's output for each message that it cannot read.
+    """Suppression of the middleware's output for each message that it cannot read.
 
     A sender could fill a disk with these lines; they have neither level nor logger.
     """
@@ -138,7 +138,7 @@ def leading_stamp(data: bytes) -> int:
     Raises
     ------
     UndecodableError
-        If it is too short for a stamp.
+        If the message is too short for a stamp.
     """
     if len(data) < STAMP_START + STAMP.size:
         raise UndecodableError(f'{len(data)} bytes have no room for a stamp')
@@ -153,9 +153,9 @@ def leading_frame(data: bytes) -> str:
 
 
 def frame_and_end(data: bytes, *, of_child: bool = False) -> tuple[str, int]:
-    """Return the frame in a leading header, or the ``child_frame_id`` after it, and where it ends.
+    """Return the frame in a leading header, or the ``child_frame_id`` after it, and its end.
 
-    A leading slash is left out.
+    A leading slash is omitted.
     """
     length = _LENGTH if data[1] & 1 else _BIG_ENDIAN_LENGTH
     start, end = FRAME_START, FRAME_START

@@ -14,12 +14,12 @@ _ARRAY = re.compile(r'^(?:sequence<([^,>]+)(?:, (\d+))?>|([^\[]+)\[(\d+)\])$')
 
 
 def number_kind(declared: str) -> str:
-    """Return the kind of number of a field by its declaration; '' otherwise."""
+    """Return the kind of number of a field by its declaration; '' if it is not a number."""
     return declared if declared in (*_REAL, *_WHOLE, 'boolean') else ''
 
 
 def array_of(declared: str) -> tuple[str, int | None]:
-    """Return the element type and size of an array by its declaration; '' otherwise.
+    """Return the element type and size of an array by its declaration; '' if it is not an array.
 
     The size is None for a sequence of any length.
     """
@@ -31,7 +31,7 @@ def array_of(declared: str) -> tuple[str, int | None]:
 
 
 def converter(kind: str) -> Callable[[float], float | int | bool] | None:
-    """Return a conversion of real numbers to the nearest of a kind; None if none is needed.
+    """Return a conversion of real numbers to the nearest number of a kind; None if not needed.
 
     NaN becomes 0 for integers.
     """

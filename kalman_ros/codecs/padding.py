@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which bytes of a serialised message are data; the others are padding with arbitrary values.
+"""Separation of the data in a serialised message from padding with arbitrary values.
 
 Plain CDR aligns every number to its own size, counted from after the first four bytes (OMG,
 DDSI-RTPS 2.5, chapter 10; Common Object Request Broker Architecture 3.4, section 9.3).
@@ -37,7 +37,7 @@ def without_padding(data: bytes, message: Any) -> bytes:
 
 
 class _Walk:
-    """Traverses a message in serialisation order, and marks the bytes in use."""
+    """Traversal of a message in serialisation order, which marks the bytes in use."""
 
     def __init__(self) -> None:
         self._at = 0
@@ -57,13 +57,13 @@ class _Walk:
             raise NotImplementedError('wide strings')
         elif kind.startswith('sequence<'):
             self._use(4, 4)
-            self._each(value, kind[len('sequence<') : -1].partition(',')[0])
+            self._elements(value, kind[len('sequence<') : -1].partition(',')[0])
         elif kind.endswith(']'):
-            self._each(value, kind.partition('[')[0])
+            self._elements(value, kind.partition('[')[0])
         else:
             self.structure(value)
 
-    def _each(self, values: Any, kind: str) -> None:
+    def _elements(self, values: Any, kind: str) -> None:
         for value in values:
             self._value(value, kind)
 

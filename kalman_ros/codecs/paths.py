@@ -21,11 +21,11 @@ from .numbers import array_of, number_kind
 _STEP = re.compile(r'([A-Za-z_]\w*)(?:\[([^\]]+)\])?(?:\.(?=.)|$)')
 #: The steps of a path: attributes, and indices into arrays of messages.
 Way = tuple[Union[str, int], ...]
-#: The most numbers in an array.
+#: Largest size of an array of numbers.
 _LONGEST = 100_000
-#: An error lists at most this many names of a message, which may have any number.
+#: Largest number of names in an error message; a message may have any number.
 _FEW = 8
-#: Numbers of a quaternion that are computed: its angles, and its rotation vector.
+#: Computed numbers of a quaternion: its angles, and its rotation vector.
 ANGLES = ('roll', 'pitch', 'yaw')
 VECTOR = ('rx', 'ry', 'rz')
 
@@ -45,12 +45,12 @@ class Path:
 
     @property
     def parent(self) -> Way:
-        """The way to the object with the last attribute."""
+        """Way to the object that has the last attribute."""
         return self.way[:-1]
 
     @property
     def attribute(self) -> str:
-        """The last attribute."""
+        """Last attribute."""
         return str(self.way[-1])
 
 
@@ -79,8 +79,8 @@ def parse(text: str, sample: Any) -> Path:
         raise ValueError(f"fields: '{text}' needs a message with an array 'name' beside '{last}'")
     kind = number_kind(held)
     if not kind:
-        wanted = 'in an array of numbers' if bracket else 'a number'
-        raise ValueError(f"fields: '{text}' is not {wanted}")
+        expected = 'in an array of numbers' if bracket else 'a number'
+        raise ValueError(f"fields: '{text}' is not {expected}")
     return Path(text, (*way, last), index, name, kind)
 
 
@@ -127,16 +127,16 @@ def _element(declared: str, inner: str, text: str) -> Any:
 
 
 def size_arrays(way: Way, message: Any) -> None:
-    """Make every array of messages on the way long enough."""
+    """Extend every array of messages on the way to the length that the way needs."""
     for depth, step in enumerate(way):
         if isinstance(step, int):
             owner, attribute = walk(message, way[: depth - 1]), str(way[depth - 1])
-            there = getattr(owner, attribute)
-            if len(there) <= step:
+            elements = getattr(owner, attribute)
+            if len(elements) <= step:
                 held, _ = array_of(owner.get_fields_and_field_types()[attribute])
                 kind = message_type(held)
-                more = [kind() for _ in range(step + 1 - len(there))]
-                setattr(owner, attribute, [*there, *more])
+                more = [kind() for _ in range(step + 1 - len(elements))]
+                setattr(owner, attribute, [*elements, *more])
 
 
 def walk(message: Any, way: Way) -> Any:
@@ -183,8 +183,8 @@ def _at(values: Any, index: int, path: Path) -> float:
     try:
         return float(values[index])
     except IndexError:
-        what = f'expected at least {index + 1} numbers, got {len(values)}'
-        raise LookupError(f'{path.text}: {what}') from None
+        expected = f'expected at least {index + 1} numbers, got {len(values)}'
+        raise LookupError(f'{path.text}: {expected}') from None
 
 
 def _position(names: list[str], name: str) -> int:

@@ -29,7 +29,7 @@ from .paths import (
 
 
 class SignalCodec:
-    """Reads a vector, and its covariance, from messages and writes them into one.
+    """Codec of a vector, and of its covariance, in messages.
 
     `encode` always returns the same message object: publish it at once.
 
@@ -38,12 +38,12 @@ class SignalCodec:
     signal
         Topic, type and fields.
     frame, child_frame
-        Written to ``header.frame_id`` and ``child_frame_id``, if these fields exist.
+        Frames for ``header.frame_id`` and ``child_frame_id``, if these fields exist.
 
     Raises
     ------
     ValueError
-        If the type is not installed or has no such field; the topic is named.
+        If the type is not installed or lacks a field; the error names the topic.
     """
 
     def __init__(self, signal: Signal, frame: str = '', child_frame: str = '') -> None:
@@ -58,7 +58,7 @@ class SignalCodec:
             raise ValueError(f"signal '{signal.topic}': {error}") from None
         self.size = len(self._paths)
         self._readers = [reader(path, self.message) for path in self._paths]
-        #: The covariances that may say that a field is absent.
+        #: Covariances that may declare a field as absent.
         self.declaring = declaring(self._paths, self.message)
         covered = sum(len(block.own) for block in self._blocks)
         self.carries_covariance = covered == self.size
@@ -84,18 +84,18 @@ class SignalCodec:
         LookupError
             If an array of the message is too short or lacks a name.
         AbsentError
-            If it says that a field has no reading.
+            If the message declares a field as absent.
         """
         if self.declaring:
             refuse_absent(self.declaring, self.declarations(message))
         return np.array([read(message) for read in self._readers], dtype=float)
 
     def declarations(self, message: Any) -> list[float]:
-        """Return the first elements of the covariances that may say that a field is absent."""
+        """Return the first elements of the covariances that may declare a field as absent."""
         return [float(walk(message, way)[0]) for way in self.declaring]
 
     def decode_covariance(self, message: Any) -> Array | None:
-        """Return the covariance (n, n) in a message; None if it has none for every field.
+        """Return the covariance (n, n) in a message; None if it does not cover every field.
 
         Raises
         ------
@@ -105,8 +105,8 @@ class SignalCodec:
         if not self.carries_covariance:
             return None
         covariance = np.zeros(self.size**2)
-        for block, own, rows in self._reads:
-            covariance[own] = block.values(message)[rows]
+        for block, indices, rows in self._reads:
+            covariance[indices] = block.values(message)[rows]
         return covariance.reshape(self.size, self.size)
 
     def encode(self, time: int, values: Array, covariance: Array | None = None) -> Any:
@@ -119,8 +119,8 @@ class SignalCodec:
         self._write(values.tolist())
         if covariance is not None:
             flat = covariance.ravel()
-            for view, rows, own in self._covariances:
-                view[rows] = flat[own]
+            for view, rows, indices in self._covariances:
+                view[rows] = flat[indices]
         return self.message
 
 
@@ -133,9 +133,9 @@ def _check_quaternions(paths: list[Path], message: Any) -> None:
     """Raise ValueError unless a quaternion is read as angles, or as a whole rotation vector."""
     for path in paths:
         if path.attribute in VECTOR and is_quaternion(walk(message, path.parent)):
-            found = {other.attribute for other in paths if other.parent == path.parent}
-            if found != {*VECTOR}:
-                others = ', '.join(name for name in (*VECTOR, *ANGLES) if name in found)
+            attributes = {other.attribute for other in paths if other.parent == path.parent}
+            if attributes != {*VECTOR}:
+                others = ', '.join(name for name in (*VECTOR, *ANGLES) if name in attributes)
                 raise ValueError(
                     f"fields: '{path.text}' goes with {', '.join(VECTOR)} alone, got {others}"
                 )
@@ -195,7 +195,7 @@ def _writer(paths: list[Path], message: Any) -> Callable[[list[float]], None]:
     return write
 
 
-#: Accepts the angles, which are written together as a quaternion.
+#: Target of the angles, which are written together as a quaternion.
 _NOWHERE = [0.0]
 
 
@@ -213,13 +213,13 @@ def _covariance_views(
         if len(array) != block.size**2:
             setattr(owner, attribute, [0.0] * block.size**2)
             array = getattr(owner, attribute)
-        own = flat_indices(block.own, size)
-        views.append((np.frombuffer(array), flat_indices(block.rows, block.size), own))
+        indices = flat_indices(block.own, size)
+        views.append((np.frombuffer(array), flat_indices(block.rows, block.size), indices))
     return views
 
 
 class _Scalar:
-    """Writes a message's single variance like an array."""
+    """A single variance of a message, which is written like an array."""
 
     def __init__(self, owner: Any, attribute: str) -> None:
         self._owner, self._attribute = owner, attribute

@@ -25,14 +25,14 @@ def codec_of(
     signal
         Topic, type and fields.
     frame, child_frame
-        Written to ``header.frame_id`` and ``child_frame_id``, if these fields exist.
+        Frames for ``header.frame_id`` and ``child_frame_id``, if these fields exist.
     origin
-        The datum that several receivers share; None for that of the signal.
+        Datum that several receivers share; None for the datum of the signal.
 
     Raises
     ------
     ValueError
-        If the type is not installed or has no such field; the topic is named.
+        If the type is not installed or lacks a field; the error names the topic.
     """
     frame = signal.mounting.frame or frame
     turned = signal.mounting.turned

@@ -17,11 +17,11 @@ from sensor_msgs.msg import TimeReference
 
 from .messages import STAMP, STAMP_START, UndecodableError, decode, leading_stamp, split
 
-#: A stamp in nanoseconds has fewer digits.
+#: Number of digits that no stamp in nanoseconds has.
 _DIGITS = 20
-#: The longest tick, in bytes, whose topics are cached.
+#: Longest tick, in bytes, whose topics are cached.
 _KEPT = 4096
-#: The most readings that a plant publishes at one step, and the most bytes that name them.
+#: Largest number of readings that a plant publishes at one step, and of bytes that name them.
 _MOST_READINGS, _LONGEST = 1000, 65536
 
 
@@ -38,18 +38,18 @@ def read_tick(data: bytes) -> tuple[int, tuple[str, ...]]:
     Raises
     ------
     UndecodableError
-        If it is not a valid tick: too long, or with too many readings.
+        If it is not a valid tick, is too long, or has too many readings.
     """
     if len(data) > _LONGEST:
         raise UndecodableError(f'no tick is as long as {len(data)} bytes')
     time, end = leading_stamp(data), STAMP_START + STAMP.size
     unstamped = data[:STAMP_START] + bytes(STAMP.size) + data[end:]
     # cached entries use memory, and a sender may create any number of long ones
-    topics = _topics if len(data) <= _KEPT else _topics.__wrapped__
-    found = topics(unstamped)
-    if len(found) > _MOST_READINGS:
-        raise UndecodableError(f'no tick names as many readings as {len(found)}')
-    return time, found
+    parse = _topics if len(data) <= _KEPT else _topics.__wrapped__
+    topics = parse(unstamped)
+    if len(topics) > _MOST_READINGS:
+        raise UndecodableError(f'no tick names as many readings as {len(topics)}')
+    return time, topics
 
 
 def mention(topic: str, stamp: int, time: int) -> str:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from .messages import UndecodableError
 
-#: The most transforms of a message that are read.
+#: Largest number of transforms of a message that are read.
 _MOST = 10_000
 #: Messages begin with four bytes, after which positions are counted.
 _START = 4
@@ -36,7 +36,7 @@ def transforms_in(data: bytes) -> list[StampedTransform]:
         (count,) = struct.unpack_from(f'{order}I', data, _START)
         if count > _MOST:
             raise UndecodableError(f'{count} transforms')
-        found, place = [], _START + 4
+        transforms, place = [], _START + 4
         for _ in range(count):
             place = _aligned(place, 4) + 8  # the stamp
             parent, place = _text(data, place, order)
@@ -44,10 +44,10 @@ def transforms_in(data: bytes) -> list[StampedTransform]:
             place = _aligned(place, 8)
             numbers = struct.unpack_from(f'{order}7d', data, place)
             place += 56
-            found.append(StampedTransform(parent, child, numbers[:3], numbers[3:]))
+            transforms.append(StampedTransform(parent, child, numbers[:3], numbers[3:]))
     except (struct.error, IndexError) as error:
         raise UndecodableError(f'{len(data)} bytes are no TFMessage') from error
-    return found
+    return transforms
 
 
 def _aligned(place: int, size: int) -> int:
@@ -55,7 +55,7 @@ def _aligned(place: int, size: int) -> int:
 
 
 def _text(data: bytes, place: int, order: str) -> tuple[str, int]:
-    """Return a string and where it ends; a leading slash is left out."""
+    """Return a string and its end; a leading slash is omitted."""
     start = _aligned(place, 4) + 4
     end = start + struct.unpack_from(f'{order}I', data, start - 4)[0]
     if end > len(data):

@@ -21,48 +21,48 @@ from .signal_codec import SignalCodec
 
 
 class TurnedCodec:
-    """Reads vectors, places and attitudes in the axes of the body and the world, and writes them.
+    """Codec of vectors, places and attitudes in the axes of the body and the world.
 
-    With B the rotation from the sensor's axes to the body's and W that from the messages' world
-    to east, north, up, a vector v is B v there, a place p is W p and an attitude R is W R B'. A
-    covariance C of a vector becomes B C B'; that of an attitude is about fixed axes (REP-103):
-    W C W'.
+    B is the rotation from the sensor's axes to the body's, and W the rotation from the messages'
+    world to east, north, up. There a vector v is B v, a place p is W p, and an attitude R is
+    W R B'. A covariance C of a vector becomes B C B'; the covariance of an attitude is about
+    fixed axes (REP-103), and becomes W C W'.
 
     It has the methods of a `SignalCodec`.
 
     Parameters
     ----------
     signal
-        With its mounting.
+        Signal with its mounting.
     frame, child_frame
-        Written to ``header.frame_id`` and ``child_frame_id``, if these fields exist.
+        Frames for ``header.frame_id`` and ``child_frame_id``, if these fields exist.
 
     Raises
     ------
     ValueError
-        If no field is one of three axes, or the covariance is only of some of them.
+        If no field is one of three axes, or the covariance covers only some of them.
     """
 
     def __init__(self, signal: Signal, frame: str = '', child_frame: str = '') -> None:
         self.size = len(signal.fields)
-        every = _complete(signal)
-        if signal.covariance and len(every) > self.size:
-            missing = ', '.join(every[self.size :])
+        fields = _complete(signal)
+        if signal.covariance and len(fields) > self.size:
+            missing = ', '.join(fields[self.size :])
             raise ValueError(
                 f"signal '{signal.topic}': covariance: to be turned it must be of {missing}, too"
             )
-        #: Reads and writes all axes as the sensor has them.
-        self.inner = SignalCodec(replace(signal, fields=every), frame, child_frame)
+        #: Codec of all axes as the sensor has them.
+        self.inner = SignalCodec(replace(signal, fields=fields), frame, child_frame)
         self.message_type, self.message = self.inner.message_type, self.inner.message
         self.carries_covariance = self.inner.carries_covariance
         self.has_covariance = self.inner.has_covariance
         mount = signal.mounting
         self._B, self._W = mount.body_from_sensor, mount.world_from_reported
-        #: Of each quaternion: where it is, whether it is read as angles, and which numbers.
+        #: Way of each quaternion, whether it is read as angles, and the indices of its numbers.
         self._attitudes: list[tuple[Any, bool, list[int]]] = []
-        self._M = np.eye(len(every))
-        for group in _groups(every):
-            index = [every.index(field) for field in group.siblings()]
+        self._M = np.eye(len(fields))
+        for group in _groups(fields):
+            index = [fields.index(field) for field in group.siblings()]
             turn = self._W if group.kind in (PLACE, ATTITUDE) else self._B
             self._M[np.ix_(index, index)] = turn
             if group.kind == ATTITUDE:
@@ -71,11 +71,11 @@ class TurnedCodec:
 
     @property
     def linear(self) -> bool:
-        """Whether `turn` is all that there is to do."""
+        """Whether `turn` alone converts a message."""
         return not self._attitudes
 
     def turn(self, values: Array, covariance: Array | None) -> tuple[Array, Array | None]:
-        """Return what `inner` reads in the axes of the body."""
+        """Return the vector and covariance that `inner` reads, in the axes of the body."""
         return (self._M @ values)[: self.size], self._turned(covariance)
 
     def _turned(self, covariance: Array | None) -> Array | None:
@@ -96,7 +96,7 @@ class TurnedCodec:
         return values[: self.size]
 
     def decode_covariance(self, message: Any) -> Array | None:
-        """Return the covariance (k, k) in a message; None if it has none for every field."""
+        """Return the covariance (k, k) in a message; None if it does not cover every field."""
         return self._turned(self.inner.decode_covariance(message))
 
     def encode(self, time: int, values: Array, covariance: Array | None = None) -> Any:
@@ -127,11 +127,11 @@ def _complete(signal: Signal) -> tuple[str, ...]:
         raise ValueError(
             f"signal '{signal.topic}': mount.rotation, convention: no axes to turn in {listed}"
         )
-    every = [field for group in groups for field in group.siblings()]
-    return tuple(dict.fromkeys((*signal.fields, *every)))
+    siblings = [field for group in groups for field in group.siblings()]
+    return tuple(dict.fromkeys((*signal.fields, *siblings)))
 
 
 def _groups(fields: tuple[str, ...]) -> list[Quantity]:
-    """Return what the fields read, each group of three axes once."""
-    found = filter(None, map(quantity, fields))
-    return list({(each.owner, each.names): each for each in found}.values())
+    """Return the quantities of the fields, each group of three axes once."""
+    quantities = filter(None, map(quantity, fields))
+    return list({(group.owner, group.names): group for group in quantities}.values())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and writes vectors in serialised messages in place.
+"""Reading and writing of vectors in serialised messages, in place.
 
 The conversion between Python objects and bytes takes most of the time that a small message costs
 a Python node, and nearly all of it is avoidable: see `layout`, and docs/explanation/messages.md.
@@ -22,7 +22,7 @@ from .signal_codec import SignalCodec
 from .signal_codecs import Codec
 from .turned_codec import TurnedCodec
 
-#: Layouts cached per topic: publishers may differ in theirs.
+#: Number of layouts cached per topic, since publishers may differ in theirs.
 _MOST_LAYOUTS = 4
 
 _learns = True
@@ -40,36 +40,36 @@ def learn_layouts(*, on: bool) -> None:
     _learns = on
 
 
-class _Carried:
-    """The covariance in messages of one layout; from message to message it hardly changes.
+class _CachedCovariance:
+    """The covariance in messages of one layout, which hardly changes between messages.
 
     Parameters
     ----------
-    own, places
-        Its elements, and the position of each in a message.
+    elements, places
+        Elements of the covariance, and the position of each in a message.
     n
-        Its rows.
+        Number of its rows.
     """
 
-    def __init__(self, own: Any, places: Places, n: int) -> None:
-        self._own, self._places, self._shape = own, places, (n, n)
+    def __init__(self, elements: Any, places: Places, n: int) -> None:
+        self._elements, self._places, self._shape = elements, places, (n, n)
         start, end = (int(places.min()), int(places.max()) + 1) if places.size else (0, 0)
         self._run = slice(BASE + SIZE * start, BASE + SIZE * end)
         self._bytes = b''
         self._last: Array = np.zeros(self._shape)
 
     def __call__(self, data: bytes, numbers: Array) -> Array:
-        """Return it (n, n), read-only: the array of the message before, if it is the same."""
-        found = data[self._run]
-        if found != self._bytes:
-            self._bytes, self._last = found, np.zeros(self._shape)
-            self._last[self._own] = numbers[self._places]
+        """Return the covariance (n, n), read-only: the array of the last message, if the same."""
+        content = data[self._run]
+        if content != self._bytes:
+            self._bytes, self._last = content, np.zeros(self._shape)
+            self._last[self._elements] = numbers[self._places]
             self._last.flags.writeable = False
         return self._last
 
 
 class _Template:
-    """A message of which others differ in the stamp and the numbers only."""
+    """A message from which others differ in the stamp and the numbers only."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
@@ -78,8 +78,10 @@ class _Template:
         self._fixed = [(run, layout.data[run]) for run in layout.fixed]
         self._buffer = bytearray(layout.data)
         self._numbers = self._numbers_of(self._buffer)
-        self._carried = (
-            _Carried(*layout.covariance, len(layout.values)) if layout.covariance else None
+        self._covariance = (
+            _CachedCovariance(*layout.covariance, len(layout.values))
+            if layout.covariance
+            else None
         )
 
     def _numbers_of(self, data: bytes | bytearray) -> Array:
@@ -95,33 +97,33 @@ class _Template:
         return True
 
     def read(self, data: bytes) -> Sample:
-        """Return the contents of a message that `fits`; AbsentError if it says there are none."""
+        """Return the contents of a message that `fits`; AbsentError if it declares absence."""
         _, _, values, _, stamped, declaring, declared = self._layout
         numbers = self._numbers_of(data)
         if declaring:
             refuse_absent(declaring, numbers[declared].tolist())
         time = leading_stamp(data) if stamped else None
-        carried = self._carried
-        return Sample(time, numbers[values], None if carried is None else carried(data, numbers))
+        cached = self._covariance
+        return Sample(time, numbers[values], None if cached is None else cached(data, numbers))
 
     def write(self, sample: Sample) -> bytes:
         """Return the message with another stamp and other numbers.
 
-        Without a covariance, that of the last message is kept.
+        Without a covariance, the one of the last message is kept.
         """
         time, values, covariance = sample
         layout, numbers = self._layout, self._numbers
         numbers[layout.values] = values
         if covariance is not None and layout.covariance is not None:
-            own, places = layout.covariance
-            numbers[places] = covariance[own]
+            elements, places = layout.covariance
+            numbers[places] = covariance[elements]
         if layout.stamped and time is not None:
             STAMP.pack_into(self._buffer, STAMP_START, *split(time))
         return bytes(self._buffer)
 
 
 class WireReader:
-    """Decodes the serialised messages of a signal like `SignalCodec`, but faster.
+    """Decoder of the serialised messages of a signal: like `SignalCodec`, but faster.
 
     Fields that are not float64, and angles of quaternions, are always decoded through Python
     objects.
@@ -169,7 +171,7 @@ class WireReader:
 
 
 class WireWriter:
-    """Encodes the vectors of a signal like `SignalCodec`, but faster.
+    """Encoder of the vectors of a signal: like `SignalCodec`, but faster.
 
     Fields that cannot be learnt (not float64, or angles as quaternions) are always encoded as a
     message object. Publish the result at once: the object is reused.

@@ -2,7 +2,7 @@
 """Several sets of parameters at once: p models or sensors as one, for states (..., p, n).
 
 Linear models stack their F, G and Q. Others become one model whose parameters are arrays (p,),
-if its formulas then give what each gives alone; else each is called in turn.
+if its formulas then agree with those of the single models; else these are called in turn.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .vectorized import merged, probes
 
 def candidate_model(models: Sequence[Dynamics]) -> Dynamics:
     """Return one model with p sets of parameters, for states (..., p, n)."""
-    if all(each.is_linear for each in models):
+    if all(model.is_linear for model in models):
         return _LinearCandidates(models)
     whole = merged(models)
     if whole is not None and not isinstance(whole, DiscreteModel):
@@ -48,20 +48,20 @@ class _LinearCandidates(StackedLinearModel):
     def _matrices(self) -> tuple[Array, Array]:
         """A (p, n, n) and B (p, n, m) of models in continuous time."""
         models: Sequence[Any] = self._models
-        return np.stack([each.A for each in models]), np.stack([each.B for each in models])
+        return np.stack([model.A for model in models]), np.stack([model.B for model in models])
 
     def derivative(self, x: Array, u: Array) -> Array:
         A, B = self._matrices
         return times(A, x) + times(B, like(u, x))
 
     def sampled(self, dt: float) -> Transition:
-        found = self._sampled.get(dt)
-        if found is None:
-            steps = [each.sampled(dt) for each in self._models]  # type: ignore[attr-defined]
+        transition = self._sampled.get(dt)
+        if transition is None:
+            steps = [model.sampled(dt) for model in self._models]  # type: ignore[attr-defined]
             if len(self._sampled) > 64:
                 self._sampled.clear()
-            found = self._sampled[dt] = Transition(*map(np.stack, zip(*steps)))
-        return found
+            transition = self._sampled[dt] = Transition(*map(np.stack, zip(*steps)))
+        return transition
 
 
 class _MergedCandidates(StackedModel):
@@ -75,7 +75,7 @@ class _EachCandidate(StackedModel):
     """Models called in turn."""
 
     def __init__(self, models: Sequence[Dynamics]) -> None:
-        self._every = [stacked(model) for model in models]
+        self._members = [stacked(model) for model in models]
         super().__init__(models[0])
 
     def _prepare(self) -> None:
@@ -90,8 +90,8 @@ class _EachCandidate(StackedModel):
     def linearized_step(self, x: Array, u: Array, dt: float) -> LinearizedStep:
         u = like(u, x)
         steps = [
-            each.linearized_step(x[..., p, :], u[..., p, :], dt)
-            for p, each in enumerate(self._every)
+            model.linearized_step(x[..., p, :], u[..., p, :], dt)
+            for p, model in enumerate(self._members)
         ]
         lead = x.shape[:-2]
         F, Q = (
@@ -107,7 +107,9 @@ class _EachCandidate(StackedModel):
         self, function: Callable[[Any, Array, Array], Array], x: Array, u: Array
     ) -> Array:
         u = like(u, x)
-        moved = [function(each, x[..., p, :], u[..., p, :]) for p, each in enumerate(self._every)]
+        moved = [
+            function(model, x[..., p, :], u[..., p, :]) for p, model in enumerate(self._members)
+        ]
         return np.stack(moved, axis=-2)
 
 
@@ -115,7 +117,7 @@ def _agree(a: Dynamics, b: _EachCandidate) -> bool:
     """Return whether two models of p candidates give the same steps."""
     n, m = b.state.size, b.input.size
     points = probes(n + m)
-    z = np.repeat(points[:, np.newaxis], len(b._every), axis=1)
+    z = np.repeat(points[:, np.newaxis], len(b._members), axis=1)
     try:
         one = a.linearized_step(z[..., :n], z[..., n:], 0.01)
     except Exception:  # a formula may fail on parameters that are arrays in any way
@@ -132,18 +134,18 @@ def candidate_sensor(sensors: Sequence[Sensor]) -> Sensor:
 
     Its covariance is (p, k, k) if the sensors differ in theirs.
     """
-    R = np.stack([each.covariance for each in sensors])
-    base = _together(sensors)
-    shared = all(np.array_equal(each, R[0]) for each in R)
+    R = np.stack([sensor.covariance for sensor in sensors])
+    base = _combined_sensor(sensors)
+    shared = all(np.array_equal(covariance, R[0]) for covariance in R)
     return base if shared else base.with_covariance(R)
 
 
-def _together(sensors: Sequence[Sensor]) -> Sensor:
+def _combined_sensor(sensors: Sequence[Sensor]) -> Sensor:
     first: Any = sensors[0]
     if hasattr(first, 'merged_numbers'):
         return first.merged_numbers(sensors[1:]) or _EachSensor(sensors)
-    others = [{k: v for k, v in vars(each).items() if k != 'covariance'} for each in sensors]
-    alike = all(_equal(each, others[0]) for each in others)
+    others = [{k: v for k, v in vars(sensor).items() if k != 'covariance'} for sensor in sensors]
+    alike = all(_equal(other, others[0]) for other in others)
     return stacked_sensor(first) if alike else _EachSensor(sensors)
 
 
@@ -162,16 +164,16 @@ class _EachSensor(Sensor):
     def __init__(self, sensors: Sequence[Sensor]) -> None:
         first = sensors[0]
         self.output, self.covariance, self.name = first.output, first.covariance, first.name
-        self.linear = all(each.linear for each in sensors)
-        self._every = [stacked_sensor(each) for each in sensors]
+        self.linear = all(sensor.linear for sensor in sensors)
+        self._members = [stacked_sensor(sensor) for sensor in sensors]
 
     def measure(self, x: Array) -> Array:
         """Return the readings (..., p, k)."""
-        parts = [each.measure(x[..., p, :]) for p, each in enumerate(self._every)]
+        parts = [sensor.measure(x[..., p, :]) for p, sensor in enumerate(self._members)]
         return np.stack(parts, axis=-2)
 
     def jacobian(self, x: Array) -> Array:
         """Return the derivatives (..., p, k, n)."""
         lead, n = x.shape[:-2], x.shape[-1]
-        found = [each.jacobian(x[..., p, :]) for p, each in enumerate(self._every)]
-        return np.stack([np.broadcast_to(H, (*lead, H.shape[-2], n)) for H in found], axis=-3)
+        jacobians = [sensor.jacobian(x[..., p, :]) for p, sensor in enumerate(self._members)]
+        return np.stack([np.broadcast_to(H, (*lead, H.shape[-2], n)) for H in jacobians], axis=-3)

@@ -23,8 +23,7 @@ class DiscreteModel(Dynamics):
     """A system x' = next(x, u) + w with w ~ N(0, noise(x)), one step every ``period`` seconds.
 
     A subclass sets ``state`` and ``input``, and ``period`` unless that is 1 s, and defines `next`
-    and `noise`. A longer step repeats `next`. Arrays may
-    have any leading axes.
+    and `noise`. A longer step repeats `next`. Arrays may have any leading axes.
     """
 
     is_discrete = True
@@ -81,7 +80,7 @@ class DiscreteModel(Dynamics):
         Raises
         ------
         ValueError
-            If it is not a whole number, negative, or more than 100 000.
+            If the number is not whole, is negative, or is more than 100 000.
         """
         count = round(dt / self.period)
         if not 0 <= count <= _MOST_PERIODS or abs(dt / self.period - count) > _TOLERANCE:
@@ -100,15 +99,15 @@ class DiscreteLinearSystem(DiscreteModel):
     F, G, Q
         State matrix (n, n), input matrix (n, m) and noise covariance (n, n).
     state, input
-        The spaces of x and u.
+        Spaces of x and u.
     period
-        In seconds.
+        Period in seconds.
 
     Raises
     ------
     ValueError
         If a matrix has the wrong shape, is not finite, or Q is not positive semi-definite; or if
-        the state has rotations, of which no motion is linear.
+        the state has rotations, whose motion is never linear.
     """
 
     is_linear = True
@@ -150,7 +149,7 @@ class DiscreteLinearSystem(DiscreteModel):
         return self.sampled(dt)
 
     def sampled(self, dt: float) -> Transition:
-        """Return the step of length ``dt``, remembered for the next call."""
+        """Return the step of length ``dt``, cached for the next call."""
         count = self.periods(dt)
         if count not in self._sampled:
             n, m = self.G.shape
@@ -159,7 +158,7 @@ class DiscreteLinearSystem(DiscreteModel):
 
 
 def check_period(model: Dynamics) -> None:
-    """Raise ValueError if the period of a model in discrete time is no number of seconds."""
+    """Raise ValueError if the period of a model in discrete time is not a positive number."""
     period: object = model.period
     number = isinstance(period, (int, float)) and not isinstance(period, bool)
     if not number or not 0.0 < model.period < inf:

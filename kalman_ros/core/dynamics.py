@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a state moves by steps: what models in continuous and in discrete time have in common."""
+"""Motion of a state by steps: the common base of models in continuous and discrete time."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Dynamics(ABC):
 
     state: Space
     input: Space
-    #: The longest step of the integrator, in seconds; `step` divides longer ones, into at most
+    #: Longest step of the integrator, in seconds; `step` divides longer ones, into at most
     #: 10 000 parts, so that a wrong stamp cannot block it.
     max_step: float = inf
     #: Whether a step is x' = F x + G u + w, whatever x and u are: see `LinearSystem.sampled`.
@@ -62,7 +62,7 @@ class Dynamics(ABC):
 
     @property
     def equilibrium(self) -> OperatingPoint:
-        """Where the model rests without noise; the origin by default."""
+        """Operating point at which the model rests without noise; the origin by default."""
         return OperatingPoint(np.zeros(self.state.size), np.zeros(self.input.size))
 
     @abstractmethod
@@ -78,7 +78,7 @@ class Dynamics(ABC):
         """Return the step of length ``dt``, linearised about x (n,) and u (m,)."""
 
     def time_derivative(self, x: Array, u: Array) -> Array:
-        """Return how fast the state changes (..., n): over a period, in discrete time."""
+        """Return the rate of change of the state (..., n): over a period, in discrete time."""
         return self.state.subtract(self.step(x, u, self.period), x) / self.period
 
     def nearest_step(self, dt: float) -> float:
@@ -91,7 +91,7 @@ class Dynamics(ABC):
         Raises
         ------
         ValueError
-            If it is not a whole number.
+            If the number is not whole.
         """
         return 0
 
@@ -101,7 +101,7 @@ class Dynamics(ABC):
         return LinearizedStep(self.step(x, u, dt), transition.F, transition.Q)
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
-        """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
+        """Return the covariance Q (n, n) that the noise adds in a step ``dt`` from x (n,)."""
         return self.transition(x, u, dt).Q
 
     def predicted_moments(self, x: Array, P: Array, u: Array, dt: float) -> tuple[Array, Array]:

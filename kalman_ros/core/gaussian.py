@@ -48,7 +48,7 @@ class Gaussian(_Moments):
 
     @property
     def std(self) -> Array:
-        """The standard deviation of each coordinate (n,)."""
+        """Standard deviation of each coordinate (n,)."""
         return np.sqrt(self.covariance.diagonal())
 
 

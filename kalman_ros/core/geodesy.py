@@ -23,7 +23,7 @@ _ECCENTRICITY_2 = FLATTENING * (2.0 - FLATTENING)
 _SECOND_ECCENTRICITY_2 = _ECCENTRICITY_2 / (1.0 - _ECCENTRICITY_2)
 #: Passes of Bowring's formula; the second is exact to rounding from 5000 km below the surface up.
 _PASSES = 3
-#: Heights beyond this are no place of a robot, in m.
+#: Largest height of a place in m; no robot is beyond it.
 _HIGHEST = 1e7
 
 
@@ -44,7 +44,7 @@ def place(argument: str, values: Sequence[float]) -> Place:
     Raises
     ------
     ValueError
-        If they are not such numbers; the message names the ``argument``.
+        If the values are not such numbers; the message names the ``argument``.
     """
     if len(values) != 3:
         expected = 'expected latitude, longitude and altitude'
@@ -66,7 +66,7 @@ def datum(values: Sequence[float]) -> Place | None:
     Raises
     ------
     ValueError
-        If it is neither that nor a place.
+        If the value is neither infinite nor a place.
     """
     return None if len(values) == 1 and isinf(values[0]) else place('datum', values)
 
@@ -129,7 +129,7 @@ class TangentPlane:
         self._origin, self._axes = earth_centred(datum), axes(datum)
 
     def local(self, where: Place) -> Array:
-        """Return the metres (3,) east, north and up of the datum at which a place is."""
+        """Return the place in metres (3,) east, north and up of the datum."""
         return np.asarray(self._axes @ (earth_centred(where) - self._origin))
 
     def place(self, local: Array) -> Place:
@@ -147,14 +147,14 @@ class Origin:
     Parameters
     ----------
     datum
-        None if it is not known yet.
+        Datum; None if it is not known yet.
     """
 
     def __init__(self, datum: Place | None = None) -> None:
         self.plane = None if datum is None else TangentPlane(datum)
 
     def at(self, first: Place) -> TangentPlane:
-        """Return the plane; if there is no datum yet, the place becomes it."""
+        """Return the plane; without a datum, ``first`` becomes the datum."""
         if self.plane is None:
             known = first if isfinite(first.altitude) else first._replace(altitude=0.0)
             self.plane = TangentPlane(known)

@@ -12,7 +12,7 @@ from .dynamics import Dynamics, Transition
 from .model import Model, in_continuous_time
 from .space import Space, no_rotation
 
-#: This many step lengths are cached; sampled loops use one or a few.
+#: Number of step lengths that are cached; sampled loops use one or a few.
 _REMEMBERED = 64
 
 
@@ -26,13 +26,13 @@ class LinearSystem(Model):
     W
         Spectral density of the process noise (n, n), symmetric positive semi-definite.
     state, input
-        The spaces of x and u.
+        Spaces of x and u.
 
     Raises
     ------
     ValueError
         If a matrix has the wrong shape, is not finite, or W is not positive semi-definite; or if
-        the state has rotations, of which no motion is linear.
+        the state has rotations, whose motion is never linear.
     """
 
     is_linear = True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a state moves: the type that every plant implements, built-in or user-defined."""
+"""Motion of a state: the type that every plant implements, built-in or user-defined."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from kalman_ros.linear.views import coordinates, entries_last
 from .dynamics import Dynamics, LinearizedStep, Transition
 from .space import Space
 
-#: The most integration steps within one step of a model; a longer step is coarser.
+#: Largest number of integration steps within one step of a model; a longer step is coarser.
 MOST_SUBSTEPS = 10_000
 
 
 _PRECISION = float(np.finfo(float).eps)
-#: The step of differences, relative to the size of a coordinate: the cube root of the machine
+#: Step of differences, relative to the size of a coordinate: the cube root of the machine
 #: precision, where truncation and rounding balance (Press et al., Numerical Recipes, section 5.7).
 _DIFFERENCE = _PRECISION ** (1.0 / 3.0)
-#: That of the differences of a step, the fourth root. Their truncation is small, since a step is
+#: The same for differences of a step: the fourth root. Their truncation is small, since a step is
 #: close to x, and their rounding is 1e-12, so that a batch, computed in another order, agrees.
 _DIFFERENCE_OF_STEPS = _PRECISION**0.25
 
@@ -39,7 +39,7 @@ _PLAIN = Space(())
 def _directions(n: int) -> Array:
     """Return the points at which differences of n coordinates are taken (n, 2n + 1).
 
-    The first is the centre; then come those above and below it, in each coordinate.
+    The first is the centre; the points above it, and then those below it, follow.
     """
     return np.hstack((np.zeros((n, 1)), np.eye(n), -np.eye(n)))
 
@@ -53,9 +53,9 @@ class Differences(NamedTuple):
     Parameters
     ----------
     points
-        Of which the first is ``x`` (2n + 1, ..., n).
+        Points (2n + 1, ..., n), the first of which is ``x``.
     step
-        The distance of the others (n, ...).
+        Distance of the other points (n, ...).
     """
 
     points: Array
@@ -111,9 +111,9 @@ class Model(Dynamics):
     """A system dx/dt = derivative(x, u) + w, with w white noise.
 
     A subclass sets ``state`` and ``input`` and defines `derivative` and `noise_density`; all else
-    has a default. Arrays may have any leading axes: x (..., n), u (..., m). Of a rotation, dx/dt
-    is the angular rate in the axes of the world, in which noise and errors are, too. It rests
-    where derivative(x, u) = 0, its `equilibrium`.
+    has a default. Arrays may have any leading axes: x (..., n), u (..., m). For a rotation, dx/dt
+    is the angular rate in the axes of the world, in which noise and errors are, too. The model
+    rests where derivative(x, u) = 0, its `equilibrium`.
     """
 
     @abstractmethod
@@ -124,8 +124,8 @@ class Model(Dynamics):
     def noise_density(self, x: Array) -> Array:
         """Return the spectral density W (n, n) of the process noise at ``x`` (n,).
 
-        Its units are those of the state, squared, per second: over a short dt the noise adds
-        the covariance W dt.
+        Its units are the squared units of the state per second: over a short dt the noise adds the
+        covariance W dt.
         """
 
     def time_derivative(self, x: Array, u: Array) -> Array:
@@ -133,9 +133,9 @@ class Model(Dynamics):
         return self.derivative(x, u)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return A (n, n) at x (n,) and u (m,), by which small errors move; numerical by default.
+        """Return A (n, n) at x (n,) and u (m,), for small errors; numerical by default.
 
-        A is d derivative / d x, and of a rotation in addition the cross product with its rate.
+        A is d derivative / d x, plus the cross product with the rate for a rotation.
         """
         differences = Differences.about(x, space=self.state)
         rates = self.derivative(differences.points, like(u, differences.points))
@@ -180,10 +180,10 @@ class Model(Dynamics):
 
     @property
     def analytic(self) -> bool:
-        """Whether the class defines how it is linearised; that is numerical otherwise."""
+        """Whether the class defines its linearisation, which is numerical otherwise."""
         kind = type(self)
-        own = kind.state_jacobian is not Model.state_jacobian
-        return own or kind.transition is not Model.transition
+        has_jacobian = kind.state_jacobian is not Model.state_jacobian
+        return has_jacobian or kind.transition is not Model.transition
 
     def transition(self, x: Array, u: Array, dt: float) -> Transition:
         """Return the step of length ``dt``, linearised about x (n,) and u (m,).
@@ -209,7 +209,7 @@ class Model(Dynamics):
     def differenced_step(self, x: Array, u: Array, dt: float) -> tuple[Array, Array, Array]:
         """Return the state x' (..., n) after a step, F = d x' / d x and A, both (..., n, n).
 
-        They are those of the points about x (..., n).
+        All three are computed from the points about x (..., n).
         """
         differences = Differences.about(x, _DIFFERENCE_OF_STEPS, self.state)
         points = differences.points
@@ -219,23 +219,23 @@ class Model(Dynamics):
         return moved[0], F, A
 
     def differenced_slope(self, x: Array, u: Array) -> Array:
-        """Return the A (..., n, n) of `differenced_step` alone."""
+        """Return only the A (..., n, n) of `differenced_step`."""
         differences = Differences.about(x, _DIFFERENCE_OF_STEPS, self.state)
         points = differences.points
         slope = self.derivative(points, like(u, points))
         return self.state.of_errors(differences.jacobian(slope), slope[0])
 
     def noise_covariance(self, x: Array, u: Array, dt: float) -> Array:
-        """Return Q (n, n), what the noise adds in a step of length ``dt`` from x (n,)."""
+        """Return the covariance Q (n, n) that the noise adds in a step ``dt`` from x (n,)."""
         if self.analytic:
             return super().noise_covariance(x, u, dt)
         return noise_integral(self.state_jacobian(x, u), self.noise_density(x), dt)
 
 
 def in_continuous_time(model: Dynamics) -> Model:
-    """Return the model, with a derivative; ValueError if it is in discrete time."""
+    """Return the model, which has a derivative; ValueError if it is in discrete time."""
     if model.is_discrete:
         kind = type(model).__name__
         raise ValueError(f'model: {kind} is in discrete time, without a derivative')
-    found: Any = model
-    return found  # type: ignore[no-any-return]
+    continuous: Any = model
+    return continuous  # type: ignore[no-any-return]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a sensor sits on its body, and in which axes it reads."""
+"""Mounting of a sensor on its body, and the axes of its readings."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from . import rotations as so3
 #: Axes of the world: east, north, up (REP-103) or north, east, down; those of the body go with
 #: them: forward, left, up or forward, right, down.
 CONVENTIONS = ('enu', 'ned')
-#: Its own inverse.
+#: Rotation that is its own inverse.
 _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
 
 
 class Mounting(NamedTuple):
-    """How a sensor is turned against its body.
+    """Rotation of a sensor against its body, and the frame of its messages.
 
     Parameters
     ----------
@@ -31,11 +31,11 @@ class Mounting(NamedTuple):
     convention
         One of `CONVENTIONS`.
     frame
-        The frame of its messages; '' for that of the first.
+        Frame of the messages; '' for the frame of the first message.
     placed
-        Whether its place or its rotation is given.
+        Whether place or rotation of the sensor is configured.
     from_tf
-        Whether they are taken from transforms, and not known yet.
+        Whether place and rotation are taken from transforms, and are not known yet.
     """
 
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -46,22 +46,22 @@ class Mounting(NamedTuple):
 
     @property
     def turned(self) -> bool:
-        """Whether its axes are others than those of the body and the world."""
+        """Whether the axes differ from those of the body and the world."""
         return any(self.rotation) or self.convention != 'enu'
 
     @property
     def body_from_sensor(self) -> Array:
-        """The rotation (3, 3) of vectors from the axes of the sensor to those of the body."""
+        """Rotation (3, 3) of vectors from the axes of the sensor to those of the body."""
         R = so3.exp(so3.from_euler(np.array(self.rotation)))
         return np.asarray(R @ _FLU_FROM_FRD if self.convention == 'ned' else R)
 
     @property
     def world_from_reported(self) -> Array:
-        """The rotation (3, 3) of places from the axes of the messages to east, north, up."""
+        """Rotation (3, 3) of places from the axes of the messages to east, north, up."""
         return _ENU_FROM_NED if self.convention == 'ned' else np.eye(3)
 
 
-#: As the body, unless its messages say otherwise.
+#: Mounting along the axes of the body, with the frame of the first message.
 STRAIGHT = Mounting()
 
 
@@ -77,7 +77,7 @@ def mounting(
     Raises
     ------
     ValueError
-        If one is wrong; the message names it.
+        If an option is wrong; the message names it.
     """
     if len(rotation) != 3 or not np.isfinite(rotation).all():
         got = ', '.join(f'{angle:g}' for angle in rotation)

@@ -26,7 +26,7 @@ Value = Union[bool, int, float, str, list[float], list[str]]
 class About:
     """The description of an option: a sentence, its unit and range, and whether it is live.
 
-    Options of one ``feature`` are left out of a node's help while all have their defaults.
+    Options of one ``feature`` are omitted from a node's help while all have their defaults.
     """
 
     description: str
@@ -47,7 +47,7 @@ class Option:
 
     @property
     def description(self) -> str:
-        """The description with its unit."""
+        """Description with its unit."""
         unit = f' [{self.about.unit}]' if self.about.unit else ''
         return f'{self.about.description}{unit}'
 
@@ -79,14 +79,16 @@ class Option:
             raise ValueError(f'{self.name}: expected {kind}, got {brief(value)}{hint}')
         low, high = self.about.minimum, self.about.maximum
         if isinstance(value, (int, float)) and not low <= value <= high:
-            wanted = f'{low:g} to {high:g}'
+            expected = f'{low:g} to {high:g}'
             if high == inf:
-                wanted = 'a number' if low == -inf else f'at least {low:g}'
+                expected = 'a number' if low == -inf else f'at least {low:g}'
             elif low == -inf:
-                wanted = f'at most {high:g}'
+                expected = f'at most {high:g}'
             unit = self.about.unit
-            wanted = f'{wanted} {"in " if wanted == "a number" else ""}{unit}' if unit else wanted
-            raise ValueError(f'{self.name}: expected {wanted}, got {value:g}')
+            expected = (
+                f'{expected} {"in " if expected == "a number" else ""}{unit}' if unit else expected
+            )
+            raise ValueError(f'{self.name}: expected {expected}, got {value:g}')
         return value
 
 
@@ -97,24 +99,24 @@ def _plain(value: Any) -> Any:
 
 #: YAML 1.1, which ROS uses, has many words for truth values.
 _QUOTE = '; write a word such as y or no in quotes, or it is read as true or false'
-#: ROS integers are below this.
+#: Upper bound of the integers of ROS.
 _LARGEST = 2**63
 
 _brief = Repr()
 _brief.maxlist = _brief.maxdict = 20
 _brief.maxstring = _brief.maxother = 100
-#: Of a value as an error quotes it, the beginning.
+#: Return a value as an error message quotes it, shortened if it is long.
 brief = _brief.repr
 
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'a word'}
 
 
-#: A message lists the known names up to this number, if none is close.
+#: Largest number of known names that a message lists, if none of them is close.
 _FEW = 8
 
 
 def signature(function: Callable[..., Any]) -> inspect.Signature:
-    """Return the signature of a callable; that of a function or a class is evaluated once."""
+    """Return the signature of a callable; that of a function or a class is cached."""
     fixed = inspect.isroutine(function) or inspect.isclass(function)
     return _evaluated(function) if fixed else inspect.signature(function, eval_str=True)
 
@@ -125,11 +127,11 @@ def _evaluated(function: Callable[..., Any]) -> inspect.Signature:
     if parts is None or not parts.init:
         return inspect.signature(function, eval_str=True)
     # inherited fields are annotated with names of the module of their class
-    found, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
-    return found.replace(
+    bare, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
+    return bare.replace(
         parameters=[
-            each.replace(annotation=hints.get(each.name, each.annotation))
-            for each in found.parameters.values()
+            parameter.replace(annotation=hints.get(parameter.name, parameter.annotation))
+            for parameter in bare.parameters.values()
         ]
     )
 
@@ -144,7 +146,7 @@ def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...
     ValueError
         If a default has a type that a ROS parameter cannot hold.
     """
-    found = []
+    options = []
     for name, argument in signature(build).parameters.items():
         default = argument.default
         if default is inspect.Parameter.empty:
@@ -156,14 +158,14 @@ def options_of(build: Callable[..., Any], prefix: str = '') -> tuple[Option, ...
             raise ValueError(f'{name}: a default must be a number, a word or a list of them')
         notes = [note for note in get_args(argument.annotation) if isinstance(note, About)]
         about = notes[0] if notes else About(name.replace('_', ' '))
-        found.append(Option(prefix + name, default, about))
-    return tuple(found)
+        options.append(Option(prefix + name, default, about))
+    return tuple(options)
 
 
-def refuse_unknown(given: Iterable[str], known: Iterable[str], kind: str) -> None:
-    """Raise ValueError for the first of ``given`` that is not ``known``; suggest the nearest."""
+def refuse_unknown(names: Iterable[str], known: Iterable[str], kind: str) -> None:
+    """Raise ValueError for the first of ``names`` that is not ``known``; suggest the nearest."""
     known = dict.fromkeys(known)  # looked up by name, and in order
-    for name in given:
+    for name in names:
         if name not in known:
             raise ValueError(f"unknown {kind} '{name}'{_hint(name, list(known))}")
 
@@ -171,16 +173,16 @@ def refuse_unknown(given: Iterable[str], known: Iterable[str], kind: str) -> Non
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return "did you mean" with the nearest of the ``known`` names; '' if none is close.
 
-    One that ends with the name, after a dot, is nearest.
+    A name that ends with ``name``, after a dot, is nearest.
     """
     known = list(known)
-    whole = [each for each in known if each.endswith(f'.{name}')]
+    whole = [option for option in known if option.endswith(f'.{name}')]
     near = whole or get_close_matches(name, known, n=1)
     return f"did you mean '{near[0]}'?" if near else ''
 
 
 def _hint(name: str, known: Sequence[str]) -> str:
-    parts = [each for each in known if each.startswith(f'{name}.')]
+    parts = [option for option in known if option.startswith(f'{name}.')]
     if parts:
         return f'; its parts are {", ".join(parts[:_FEW])}'
     question = nearest(name, known)
@@ -189,10 +191,10 @@ def _hint(name: str, known: Sequence[str]) -> str:
     return f'; known are {", ".join(known)}' if 0 < len(known) <= _FEW else ''
 
 
-def build_with(build: Callable[..., Any], given: Mapping[str, Value], *fixed: Any) -> Any:
-    """Call ``build(*fixed, **given)``, each value checked against its option first."""
+def build_with(build: Callable[..., Any], values: Mapping[str, Value], *fixed: Any) -> Any:
+    """Call ``build(*fixed, **values)``, with each value checked against its option first."""
     options = {option.name: option for option in options_of(build)}
-    for name in given:
+    for name in values:
         if name not in options:
             raise ValueError(f'{name}: unknown option{_hint(name, list(options))}')
-    return build(*fixed, **{name: options[name].check(value) for name, value in given.items()})
+    return build(*fixed, **{name: options[name].check(value) for name, value in values.items()})

@@ -3,20 +3,20 @@
 
 from __future__ import annotations
 
-#: The most characters of a line.
+#: Largest number of characters of a line.
 _LONGEST = 500
 
 
 def one_line(text: str, longest: int = _LONGEST) -> str:
     """Return a text without line breaks and control characters.
 
-    Long ones, for example with a quoted value, are shortened in the middle.
+    Long texts, for example with a quoted value, are shortened in the middle.
     """
     # of a very long text, only the two ends are shown
     if len(text) > 2 * longest:
         text = text[:longest] + text[-longest:]
-    found = text if text.isprintable() else ''.join(map(_printable, text))
-    return found if len(found) <= longest else f'{found[: longest - 100]} ... {found[-90:]}'
+    line = text if text.isprintable() else ''.join(map(_printable, text))
+    return line if len(line) <= longest else f'{line[: longest - 100]} ... {line[-90:]}'
 
 
 def _printable(character: str) -> str:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the fields of messages read, by their names: places, attitudes and vectors."""
+"""Quantities in the fields of messages, by their names: places, attitudes and vectors."""
 
 from __future__ import annotations
 
 import re
 from typing import NamedTuple
 
-#: What a field of a message reads.
+#: Kinds of quantity in a field of a message.
 PLACE, ATTITUDE, VELOCITY, ACCELERATION, RATE, VECTOR = (
     'position', 'attitude', 'velocity', 'acceleration', 'rate', 'vector'
 )  # fmt: skip
@@ -15,7 +15,7 @@ GLOBAL = ('east', 'north', 'up')
 _AXES = ('x', 'y', 'z')
 #: An attitude is read as angles about fixed axes, or as a rotation vector.
 ANGLES, ROTATION = ('roll', 'pitch', 'yaw'), ('rx', 'ry', 'rz')
-#: By the last attribute that owns x, y and z.
+#: Kind of quantity by the last attribute that owns x, y and z.
 _OWNERS = {
     'position': PLACE, 'point': PLACE, 'translation': PLACE, 'linear': VELOCITY,
     'linear_acceleration': ACCELERATION, 'angular': RATE, 'angular_velocity': RATE,
@@ -24,7 +24,7 @@ _FIELD = re.compile(r'(?:(?P<owner>.*)\.)?(?P<last>r?[xyz]|roll|pitch|yaw|east|n
 
 
 class Quantity(NamedTuple):
-    """What a field reads: its kind, which of three, the path of all three, and their names."""
+    """Quantity in a field: its kind, its axis out of three, the path of all, and their names."""
 
     kind: str
     axis: int
@@ -32,17 +32,17 @@ class Quantity(NamedTuple):
     names: tuple[str, ...]
 
     def siblings(self) -> tuple[str, ...]:
-        """Return the fields of all three."""
+        """Return the fields of all three axes."""
         start = f'{self.owner}.' if self.owner else ''
         return tuple(f'{start}{name}' for name in self.names)
 
 
 def quantity(field: str) -> Quantity | None:
-    """Return what a field reads, by its name; None for a number that is not of three."""
-    found = _FIELD.fullmatch(field)
-    if found is None:
+    """Return the quantity in a field, by its name; None for a number that is not one of three."""
+    match = _FIELD.fullmatch(field)
+    if match is None:
         return None
-    owner, last = found['owner'] or '', found['last']
+    owner, last = match['owner'] or '', match['last']
     for kind, names in ((PLACE, GLOBAL), (ATTITUDE, ANGLES), (ATTITUDE, ROTATION)):
         if last in names:
             return Quantity(kind, names.index(last), owner, names)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finding things by name: a module of this package, or a user's ``package.module:Name``."""
+"""Search for objects by name: a module of this package, or a user's ``package.module:Name``."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def names(package: str) -> list[str]:
 @cache
 def _names(package: str) -> tuple[str, ...]:
     path = importlib.import_module(package).__path__
-    found = (module.name for module in pkgutil.iter_modules(path))
-    return tuple(sorted(name for name in found if not name.startswith('_')))
+    modules = (module.name for module in pkgutil.iter_modules(path))
+    return tuple(sorted(name for name in modules if not name.startswith('_')))
 
 
 def find(kind: str, name: str, package: str, attribute: str) -> Any:
@@ -37,16 +37,16 @@ def find(kind: str, name: str, package: str, attribute: str) -> Any:
     ValueError
         If there is no such module or attribute; the message lists the names that exist.
     """
-    module, colon, own = name.partition(':')
+    module, colon, target = name.partition(':')
     if not colon:
         known = names(package)
         if name not in known:
             listed = f"known are {', '.join(known)}, or 'package.module:Name' of your own"
             hint = ' '.join(filter(None, (nearest(name, known), listed)))
             raise ValueError(f"{kind}: unknown {kind} '{name}'; {hint}")
-        module, own = f'{package}.{name}', attribute
+        module, target = f'{package}.{name}', attribute
     try:
-        return getattr(importlib.import_module(module), own)
+        return getattr(importlib.import_module(module), target)
     except (ImportError, AttributeError) as error:
         hint = '; is its folder on PYTHONPATH, or its workspace sourced?' if colon else ''
         raise ValueError(f"{kind}: cannot load '{name}': {error}{hint}") from None
@@ -58,17 +58,17 @@ def find(kind: str, name: str, package: str, attribute: str) -> Any:
         ) from error
 
 
-def builds(found: Any, kind: type) -> bool:
-    """Return whether ``found`` returns a ``kind`` when called; it is not called.
+def builds(builder: Any, kind: type) -> bool:
+    """Return whether ``builder`` returns a ``kind`` when called; it is not called.
 
     True for a class of that kind, and for a function whose return annotation is one.
     """
-    if inspect.isclass(found):
-        return issubclass(found, kind)
-    if not inspect.isfunction(found):
+    if inspect.isclass(builder):
+        return issubclass(builder, kind)
+    if not inspect.isfunction(builder):
         return False
     try:
-        returned = signature(found).return_annotation
+        returned = signature(builder).return_annotation
     except (NameError, SyntaxError, TypeError, ValueError):
         return False
     return inspect.isclass(returned) and issubclass(returned, kind)

@@ -5,8 +5,8 @@ A rotation vector r (3,) has the direction of the axis and the length of the ang
 pi. R = Exp(r) turns vectors of the body's axes into the world's. Functions take any leading axes
 and hold their precision at all angles, zero and pi included.
 
-J. Sola, J. Deray and D. Atchuthan, A micro Lie theory for state estimation in robotics,
-arXiv:1812.01537 (2018), of which the numbers of equations are.
+Equation numbers refer to J. Sola, J. Deray and D. Atchuthan, A micro Lie theory for state
+estimation in robotics, arXiv:1812.01537 (2018).
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from kalman_ros.linear.views import coordinates, from_coordinates
 #: A number, or an array (...,) of numbers: a single rotation is computed in plain floats, which
 #: takes a tenth of the time.
 _Number = Any
-#: Below this angle, quotients of differences are power series, exact to rounding.
+#: Angle below which quotients of differences are power series, exact to rounding.
 _SMALL = 0.3
-#: Below this cosine of the pitch, roll and yaw are quotients of rounding errors.
+#: Cosine of the pitch below which roll and yaw are quotients of rounding errors.
 _UPRIGHT = 1e-6
-#: The mean of rotations is iterated until it moves by less than this, in rad.
+#: Change in rad below which the iteration of the mean of rotations ends, and most iterations.
 _CLOSE, _MOST_STEPS = 1e-12, 50
 
 
@@ -47,7 +47,7 @@ def exp(r: Array) -> Array:
 def log(R: Array) -> Array:
     """Return the rotation (..., 3) of a matrix (..., 3, 3), by its quaternion.
 
-    The quaternion is that of the largest of its numbers, so that no difference cancels (S.
+    The quaternion is computed from the largest of its numbers, so that no difference cancels (S.
     Shepperd, Quaternion from Rotation Matrix, Journal of Guidance and Control 1(3), 1978).
     """
     t = R[..., 0, 0] + R[..., 1, 1] + R[..., 2, 2]
@@ -79,7 +79,7 @@ def rotate_back(r: Array, v: Array) -> Array:
 
 
 def shortest(r: Array) -> Array:
-    """Return the same rotations (..., 3) by angles of at most pi; those that are, unchanged."""
+    """Return the same rotations (..., 3) with angles of at most pi, unchanged if they are."""
     angle = np.asanyarray(_angle(*_parts(r)))[..., np.newaxis]
     beyond = angle > pi
     if beyond.dtype == bool and not beyond.any():
@@ -103,7 +103,7 @@ def inverse_left_jacobian(r: Array) -> Array:
 def pulled_back(r: Array, rate: Array) -> Array:
     """Return the rate (..., 3) at which the vector of Exp(r) changes as it turns at ``rate``.
 
-    The product of the inverse left Jacobian and the rate, in the axes of the world.
+    It is the product of the inverse left Jacobian and the rate, in the axes of the world.
     """
     turn, w = _parts(r), _parts(rate)
     once, share = _cross(turn, w), _inverse_third(_angle(*turn))
@@ -112,23 +112,23 @@ def pulled_back(r: Array, rate: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return the cross product (..., 3); that of numpy takes longer."""
+    """Return the cross product (..., 3), faster than numpy does."""
     return from_coordinates(*_cross(_parts(a), _parts(b)))
 
 
 def mean(points: Array, weights: Array) -> Array:
-    """Return the weighted mean (..., 3) of rotations (k, ..., 3), from which their errors are 0.
+    """Return the weighted mean (..., 3) of rotations (k, ..., 3), whose mean error about it is 0.
 
     The sum of the errors Log(R_i R') is 0 (J. Manton, A globally convergent numerical algorithm
     for computing the centre of mass on compact Lie groups, ICARCV 2004).
     """
-    found: Array = points[0]
+    centre: Array = points[0]
     for _ in range(_MOST_STEPS):
-        error = np.tensordot(weights, compose(points, -found), axes=1)
-        found = compose(error, found)
+        error = np.tensordot(weights, compose(points, -centre), axes=1)
+        centre = compose(error, centre)
         if not (np.abs(error) > _CLOSE).any():
             break
-    return found
+    return centre
 
 
 def from_quaternion(q: Array) -> Array:
@@ -146,7 +146,7 @@ def to_quaternion(r: Array) -> Array:
 def from_euler(angles: Array) -> Array:
     """Return the rotation (..., 3) of roll, pitch and yaw (..., 3).
 
-    They are about the fixed axes x, y and z, in this order (REP-103).
+    The angles are about the fixed axes x, y and z, in this order (REP-103).
     """
     x, y, z = np.moveaxis(np.eye(3) * angles[..., np.newaxis], -2, 0)
     return compose(z, compose(y, x))
@@ -155,8 +155,8 @@ def from_euler(angles: Array) -> Array:
 def to_euler(r: Array) -> Array:
     """Return roll, pitch and yaw (..., 3) of rotations (..., 3), as `from_euler` takes them.
 
-    Near a pitch of +-pi/2 only their sum or difference is determined: there the roll is the one
-    that goes with the yaw, by the second row of Rz(-yaw) R = Ry(pitch) Rx(roll).
+    Near a pitch of +-pi/2 only their sum or difference is determined: there the roll is computed
+    from the yaw, by the second row of Rz(-yaw) R = Ry(pitch) Rx(roll).
     """
     R = exp(r)
     level = np.hypot(R[..., 2, 1], R[..., 2, 2])
@@ -171,7 +171,7 @@ def to_euler(r: Array) -> Array:
 
 
 def _parts(r: Array) -> tuple[_Number, _Number, _Number]:
-    """Return the coordinates, as floats if it is a single vector."""
+    """Return the coordinates, as floats for a single vector."""
     x, y, z = r.tolist() if r.ndim == 1 else coordinates(r)
     return x, y, z
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a state is measured."""
+"""Measurement of a state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ S = TypeVar('S', bound='Sensor')
 
 
 class Hypotheses(NamedTuple):
-    """What a reading makes of a belief for which one linearisation is too coarse.
+    """Correction of a belief for which one linearisation is too coarse.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class Hypotheses(NamedTuple):
         The belief times the likelihood of the reading, as a weighted sum of Gaussians: the
         weights (p,), whose sum is the density of the reading, and the Gaussians.
     shares, forecast
-        What the belief expected of the reading, less its noise: weights (q,) of sum 1 and points
+        Prediction of the reading by the belief, without noise: weights (q,) of sum 1 and points
         (q, k).
     """
 
@@ -45,11 +45,11 @@ class Sensor(ABC):
 
     output: Space
     covariance: Array
-    #: The space of the state, which matters to the default Jacobian where it has rotations.
+    #: Space of the state, which matters to the default Jacobian where it has rotations.
     state: Space = Space(())
-    #: Whether its Jacobian is the same everywhere.
+    #: Whether the Jacobian is the same everywhere.
     linear: bool = False
-    #: Its name in the scenario.
+    #: Name in the scenario.
     name: str = ''
 
     def __repr__(self) -> str:
@@ -67,8 +67,8 @@ class Sensor(ABC):
     def hypotheses(self, belief: Gaussian, y: Array, count: int) -> Hypotheses | None:
         """Return the belief corrected by ``y`` (k,) as up to ``count`` Gaussians.
 
-        A sensor to which many states look alike divides a belief here that is too wide for one
-        linearisation. None, the default, means that it is not.
+        A sensor to which many states look alike divides here a belief that is too wide for one
+        linearisation. None, the default, means that the belief is not too wide.
         """
         return None
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the numbers of a vector mean: names, units, angles and rotations."""
+"""Meaning of the numbers of a vector: names, units, angles and rotations."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ class Space:
     A rotation is three numbers, its rotation vector r. Its difference from another one, r_0, is
     the rotation vector e of the error in the axes of the world, Exp(r) = Exp(e) Exp(r_0), a vector
     of the tangent space at r_0 (the left side). Covariances, Jacobians, rates of change and noise
-    are of such differences.
+    refer to such differences.
 
     Parameters
     ----------
     names
-        One name a coordinate, unique; in one string, they are separated by spaces.
+        One unique name for each coordinate; in one string, they are separated by spaces.
     units
-        One unit a coordinate, in SI (``'m'``, ``'m/s'``, ``'rad'``); ``''`` for a pure number,
-        as by default they all are.
+        One unit for each coordinate, in SI (``'m'``, ``'m/s'``, ``'rad'``); ``''``, the default,
+        for a pure number.
     angles
-        The names of the coordinates that wrap at +-pi.
+        Names of the coordinates that wrap at +-pi.
     rotations
-        The names of the three coordinates of each rotation, which are neighbours in this order; in
+        Names of the three coordinates of each rotation, which are neighbours in this order; in
         one string, they are separated by spaces.
 
     Raises
@@ -70,7 +70,7 @@ class Space:
         object.__setattr__(self, '_turned', tuple(map(self._place, triples)))
 
     def _place(self, rotation: tuple[str, ...]) -> slice:
-        """Return where a rotation is among the coordinates."""
+        """Return the slice of a rotation among the coordinates."""
         first, *others = self.indices(rotation, 'rotations') or [0]
         if others != [first + 1, first + 2] or {*rotation} & {*self.angles}:
             raise ValueError(
@@ -84,7 +84,7 @@ class Space:
 
     @property
     def size(self) -> int:
-        """The number of coordinates."""
+        """Number of coordinates."""
         return len(self.names)
 
     def indices(self, names: Iterable[str], argument: str = 'names') -> list[int]:
@@ -93,19 +93,19 @@ class Space:
         Raises
         ------
         ValueError
-            If one is unknown; the message names the ``argument``.
+            If a name is unknown; the message names the ``argument``.
         """
-        found = []
+        positions = []
         for name in names:
             if name not in self.names:
                 known = ', '.join(self.names)
                 raise ValueError(f"{argument}: expected names among ({known}), got '{name}'")
-            found.append(self.names.index(name))
-        return found
+            positions.append(self.names.index(name))
+        return positions
 
     @property
     def turns(self) -> tuple[slice, ...]:
-        """The positions of its angles, one coordinate each, and of its rotations, three each."""
+        """Positions of the angles, one coordinate each, and of the rotations, three each."""
         return (*(slice(index, index + 1) for index in self._wrapped), *self._turned)
 
     def rotation(self, names: Iterable[str], argument: str = 'measures') -> slice:
@@ -114,11 +114,13 @@ class Space:
         Raises
         ------
         ValueError
-            If they are not those of a rotation; the message names the ``argument``.
+            If they are not the names of a rotation; the message names the ``argument``.
         """
         names = tuple(names)
         if names not in self.rotations:
-            known = ' or '.join(f'({", ".join(each)})' for each in self.rotations) or 'none'
+            known = (
+                ' or '.join(f'({", ".join(rotation)})' for rotation in self.rotations) or 'none'
+            )
             raise ValueError(
                 f'{argument}: expected the names of a rotation, {known}, got ({", ".join(names)})'
             )
@@ -147,7 +149,7 @@ class Space:
 
     @property
     def tangent(self) -> Space:
-        """The space of small differences, in which rotations are vectors."""
+        """Space of small differences, in which rotations are vectors."""
         return Space(self.names, self.units, self.angles) if self.rotations else self
 
     def wrap(self, x: Array) -> Array:
@@ -156,54 +158,54 @@ class Space:
             x = 1.0 * x
             for index in self._wrapped:
                 x[..., index] = (x[..., index] + np.pi) % (2.0 * np.pi) - np.pi
-        return self._each(so3.shortest, x) if self._turned else x
+        return self._map_rotations(so3.shortest, x) if self._turned else x
 
     def add(self, x: Array, d: Array) -> Array:
-        """Return ``x`` (..., n) moved by the difference ``d`` (..., n), the inverse of `subtract`.
+        """Return the retraction (..., n) of the difference ``d`` at ``x``, inverse of `subtract`.
 
         A rotation becomes Exp(d) Exp(x).
         """
         return self.wrap(self.reached(x + d, x))
 
     def reached(self, total: Array, origin: Array) -> Array:
-        """Return the point (..., n) whose plain sum of numbers, ``origin`` + d, is ``total``.
+        """Return the retraction (..., n) of ``total`` - ``origin`` at ``origin``.
 
-        It is what `add` does of rotations alone: angles are not wrapped, so that a caller may
-        compute the sum as it likes and wrap the result, or none.
+        Unlike `add` it does not wrap angles, so that a caller may compute the sum ``total`` in its
+        own way and wrap the result, or not.
         """
         if not self._turned:
             return total
-        return self._each(lambda a, b: so3.compose(a - b, b), total, origin)
+        return self._map_rotations(lambda a, b: so3.compose(a - b, b), total, origin)
 
     def subtract(self, a: Array, b: Array) -> Array:
         """Return the shortest difference ``a - b`` (..., n); of rotations, Log(Exp(a) Exp(-b))."""
         if self._turned:
-            difference = self._each(lambda p, q: so3.compose(p, -q), a, b, base=a - b)
+            difference = self._map_rotations(lambda p, q: so3.compose(p, -q), a, b, base=a - b)
         else:
             difference = a - b
         return self.wrap(difference) if self._wrapped else difference
 
-    def _each(self, function: Any, *points: Array, base: Array | None = None) -> Array:
-        """Return the numbers of ``base``, with those of rotations by a function of ``points``."""
+    def _map_rotations(self, function: Any, *points: Array, base: Array | None = None) -> Array:
+        """Return ``base``, with rotations replaced by a ``function`` of those of ``points``."""
         result: Array = (points[0] if base is None else base).copy()
         for place in self._turned:
             result[..., place] = function(*(p[..., place] for p in points))
         return result
 
     def jumps(self, x: Array) -> npt.NDArray[np.bool_]:
-        """Return where a curve (N, n) passes to other numbers of the same angle or rotation."""
+        """Return the mask (N, n) where a curve passes to other numbers of an angle or rotation."""
         step = np.abs(np.diff(x, axis=0, prepend=x[:1]))
         wrapped = [name in self.angles for name in self.names]
-        found: npt.NDArray[np.bool_] = (step > np.pi) & np.array(wrapped, dtype=bool)
+        mask: npt.NDArray[np.bool_] = (step > np.pi) & np.array(wrapped, dtype=bool)
         for place in self._turned:
-            found[:, place] = (np.linalg.norm(step[:, place], axis=-1) > np.pi)[:, np.newaxis]
-        return found
+            mask[:, place] = (np.linalg.norm(step[:, place], axis=-1) > np.pi)[:, np.newaxis]
+        return mask
 
     def mean(self, points: Array, weights: Array) -> Array:
         """Return the weighted mean (..., n) of ``points`` (k, ..., n); angles as directions.
 
         The mean of an angle is the direction of the weighted sum of unit vectors (Mardia and
-        Jupp, Directional Statistics, section 2.2); about that of rotations their mean error is 0.
+        Jupp, Directional Statistics, section 2.2); the mean error about that of rotations is 0.
         """
         mean = _weighted(weights, points)
         for place in self._turned:
@@ -217,12 +219,12 @@ class Space:
         return mean
 
     def arrived(self, total: Array, origin: Array, P: Array) -> tuple[Array, Array]:
-        """Return mean and covariance of an error that moves its origin to its own mean.
+        """Return mean and covariance after a reset: the origin of an error moves to its mean.
 
         The error about ``origin`` (..., n) has the mean ``total`` - ``origin``, and the covariance
         ``P`` (..., n, n); about the new mean it has the covariance J P J', with J the left
-        Jacobian of how far that has turned (J. Sola, Quaternion kinematics for the error-state
-        Kalman filter, arXiv:1711.02508, section 6.3).
+        Jacobian of the rotation between the two (J. Sola, Quaternion kinematics for the
+        error-state Kalman filter, arXiv:1711.02508, section 6.3).
         """
         if not self._turned:
             return self.wrap(total) if self._wrapped else total, P
@@ -230,17 +232,17 @@ class Space:
         return mean, self._congruent(P, total - origin, so3.left_jacobian)
 
     def from_afar(self, P: Array, d: Array) -> Array:
-        """Return a covariance (..., n, n) about a point ``d`` away (..., n), about the origin."""
+        """Transport a covariance (..., n, n) about a point ``d`` away (..., n) to the origin."""
         return self._congruent(P, d, so3.inverse_left_jacobian) if self._turned else P
 
     def _congruent(self, P: Array, d: Array, jacobian: Callable[[Array], Array]) -> Array:
-        """Return J P J', where J is that of the rotations, by d, and 1 for all else."""
-        found = np.broadcast_to(P, (*d.shape, self.size)).copy()
+        """Return J P J', with J the ``jacobian`` of each rotation in d, and 1 for all else."""
+        result = np.broadcast_to(P, (*d.shape, self.size)).copy()
         for place in self._turned:
             J = jacobian(d[..., place])
-            found[..., place, :] = J @ found[..., place, :]
-            found[..., place] = found[..., place] @ np.swapaxes(J, -1, -2)
-        return np.asarray(0.5 * (found + np.swapaxes(found, -1, -2)))
+            result[..., place, :] = J @ result[..., place, :]
+            result[..., place] = result[..., place] @ np.swapaxes(J, -1, -2)
+        return np.asarray(0.5 * (result + np.swapaxes(result, -1, -2)))
 
     def pulled_back(self, d: Array, rate: Array) -> Array:
         """Return the rate (..., n) at which a difference ``d`` grows if its end moves at ``rate``.
@@ -248,7 +250,7 @@ class Space:
         H. Munthe-Kaas, High order Runge-Kutta methods on manifolds, Applied Numerical Mathematics
         29(1), 1999, with which integrators stay on the group.
         """
-        return self._each(so3.pulled_back, d, rate, base=rate) if self._turned else rate
+        return self._map_rotations(so3.pulled_back, d, rate, base=rate) if self._turned else rate
 
     def of_errors(self, slope: Array, rate: Array) -> Array:
         """Return A (..., n, n) of e' = A e from the ``slope`` of the ``rate`` (..., n) by e.

@@ -46,7 +46,7 @@ class _Stacked(Dynamics):
     Parameters
     ----------
     original
-        The model; its Jacobians and noise need not accept leading axes.
+        Model whose Jacobians and noise need not accept leading axes.
     """
 
     takes_leading_axes = True
@@ -60,13 +60,13 @@ class _Stacked(Dynamics):
         self._prepare()
 
     def _prepare(self) -> None:
-        """Find out how the functions of the original take leading axes."""
+        """Determine how the functions of the original take leading axes."""
 
     @property
     def equilibrium(self) -> OperatingPoint:
-        """Where the model rests."""
-        found: OperatingPoint = self.original.equilibrium
-        return found
+        """Operating point at which the model rests."""
+        point: OperatingPoint = self.original.equilibrium
+        return point
 
     def noise_density(self, x: Array) -> Array:
         """Return the spectral density W (n, n) of the process noise at ``x`` (n,)."""
@@ -75,8 +75,8 @@ class _Stacked(Dynamics):
 
     def transition(self, x: Array, u: Array, dt: float) -> Transition:
         """Return the step from one state (n,)."""
-        found: Transition = self.original.transition(x, u, dt)
-        return found
+        transition: Transition = self.original.transition(x, u, dt)
+        return transition
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return the states after ``dt`` seconds, without noise."""
@@ -137,8 +137,8 @@ class StackedLinearModel(_Stacked):
 
     def sampled(self, dt: float) -> Transition:
         """Return the step of length ``dt``."""
-        found: Transition = self.original.sampled(dt)
-        return found
+        transition: Transition = self.original.sampled(dt)
+        return transition
 
     def step(self, x: Array, u: Array, dt: float) -> Array:
         """Return F x + G u."""
@@ -235,7 +235,7 @@ def _noise_alone(A: Array, W: Array, dt: float) -> tuple[Array, ...]:
 def _guarded(
     series: Callable[[Array, Array, float], tuple[Array, ...]], A: Array, W: Array, dt: float
 ) -> tuple[Array, ...]:
-    """Return the series, with NaN for the members of a batch for which there is none."""
+    """Return the series, with NaN for the members of a batch for which it does not exist."""
     try:
         return series(A, W, dt)
     except np.linalg.LinAlgError:
@@ -243,5 +243,5 @@ def _guarded(
         if not bad.any():
             raise
     members = bad[..., np.newaxis, np.newaxis]
-    found = series(np.where(members, 0.0, A), W, dt)
-    return tuple(np.where(members, np.nan, each) for each in found)
+    values = series(np.where(members, 0.0, A), W, dt)
+    return tuple(np.where(members, np.nan, value) for value in values)

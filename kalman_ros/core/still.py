@@ -9,16 +9,16 @@ from typing import NamedTuple
 
 
 class StandStill(NamedTuple):
-    """All of some fields of a message are small, and have been for a while.
+    """Condition that all of some fields of a message are small, and have been for a while.
 
     Parameters
     ----------
     fields
-        Of the messages of the sensor that the condition is for.
+        Fields of the messages of the sensor that the condition is for.
     below
-        The size under which each must be, in its unit.
+        Size below which each field must be, in its unit.
     duration
-        For how long, in s.
+        Time for which they must be small, in s.
     """
 
     fields: tuple[str, ...]
@@ -31,7 +31,7 @@ def stand_still(
 ) -> StandStill | None:
     """Return the condition by the options of a sensor; None if there is none.
 
-    Without fields to watch, they are those that the sensor reads.
+    Without fields to watch, the fields that the sensor reads are watched.
 
     Raises
     ------

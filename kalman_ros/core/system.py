@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A model with its default wiring: sensors, topics, cost and first belief."""
+"""A model with its default wiring: sensors, topics, cost and initial belief."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .still import StandStill
 
 @dataclass(frozen=True)
 class Signal:
-    """Where a vector is in messages: a topic, a message type, a field per coordinate.
+    """Place of a vector in messages: a topic, a message type, and a field for each coordinate.
 
     Parameters
     ----------
@@ -28,22 +28,22 @@ class Signal:
         the message's names, ``data[3]`` an element, ``poses[2].position.x`` a field of an
         element, ``orientation.yaw`` an angle.
     covariance
-        The path of an array with the covariance of exactly these coordinates, row by row. Left
-        empty, it is the covariance that the message type itself carries, if any.
+        Path of an array with the covariance of exactly these coordinates, row by row; if empty,
+        the covariance that the message type itself carries counts, if any.
     datum
         The origin of ``east``, ``north`` and ``up`` in a ``sensor_msgs/NavSatFix``; None for the
         first fix.
     mounting
-        Of the sensor on its body.
+        Mounting of the sensor on its body.
     pose
         Whether a pose is read as it is, ``absolute``, ``relative`` to the first, or as a velocity,
         ``differential``.
     zero
         Whether each message is read as zeros, whatever its fields are.
     still
-        The condition on which a message is read at all; None for always.
+        Condition on which a message is read; None for always.
     stamp_offset
-        Added to the stamps of the messages, in nanoseconds.
+        Nanoseconds that are added to the stamps of the messages.
     """
 
     topic: str
@@ -58,7 +58,7 @@ class Signal:
     stamp_offset: int = 0
 
 
-#: The input of a model without one.
+#: Input of a model without inputs.
 NO_INPUT = Signal('input', 'std_msgs/Float64MultiArray', ())
 
 
@@ -85,18 +85,19 @@ class System:
     Parameters
     ----------
     build
-        Returns the `Model` or `DiscreteModel`; its keyword arguments are the model's parameters.
+        Function that returns the `Model` or `DiscreteModel`; its keyword arguments are the
+        model's parameters.
     sensors
-        By name, in the order in which readings of one instant are fused.
+        Sensors by name, in the order in which readings of one instant are fused.
     state
         Signal of the state (``estimate``, ``ground_truth``, ``reference``); the topic is that
         of the estimate.
     initial_state
-        Where the plant starts.
+        State in which the plant starts.
     initial_std
-        Standard deviations of the estimator's first belief.
+        Standard deviations of the estimator's initial belief.
     initial_estimate
-        The mean of that belief; the equilibrium if empty.
+        Mean of that belief; the equilibrium if empty.
     input
         Signal of the input; a model without inputs has none, and needs no controller.
     state_cost, input_cost

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors in sampled time: which of them measures at which step."""
+"""Sensors in sampled time, and the steps at which they read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class TimedSensor:
     enabled: bool = True
 
 
-#: The shortest lag behind a command, in s; a shorter one is refused.
+#: Shortest lag behind a command, in s; a shorter one is refused.
 _SHORTEST_LAG = 1e-3
 
 
@@ -29,7 +29,7 @@ def following(command_time: float) -> float:
     Raises
     ------
     ValueError
-        If it is below 1 ms.
+        If the lag is below 1 ms.
     """
     if not command_time >= _SHORTEST_LAG:
         raise ValueError(
@@ -38,7 +38,7 @@ def following(command_time: float) -> float:
     return 1.0 / command_time
 
 
-#: The most steps from one reading of a sensor to the next.
+#: Largest number of steps from one reading of a sensor to the next.
 _SLOWEST = 10_000
 
 

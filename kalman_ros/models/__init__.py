@@ -30,20 +30,20 @@ def find_model(name: str) -> Callable[..., Dynamics] | System:
     Raises
     ------
     ValueError
-        If there is none, or it is not one of the three.
+        If there is no such model, or it is not one of the three.
     """
-    found: Callable[..., Dynamics] | System = find('model', name, __name__, 'MODEL')
-    if not isinstance(found, System) and not builds(found, Dynamics):
+    builder: Callable[..., Dynamics] | System = find('model', name, __name__, 'MODEL')
+    if not isinstance(builder, System) and not builds(builder, Dynamics):
         raise ValueError(
             f"model: '{name}' is not a System, a Model or DiscreteModel class, or a function "
             "annotated '-> Model'"
         )
-    return found
+    return builder
 
 
 def check_spaces(model: Dynamics) -> None:
     """Raise ValueError if a model does not define the spaces of its state and its input."""
     for name in ('state', 'input'):
-        found = getattr(model, name, None)
-        if not isinstance(found, Space):
-            raise ValueError(f'model: its {name}: expected a Space, got {found!r}')
+        space = getattr(model, name, None)
+        if not isinstance(space, Space):
+            raise ValueError(f'model: its {name}: expected a Space, got {space!r}')

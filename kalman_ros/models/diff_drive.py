@@ -13,7 +13,7 @@ from .turn_rate import TurnRate
 
 
 class Commanded(TurnRate):
-    """The unicycle whose speed and yaw rate follow commands: v' = (v_c - v) / T, so omega'.
+    """The unicycle whose speed and yaw rate follow commands: v' = (v_c - v) / T, likewise omega'.
 
     T is the time constant of the controllers of the wheels, taken as first-order lags (R.
     Siegwart, I. Nourbakhsh and D. Scaramuzza, Introduction to Autonomous Mobile Robots, 2nd ed.,
@@ -28,7 +28,7 @@ class Commanded(TurnRate):
         self.max_step = min(self.max_step, 0.5 * command_time)
 
     def derivative(self, x: Array, u: Array) -> Array:
-        """Return the velocity, and how speed and turn rate approach the commands."""
+        """Return the velocity, and the approach of speed and turn rate to the commands."""
         rates = super().derivative(x, u)
         _, _, v, _, omega = coordinates(x)
         commanded = coordinates(u)
@@ -37,7 +37,7 @@ class Commanded(TurnRate):
         return rates
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return that of the unicycle, with the decay of speed and turn rate."""
+        """Return the Jacobian of the unicycle, with the decay of speed and turn rate."""
         A = super().state_jacobian(x, u)
         A[..., 2, 2] = A[..., 4, 4] = -self._pull
         return A

@@ -62,7 +62,7 @@ class GnssImu(Model):
         return from_coordinates(*motion, *dying, still, still)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return the derivatives of the velocity by heading and speed, and the other ones."""
+        """Return the derivatives of the velocity by heading and speed, and the constant ones."""
         psi, v = x[..., 2], x[..., 3]
         A = np.zeros((8, 8, *v.shape))
         A[:2, 2] = -v * np.sin(psi), v * np.cos(psi)

@@ -10,7 +10,7 @@ import numpy as np
 from kalman_ros.core import About, Array, Model, OperatingPoint, Space
 from kalman_ros.core import rotations as so3
 
-#: Places in the state: position, rotation, velocity, biases of gyroscope and accelerometer.
+#: Slices of the state: position, rotation, velocity, biases of gyroscope and accelerometer.
 _P, _R, _V, _G, _B = (slice(3 * k, 3 * k + 3) for k in range(5))
 
 
@@ -59,7 +59,7 @@ class Inertial(Model):
 
     @property
     def equilibrium(self) -> OperatingPoint:
-        """At rest and level, where the accelerometer reads gravity, upwards."""
+        """Equilibrium at rest and level, where the accelerometer reads gravity, upwards."""
         return OperatingPoint(np.zeros(15), np.concatenate((np.zeros(3), self._gravity)))
 
     def derivative(self, x: Array, u: Array) -> Array:
@@ -72,7 +72,7 @@ class Inertial(Model):
         return np.concatenate((x[..., _V], turned, pushed, biases), axis=-1)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return how errors move; that of the rotation turns the specific force."""
+        """Return the derivatives of errors; an error of the rotation turns the specific force."""
         R = so3.exp(x[..., _R])
         force = (R @ (u[..., 3:] - x[..., _B])[..., np.newaxis])[..., 0]
         A = np.zeros((*x.shape, 15))
@@ -83,7 +83,7 @@ class Inertial(Model):
         return A
 
     def input_jacobian(self, x: Array, u: Array) -> Array:
-        """Return how rates and forces of the body turn and push."""
+        """Return the derivatives by rates and forces of the body, in the world."""
         B = np.zeros((*x.shape, 6))
         B[..., _R, :3] = B[..., _V, 3:] = so3.exp(x[..., _R])
         return B

@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import About, LinearSystem, Space, matrix, semidefinite
 
-#: Of the double integrator.
+#: Units of the double integrator.
 _UNITS = ('m', 'm/s')
 
 
@@ -37,10 +37,10 @@ def linear(
 
 
 def _units(
-    name: str, given: Sequence[str], default: tuple[str, ...], size: int
+    name: str, listed: Sequence[str], default: tuple[str, ...], size: int
 ) -> tuple[str, ...]:
-    """Return one unit each: the given ones, or none where only the default is."""
-    units = tuple(given)
+    """Return one unit each: the ``listed`` ones, or none where only the default is listed."""
+    units = tuple(listed)
     if units == default and len(units) != size:
         return ('',) * size
     if len(units) != size:

@@ -11,7 +11,7 @@ import numpy as np
 from kalman_ros.core import About, Array, Model, Space, spectral_densities
 from kalman_ros.core import rotations as so3
 
-#: Places in the state: position, rotation, velocity, angular rate, acceleration.
+#: Slices of the state: position, rotation, velocity, angular rate, acceleration.
 _P, _R, _V, _W, _A = (slice(3 * k, 3 * k + 3) for k in range(5))
 
 
@@ -68,11 +68,11 @@ class Robot3D(Model):
         """Return velocity and angular rate in the world, and the change of velocity."""
         v, w, a = x[..., _V], x[..., _W], x[..., _A]
         R, still = so3.exp(x[..., _R]), np.zeros_like(w)
-        moved, turned = ((R @ each[..., np.newaxis])[..., 0] for each in (v, w))
+        moved, turned = ((R @ vector[..., np.newaxis])[..., 0] for vector in (v, w))
         return np.concatenate((moved, turned, a - so3.cross(w, v), still, still), axis=-1)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return how errors move: that of a rotation in the world by R dw alone."""
+        """Return the derivatives of errors; a rotation error in the world moves by R dw only."""
         v, w = x[..., _V], x[..., _W]
         R = so3.exp(x[..., _R])
         A = np.zeros((*x.shape, 15))

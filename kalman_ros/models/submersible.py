@@ -78,7 +78,7 @@ class Submersible(Model):
 
     @property
     def equilibrium(self) -> OperatingPoint:
-        """At the origin and level, where the vertical thrusters hold the buoyancy down."""
+        """Equilibrium at the origin and level, where the vertical thrusters balance buoyancy."""
         return OperatingPoint(np.zeros(6), np.array([0.0, -0.5, -0.5]) * self._buoyancy)
 
     def derivative(self, x: Array, u: Array) -> Array:
@@ -95,7 +95,7 @@ class Submersible(Model):
         return np.concatenate((from_coordinates(*velocity), force / self._inertia), axis=-1)
 
     def state_jacobian(self, x: Array, u: Array) -> Array:
-        """Return the derivatives of `derivative`; drag l v + d |v| v has l + 2 d |v|."""
+        """Return the Jacobian of `derivative`; the derivative of l v + d |v| v is l + 2 d |v|."""
         sine, cosine = np.sin(x[..., 2]), np.cos(x[..., 2])
         surge, heave, q = coordinates(x[..., 3:])
         m_x, m_z, _ = self._inertia

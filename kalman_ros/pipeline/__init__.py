@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the bytes of messages to beliefs and back to bytes: what node and replay share."""
+"""The path from the bytes of messages to beliefs and back, which node and replay share."""

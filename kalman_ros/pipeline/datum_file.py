@@ -24,7 +24,7 @@ def read_datum(file: str) -> Place | None:
     Raises
     ------
     ValueError
-        If it cannot be read or contains something else.
+        If the file cannot be read or contains something else.
     """
     path = Path(file)
     if path.exists() and not path.is_file():  # a pipe would be waited for
@@ -36,22 +36,22 @@ def read_datum(file: str) -> Place | None:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ValueError(f"datum_file: '{file}': {reason}") from None
-    found = values.get('datum')
-    if not isinstance(found, list) or not all(type(item) in (int, float) for item in found):
-        raise ValueError(f"datum_file: '{file}': expected a datum, got {found!r}")
+    datum = values.get('datum')
+    if not isinstance(datum, list) or not all(type(item) in (int, float) for item in datum):
+        raise ValueError(f"datum_file: '{file}': expected a datum, got {datum!r}")
     try:
-        return place('datum', found)
+        return place('datum', datum)
     except ValueError as error:
         raise ValueError(f"datum_file: '{file}': {error}") from None
 
 
 def write_datum(file: str, datum: Place) -> None:
-    """Write a datum into a file, so that at every instant there is a whole one or none.
+    """Write a datum into a file, which is complete or absent at every instant.
 
     Raises
     ------
     OSError
-        If that is impossible.
+        If the file cannot be written.
     """
     path = Path(file)
     # a new file, since a name that can be guessed may be a link of somebody else's

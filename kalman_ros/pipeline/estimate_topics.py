@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which topics an estimator publishes its beliefs and innovations on, and as which messages."""
+"""Topics on which an estimator publishes its beliefs and innovations, and their messages."""
 
 from __future__ import annotations
 
@@ -47,22 +47,22 @@ def published_signals(scenario: Scenario) -> list[Signal]:
 
 
 class Topic(NamedTuple):
-    """A topic, and what writes its messages."""
+    """A topic, and the writer of its messages."""
 
     signal: Signal
     write: WireWriter
 
     @property
     def name(self) -> str:
-        """The name of the topic."""
+        """Name of the topic."""
         return self.signal.topic
 
 
 class EstimateTopics:
     """The topics of a belief: ``estimate``, ``estimate/state`` and ``estimate/covariance``.
 
-    They are written with the time, and the mean (n,) and covariance (n, n); the mean; and the
-    covariance, flat.
+    Each is written with the time and, in this order: the mean (n,) and covariance (n, n); the
+    mean; the covariance, flat.
     """
 
     def __init__(self, scenario: Scenario, frame: str, child_frame: str) -> None:
@@ -96,7 +96,7 @@ class InnovationTopic:
         self.topic = Topic(signal, WireWriter(SignalCodec(signal)))
 
     def __call__(self, time: int, correction: Correction) -> Any:
-        """Return the message for a reading taken at ``time``; None unless all is finite."""
+        """Return the message for a reading taken at ``time``; None if a number is not finite."""
         std = np.sqrt(correction.innovation_covariance.diagonal())
         values = np.concatenate((correction.innovation, std, (correction.nis,)))
         return self.topic.write(time, values) if np.isfinite(values).all() else None

@@ -39,9 +39,9 @@ Rest = Annotated[
     About('real time: rest until the first input'),
 ]
 Frame = Annotated[str, About('frame in which positions are given')]
-#: One for all nodes: the plant, the estimator and the controller must agree.
+#: Shared by all nodes: the plant, the estimator and the controller must agree.
 IdleInput = Annotated[str, About("while no controller acts: 'zero' or 'equilibrium'")]
-#: One for both: the controller must not refuse what the estimator accepts.
+#: Shared by both: the controller must not refuse what the estimator accepts.
 FutureTolerance = Annotated[
     float, About('how far ahead of now a stamp may be', 's', minimum=0.0, live=True)
 ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The frames of a sensor's messages: another than the declared one is another sensor's."""
+"""Check of the frames of a sensor's messages: an undeclared frame is another sensor's."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from kalman_ros.core import Signal
 from kalman_ros.core.quantity import ATTITUDE, PLACE, quantity
 
 _HEADER = 'std_msgs/Header'
-#: A message without a frame, and the length of none.
+#: Bytes of an empty frame, and a length that no frame has.
 _EMPTY, _NONE_YET = b'\x01\0\0\0\0', b'\xff\xff\xff\xff'
 _CHILD, _TWIST = 'child_frame_id', 'twist.'
 
 
 class FrameGuard:
-    """Compares the frame of each message with that of its sensor.
+    """Comparison of the frame of each message with the frame of its sensor.
 
-    It is the ``header.frame_id``, or the ``child_frame_id`` where only the twist of an odometry is
-    read; a message without one can be of any frame. Where none is declared, it is that of the
-    first message; unless that is a frame of the estimate, or the mounting is given, one warning
-    names it.
+    The frame is the ``header.frame_id``, or the ``child_frame_id`` if only the twist of an
+    odometry is read; a message in which it is empty can be of any frame. If no frame is declared,
+    that of the first message counts, and one warning names it, unless it is a frame of the
+    estimate or the mounting is configured.
 
     Parameters
     ----------
     signal
-        Of the sensor.
+        Signal of the sensor.
     message_type
-        A type that does not begin with a header has no frame.
-    own
-        The frames of the estimate: of positions, and of the body.
+        Type of the messages; a type that does not begin with a header has no frame.
+    frames
+        Frames of the estimate: of positions, and of the body.
     warn
-        Called with one line.
+        Function that is called with one line.
     """
 
     def __init__(
         self,
         signal: Signal,
         message_type: Any,
-        own: Sequence[str],
+        frames: Sequence[str],
         warn: Callable[[str], object],
     ) -> None:
         fields = message_type.get_fields_and_field_types()
@@ -48,21 +48,21 @@ class FrameGuard:
         twist = all(field.startswith(_TWIST) for field in signal.fields)
         self._of_child = twist and _CHILD in fields
         empty = _NONE_YET if self._of_child else _EMPTY
-        #: A message with these bytes after its stamp is of the right frame.
+        #: A message with these bytes after its stamp has the right frame.
         self.accepted = empty if stamped else b''
-        kinds = {found.kind for found in map(quantity, signal.fields) if found is not None}
-        self._of_world = bool(kinds) and kinds <= {PLACE, ATTITUDE} and len(own) > 0
-        self._own, self._warn = own, warn
+        kinds = {item.kind for item in map(quantity, signal.fields) if item is not None}
+        self._of_world = bool(kinds) and kinds <= {PLACE, ATTITUDE} and len(frames) > 0
+        self._frames, self._warn = frames, warn
         self._placed = signal.mounting.placed
         self._frame: str | None = signal.mounting.frame or None
 
     @property
     def frame(self) -> str:
-        """The frame of the messages; '' before the first that names one."""
+        """Frame of the messages; '' before the first message that names one."""
         return self._frame or ''
 
     def __call__(self, data: bytes) -> str:
-        """Return what is wrong with the frame of a message that can be decoded; '' if nothing."""
+        """Return the fault in the frame of a message that can be decoded; '' without a fault."""
         if data.startswith(self.accepted, FRAME_START):
             return ''
         frame, end = frame_and_end(data, of_child=self._of_child)
@@ -77,8 +77,8 @@ class FrameGuard:
         return ''
 
     def _announce(self, frame: str) -> None:
-        """Warn of a frame that was not declared."""
-        if frame in self._own or self._placed or not self._own:
+        """Warn about a frame that was not declared."""
+        if frame in self._frames or self._placed or not self._frames:
             return
-        meant = self._own[0 if self._of_world else -1]
+        meant = self._frames[0 if self._of_world else -1]
         self._warn(f"frame '{frame}' is taken for {meant}; declare frame and mount to be sure")

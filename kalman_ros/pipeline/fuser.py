@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuses received readings and inputs, and counts the outcome of each."""
+"""Fusion of received readings and inputs, with counts of their outcomes."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from .input_timeout import InputTimeout
 from .reading_reader import InputReader, OtherFrameError, Reading, SensorReader
 from .throttle import Throttle
 
-#: What a message is received on.
+#: Reader of the messages of a sensor, or of the input.
 Channel = Union[SensorReader, InputReader]
 
 
 class Received(NamedTuple):
     """A decoded message: its time in nanoseconds, its channel, and its content.
 
-    ``refused`` is why a reading cannot be used, if so.
+    ``refused`` is the reason why a reading cannot be used, or None.
     """
 
     time: int
@@ -52,22 +52,22 @@ class Fused(NamedTuple):
 
 
 class Fuser:
-    """Passes received messages to an `OnlineEstimator` and counts the outcomes.
+    """Fusion of received messages by an `OnlineEstimator`, with counts of the outcomes.
 
     Parameters
     ----------
     scenario
-        Names the sensors and the input.
+        Scenario with the sensors and the input.
     online
-        The estimator.
+        Estimator that fuses the messages.
     channels, input
-        What reads the messages of each sensor, and of the input.
+        Readers of the messages of each sensor, and of the input.
     warn
-        Logs a warning.
+        Function that logs a warning.
     timeout
-        Ends inputs that are not renewed; none by default.
+        Timeout of inputs that are not renewed; none by default.
     arithmetic
-        What computes the model and the sensors.
+        Arithmetic that computes the model and the sensors.
     """
 
     def __init__(
@@ -84,29 +84,29 @@ class Fuser:
         self.timeout = timeout or InputTimeout(0.0, np.empty(0))
         self.channels, self.input = channels, input
         for channel in channels.values():
-            channel.nis.inside()  # it loads much the first time, 0.2 s of it
+            channel.nis.inside()  # the first call imports much, for 0.2 s
         #: Outcomes of the inputs.
         self.inputs: Counter[Outcome] = Counter()
         self.observability = ObservabilityMeter(scenario)
-        #: Logs a warning, at a limited rate.
+        #: Logger of warnings, at a limited rate.
         self.warn = Throttle(warn)
         self.scenario = scenario
-        #: What computes the model and the sensors.
+        #: Arithmetic that computes the model and the sensors.
         self.arithmetic = arithmetic
         self._judged = online.restarts
-        #: How often a person or a program has asked for another belief.
+        #: Number of resets that a person or a program has requested.
         self.resets = 0
-        #: The stamp of the newest reading that moved the estimate, in nanoseconds.
+        #: Stamp of the newest reading that moved the estimate, in nanoseconds.
         self.fused_at: int | None = None
 
-    def configure(self, scenario: Scenario, found: Estimation) -> None:
-        """Use a scenario that was changed live; its names and topics are the same."""
-        self.online.configure(found.filter, found.sensors, found.policy)
-        self.scenario, self.arithmetic = scenario, found.arithmetic
+    def configure(self, scenario: Scenario, estimation: Estimation) -> None:
+        """Use a scenario that was changed live, with the same names and topics."""
+        self.online.configure(estimation.filter, estimation.sensors, estimation.policy)
+        self.scenario, self.arithmetic = scenario, estimation.arithmetic
         self.observability.configure(scenario)
 
     def fuse(self, received: Iterable[Received], now: int | None = None) -> list[Fused]:
-        """Fuse messages received by ``now`` and return what became of the readings."""
+        """Fuse messages received by ``now``, and return the readings with their outcomes."""
         # in the order of the stamps: no message is too old because of another of the same batch
         batch = sorted(received, key=itemgetter(0))
         arrivals = [
@@ -115,25 +115,25 @@ class Fuser:
             if refused is None
         ]
         ended = self._ended_inputs(batch, now)
-        found = []
-        fates = iter(self.online.add([*ended, *arrivals], now)[len(ended) :])
+        fused = []
+        outcomes = iter(self.online.add([*ended, *arrivals], now)[len(ended) :])
         for time, channel, sample, refused in batch:
-            outcome, correction = next(fates) if refused is None else (refused, None)
+            outcome, correction = next(outcomes) if refused is None else (refused, None)
             if isinstance(channel, SensorReader):
                 if refused is not None:
                     self.online.counts[channel.name][refused] += 1
                 self._account_for_reading(channel, time, outcome)
-                found.append(Fused(channel, time, sample, outcome, correction))
+                fused.append(Fused(channel, time, sample, outcome, correction))
             else:
                 self._account_for_input(time, sample.values, outcome)
-        return found
+        return fused
 
     def predicted(self, time: int) -> Gaussian:
-        """Return the belief at a ``time`` not before the newest stamp; nothing is kept."""
+        """Return the belief at a ``time`` not before the newest stamp, without keeping it."""
         return self.online.predicted(time, self.timeout.ending(time))
 
     def _ended_inputs(self, batch: Iterable[Received], now: int | None) -> list[Arrival]:
-        """Return the idle inputs in place of those that end before a message of a batch."""
+        """Return the idle inputs in place of the inputs that end before a message of a batch."""
         ended = []
         for time, channel, _, refused in batch:
             if refused is None:
@@ -163,14 +163,14 @@ class Fuser:
         """Count ``missed`` messages that were dropped because newer ones were waiting."""
         if missed:
             if channel.name is None:
-                account, what = self.inputs, self.scenario.input.topic
+                account, subject = self.inputs, self.scenario.input.topic
             else:
-                account, what = self.online.counts[channel.name], f'readings of {channel.name}'
+                account, subject = self.online.counts[channel.name], f'readings of {channel.name}'
             account[Outcome.OVERRUN] += missed
-            self.warn(f'{what} {Outcome.OVERRUN.value}')
+            self.warn(f'{subject} {Outcome.OVERRUN.value}')
 
     def read_input(self, data: bytes) -> Sample | None:
-        """Return the input in a message; None, with a warning, if there is none in it."""
+        """Return the input in a message, or None with a warning if the message has no input."""
         try:
             sample: Sample = self.input.read(data)
         except OtherFrameError as error:
@@ -183,8 +183,8 @@ class Fuser:
         return sample
 
     def judge(self, fused: Iterable[Fused]) -> list[Fused]:
-        """Record the corrections, and return the readings that have one."""
-        corrected = [each for each in fused if each.correction is not None]
+        """Record the corrections, and return the readings with a correction."""
+        corrected = [reading for reading in fused if reading.correction is not None]
         for channel, _, _, _, correction in corrected:
             channel.judge(correction)
         return corrected

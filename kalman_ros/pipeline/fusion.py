@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The estimation that the options of an estimator's node describe, and whether it can start."""
+"""Estimation by the options of an estimator's node, with a check that it can start."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def fusion(
     *,
     wait: bool = True,
 ) -> Estimation:
-    """Return the estimation that the ``options``, and the ``extra`` ones of a filter, describe.
+    """Return the estimation by the ``options``, and by the ``extra`` options of a filter.
 
     Raises
     ------
     ValueError
-        As `estimation` does.
+        If an option is wrong, as for `estimation`.
     """
     return estimation(
         scenario,
@@ -41,7 +41,7 @@ def fusion(
 
 
 def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:
-    """Return how an estimator with these options treats imperfect data."""
+    """Return the treatment of imperfect data by an estimator with these options."""
     if options.initialize not in ('belief', 'reading'):
         raise ValueError(f"initialize: expected belief or reading, got '{options.initialize}'")
     rests = options.rest_until_input and not options.lockstep and bool(scenario.input.fields)
@@ -57,17 +57,17 @@ def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:
     )
 
 
-def check_start(found: Estimation, scenario: Scenario) -> None:
+def check_start(built: Estimation, scenario: Scenario) -> None:
     """Raise ValueError if no reading could ever correct the initial belief.
 
-    Its numbers may be finite, but too large to compute with; or the model makes them so in a step.
+    Its numbers may be finite but too large to compute with, or become so in a step of the model.
     """
-    belief, filter = found.initial, found.filter
-    sensors = [found.sensors[name] for name in scenario.enabled]
+    belief, filter = built.initial, built.filter
+    sensors = [built.sensors[name] for name in scenario.enabled]
     zero = np.zeros(scenario.model.input.size)
 
     def starts(first: Gaussian) -> bool:
-        return any(_corrects(filter, first, zero, each, scenario.rate) for each in sensors)
+        return any(_corrects(filter, first, zero, sensor, scenario.rate) for sensor in sensors)
 
     with np.errstate(all='ignore'):
         if not sensors or starts(belief):

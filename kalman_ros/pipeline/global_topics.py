@@ -28,11 +28,11 @@ class FixTopic:
     Parameters
     ----------
     scenario
-        Whose state has a position.
+        Scenario whose state has a position.
     frame
-        Of the body.
+        Frame of the body.
     origin
-        The datum.
+        Datum of the local metres.
 
     Raises
     ------
@@ -74,14 +74,14 @@ class DatumTopic:
 
 
 class GlobalTopics:
-    """The datum, once, as soon as it is known, and the estimate as a fix if that is requested."""
+    """The topic of the datum, published once, and that of the estimate as a fix if requested."""
 
     def __init__(self, scenario: Scenario, options: EstimatorOptions, origin: Origin) -> None:
         self._origin = origin
         self.fix = FixTopic(scenario, options.child_frame, origin) if options.publish_fix else None
-        wanted = self.fix is not None or uses_fixes(scenario)
-        self.datum = DatumTopic(scenario, options.frame, origin) if wanted else None
-        #: Of the topics that are used.
+        needed = self.fix is not None or uses_fixes(scenario)
+        self.datum = DatumTopic(scenario, options.frame, origin) if needed else None
+        #: Signals of the topics that are used.
         self.signals = [topic.signal for topic in (self.datum, self.fix) if topic is not None]
         self._known = False
 

@@ -22,7 +22,7 @@ def idle_input(model: Dynamics, choice: str) -> Array:
     Raises
     ------
     ValueError
-        If it is neither.
+        If the choice is neither.
     """
     if choice == 'zero':
         return np.zeros(model.input.size)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robots stop when commands cease: an input that is not renewed becomes the idle one."""
+"""Robots stop when commands cease: an input that is not renewed becomes the idle input."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from kalman_ros.estimators.timeline import Arrival
 
 
 class InputTimeout:
-    """Ends an input a fixed time after the last one.
+    """Timeout that ends an input a fixed time after the last one.
 
     By stamps, not by the clock: a recording gives the same inputs as the live topics.
 
     Parameters
     ----------
     timeout
-        In s; 0 for never.
+        Seconds until the input ends; 0 for never.
     idle
-        The input (m,) from then on.
+        Input (m,) after the end.
     """
 
     def __init__(self, timeout: float, idle: Array) -> None:
         self._timeout, self._idle = round(timeout * 1e9), idle
-        #: When the input ends, in nanoseconds; None if it has ended.
+        #: Time at which the input ends, in nanoseconds; None if it has ended.
         self._due: int | None = None
 
     def on_input(self, time: int) -> None:
-        """Take the stamp of an input in nanoseconds."""
+        """Record the stamp of an input, in nanoseconds."""
         if self._timeout:
             due = time + self._timeout
             self._due = due if self._due is None else max(self._due, due)
 
     def ending(self, time: int) -> tuple[int, Array] | None:
-        """Return when the last input ended and the idle one, if that was before ``time``."""
+        """Return the end of the last input and the idle input, if the end is before ``time``."""
         return None if self._due is None or time <= self._due else (self._due, self._idle)
 
     def ended_by(self, time: int) -> list[Arrival]:

@@ -10,7 +10,7 @@ from typing import Any, Optional, TypeVar
 
 from kalman_ros.codecs.messages import UndecodableError
 
-#: The longest accepted message, in bytes, by default.
+#: Longest accepted message, in bytes, by default.
 LONGEST = 1_000_000
 #: Seconds between two warnings.
 _PAUSE = 1.0
@@ -19,18 +19,18 @@ T = TypeVar('T')
 
 
 class Intake:
-    """Drops messages that cannot be decoded or are too long, counts them, and warns.
+    """Filter that drops messages that cannot be decoded or are too long, counts them, and warns.
 
     Parameters
     ----------
     warn
-        Called with one line, at most once a second.
+        Function that is called with one line, at most once a second.
     """
 
     def __init__(self, warn: Callable[[str], object]) -> None:
         self._warn = warn
         self._warned = -_PAUSE
-        #: The longest accepted message, in bytes.
+        #: Longest accepted message, in bytes.
         self.longest = LONGEST
         self._dropped: Counter[tuple[str, str]] = Counter()
         self._sizes: dict[tuple[str, str], int] = {}
@@ -51,9 +51,9 @@ class Intake:
     ) -> Optional[T]:
         """Return ``read`` of the last message that is not dropped."""
         for data in reversed(messages):
-            found = self(topic, read, data)
-            if found is not None:
-                return found
+            result = self(topic, read, data)
+            if result is not None:
+                return result
         return None
 
     def _drop(self, why: str, topic: str, data: bytes) -> None:
@@ -68,7 +68,7 @@ class Intake:
             self._warn(f'{topic}: dropped a message of {size}: {why}{most}; {number} so far')
 
     def dropped(self, topic: str) -> int:
-        """Return how many messages of a topic were dropped, for whatever reason."""
+        """Return the number of dropped messages of a topic, for any reason."""
         return sum(count for (_, name), count in self._dropped.items() if name == topic)
 
     def report(self) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from .step_assembler import StepAssembler
 
 
 class Output(Protocol):
-    """What takes the results of an estimator: a node publishes them, a replay records them."""
+    """Receiver of the results of an estimator: a node publishes them, a replay records them."""
 
     def publish(self, time: int, belief: Gaussian) -> None:
         """Take the belief at ``time``, in nanoseconds."""
@@ -25,18 +25,18 @@ class Output(Protocol):
 
 
 class LockstepFuser:
-    """Takes the messages of the plant and the controller in any order, and fuses step by step.
+    """Fusion, step by step, of the messages of the plant and the controller in any order.
 
     Parameters
     ----------
     fuser
-        Fuses the messages.
+        Fusion of the messages.
     output
-        Takes the results.
+        Receiver of the results.
     info
-        Logs that time went back.
+        Function that logs that time went back.
     resolve
-        Returns the full name of a topic.
+        Function that returns the full name of a topic.
     """
 
     def __init__(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where sensors are on the body, by the transforms on ``/tf_static``."""
+"""Places of sensors on the body, by the transforms on ``/tf_static``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.scenario.building import placed
 
 TOPIC, TYPE = '/tf_static', 'tf2_msgs/TFMessage'
-#: The most frames that are kept.
+#: Largest number of frames that are kept.
 _MOST_FRAMES = 1_000
 #: A smaller change, in m or rad, is rounding.
 _SAME = 1e-9
@@ -39,7 +39,7 @@ class Placement(NamedTuple):
         return Placement(-so3.rotate_back(self.rotation, self.translation), -self.rotation)
 
     def differs_from(self, other: Placement) -> bool:
-        """Return whether they differ by more than rounding."""
+        """Return whether the placements differ by more than rounding."""
         turned = so3.compose(-other.rotation, self.rotation)
         moved = self.translation - other.translation
         return bool(np.abs((moved, turned)).max() > _SAME)
@@ -62,70 +62,70 @@ class StaticFrames:
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Placement]] = {}
-        #: The frames whose last transform cannot be used.
+        #: Frames whose last transform cannot be used.
         self.refused: set[str] = set()
 
     def add(self, data: bytes) -> None:
-        """Add the transforms in a message; one that is not finite or no rotation is left out.
+        """Add the transforms in a message, except any that is not finite or not a rotation.
 
         Raises
         ------
         UndecodableError
             If the bytes are not those of such a message.
         """
-        for each in transforms_in(data):
-            place, q = np.array(each.translation), np.array(each.quaternion)
-            known = each.child in self._parents or len(self._parents) < _MOST_FRAMES
+        for transform in transforms_in(data):
+            place, q = np.array(transform.translation), np.array(transform.quaternion)
+            known = transform.child in self._parents or len(self._parents) < _MOST_FRAMES
             good = is_finite(place) and is_finite(q) and q.any()
             if not good and len(self.refused) < _MOST_FRAMES:
-                self.refused.add(each.child)
+                self.refused.add(transform.child)
             if known and good:
-                self.refused.discard(each.child)
+                self.refused.discard(transform.child)
                 rotation = so3.from_quaternion(q / np.abs(q).max())
-                self._parents[each.child] = each.parent, Placement(place, rotation)
+                self._parents[transform.child] = transform.parent, Placement(place, rotation)
 
     def placement(self, frame: str, base: str) -> Placement | None:
-        """Return where ``frame`` is in ``base``; None if no transforms connect them."""
+        """Return the placement of ``frame`` in ``base``; None if no transforms connect them."""
         above = dict(self._above(base))
-        for name, found in self._above(frame):
+        for name, placement in self._above(frame):
             if name in above:
-                return above[name].inverse().then(found)
+                return above[name].inverse().then(placement)
         return None
 
     def _above(self, frame: str) -> Iterator[tuple[str, Placement]]:
-        """Yield each frame above one, itself first, with the placement of the one in it."""
-        found, seen = _HERE, set()
+        """Yield ``frame`` and each frame above it, with the placement of ``frame`` in it."""
+        placement, seen = _HERE, set()
         while frame not in seen:
-            yield frame, found
+            yield frame, placement
             seen.add(frame)
             if frame not in self._parents:
                 return
             frame, place = self._parents[frame]
-            found = place.then(found)
+            placement = place.then(placement)
 
 
 class Mounts:
-    """Mounts the sensors that take their place from ``/tf_static``.
+    """Mounting of the sensors that take their place from ``/tf_static``.
 
-    Until the transform of its frame is received, a sensor has no readings. The first one counts:
-    the mounting of a sensor is fixed.
+    Until the transform of its frame is received, a sensor has no readings. The first transform
+    counts: the mounting of a sensor is fixed.
 
     Parameters
     ----------
     scenario
-        Of the estimator.
+        Scenario of the estimator.
     base
-        The frame of the body.
+        Frame of the body.
     warn
-        Called with one line about a transform that changes.
+        Function that is called with one line about a transform that changes.
     """
 
     def __init__(self, scenario: Scenario, base: str, warn: Callable[[str], object]) -> None:
         self._scenario, self._base, self._warn = scenario, base, warn
         self._frames = StaticFrames()
-        #: The frame and placement of each sensor that is mounted.
+        #: Frame and placement of each sensor that is mounted.
         self._mounted: dict[str, tuple[str, Placement]] = {}
-        #: The sensors whose transform has changed since, which is logged once.
+        #: Sensors whose transform has changed since the mounting, which is logged once.
         self._changed: set[str] = set()
         #: Called with the scenario whenever a sensor is mounted.
         self.on_mounted: Callable[[Scenario], object] = id
@@ -133,7 +133,7 @@ class Mounts:
     @property
     def needed(self) -> bool:
         """Whether any sensor takes its place from transforms."""
-        return any(each.signal.mounting.from_tf for each in self._scenario.sensors.values())
+        return any(source.signal.mounting.from_tf for source in self._scenario.sensors.values())
 
     def on_static(self, data: bytes) -> None:
         """Take a message of ``/tf_static``; UndecodableError if it is not one."""
@@ -154,32 +154,32 @@ class Mounts:
         Raises
         ------
         ValueError
-            If its place is not known, or the model cannot use it; one line says why.
+            If the place is not known, or the model cannot use it; one line gives the reason.
         """
         if not frame:
             raise ValueError('mount.tf: the messages name no frame')
-        found = self._frames.placement(frame, self._base)
-        if found is None and frame in self._frames.refused:
+        placement = self._frames.placement(frame, self._base)
+        if placement is None and frame in self._frames.refused:
             raise ValueError(
                 f"the transform of '{frame}' on {TOPIC} is not finite, or no rotation"
             )
-        if found is None:
+        if placement is None:
             raise ValueError(f"no transform from '{self._base}' to '{frame}' on {TOPIC} yet")
-        source = self._placed(name, self._scenario.sensors[name], frame, found)
-        self._mounted[name] = frame, found
+        source = self._placed(name, self._scenario.sensors[name], frame, placement)
+        self._mounted[name] = frame, placement
         self.on_mounted(self.applied(self._scenario))
         return source
 
     def applied(self, scenario: Scenario) -> Scenario:
         """Return a scenario with the sensors that are mounted."""
         sources = dict(scenario.sensors)
-        for name, (frame, found) in self._mounted.items():
-            sources[name] = self._placed(name, sources[name], frame, found)
+        for name, (frame, placement) in self._mounted.items():
+            sources[name] = self._placed(name, sources[name], frame, placement)
         return replace(scenario, sensors=sources) if self._mounted else scenario
 
     def _placed(
-        self, name: str, source: SensorSource, frame: str, found: Placement
+        self, name: str, source: SensorSource, frame: str, placement: Placement
     ) -> SensorSource:
         scenario = self._scenario
-        angles = so3.to_euler(found.rotation)
-        return placed(name, source, scenario.state, frame, found.translation, angles)
+        angles = so3.to_euler(placement.rotation)
+        return placed(name, source, scenario.state, frame, placement.translation, angles)

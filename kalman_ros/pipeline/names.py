@@ -12,7 +12,7 @@ from collections.abc import Collection, Container, Iterable
 
 from kalman_ros.estimators import FILTERS, filter_options
 
-#: By the node or object that they are options of.
+#: Names of options, by the node or the object that has them.
 NAMES = {
     'plant': (
         'actuator_dead_zone actuator_delay actuator_gain actuator_loss autostart child_frame '
@@ -45,7 +45,7 @@ NAMES = {
         'input_cost integral_cost law regulator_frequencies regulator_poles state_cost tracked'
     ),
 }
-#: Of each sensor, in the plant: `SENSOR.NAME`.
+#: Names of the faults of each sensor, in the plant: `SENSOR.NAME`.
 FAULTS = (
     'bias burst_length burst_loss delay drift dropout duplication fault_window freeze jitter nan '
     'outlier_size outliers random_walk reordering'
@@ -53,31 +53,33 @@ FAULTS = (
 
 
 def known(
-    sensors: Iterable[str], given: Iterable[str], options: Container[str], *, driven: bool
+    sensors: Iterable[str], parameters: Iterable[str], options: Container[str], *, driven: bool
 ) -> set[str]:
     """Return the names that any node has, with these ``sensors`` and, if ``driven``, an input.
 
-    Those of the filters are among them if a name that is ``given`` is neither another one nor one
-    of the ``options``: their modules are imported only then.
+    The options of the filters are among them only if one of the ``parameters`` is neither another
+    name nor one of the ``options``, since they require an import of the filters' modules.
     """
-    found = {
+    accepted = {
         name for kind, names in NAMES.items() for name in names.split() if driven or kind != 'laws'
     }
-    found |= {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
-    if any(name not in found and name not in options for name in given):
-        found |= {option.name for kind in FILTERS for option in filter_options(kind)}
-    return found
+    accepted |= {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
+    if any(name not in accepted and name not in options for name in parameters):
+        accepted |= {option.name for kind in FILTERS for option in filter_options(kind)}
+    return accepted
 
 
-def refuse_unlisted(given: Iterable[str], known: Container[str], sensors: Collection[str]) -> None:
+def refuse_unlisted(
+    parameters: Iterable[str], known: Container[str], sensors: Collection[str]
+) -> None:
     """Raise ValueError for a section of a sensor that is not among the ``sensors``.
 
-    A single parameter of it is taken for a mistake in writing, which has a nearest one.
+    A single parameter of such a section is taken for a misspelt one, which has a nearest name.
     """
     seen: set[str] = set()
-    for name in given:
-        sensor, _, own = name.partition('.')
-        alike = any(f'{each}.{own}' in known for each in sensors)
+    for name in parameters:
+        sensor, _, option = name.partition('.')
+        alike = any(f'{other}.{option}' in known for other in sensors)
         if name in known or not alike or sensor in (*sensors, 'state', 'input'):
             continue
         if sensor in seen:

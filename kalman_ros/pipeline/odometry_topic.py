@@ -31,14 +31,14 @@ class OdometryTopic:
     Parameters
     ----------
     scenario
-        Whose state has a position and a heading.
+        Scenario whose state has a position and a heading.
     frame, child_frame
-        Of the estimate.
+        Frames of the estimate.
 
     Raises
     ------
     ValueError
-        If it has not.
+        If the state has no position or no heading.
     """
 
     def __init__(self, scenario: Scenario, frame: str, child_frame: str) -> None:

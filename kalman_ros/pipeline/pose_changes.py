@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses as changes: from one to the next, as a velocity, or from the first."""
+"""Poses as changes: from one pose to the next, as a velocity, or from the first pose."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kalman_ros.core import rotations as so3
 from kalman_ros.core.quantity import ANGLES, ATTITUDE, GLOBAL, PLACE, ROTATION, Quantity, quantity
 from kalman_ros.linear.single import is_definite
 
-#: Poses further apart than this, in nanoseconds, are no velocity.
+#: Nanoseconds between two poses beyond which their change is not a velocity.
 _APART = 1_000_000_000
 _AXES = 'xyz'
 
@@ -23,55 +23,55 @@ class FirstPoseError(ValueError):
 
 
 def whole_pose(signal: Signal) -> Signal:
-    """Return the signal of the orientation, and of the position, of which fields are read.
+    """Return the signal of the whole pose, or of the whole orientation, whose fields are read.
 
     Raises
     ------
     ValueError
-        If a field is of neither.
+        If a field is of neither a position nor an orientation.
     """
-    found = [quantity(field) for field in signal.fields]
+    quantities = [quantity(field) for field in signal.fields]
     if not all(
-        each is not None and each.kind in (PLACE, ATTITUDE) and each.names != GLOBAL
-        for each in found
+        item is not None and item.kind in (PLACE, ATTITUDE) and item.names != GLOBAL
+        for item in quantities
     ):
         listed = ', '.join(signal.fields)
         expected = 'expected fields of a position or orientation'
         raise ValueError(f"signal '{signal.topic}': pose: {expected}, got {listed}")
-    if any(each.kind == PLACE for each in found if each is not None):
-        owner = next(each.owner for each in found if each is not None).rpartition('.')[0]
+    if any(item.kind == PLACE for item in quantities if item is not None):
+        owner = next(item.owner for item in quantities if item is not None).rpartition('.')[0]
         start = f'{owner}.' if owner else ''
         fields = [f'{start}position.{axis}' for axis in _AXES]
         fields += [f'{start}orientation.{name}' for name in ROTATION]
     else:
-        owner = found[0].owner if found[0] is not None else ''
+        owner = quantities[0].owner if quantities[0] is not None else ''
         fields = [f'{owner}.{name}' for name in ROTATION]
     return replace(signal, fields=tuple(fields))
 
 
 class PoseChange:
-    """Turns poses into changes, seen from the axes of the body at the earlier one.
+    """Change between poses, seen from the axes of the body at the earlier pose.
 
     With poses (p_0, R_0) and (p_1, R_1) the change is d = R_0' (p_1 - p_0) and Log(R_0' R_1). As a
     velocity, it is divided by the time between, and d is turned by half of the rotation, into the
     axes of the body on the way (J. Sola et al., A micro Lie theory, 2021, section II). A reading
     of the velocity holds at the later stamp.
 
-    Its covariance is that of a difference: where the covariances of the poses grow, as those of an
-    odometry that integrates do, what they grew by, C_1 - C_0; otherwise, for errors that are
-    independent, C_1 + C_0, and for d what errors of the rotation make of p_1 - p_0.
+    The covariance is that of a difference. If the covariances of the poses grow, as those of an
+    odometry that integrates do, it is their growth C_1 - C_0. Otherwise the errors are taken as
+    independent, and it is C_1 + C_0, for d with the effect of errors of the rotation on p_1 - p_0.
 
     Parameters
     ----------
     signal
-        Of the sensor; its ``pose`` is ``differential`` or ``relative``.
+        Signal of the sensor; its ``pose`` is ``differential`` or ``relative``.
     """
 
     def __init__(self, signal: Signal) -> None:
         self._differential = signal.pose == 'differential'
         self._whole = len(whole_pose(signal).fields) == 6
         self._quantities: list[Quantity] = [
-            found for found in map(quantity, signal.fields) if found is not None
+            item for item in map(quantity, signal.fields) if item is not None
         ]
         self._earlier: Sample | None = None
 
@@ -81,7 +81,7 @@ class PoseChange:
         Raises
         ------
         FirstPoseError
-            If it is the first, or too long after the last one.
+            If the pose is the first, or too long after the last one.
         """
         earlier, time = self._earlier, sample.time or 0
         passed = 0 if earlier is None else time - (earlier.time or 0)
@@ -125,8 +125,8 @@ class PoseChange:
             return None
         C = C_1 - C_0
         if not is_definite(C):
-            # the errors are about the axes of the world, and the first turns the way between, or
-            # the mean of both does
+            # errors are about the axes of the world; the error of the first rotation turns the way
+            # between, or the mean of both errors does
             A_0, A_1 = -np.eye(len(C)), np.eye(len(C))
             if self._whole:
                 J = so3.skew(moved)

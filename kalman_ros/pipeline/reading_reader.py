@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From messages to readings with their covariances, and to inputs."""
+"""Readers of messages: of readings with their covariances, and of inputs."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ class Reading(NamedTuple):
     Parameters
     ----------
     time
-        Its stamp in nanoseconds; None if it has none.
+        Stamp in nanoseconds; None without a stamp.
     values
-        The reading (k,); (0,) if it is refused.
+        Reading (k,); (0,) if it is refused.
     covariance
-        Of the message (k, k); None where the configured one applies.
+        Covariance of the message (k, k); None where the configured one applies.
     refused
-        Why it cannot be used, if so.
+        Reason why the reading cannot be used, or None.
     completed
-        Whether its message has zeros for a covariance, in place of which are the configured ones.
+        Whether the configured covariance is used, since the message has zeros.
     """
 
     time: int | None
@@ -54,25 +54,25 @@ class Reading(NamedTuple):
 
 
 class ReadingReader:
-    """Decodes the messages of one sensor.
+    """Decoder of the messages of one sensor.
 
     Parameters
     ----------
     signal
-        Of the sensor.
+        Signal of the sensor.
     origin
-        The datum that several receivers share; None for that of the signal.
-    own
-        The frames of the estimate: of positions, and of the body.
+        Datum that several receivers share; None for the datum of the signal.
+    frames
+        Frames of the estimate: of positions, and of the body.
     warn
-        Called with a sentence about a frame that was not declared.
+        Function that is called with a sentence about a frame that was not declared.
     """
 
     def __init__(
         self,
         signal: Signal,
         origin: Origin | None = None,
-        own: Sequence[str] = (),
+        frames: Sequence[str] = (),
         warn: Callable[[str], object] = str,
     ) -> None:
         self._zero = np.zeros(len(signal.fields)) if signal.zero else None
@@ -81,14 +81,14 @@ class ReadingReader:
         read = signal if self._change is None else whole_pose(signal)
         self._read = WireReader(codec_of(read, origin=origin))
         self.message_type = self._read.message_type
-        self._guard = FrameGuard(signal, self.message_type, own, warn)
+        self._guard = FrameGuard(signal, self.message_type, frames, warn)
         self._offset = signal.stamp_offset
         if self._offset and not hasattr(self.message_type, 'header'):
             why = f'expected messages with a stamp, {signal.type} has none'
             raise ValueError(f"signal '{signal.topic}': stamp_offset: {why}")
-        #: Why the last unreadable message was refused; '' before the first.
+        #: Reason why the last unreadable message was refused; '' before the first.
         self.trouble = ''
-        #: The covariance of the last message, its sensor, and what is used in its place.
+        #: Covariance of the last message, its sensor, and the covariance used in its place.
         self._used: tuple[Array | None, SensorSource | None, Array | None] = (None, None, None)
 
     def __call__(self, data: bytes, source: SensorSource) -> Reading:
@@ -133,12 +133,12 @@ class ReadingReader:
         completed = used is not covariance and used is not None
         return Reading(time, values, used, completed=completed)
 
-    def _covariance_used(self, carried: Array | None, source: SensorSource) -> Array | None:
+    def _covariance_used(self, received: Array | None, source: SensorSource) -> Array | None:
         """Return the covariance to use in place of that of a message; the last one is cached."""
         last, of, used = self._used
-        if carried is not last or source is not of:
-            used = source.used(carried)
-            self._used = carried, source, used
+        if received is not last or source is not of:
+            used = source.used(received)
+            self._used = received, source, used
         return used
 
     @property
@@ -147,36 +147,38 @@ class ReadingReader:
         return self._guard.frame
 
     def refused(self, time: int | None, outcome: Outcome, why: object) -> Reading:
-        """Return a reading that cannot be used, and keep why."""
+        """Return a reading that cannot be used, and keep the reason."""
         self.trouble = str(why)
         return Reading(time, np.empty(0), None, outcome)
 
 
 class OtherFrameError(ValueError):
-    """An input is in another frame than declared."""
+    """Error of an input in another frame than declared."""
 
 
 class InputReader:
-    """Reads the known input.
+    """Reader of the known input.
 
     Parameters
     ----------
     signal
-        Of the input.
-    own, warn
-        As of a `ReadingReader`. Without a declared frame any is used, as each controller may
-        name its own.
+        Signal of the input.
+    frames, warn
+        As for `ReadingReader`. Without a declared frame any frame is accepted, as each controller
+            may name its own.
     """
 
-    #: No sensor's.
+    #: The input is not a sensor.
     name: None = None
 
     def __init__(
-        self, signal: Signal, own: Sequence[str] = (), warn: Callable[[str], object] = str
+        self, signal: Signal, frames: Sequence[str] = (), warn: Callable[[str], object] = str
     ) -> None:
         self._read = WireReader(codec_of(signal))
         self.message_type: Any = self._read.message_type
-        self._guard = FrameGuard(signal, self.message_type, own, lambda why: warn(f'input: {why}'))
+        self._guard = FrameGuard(
+            signal, self.message_type, frames, lambda why: warn(f'input: {why}')
+        )
         self._declared = bool(signal.mounting.frame)
 
     def read(self, data: bytes) -> Sample:
@@ -198,23 +200,23 @@ class InputReader:
 
 
 class SensorReader:
-    """Reads a sensor's messages, and judges whether its innovations scatter as expected."""
+    """Reader of a sensor's messages, with a test whether its innovations scatter as expected."""
 
     def __init__(
         self,
         name: str,
         source: SensorSource,
         origin: Origin | None = None,
-        own: Sequence[str] = (),
+        frames: Sequence[str] = (),
         warn: Callable[[str], object] = str,
         mounts: Mounts | None = None,
     ) -> None:
         self.name = name
         self._build: Callable[[Signal], ReadingReader] = partial(
-            ReadingReader, origin=origin, own=own, warn=lambda why: warn(f'{name}: {why}')
+            ReadingReader, origin=origin, frames=frames, warn=lambda why: warn(f'{name}: {why}')
         )
         self._read = self._build(source.signal)
-        #: What mounts the sensor, as long as its place is not known.
+        #: Mounting of the sensor, as long as its place is not known.
         self._mounts = mounts if source.signal.mounting.from_tf else None
         self.message_type: Any = self._read.message_type
         self.nis = ChiSquareWindow(source.sensor.output.size)
@@ -240,7 +242,7 @@ class SensorReader:
 
     @property
     def trouble(self) -> str:
-        """Why the last unreadable message was refused: the field and the sizes."""
+        """Reason why the last unreadable message was refused: the field and the sizes."""
         return self._read.trouble
 
     def judge(self, correction: Correction) -> None:

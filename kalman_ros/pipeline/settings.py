@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the parameters of a node to checked values, and to what an estimator is built from."""
+"""Checked values of a node's parameters, and the settings of an estimator."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 
 
 class Chosen(NamedTuple):
-    """A value for each parameter of a node, all parameters that it has, and whose they are.
+    """Values of a node's parameters, its known parameters, and their names by owner.
 
-    Those are the scenario's, the node's own, and the extra ones.
+    ``shared`` names those of the scenario, ``own`` those of the node, and ``extra`` further ones.
     """
 
     values: dict[str, Value]
@@ -40,44 +40,47 @@ class Chosen(NamedTuple):
 
 
 def choose(
-    given: Mapping[str, Value],
+    parameters: Mapping[str, Value],
     options: type[Any],
     extra: Callable[[Mapping[str, Value]], Iterable[Option]],
     *,
     with_law: bool,
 ) -> Chosen:
-    """Return the parameters of a node, checked, with defaults for those that are not given.
+    """Return the checked parameters of a node, with defaults for those that are not set.
 
     Parameters
     ----------
-    given
-        By name, without those of rclpy.
+    parameters
+        Values by name, without the parameters of rclpy.
     options
-        The dataclass of the node's own options.
+        Dataclass of the node's own options.
     extra
-        Returns further options, which depend on what is chosen.
+        Function that returns further options, which depend on the chosen values.
     with_law
         Whether the control law and the cost belong to the node's scenario.
 
     Raises
     ------
     ValueError
-        If one is unknown or wrong.
+        If a parameter is unknown or wrong.
     """
-    own = {option.name: option for option in options_of(options)}
-    shared = scenario.options(given, with_law=with_law)
-    chosen: dict[str, Any] = {**{name: option.default for name, option in shared.items()}, **given}
+    node_options = {option.name: option for option in options_of(options)}
+    shared = scenario.options(parameters, with_law=with_law)
+    chosen: dict[str, Any] = {
+        **{name: option.default for name, option in shared.items()},
+        **parameters,
+    }
     chosen['sensors'] = shared['sensors'].check(chosen['sensors'])  # one string is a list, too
     more = {option.name: option for option in extra(chosen)}
-    known = {**shared, **own, **more}
+    known = {**shared, **node_options, **more}
     sensors = scenario.sensor_names(chosen['sensors'])
     names.check_kinds(shared, sensors)
     driven = 'input.topic' in shared
-    everything = {*known, *names.known(sensors, given, known, driven=driven)}
-    names.refuse_unlisted(given, everything, sensors)
-    refuse_unknown(given, everything, 'parameter')
-    values = scenario.complete(given, known)
-    return Chosen(values, known, tuple(shared), tuple(own), tuple(more))
+    everything = {*known, *names.known(sensors, parameters, known, driven=driven)}
+    names.refuse_unlisted(parameters, everything, sensors)
+    refuse_unknown(parameters, everything, 'parameter')
+    values = scenario.complete(parameters, known)
+    return Chosen(values, known, tuple(shared), tuple(node_options), tuple(more))
 
 
 def estimator_extra(chosen: Mapping[str, Value]) -> Iterable[Option]:
@@ -87,7 +90,7 @@ def estimator_extra(chosen: Mapping[str, Value]) -> Iterable[Option]:
 
 @dataclass(frozen=True)
 class Settings:
-    """The scenario and the options that an estimator is configured with."""
+    """Scenario and options with which an estimator is configured."""
 
     scenario: Scenario
     options: EstimatorOptions
@@ -95,7 +98,7 @@ class Settings:
     simulated_time: bool = False
 
     def in_lockstep(self, lockstep: bool) -> Settings:
-        """Return the same in lockstep, or in real time."""
+        """Return the same settings in lockstep, or in real time."""
         return replace(self, options=replace(self.options, lockstep=lockstep))
 
     def origin(self) -> Origin:
@@ -104,7 +107,7 @@ class Settings:
         Raises
         ------
         ValueError
-            If both are given, or the file is not one.
+            If both are configured, or the file does not hold a datum.
         """
         datum, file = self.scenario.datum, self.options.datum_file
         if datum is not None and file:
@@ -112,11 +115,11 @@ class Settings:
         return Origin(read_datum(file) if file else datum)
 
     def idle(self) -> Array:
-        """Return the input (m,) while there is no other."""
+        """Return the input (m,) while no controller acts."""
         return idle_input(self.scenario.model, self.options.idle_input)
 
     def input_timeout(self) -> InputTimeout:
-        """Return what ends inputs that are not renewed."""
+        """Return the timeout of inputs that are not renewed."""
         return InputTimeout(self.options.input_timeout, self.idle())
 
     def fusion(self, *, wait: bool = True) -> Estimation:
@@ -127,29 +130,31 @@ class Settings:
         ValueError
             If the filter cannot serve the scenario.
         """
-        found = fusion(self.scenario, self.options, self.extra, wait=wait)
+        estimation = fusion(self.scenario, self.options, self.extra, wait=wait)
         # this also imports the modules of the first step, which takes longer than a step
-        check_start(found, self.scenario)
-        return found
+        check_start(estimation, self.scenario)
+        return estimation
 
-    def estimator(self, found: Estimation | None = None) -> OnlineEstimator:
-        """Return a new estimator, of a `fusion` that is known or a new one."""
-        return (found or self.fusion()).online(self.idle())
+    def estimator(self, estimation: Estimation | None = None) -> OnlineEstimator:
+        """Return a new estimator, of an estimation by `fusion` or of a new one."""
+        return (estimation or self.fusion()).online(self.idle())
 
 
-def settings(given: Mapping[str, Any]) -> Settings:
-    """Return the settings by an estimator's parameters, as a parameter file has them.
+def settings(parameters: Mapping[str, Any]) -> Settings:
+    """Return the settings by an estimator's parameters, as in a parameter file.
 
     Raises
     ------
     ValueError
         If a parameter is unknown or wrong.
     """
-    ours = {name: value for name, value in given.items() if not name.startswith(OF_RCLPY)}
-    values, _, shared, own, extra = choose(ours, EstimatorOptions, estimator_extra, with_law=False)
+    ours = {name: value for name, value in parameters.items() if not name.startswith(OF_RCLPY)}
+    values, _, shared, node_names, extra = choose(
+        ours, EstimatorOptions, estimator_extra, with_law=False
+    )
     return Settings(
         scenario.assemble({name: values[name] for name in shared}, with_law=False),
-        EstimatorOptions(**{name: values[name] for name in own}),  # type: ignore[arg-type]
+        EstimatorOptions(**{name: values[name] for name in node_names}),  # type: ignore[arg-type]
         {name: values[name] for name in extra},
-        bool(given.get('use_sim_time', False)),
+        bool(parameters.get('use_sim_time', False)),
     )

@@ -21,12 +21,12 @@ class Step(NamedTuple):
     kept: Any = None
 
 
-#: Before every time.
+#: Time of a message without a stamp, before every other time.
 _UNSTAMPED = -1
-#: In nanoseconds: a reading that no tick has named for this long is dropped.
+#: Nanoseconds after which a reading that no tick has named is dropped.
 _FORGOTTEN = 60_000_000_000
-#: The most ticks waiting for readings, readings that they name, and readings and inputs waiting
-#: for their tick. A plant has one step in progress: more are not from a plant.
+#: Largest numbers of ticks that wait for readings, of readings that they name, and of readings
+#: and inputs that wait for their tick. A plant has one step in progress, and sends no more.
 _MOST_TICKS, _MOST_NAMED, _MOST_WAITING = 1000, 10_000, 10_000
 
 #: The name of a sensor, and a stamp.
@@ -34,7 +34,7 @@ _Key = tuple[str, int]
 
 
 class StepAssembler:
-    """Assembles ticks, readings and inputs, which arrive in any order.
+    """Assembly of steps from ticks, readings and inputs, which arrive in any order.
 
     A message without a stamp belongs to the first step that lacks it.
 
@@ -49,11 +49,11 @@ class StepAssembler:
     Parameters
     ----------
     names
-        The sensor of each topic; other topics are ignored.
+        Name of the sensor of each topic; other topics are ignored.
     answered
-        Whether an input responds to each tick; not so for a model without inputs.
+        Whether an input responds to each tick; False for a model without inputs.
     resolve
-        Returns the full name of a topic: a relative and an absolute name may be of one topic.
+        Function that returns the full name of a topic, which several names may have.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class StepAssembler:
         if topic not in self._names:
             try:
                 topic = self._resolve(topic)
-            except (ValueError, RuntimeError):  # no name of a topic, as rcl finds it
+            except (ValueError, RuntimeError):  # not a valid name of a topic
                 return None
         return self._names.get(topic)
 
@@ -143,7 +143,7 @@ class StepAssembler:
             keys = self._ticks[time] if time != last else []
             readings = self._named(keys)
             if readings is None:
-                if not self._never(time):
+                if not self._is_lost(time):
                     return
                 self._drop(time)
                 continue
@@ -172,35 +172,35 @@ class StepAssembler:
         del self._ticks[time]
         return self._kept.pop(time)
 
-    def _never(self, time: int) -> bool:
-        """Return whether a reading missing for the tick at ``time`` is lost."""
-        wanted = Counter(self._ticks[time])
-        lacking = {key[0] for key, count in wanted.items() if len(self._there(key)) < count}
+    def _is_lost(self, time: int) -> bool:
+        """Return whether a reading that the tick at ``time`` lacks is lost."""
+        needed = Counter(self._ticks[time])
+        lacking = {key[0] for key, count in needed.items() if len(self._received(key)) < count}
         return any(
-            key[0] in lacking and key not in wanted and key in self._readings
+            key[0] in lacking and key not in needed and key in self._readings
             for later, keys in self._ticks.items()
             if later > time
             for key in keys
         )
 
-    def _there(self, key: _Key) -> list[Any]:
-        """Return a reading, if it was received."""
+    def _received(self, key: _Key) -> list[Any]:
+        """Return the received readings of a key; those without a stamp if there are no others."""
         return self._readings.get(key) or self._readings.get((key[0], _UNSTAMPED), [])
 
     def _named(self, keys: list[_Key]) -> list[tuple[str, Any]] | None:
         """Return the readings that a tick names, in its order; None if one is missing."""
         left = Counter(keys)
-        if any(len(self._there(key)) < count for key, count in left.items()):
+        if any(len(self._received(key)) < count for key, count in left.items()):
             return None
-        found: list[tuple[str, Any]] = []
+        readings: list[tuple[str, Any]] = []
         for key in keys:
-            # of repeated readings the last
-            found.append((key[0], self._there(key)[-left[key]]))
+            # the last one of repeated readings
+            readings.append((key[0], self._received(key)[-left[key]]))
             left[key] -= 1
-        return found
+        return readings
 
     def _forget(self, time: int) -> None:
-        """Drop the readings of the step at ``time``, and unrequested ones."""
+        """Drop the readings of the step at ``time``, and old ones that no tick has named."""
         oldest = max(time - _FORGOTTEN, _UNSTAMPED)
         self._readings = {
             key: readings

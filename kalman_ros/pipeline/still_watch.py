@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watches the messages of a sensor for whether the body stands still."""
+"""Watch on the messages of a sensor for whether the body stands still."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ from kalman_ros.codecs.wire import WireReader
 from kalman_ros.core import Signal
 from kalman_ros.core.still import StandStill
 
-#: Messages further apart than this, in nanoseconds, prove nothing of the time between.
+#: Nanoseconds between messages beyond which they prove nothing of the time between.
 _APART = 1_000_000_000
 
 
 class StillWatch:
-    """Returns for each message why the body is not at rest: all fields small, for long enough.
+    """Watch that returns for each message the reason why the body is not at rest.
 
-    A field that is missing or not finite is not small.
+    The body is at rest if all fields are small, for long enough. A field that is missing or not
+    finite is not small.
 
     Parameters
     ----------
     signal
-        Of the sensor.
+        Signal of the sensor.
     condition
         Fields, sizes and duration.
 
     Raises
     ------
     ValueError
-        If the messages have no stamps, or no such fields.
+        If the messages have no stamps, or lack a field.
     """
 
     def __init__(self, signal: Signal, condition: StandStill) -> None:
@@ -42,7 +43,7 @@ class StillWatch:
             raise ValueError(f"signal '{signal.topic}': still.below: {why}")
         self._below = np.array(condition.below)
         self._duration = round(condition.duration * 1e9)
-        #: Between these stamps all messages were small, in nanoseconds.
+        #: Stamps in nanoseconds between which all messages were small.
         self._since: int | None = None
         self._until = 0
 

@@ -7,16 +7,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import monotonic
 
-#: The most different messages remembered; a hostile sender could create any number.
+#: Largest number of remembered messages, since a hostile sender could create any number.
 _MOST = 20
-#: Seconds: the longest between two logs of a message that goes on, and the silence after which it
-#: is a new one.
+#: Seconds: the longest interval between two logs of a message that goes on, and the silence after
+#: which it is a new one.
 _LONGEST, _SILENCE = 600.0, 60.0
 
 
 @dataclass
 class _Repeated:
-    """When a message was last logged and last asked for, and how long it then waits."""
+    """Times at which a message was last logged and last requested, and its waiting time."""
 
     logged: float
     asked: float
@@ -24,7 +24,7 @@ class _Repeated:
 
 
 class Throttle:
-    """Logs each message after N seconds again, then after twice as many, and so on.
+    """Logger that repeats a message after N seconds, then after twice as many, and so on.
 
     So a receiver that has no fix for hours does not fill the log. The throttle of rclpy's loggers
     counts by line of code: there the first of two messages suppresses the second.
@@ -51,7 +51,7 @@ class Throttle:
             self._log(message)
 
     def _make_room(self, now: float) -> bool:
-        """Return whether another message may be remembered, in place of the most silent one."""
+        """Return whether another message may be remembered, without the most silent one."""
         if len(self._messages) < _MOST:
             return True
         silent = min(self._messages, key=lambda message: self._messages[message].asked)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pose of an estimate as a transform of tf2, and what tf2 would refuse."""
+"""The pose of an estimate as a transform of tf2, with the checks that tf2 makes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _POSE = (
     *(f'pose.pose.position.{axis}' for axis in 'xyz'),
     *(f'pose.pose.orientation.{number}' for number in ('rx', 'ry', 'rz')),
 )
-#: The most poses of an odometry that are kept.
+#: Largest number of poses of an odometry that are kept.
 _MOST = 1000
 
 
@@ -36,7 +36,7 @@ class Pose(NamedTuple):
     rotation: Array
 
     def after_inverse(self, other: Pose) -> Pose:
-        """Return the pose of one frame in another, of which this and ``other`` see one body.
+        """Return the pose of the frame of ``other`` in that of this pose, both of the same body.
 
         With p = t + R q: R = R_1 R_2' and t = p_1 - R p_2.
         """
@@ -60,9 +60,9 @@ class PoseHistory:
         self._poses.append(pose)
 
     def at(self, time: int, tolerance: float) -> Pose | None:
-        """Return the pose at ``time``, on the way between two.
+        """Return the pose at ``time``, interpolated between two poses.
 
-        Beyond the ends it is that of the end, if it is no further than ``tolerance`` seconds.
+        Beyond the ends it is the pose at the end, if no further away than ``tolerance`` seconds.
         """
         if not self._times:
             return None
@@ -95,17 +95,17 @@ def check_frames(options: EstimatorOptions) -> None:
 
 
 class TransformWriter:
-    """Writes the pose of an estimate as a ``tf2_msgs/TFMessage``.
+    """Writer of the pose of an estimate as a ``tf2_msgs/TFMessage``.
 
-    Without ``tf_odometry`` that is the transform from ``frame`` to ``child_frame``. With it, it is
-    the one from ``frame`` to the frame of that odometry, which sees the same body (REP-105).
+    Without ``tf_odometry`` it writes the transform from ``frame`` to ``child_frame``; with it, the
+    transform from ``frame`` to the frame of that odometry, which sees the same body (REP-105).
 
     Parameters
     ----------
     scenario
-        Whose state has a position and a heading.
+        Scenario whose state has a position and a heading.
     options
-        Of the estimator.
+        Options of the estimator.
 
     Raises
     ------
@@ -136,11 +136,11 @@ class TransformWriter:
 
     @property
     def child(self) -> str:
-        """The frame whose parent is ``frame``; '' before the first odometry."""
+        """Frame whose parent is ``frame``; '' before the first odometry."""
         return self._child
 
     def on_odometry(self, data: bytes, frame: str, child: str) -> str:
-        """Take a message of the odometry with its frames; return why it is not used, if so.
+        """Take a message of the odometry with its frames; return the reason if it is not used.
 
         Raises
         ------
@@ -180,14 +180,14 @@ class TransformWriter:
         return self.message
 
 
-#: A transform of another node on /tf counts for this long, in nanoseconds.
+#: Nanoseconds for which a transform of another node on /tf counts.
 _REMEMBERED = 10_000_000_000
-#: The most frames that are kept.
+#: Largest number of frames that are kept.
 _MOST_FRAMES = 10_000
 
 
 class TransformTree:
-    """The parents of frames as others publish them."""
+    """The parents of frames, as other nodes publish them."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, float]] = {}

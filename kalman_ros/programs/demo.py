@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the loop, and compares the measurements with theory."""
+"""Run the loop, and compare the measurements with theory."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the demo; the exit code says whether theory and measurement agree."""
+    """Run the demo; exit with 0 if every check passes, 1 if not, and 2 if it cannot run."""
     options = arguments(argv)
     console = Console()
     try:
@@ -80,27 +80,27 @@ def main(argv: Sequence[str] | None = None) -> None:
         checks = performed[0].judgement.checks
         console.print(run_tables.checks_table(f'{title}: theory and measurement', checks))
     else:
-        labels = [f'{run}: {each.tuning.label}' for run, each in zip('AB', performed)]
+        labels = [f'{run}: {result.tuning.label}' for run, result in zip('AB', performed)]
         console.print(title, *labels, sep='\n', markup=False, highlight=False)
-        console.print(run_tables.pair_table('', [_with_inputs(each) for each in performed]))
+        console.print(run_tables.pair_table('', [_with_inputs(result) for result in performed]))
     names = ('',) if len(performed) == 1 else ('A: ', 'B: ')
-    for run, each in zip(names, performed):
-        console.print(run + _course(options, each))
-        _write(options, each, mode, console)
+    for run, result in zip(names, performed):
+        console.print(run + _course(options, result))
+        _write(options, result, mode, console)
     if len(performed) > 1:
         if any(check.name == 'cost J' for check in performed[0].judgement.checks):
             console.print('The cost J of each is by its own weights.')
         _write_pair(options, performed, mode, console)
-    for run, each in zip(names, performed):
-        judgement = each.judgement
+    for run, result in zip(names, performed):
+        judgement = result.judgement
         console.print(run + run_tables.verdict(judgement.checks, judgement.claim))
         for sentence in suspects(judgement.checks):
             console.print(sentence)
-    sys.exit(1 if any(each.failed for each in performed) else 0)
+    sys.exit(1 if any(result.failed for result in performed) else 0)
 
 
 def _with_inputs(performed: Performed) -> list[Check]:
-    """Return the checks, and the RMS of each input."""
+    """Return the checks, followed by the RMS of each input."""
     space = performed.run.scenario.model.input
     rms = np.sqrt(np.mean(performed.trajectory.input**2, axis=0)).tolist()
     return [*performed.judgement.checks, *(
@@ -110,7 +110,7 @@ def _with_inputs(performed: Performed) -> list[Check]:
 
 
 def _course(options: argparse.Namespace, performed: Performed) -> str:
-    """Return how the run went, in a sentence or two."""
+    """Summarise a run in a sentence or two: duration, wall time, late steps and basis."""
     judgement = performed.judgement
     unit, settling = performed.tuning.own.time_unit, judgement.settling_time
     counted = f'; the first {settling:.1f} {unit} settle and do not count' if settling else ''
@@ -121,12 +121,12 @@ def _course(options: argparse.Namespace, performed: Performed) -> str:
     )
 
 
-def _caption(options: argparse.Namespace, mode: str, performed: Performed, what: str) -> Any:
-    """Return the caption of pictures: the scenario, ``what`` differs, mode, seed and duration."""
+def _caption(options: argparse.Namespace, mode: str, performed: Performed, variant: str) -> Any:
+    """Return the caption of pictures: scenario, ``variant``, mode, seed and duration."""
     from kalman_ros.report import style
 
     name, unit = Path(options.scenario).stem, performed.tuning.own.time_unit
-    text = f'{name}, {what}, {mode}, seed {options.seed}, {options.duration:g} {unit}'
+    text = f'{name}, {variant}, {mode}, seed {options.seed}, {options.duration:g} {unit}'
     return style.caption(text, unit)
 
 
@@ -139,7 +139,7 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
     # the summary last: if it exists, the results are complete
     with deferred():
         _write_data(folder, run)
-        with _caption(options, mode, performed, _what(performed)):
+        with _caption(options, mode, performed, _variant(performed)):
             drawn = run_pictures.draw_all(built, run, folder, tuning.limits(built))
             if options.animate:
                 drawn += _animation(options, performed, console)
@@ -155,15 +155,15 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
     console.print(f'In {folder}: {files}')
 
 
-def _what(performed: Performed) -> str:
-    """Return the filter of a run, and what is different in it."""
+def _variant(performed: Performed) -> str:
+    """Return the filter of a run, and what its tuning changes."""
     return ', '.join(
         filter(None, (f'filter {performed.run.scenario.filter}', performed.tuning.label))
     )
 
 
 def _animation(options: argparse.Namespace, performed: Performed, console: Console) -> list[Path]:
-    """Draw the system in motion; return the files."""
+    """Draw the system in motion, and return the files."""
     from kalman_ros.report.animation import animate, shown_steps
     from kalman_ros.report.drawings import Moments
 
@@ -175,14 +175,14 @@ def _animation(options: argparse.Namespace, performed: Performed, console: Conso
     )
     with bar:
         task = bar.add_task('animation', total=1.0)
-        which = Path(tuning.scenario).stem, _what(performed), f'seed {options.seed}'
+        which = Path(tuning.scenario).stem, _variant(performed), f'seed {options.seed}'
         title = ', '.join(which)
         path = tuning.folder / 'animation.gif'
         try:
             return animate(
                 how.kind, show, title, path, lambda done: bar.update(task, completed=done)
             )
-        except RuntimeError as error:  # the GIF is there
+        except RuntimeError as error:  # the GIF was written before
             console.print(f'[yellow]Warning:[/] {error}')
             return [path]
 
@@ -194,10 +194,10 @@ def _write_pair(
     from kalman_ros.report.pair_pictures import pair
 
     path = performed[0].tuning.folder / 'against.png'
-    labels = [each.tuning.label for each in performed]
+    labels = [result.tuning.label for result in performed]
     with _caption(options, mode, performed[0], ' against '.join(labels)):
-        scenarios = [each.run.scenario for each in performed]
-        pair(scenarios, [each.trajectory for each in performed], labels, path)
+        scenarios = [result.run.scenario for result in performed]
+        pair(scenarios, [result.trajectory for result in performed], labels, path)
     console.print(f'Both: {path}')
 
 

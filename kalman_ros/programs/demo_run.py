@@ -38,12 +38,12 @@ class Performed:
 
     @property
     def failed(self) -> list[str]:
-        """The names of the failed checks."""
+        """Names of the failed checks."""
         return [c.name for c in self.judgement.checks if c.counts and not c.passed]
 
 
 def perform(options: argparse.Namespace, console: Console) -> list[Performed]:
-    """Run the nodes, once or for two tunings, and judge the runs."""
+    """Run the nodes, once or for two tunings, and judge each run."""
     name = Path(options.scenario).stem
     asked = tunings(options, options.out or Path('out') / name)
     runs = [
@@ -57,37 +57,37 @@ def perform(options: argparse.Namespace, console: Console) -> list[Performed]:
         for tuning in asked
     ]
     for run in runs:
-        in_continuous_time(run.scenario.model)  # of which its theory is
-    _comparable(runs)
+        in_continuous_time(run.scenario.model)  # the theory requires it
+    _check_comparable(runs)
     least = max(least_duration(run.scenario) for run in runs)
     if options.duration is None:
         options.duration = max(asked[0].own.duration or DURATION, float(ceil(least)))
     if not least <= options.duration < inf:
-        unit, given = asked[0].own.time_unit, f'got {options.duration:g}'
-        raise ValueError(f'duration: expected {least:.4g} {unit} or more for a verdict, {given}')
+        unit, got = asked[0].own.time_unit, f'got {options.duration:g}'
+        raise ValueError(f'duration: expected {least:.4g} {unit} or more for a verdict, {got}')
     for tuning in asked:
         ready(tuning.folder)
-    return [_performed(tuning, run, options, console) for tuning, run in zip(asked, runs)]
+    return [_run_and_judge(tuning, run, options, console) for tuning, run in zip(asked, runs)]
 
 
 def _recording(options: argparse.Namespace, tuning: Tuning) -> Path | str | None:
-    """Return the folder of the recording; of two runs each has its own."""
+    """Return the folder of the recording of a run; None if it is not recorded."""
     if not options.record:
         return None if options.record is None else tuning.folder / 'recording'
     return Path(options.record, 'against') if tuning.folder.name == 'against' else options.record
 
 
-def _comparable(runs: Sequence[Run]) -> None:
+def _check_comparable(runs: Sequence[Run]) -> None:
     """Raise ValueError if the states or the inputs of two runs differ."""
     first, *others = (run.scenario.model for run in runs)
     for other in others:
-        for what in ('state', 'input'):
-            one, two = getattr(first, what), getattr(other, what)
+        for space in ('state', 'input'):
+            one, two = getattr(first, space), getattr(other, space)
             if one.names != two.names:
-                raise ValueError(f'--against: expected the same {what}, ({one}), got ({two})')
+                raise ValueError(f'--against: expected the same {space}, ({one}), got ({two})')
 
 
-def _performed(
+def _run_and_judge(
     tuning: Tuning, run: Run, options: argparse.Namespace, console: Console
 ) -> Performed:
     bar = Progress(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The theory of a scenario before anything runs: modes, gains, errors, margins."""
+"""Theory of a scenario before anything runs: modes, gains, errors, margins."""
 
 from __future__ import annotations
 
@@ -73,26 +73,26 @@ def believed(path: Path, changes: dict[str, Any]) -> Scenario:
 
 
 def walk(path: Path, changes: dict[str, Any], seconds: float | None) -> tuple[float, Scenario]:
-    """Return how long the simulated path is, in ``seconds`` if asked for, and of which scenario.
+    """Return the duration of the simulated path, ``seconds`` if given, and its scenario.
 
-    It is that of the demo, whose rate and law serve a long run.
+    The scenario has the parameters of the demo, whose rate and law suit a long run.
     """
-    own = demo_section(path)
-    followed = believed(path, {**own.parameters, **changes})
+    demo = demo_section(path)
+    followed = believed(path, {**demo.parameters, **changes})
     if seconds is None:
-        seconds = paths.default_seconds(followed, own.duration or 0.0)
+        seconds = paths.default_seconds(followed, demo.duration or 0.0)
     return seconds, followed
 
 
 def check_wiring(built: Scenario) -> tuple[str, ...]:
     """Check that every signal has fields of its message type, as nodes do at start-up.
 
-    Returns a note if message types cannot be checked without ROS.
+    Return a note if message types cannot be checked because ROS is not installed.
 
     Raises
     ------
     ValueError
-        If a type is not installed or has no such field; the message names the topic.
+        If a type is not installed, or lacks a field; the message names the topic.
     """
     try:
         from kalman_ros.codecs.signal_codecs import codec_of
@@ -135,20 +135,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
 
     law = f', law {built.law}' if built.law else ''
-    own = demo_section(path)
-    console.print(f'[bold]{path.stem} at {built.rate:g} {own.rate_unit}{law}[/]')
+    demo = demo_section(path)
+    console.print(f'[bold]{path.stem} at {built.rate:g} {demo.rate_unit}{law}[/]')
     console.print(design_tables.structure(report))
-    sheet.show(console, design_tables.tables(report, own.time_unit))
+    sheet.show(console, design_tables.tables(report, demo.time_unit))
     if options.matrices:
         sheet.show(console, design_tables.matrices(report))
     console.print()
-    for sentence in (*design_tables.closing(report, own.time_unit), *notes, *unchecked):
+    for sentence in (*design_tables.closing(report, demo.time_unit), *notes, *unchecked):
         console.print(sentence, markup=False)
     for sentence in warnings:
         console.print(f'[yellow]Warning:[/] {sentence}')
     summary = {'scenario': path.stem, **design_json.design_json(report, notes, warnings)}
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
-    about = f'{path.stem}, design at {built.rate:g} {own.rate_unit}, filter {built.filter}{law}'
-    with style.caption(about, own.time_unit):
+    about = f'{path.stem}, design at {built.rate:g} {demo.rate_unit}, filter {built.filter}{law}'
+    with style.caption(about, demo.time_unit):
         drawn = design_pictures.draw_all(report, folder)
     console.print(f'In {folder}: {", ".join(["summary.json", *(p.name for p in drawn)])}')

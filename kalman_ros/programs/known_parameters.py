@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters that no node has are refused before anything runs."""
+"""Refusal of parameters that no node has, before anything runs."""
 
 from __future__ import annotations
 
@@ -17,5 +17,5 @@ def refuse_unknown_parameters(values: Mapping[str, Any]) -> None:
     listed = known['sensors']
     sensors = scenario.sensor_names(listed.check(values.get('sensors', listed.default)))
     driven = 'input.topic' in known
-    every = {*known, *names.known(sensors, values, known, driven=driven)}
-    refuse_unknown(values, every, 'parameter')
+    accepted = {*known, *names.known(sensors, values, known, driven=driven)}
+    refuse_unknown(values, accepted, 'parameter')

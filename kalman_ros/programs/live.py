@@ -19,7 +19,7 @@ from kalman_ros.scenario.parameter_files import overrides
 
 #: The default port.
 _PORT = 8642
-#: One is set where a browser can open a window.
+#: Environment variables, one of which is set where a browser can open a window.
 _DISPLAYS = ('DISPLAY', 'WAYLAND_DISPLAY')
 
 

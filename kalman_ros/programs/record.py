@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records topics, byte for byte, into a folder that `replay`, ros2 bag and viewers read."""
+"""Record topics, byte for byte, into a folder that `replay`, ros2 bag and viewers read."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def topics_of(file: str) -> list[str]:
-    """Return the topics of the estimator with a parameter file, and those around it."""
+    """Return the topics of the estimator with a parameter file, and of the loop around it."""
     scenario = estimator_settings(file).scenario
-    found = [source.signal.topic for source in scenario.enabled.values()]
+    topics = [source.signal.topic for source in scenario.enabled.values()]
     if scenario.input.fields:
-        found.append(scenario.input.topic)
-    found += [signal.topic for signal in published_signals(scenario)]
-    return [*found, 'ground_truth', TICK, POSE, '/clock']
+        topics.append(scenario.input.topic)
+    topics += [signal.topic for signal in published_signals(scenario)]
+    return [*topics, 'ground_truth', TICK, POSE, '/clock']
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Record until a signal or the end of the time."""
+    """Record until a signal or the end of the duration."""
     options = arguments(argv)
     stop = Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

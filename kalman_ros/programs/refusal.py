@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a program ends when it cannot do what was asked, or is not to."""
+"""Exit of a program that cannot do what was asked, or that is interrupted."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ def ready(folder: Path) -> Path:
     Raises
     ------
     ValueError
-        If it cannot be made.
+        If the folder cannot be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The runs that a demo is asked for: one, or two with the same seed and other parameters."""
+"""The runs of a demo: one, or two with the same seed and other parameters."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from .known_parameters import refuse_unknown_parameters
 
 
 class Tuning(NamedTuple):
-    """One of the runs: its scenario, the parameters over those of the file, and what it is called.
+    """One run of a demo: its scenario, and the parameters over those of the file.
 
-    ``folder`` is that of its results.
+    ``own`` is the section of the demo in the file, ``label`` names the run, and ``folder`` is for
+    its results.
     """
 
     scenario: str
@@ -34,12 +35,12 @@ class Tuning(NamedTuple):
 
     @property
     def model(self) -> str:
-        """The name of the plant's model."""
+        """Name of the plant's model."""
         return str(self._values('plant').get('model', models.DEFAULT))
 
     @property
     def length(self) -> float:
-        """The length in m of the part that is drawn; 1 where the model has none."""
+        """Length in m of the part that is drawn; 1 if the model has no length."""
         values = self._values('plant')
         option = scenarios.options(values).get('model_parameters.length')
         if option is None:
@@ -57,7 +58,7 @@ class Tuning(NamedTuple):
 
 
 def tunings(options: argparse.Namespace, folder: Path) -> list[Tuning]:
-    """Return the run that is asked for, and the one ``--against`` it.
+    """Return the requested run, and the one ``--against`` it.
 
     Raises
     ------
@@ -67,25 +68,25 @@ def tunings(options: argparse.Namespace, folder: Path) -> list[Tuning]:
     first = _tuning(options.scenario, options.parameters, '', folder)
     if not options.against:
         return [first]
-    scenario, changes = _other(options.against, options.scenario)
+    scenario, changes = _compared_run(options.against, options.scenario)
     label = ', '.join([*([Path(scenario).stem] if scenario != options.scenario else []),
                        *(change.replace(':=', '=') for change in changes)])  # fmt: skip
     second = _tuning(scenario, [*options.parameters, *changes], label, folder / 'against')
     for tuning in (first, second):
         read = from_file(shipped.file(tuning.scenario), 'estimator', 'controller')
         refuse_unknown_parameters({**read, **tuning.parameters})
-    return [first._replace(label=_before(first, overrides(changes))), second]
+    return [first._replace(label=_values_before(first, overrides(changes))), second]
 
 
 def _tuning(scenario: str, parameters: Sequence[str], label: str, folder: Path) -> Tuning:
-    own = demo_section(shipped.file(scenario))
-    return Tuning(scenario, {**own.parameters, **overrides(parameters)}, own, label, folder)
+    demo = demo_section(shipped.file(scenario))
+    return Tuning(scenario, {**demo.parameters, **overrides(parameters)}, demo, label, folder)
 
 
-def _other(given: Sequence[str], scenario: str) -> tuple[str, list[str]]:
+def _compared_run(texts: Sequence[str], scenario: str) -> tuple[str, list[str]]:
     """Return the scenario of ``--against``, and its parameters as NAME:=VALUE."""
     changes = []
-    for text in given:
+    for text in texts:
         name, separator, value = text.partition('=')
         if text in FILTERS:
             changes.append(f'filter:={text}')
@@ -107,13 +108,13 @@ def _other(given: Sequence[str], scenario: str) -> tuple[str, list[str]]:
     return scenario, changes
 
 
-def _before(tuning: Tuning, changes: dict[str, Any]) -> str:
-    """Return what a tuning has instead of ``changes``, as text."""
+def _values_before(tuning: Tuning, changes: dict[str, Any]) -> str:
+    """Return the values that a tuning has in place of ``changes``, as text."""
     values = {**from_file(shipped.file(tuning.scenario), *NODES), **tuning.parameters}
     options = scenarios.options(values)
-    found = []
+    texts = []
     for name in changes:
         default = options[name].default if name in options else None
         value = values.get(name, default)
-        found.append(f'{name}={value}' if value is not None else f'without {name}')
-    return ', '.join(found) or Path(tuning.scenario).stem
+        texts.append(f'{name}={value}' if value is not None else f'without {name}')
+    return ', '.join(texts) or Path(tuning.scenario).stem

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serves a loop or a recording to Foxglove, Lichtblick and PlotJuggler."""
+"""Serve a loop or a recording to Foxglove, Lichtblick and PlotJuggler."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `view` serves: the nodes of a scenario, another ROS domain, or a recording."""
+"""The server of `view`: the nodes of a scenario, another ROS domain, or a recording."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from kalman_ros.programs.common_server import access
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import overrides
 
-#: The last domain of ROS, and the files of recordings.
+#: The last domain of ROS, and the suffixes of recordings.
 _LAST_DOMAIN = 232
 _RECORDINGS = ('.mcap', '.db3', '.bag')
 
 
 class Viewing:
-    """Serves what the command line names.
+    """Server of the source that the command line names.
 
     Parameters
     ----------
@@ -72,16 +72,16 @@ class Viewing:
             self._serve_nodes(self._write_files(options.source))
 
     def _write_files(self, name: str) -> Adjustments:
-        """Write the files that were asked for, and return the parameters of a scenario."""
-        found = Adjustments(shipped.file(name), overrides(self._options.parameters))
-        _write_files(self._options, found)
-        return found
+        """Write the requested files, and return the parameters of a scenario."""
+        adjustments = Adjustments(shipped.file(name), overrides(self._options.parameters))
+        _write_files(self._options, adjustments)
+        return adjustments
 
-    def _serve_nodes(self, found: Adjustments) -> None:
-        if found.shared.get('lockstep'):
+    def _serve_nodes(self, adjustments: Adjustments) -> None:
+        if adjustments.shared.get('lockstep'):
             print('in real time, without lockstep: viewers follow the clock', file=sys.stderr)
         self._rules.check_port()
-        nodes, name = ViewedNodes(found, self._options.seed), found.file.stem
+        nodes, name = ViewedNodes(adjustments, self._options.seed), adjustments.file.stem
         print(f'{name}: starting the nodes', flush=True)
         with (
             nodes,
@@ -99,7 +99,7 @@ class Viewing:
 
     def _serve_recording(self, bag: Bag) -> None:
         player = BagPlayer(bag)
-        for line in (*bag.damage, *(f'{each}: {why}' for each, why in player.refused.items())):
+        for line in (*bag.damage, *(f'{topic}: {why}' for topic, why in player.refused.items())):
             print(f'not served: {line}', file=sys.stderr)
         with self._server(bag.path.name, None, player) as server:
             for topic, kind in player.topics.items():
@@ -134,15 +134,18 @@ def _report_refusal(why: str) -> None:
     print(f'refused {why}', file=sys.stderr, flush=True)
 
 
-def _write_files(options: argparse.Namespace, found: Adjustments) -> None:
-    """Write the layout and the configuration of RViz that were asked for.
+def _write_files(options: argparse.Namespace, adjustments: Adjustments) -> None:
+    """Write the layout and the configuration of RViz, as requested.
 
     Raises
     ------
     ValueError
         If RViz cannot show the scenario.
     """
-    scenario, frame = found.scenario('estimator'), str(found.value('estimator', 'frame'))
+    scenario, frame = (
+        adjustments.scenario('estimator'),
+        str(adjustments.value('estimator', 'frame')),
+    )
     if options.layout:
         _write('--layout', options.layout, json.dumps(layout(scenario, frame), indent=2) + '\n')
     if options.rviz:

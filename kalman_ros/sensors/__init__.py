@@ -30,14 +30,14 @@ def builder(kind: str) -> Callable[..., Sensor]:
     Raises
     ------
     ValueError
-        If there is none, or it is something else; it is not called.
+        If there is no such builder, or it is something else; the builder is not called.
     """
-    found: Callable[..., Sensor] = find('kind', kind, __name__, 'SENSOR')
-    if not builds(found, Sensor):
+    sensor_builder: Callable[..., Sensor] = find('kind', kind, __name__, 'SENSOR')
+    if not builds(sensor_builder, Sensor):
         raise ValueError(
             f"kind: '{kind}' is not a Sensor class or a function annotated '-> Sensor'"
         )
-    return found
+    return sensor_builder
 
 
 def options(kind: str) -> tuple[Option, ...]:
@@ -48,10 +48,10 @@ def options(kind: str) -> tuple[Option, ...]:
     ValueError
         If there is no such kind, or it cannot be built with a state and noise.
     """
-    found = builder(kind)
+    sensor_builder = builder(kind)
     try:
-        inspect.signature(found).bind(None, None)
-        return options_of(found)
+        inspect.signature(sensor_builder).bind(None, None)
+        return options_of(sensor_builder)
     except TypeError as error:
         raise ValueError(f"kind: '{kind}': {_EXPECTED}; {error}") from None
     except ValueError as error:

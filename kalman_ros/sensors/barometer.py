@@ -13,7 +13,7 @@ from kalman_ros.core import About, Array, Sensor, Space, variances
 #: Lapse rate in K/m, temperature at sea level in K, and exponent g M / (R L): ISO 2533:1975,
 #: Standard Atmosphere, for heights up to 11 km.
 _LAPSE, _TEMPERATURE, _EXPONENT = 0.0065, 288.15, 5.255876
-#: The share of the temperature at sea level that is left at 11 km, the end of the formula.
+#: Share of the temperature at sea level that is left at 11 km, the end of the formula.
 _LEAST = 0.75
 
 

@@ -23,19 +23,19 @@ from kalman_ros.core import (
     vector,
 )
 
-#: At a shorter distance, in m, a bearing is undefined.
+#: Distance in m below which a bearing is undefined.
 _NEAREST = 1e-6
 #: A Gaussian is too wide for a bearing if its standard deviation along the line of sight is more
-#: than this share of the range, for then what passes close is not in it; or if the second-order
+#: than this share of the range, since it then lacks what passes close; or if the second-order
 #: term of the predicted angle is more than this share of the noise, as standard deviations.
 _WIDE, _CURVED = 0.25, 0.25
-#: Ranges are looked for at N standard deviations at most, and from this share of the farthest on.
+#: Standard deviations up to which ranges are searched, and ratio of the nearest to the farthest.
 _REACH, _NEAR = 5.0, 1e-4
-#: Points in the search for ranges, and of the integral over each of them.
+#: Numbers of points of the search for ranges, and of the integral over each part of them.
 _SEARCHED, _INTEGRATED = 200, 8
-#: The farthest range is M times as far as the nearest, which reaches down to the sensor.
+#: Largest ratio of the farthest to the nearest range; the nearest part reaches to the sensor.
 _RATIO = 20.0
-#: Directions at which the forecast of an angle is worked out.
+#: Number of directions at which the density of a predicted angle is computed.
 _DIRECTIONS = 120
 
 
@@ -94,10 +94,11 @@ class Bearing(Sensor):
     def hypotheses(self, belief: Gaussian, y: Array, count: int) -> Hypotheses | None:
         """Return up to ``count`` ranges in the direction of the reading, if one is too coarse.
 
-        One is where the second-order term of the predicted angle, (P_rr P_tt + P_rt^2) / r^4
-        along and across the line of sight, is not small against the noise (Bar-Shalom, Li and
-        Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section
-        10.3.3), or the belief reaches to the sensor itself. The belief times the likelihood is
+        One is too coarse where the second-order term of the predicted angle,
+        (P_rr P_tt + P_rt^2) / r^4 along and across the line of sight, is not small against the
+        noise (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+        Navigation, 2001, section 10.3.3), or where the belief reaches to the sensor itself. The
+        belief times the likelihood is
         then integrated over the angle, linearised about the reading, and divided by range, so
         that each part is as uncertain, relative to its range, as the next (N. Peach,
         Bearings-only tracking using a set of range-parameterised extended Kalman filters, IEE
@@ -108,18 +109,18 @@ class Bearing(Sensor):
         P = belief.covariance[np.ix_(self._indices, self._indices)]
         R = float(self.covariance[0, 0])
         if not _too_wide(z, P, R) or not np.linalg.eigvalsh(P)[0] > 0.0:
-            return None  # or the place is known, or on a line
+            return None  # or the place is known, or confined to a line
         ray = _Ray(z, P, float(y[0]), R)
         logs, places = zip(*ray.parts(count))
         regression = np.linalg.solve(P, belief.covariance[self._indices]).T
-        parts = [self._moved(belief, z, P, regression, place) for place in places]
+        parts = [self._conditioned(belief, z, P, regression, place) for place in places]
         shares, angles = _directions_of(z, P)
         return Hypotheses(np.array(logs), parts, shares, angles[:, np.newaxis])
 
-    def _moved(
+    def _conditioned(
         self, belief: Gaussian, z: Array, P: Array, regression: Array, place: Gaussian
     ) -> Gaussian:
-        """Return the belief if the line of sight is ``place`` and not N(z, P)."""
+        """Return the belief if the line of sight is distributed as ``place``, not as N(z, P)."""
         total = belief.mean + regression @ (place.mean - z)
         change = regression @ (place.covariance - P) @ regression.T
         mean = self.state.reached(total, belief.mean)
@@ -167,7 +168,7 @@ class _Ray:
     def parts(self, count: int) -> list[tuple[float, Gaussian]]:
         """Return the places in up to ``count`` parts of the range, and their log densities."""
         edges = self._edges(count)
-        found = []
+        parts = []
         for near, far in pairwise(edges):
             r = near * (far / near) ** ((np.arange(_INTEGRATED) + 0.5) / _INTEGRATED)
             log, offset, variance = self.density(r)
@@ -180,11 +181,11 @@ class _Ray:
             d = points - mean
             spread = w @ (r**2 * variance) * np.multiply.outer(self._across, self._across)
             place = Gaussian(mean, (w * d.T) @ d + spread)
-            found.append((float(log.max() + np.log(total)), place))
-        return found
+            parts.append((float(log.max() + np.log(total)), place))
+        return parts
 
     def _edges(self, count: int) -> list[float]:
-        """Return the ranges between parts, over those that are likely."""
+        """Return the limits of the parts, over the ranges that are likely."""
         r = np.geomspace(_NEAR * self._farthest, self._farthest, _SEARCHED)
         log = self.density(r)[0] + np.log(r)
         likely = np.flatnonzero(log > log.max() - 0.5 * _REACH**2)
@@ -207,7 +208,7 @@ def _directions_of(z: Array, P: Array) -> tuple[Array, Array]:
     steps = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS - 0.5
     phi = 2.0 * pi * steps * min(1.0, 6.0 / D)
     d = D * np.cos(phi)
-    below = np.array([0.5 * erfc(-each / sqrt(2.0)) for each in d.tolist()])
+    below = np.array([0.5 * erfc(-value / sqrt(2.0)) for value in d.tolist()])
     density = np.exp(-0.5 * D**2) + sqrt(2.0 * pi) * d * below * np.exp(0.5 * (d**2 - D**2))
     x, y = L @ _directions(phi + np.arctan2(mean[1], mean[0]))[0]
     return density / density.sum(), np.arctan2(y, x)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The velocity along the axes of the body of a state with that in the world: wheels, no slip."""
+"""Velocity along the axes of the body, from a state in those of the world: wheels, no slip."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class BodyVelocity(Sensor):
     measures
         The names of the states: the rotation, then the velocity in the axes of the world.
     axes
-        Which of ``x``, ``y`` and ``z``.
+        Axes that are read, out of ``x``, ``y`` and ``z``.
     """
 
     def __init__(

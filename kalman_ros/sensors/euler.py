@@ -30,7 +30,7 @@ class Euler(Sensor):
     measures
         The names of the three states that are the rotation.
     angles
-        Which of ``roll``, ``pitch`` and ``yaw``.
+        Angles that are read, out of ``roll``, ``pitch`` and ``yaw``.
     """
 
     def __init__(

@@ -29,7 +29,7 @@ class Imu(Sensor):
         The names of the states: the rotation, any number of angular rates, which may be none, and
         the acceleration of the body.
     gravity
-        In m/s^2; 0 for an IMU that has removed it.
+        Acceleration of gravity in m/s^2; 0 for an IMU that has removed it.
     """
 
     def __init__(

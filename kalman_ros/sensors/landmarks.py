@@ -11,7 +11,7 @@ import numpy as np
 from kalman_ros.core import About, Array, Sensor, Space, brief, variances
 from kalman_ros.core import rotations as so3
 
-#: Closer, in m, a direction is undefined.
+#: Distance in m below which a direction is undefined.
 _NEAREST = 1e-6
 _UNITS = {'range': 'm', 'bearing': 'rad', 'elevation': 'rad'}
 
@@ -19,7 +19,7 @@ _UNITS = {'range': 'm', 'bearing': 'rad', 'elevation': 'rad'}
 class Landmarks(Sensor):
     """r = |d|, bearing = atan2(d_y, d_x), elevation = atan2(d_z, |d_x, d_y|), d = R' (l - p).
 
-    One reading contains those of all landmarks l, one landmark after the other (S. Thrun, W.
+    One reading contains the numbers of all landmarks l, one landmark after the other (S. Thrun, W.
     Burgard and D. Fox, Probabilistic Robotics, 2005, section 6.6.2).
 
     Parameters
@@ -27,16 +27,16 @@ class Landmarks(Sensor):
     state
         The space of the state.
     noise
-        Standard deviation of each coordinate; or, for all landmarks, of those of one.
+        Standard deviation of each coordinate; or, for all landmarks, of the coordinates of one.
     measures
         The names of the states: x and y, or x, y and z; then the heading, an angle, or the names
-        of a rotation. Ranges alone do without.
+        of a rotation. Ranges alone need no heading.
     positions
         The landmarks, two or three numbers each, one after the other, in m.
     reads
-        Which of ``range``, ``bearing`` and, in space, ``elevation``.
+        Numbers that are read, out of ``range``, ``bearing`` and, in space, ``elevation``.
     range_offset
-        By which all ranges are too long, in m.
+        Length by which all ranges are too long, in m.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Landmarks(Sensor):
         self._name(tuple(reads), list(noise))
 
     def _attitude(self, names: Sequence[str], dimension: int) -> slice | None:
-        """Return where the heading or the rotation is; None for ranges alone."""
+        """Return where the heading or the rotation is in the state; None for ranges alone."""
         if not names:
             return None
         if dimension == 3:
@@ -93,9 +93,9 @@ class Landmarks(Sensor):
     def _name(self, reads: tuple[str, ...], noise: list[float]) -> None:
         """Set the space and the covariance of a reading."""
         count = len(self._landmarks)
-        names = [f'{each}_{k + 1}' for k in range(count) for each in reads]
+        names = [f'{kind}_{k + 1}' for k in range(count) for kind in reads]
         angles = tuple(name for name in names if not name.startswith('range'))
-        self.output = Space(tuple(names), tuple(_UNITS[each] for each in reads) * count, angles)
+        self.output = Space(tuple(names), tuple(_UNITS[kind] for kind in reads) * count, angles)
         whole = noise * count if len(noise) == len(reads) else noise
         self.covariance = variances('noise', whole, len(names))
 
@@ -106,7 +106,7 @@ class Landmarks(Sensor):
             d = self._of_body(x[..., np.newaxis, self._turn], d)
         across = np.hypot(d[..., 0], d[..., 1])
         up = d[..., 2] if d.shape[-1] == 3 else np.zeros_like(across)
-        found = np.stack(
+        readings = np.stack(
             (
                 np.maximum(np.hypot(across, up), _NEAREST) + self._offset,
                 np.arctan2(d[..., 1], d[..., 0]),
@@ -114,7 +114,7 @@ class Landmarks(Sensor):
             ),
             axis=-1,
         )[..., self._which]
-        return np.asarray(found.reshape(*x.shape[:-1], self.output.size))
+        return np.asarray(readings.reshape(*x.shape[:-1], self.output.size))
 
     @staticmethod
     def _of_body(turn: Array, d: Array) -> Array:

@@ -36,8 +36,8 @@ class Linear(Sensor):
         names: Annotated[Sequence[str], About('names of the measured coordinates')] = ('',),
     ) -> None:
         k = len(noise)
-        given = [name for name in names if name]
-        labels = given if len(given) == k else [f'y{index}' for index in range(k)]
+        listed = [name for name in names if name]
+        labels = listed if len(listed) == k else [f'y{index}' for index in range(k)]
         self.covariance = variances('noise', noise, k)
         self._C = np.asfortranarray(matrix('C', np.array(C), (k, state.size)))
         self.output = Space(tuple(labels), tuple(_unit(state, row) for row in self._C))

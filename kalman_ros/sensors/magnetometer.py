@@ -24,7 +24,8 @@ class Magnetometer(Sensor):
     measures
         The names of the three states that are the rotation.
     field
-        m, in T, east, north and up. Its direction over the ground is the declination.
+        Field m of the Earth in T: east, north and up. Its direction over the ground is the
+        declination.
     """
 
     def __init__(

@@ -10,7 +10,7 @@ import numpy as np
 
 from kalman_ros.core import About, Array, Sensor, Space, coordinates, variances
 
-#: At a shorter distance, in m, a bearing is undefined.
+#: Distance in m below which a bearing is undefined.
 _NEAREST = 1e-6
 
 
@@ -54,7 +54,7 @@ class Radar(Sensor):
         return np.stack((r, np.arctan2(py, px), (px * vx + py * vy) / r), axis=-1)
 
     def jacobian(self, x: Array) -> Array:
-        """Return the derivatives by position and velocity, times those by the state."""
+        """Return the derivatives by position and velocity, times the derivatives of these."""
         px, py, vx, vy = self._motion(x)
         r = np.maximum(np.hypot(px, py), _NEAREST)
         cross = (vx * py - vy * px) / r**3

@@ -42,7 +42,7 @@ class States(Sensor):
         return x.take(self._indices, -1)
 
     def jacobian(self, x: Array) -> Array:
-        """Return the rows of the identity that select them."""
+        """Return the rows of the identity that select the measured states."""
         return self._jacobian
 
 

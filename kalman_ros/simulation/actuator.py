@@ -11,7 +11,7 @@ from kalman_ros.core import Array
 
 
 class Actuator:
-    """Holds inputs over steps, and applies a gain and a delay.
+    """Actuator that holds inputs over steps, and applies a gain and a delay.
 
     With a delay of d dt + r, 0 <= r < dt, the input commanded d + 1 steps ago acts for r
     seconds of a step, and the next one for the rest; before the first step it is
@@ -23,9 +23,9 @@ class Actuator:
     gain
         Factor of each input (m,).
     delay
-        In seconds.
+        Delay in seconds.
     before
-        The input (m,) before the first step; zero by default.
+        Input (m,) before the first step; zero by default.
     """
 
     def __init__(self, gain: Array, delay: float = 0.0, before: Array | None = None) -> None:
@@ -46,5 +46,5 @@ class Actuator:
         self.gain, self.delay = gain, delay
 
     def _before(self, steps: int) -> Array:
-        """Return the command of N steps ago, or the oldest known."""
+        """Return the command of N steps ago, or the oldest known one."""
         return self._commands[max(-steps - 1, -len(self._commands))]

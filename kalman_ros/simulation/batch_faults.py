@@ -21,11 +21,11 @@ class BatchLink:
     Parameters
     ----------
     name, timed
-        The sensor.
+        Name of the sensor, and the sensor.
     seeds
-        Of the runs.
+        Seeds of the runs.
     settings
-        Of its faults.
+        Settings of its faults.
     """
 
     def __init__(
@@ -36,14 +36,14 @@ class BatchLink:
             link.configure(timed, settings)
 
     def __call__(self, time: int, readings: Array) -> Array:
-        """Return what arrives of readings (runs, k) taken at ``time`` (ns); NaN if lost."""
-        found: Array = np.full(readings.shape[::-1], np.nan).T
+        """Return what arrives of readings (runs, k) taken at ``time`` (ns), with NaN if lost."""
+        arrived: Array = np.full(readings.shape[::-1], np.nan).T
         for index, (link, y) in enumerate(zip(self._links, readings)):
             link.send(time, time, y)
             # a duplicate is not fused
             for arrival in link.arriving(time):
-                found[index] = arrival.values
-        return found
+                arrived[index] = arrival.values
+        return arrived
 
 
 class BatchInput:
@@ -52,9 +52,9 @@ class BatchInput:
     Parameters
     ----------
     faults
-        Of each plant.
+        Faults of each plant.
     seeds
-        Of the runs.
+        Seeds of the runs.
     """
 
     def __init__(self, faults: PlantFaults, seeds: Sequence[int]) -> None:
@@ -70,12 +70,12 @@ class BatchInput:
         faults = self._faults if self._faults.act(time) else None
         command = np.broadcast_to(u, self._command.shape)
         if faults is not None:
-            lost = np.array([faults.lose(each) for each in self._loss])
+            lost = np.array([faults.lose(generator) for generator in self._loss])
             command = np.where(lost[:, np.newaxis], self._command, command)
         self._command = command
         if faults is None:
             yield from self._actuator(command, dt)
             return
-        push = np.array([faults.push(time, dt, each) for each in self._push])
+        push = np.array([faults.push(time, dt, generator) for generator in self._push])
         for duration, acting in self._actuator(command, dt):
             yield duration, faults.moved(acting) + push

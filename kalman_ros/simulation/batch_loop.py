@@ -22,11 +22,11 @@ from .faults.plant_faults import PlantFaults
 
 
 class Controller(Protocol):
-    """What turns estimates into inputs."""
+    """Controller that turns estimates into inputs."""
 
     @property
     def limited(self) -> Any:
-        """The number of steps in which a limit changed the input: of each run (runs,), or 0."""
+        """Number of steps in which a limit changed the input: of each run (runs,), or 0."""
         ...
 
     def __call__(self, time: int, x: Array) -> Array:
@@ -36,24 +36,24 @@ class Controller(Protocol):
 
 @dataclass(frozen=True)
 class Loop:
-    """The loops to run: what does not depend on the seed.
+    """The loops to run, except for their seeds.
 
     Parameters
     ----------
     scenario, believed
-        The systems of the plant, and of the estimator.
+        Systems of the plant, and of the estimator.
     seconds
-        How long; the step at this time is the last.
+        Duration of a run; the step at this time is the last.
     answer
-        Returns a new controller; None for an open loop at the equilibrium input.
+        Function that returns a new controller; None for an open loop at the equilibrium input.
     filter
-        The name of the filter; if empty, that of ``believed``.
+        Name of the filter; if empty, the filter of ``believed``.
     command
-        In an open loop, the input (m,) at a time in seconds.
+        Function that returns the input (m,) of an open loop at a time in seconds.
     arrives
-        Whether readings taken at a time in seconds reach the estimator.
+        Function that returns whether readings taken at a time in seconds reach the estimator.
     faults
-        Of the plant.
+        Faults of the plant.
     """
 
     scenario: Scenario
@@ -73,7 +73,7 @@ class Loop:
 
     @property
     def steps(self) -> int:
-        """The number of steps, the first and the last included."""
+        """Number of steps, the first and the last included."""
         return round(self.seconds * self.scenario.rate) + 1
 
     @property
@@ -84,14 +84,14 @@ class Loop:
 
 @dataclass(frozen=True)
 class Starts:
-    """Where runs start that do not start where the scenario does.
+    """Starts of runs that do not start as the scenario does.
 
     Parameters
     ----------
     state
-        Of each plant (runs, n).
+        State of each plant (runs, n).
     belief
-        Of the estimators: a mean (n,) or (runs, n), a covariance (n, n) or (runs, n, n).
+        Belief of the estimators: a mean (n,) or (runs, n), a covariance (n, n) or (runs, n, n).
     """
 
     state: Array
@@ -105,7 +105,7 @@ class Starts:
 
 
 class Observer(Protocol):
-    """What looks at the loops while they run."""
+    """Observer of the loops while they run."""
 
     def reading(self, name: str, y: Array, correction: Correction) -> None:
         """Take the readings (runs, k) of a sensor, at this step."""
@@ -162,13 +162,13 @@ def run_batch(
 def _estimator(
     loop: Loop, runs: int, starts: Starts | None, schedule: GainSchedule | None
 ) -> BatchEstimator:
-    found = loop.estimation
+    built = loop.estimation
     return BatchEstimator(
-        found.filter,
-        found.sensors,
-        found.initial if starts is None else starts.belief,
+        built.filter,
+        built.sensors,
+        built.initial if starts is None else starts.belief,
         loop.believed.model.equilibrium.input,
         (runs,),
-        found.policy,
+        built.policy,
         schedule,
     )

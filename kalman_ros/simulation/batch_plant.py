@@ -16,9 +16,9 @@ from .batch_faults import BatchInput, BatchLink
 from .faults.plant_faults import PlantFaults
 from .noise import root, stream
 
-#: The most normal numbers that wait to be used, and the most steps for which they are drawn.
+#: Largest number of normal numbers that wait to be used, and of steps for which they are drawn.
 _WAITING, _STEPS = 2_000_000, 512
-#: Runs whose numbers are drawn, then sorted by steps: they fit a cache.
+#: Number of runs whose numbers are drawn, then sorted by steps, so that they fit a cache.
 _TOGETHER = 32
 
 
@@ -28,15 +28,15 @@ class BatchNoise:
     Parameters
     ----------
     seeds
-        Of the runs.
+        Seeds of the runs.
     name
-        Of the source.
+        Name of the source.
     size
-        The numbers k of one draw.
+        Size k of one draw.
     steps
-        Draws that are needed in all.
+        Number of draws that are needed in all.
     factor
-        A matrix (k, k) with which all are multiplied.
+        Matrix (k, k) with which all draws are multiplied.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class BatchNoise:
         steps: int,
         factor: Array | None = None,
     ) -> None:
-        #: The numbers of one draw.
+        #: Size of one draw.
         self.size = size
         self._streams = [stream(seed, name) for seed in seeds]
         most = max(1, min(_STEPS, _WAITING // (len(seeds) * max(1, size))))
@@ -71,8 +71,8 @@ class BatchNoise:
         """Return the next numbers (runs, steps, k) of some runs."""
         streams = self._streams[first : first + _TOGETHER]
         drawn = self._drawn[: len(streams)]
-        for each, values in zip(streams, drawn):
-            each.standard_normal(out=values)
+        for generator, values in zip(streams, drawn):
+            generator.standard_normal(out=values)
         if self._factor is not None:
             drawn = (drawn.reshape(-1, self.size) @ self._factor.T).reshape(drawn.shape)
         return drawn
@@ -86,13 +86,13 @@ class BatchPlant:
     model, sensors, rate
         As for `SimulatedPlant`.
     initial_state
-        The state (n,) at step 0, or that of each run (runs, n).
+        State (n,) at step 0, or the state of each run (runs, n).
     seeds
-        Of all noise of each run.
+        Seeds of all noise, one for each run.
     steps
-        Steps that are needed in all.
+        Number of steps that are needed in all.
     faults
-        Of each; none may make a reading late.
+        Faults of each plant; none may make a reading late.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class BatchPlant:
         self.sensors = {name: timed for name, timed in sensors.items() if timed.enabled}
         self._shares = {name: ratio(timed.rate, rate) for name, timed in sensors.items()}
         n = model.state.size
-        #: The states (runs, n).
+        #: States (runs, n).
         self.state: Array = np.broadcast_to(initial_state, (len(seeds), n)).T.copy().T
         self._stacked = stacked(model)
         factor = None
@@ -120,37 +120,37 @@ class BatchPlant:
             name: BatchNoise(
                 seeds,
                 f'sensor {name}',
-                each.sensor.output.size,
+                timed.sensor.output.size,
                 ceil(steps * self._shares[name]) + 1,
-                root(each.sensor.covariance),
+                root(timed.sensor.covariance),
             )
-            for name, each in self.sensors.items()
+            for name, timed in self.sensors.items()
         }
         self._input = None if faults is None else BatchInput(faults, seeds)
         self._links = {
-            name: BatchLink(name, seeds, each, faults.sensors[name])
-            for name, each in self.sensors.items()
+            name: BatchLink(name, seeds, timed, faults.sensors[name])
+            for name, timed in self.sensors.items()
             if faults is not None and faults.disturbs(name)
         }
 
     @property
     def time(self) -> int:
-        """The time of this step, in nanoseconds since step 0."""
+        """Time of this step, in nanoseconds since step 0."""
         return round(self.steps * self.dt * 1e9)
 
     def readings(self) -> dict[str, Array]:
         """Return the noisy readings (runs, k) due at this step; call it once a step.
 
-        One that is lost is NaN.
+        A lost reading is NaN.
         """
-        found = {}
+        readings = {}
         for name, timed in self.sensors.items():
             if is_due(self.steps, self._shares[name]):
                 sensor = timed.sensor
                 noise = self._sensor_noise[name].draw()
                 y = sensor.output.add(sensor.measure(self.state), noise)
-                found[name] = self._links[name](self.time, y) if name in self._links else y
-        return found
+                readings[name] = self._links[name](self.time, y) if name in self._links else y
+        return readings
 
     def step(self, u: Array) -> None:
         """Advance by one step with inputs ``u`` (runs, m) or (m,).
@@ -162,16 +162,16 @@ class BatchPlant:
         if not self.model.is_linear:
             Q = self._stacked.step_noise(x, u, self.dt)
             noise = times(semidefinite_factor(Q), noise)
-        moved = self.model.state.add(self._moved(x, u), noise)
+        moved = self.model.state.add(self._propagate(x, u), noise)
         flat = moved.ravel('K')
         if not np.isfinite(flat.dot(flat)):
-            # as that of one run, a state whose square is not finite stays where it is
+            # as in a single run, a state whose square is not finite stays where it is
             moving = np.isfinite(np.einsum('ij,ij->i', x, x))
             moved = np.where(moving[:, np.newaxis], moved, x)
         self.state = moved
         self.steps += 1
 
-    def _moved(self, x: Array, u: Array) -> Array:
+    def _propagate(self, x: Array, u: Array) -> Array:
         """Return the states after a step, without noise."""
         if self._input is None:
             return self._stacked.step(x, u, self.dt)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The trajectories of many runs at once, for what needs every step of each."""
+"""The trajectories of many runs at once, for results that need every step of each run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kalman_ros.estimators.filter import Correction
 from .batch_loop import Loop, Starts, run_batch
 from .trajectory import Innovations, Series, Trajectory
 
-#: The most numbers of one array that are kept at a time.
+#: Largest size of one array that is kept at a time.
 _MOST = 20_000_000
 
 
@@ -29,24 +29,24 @@ def trajectories(
         If the filter has no batched form.
     """
     size = max(1, _MOST // (loop.steps * loop.scenario.model.state.size**2))
-    found: list[Trajectory] = []
+    result: list[Trajectory] = []
     for first in range(0, len(seeds), size):
         part = slice(first, first + size)
         recorder = Recorder(loop, len(seeds[part]))
         run_batch(loop, seeds[part], recorder, None if starts is None else starts.part(part))
-        found += recorder.trajectories()
-    return found
+        result += recorder.trajectories()
+    return result
 
 
 class Recorder:
-    """Keeps all steps of a batch.
+    """Recorder of all steps of a batch.
 
     Parameters
     ----------
     loop
-        The loops that are observed.
+        Loops that are observed.
     runs
-        How many.
+        Number of runs.
     """
 
     def __init__(self, loop: Loop, runs: int) -> None:
@@ -64,7 +64,7 @@ class Recorder:
 
     @property
     def _time(self) -> float:
-        """The time of this step, rounded to nanoseconds as in a loop of one run."""
+        """Time of this step, rounded to nanoseconds as in a loop of one run."""
         return round(self._k * self._dt * 1e9) * 1e-9
 
     def reading(self, name: str, y: Array, correction: Correction) -> None:
@@ -90,7 +90,7 @@ class Recorder:
                 self._covariance[:, run],
                 self._input[:, run],
                 readings={name: Series(t, y[:, run]) for name, (t, y, *_) in kept.items()},
-                innovations={name: _innovations(run, *each) for name, each in kept.items()},
+                innovations={name: _innovations(run, *columns) for name, columns in kept.items()},
             )
             for run in range(self._runs)
         ]
@@ -102,19 +102,20 @@ class Recorder:
             nothing = np.empty((0, self._runs, 0))
             return np.empty(0), nothing, nothing, nothing, np.empty((0, self._runs))
         time, readings, corrections = zip(*rows)
-        innovation = np.array([each.innovation for each in corrections])
+        innovation = np.array([correction.innovation for correction in corrections])
         variance = [
             np.broadcast_to(
-                each.innovation_covariance.diagonal(axis1=-2, axis2=-1), each.innovation.shape
+                correction.innovation_covariance.diagonal(axis1=-2, axis2=-1),
+                correction.innovation.shape,
             )
-            for each in corrections
+            for correction in corrections
         ]
-        nis = np.array([each.nis for each in corrections])
+        nis = np.array([correction.nis for correction in corrections])
         return np.array(time), np.array(readings), innovation, np.sqrt(variance), nis
 
 
 def _innovations(
     run: int, time: Array, readings: Array, innovation: Array, std: Array, nis: Array
 ) -> Innovations:
-    there = np.isfinite(nis[:, run])
-    return Innovations(time[there], innovation[there, run], std[there, run], nis[there, run])
+    finite = np.isfinite(nis[:, run])
+    return Innovations(time[finite], innovation[finite, run], std[finite, run], nis[finite, run])

@@ -22,7 +22,7 @@ from .trajectory import Innovations, Series, Trajectory
 
 @dataclass
 class _Log:
-    """Of one sensor: rows of (time, reading), and of (fused, innovation, deviation, nis)."""
+    """Rows of one sensor: (time, reading), and (fused, innovation, deviation, nis)."""
 
     time: list[float] = field(default_factory=list)
     readings: list[Array] = field(default_factory=list)
@@ -50,25 +50,26 @@ def run(
     Parameters
     ----------
     scenario
-        The system.
+        System of the plant.
     gain
         K (m, n); None for an open loop.
     seconds
-        How long; the step at this time is the last.
+        Duration; the step at this time is the last.
     seed
-        Of all noise.
+        Seed of all noise.
     filter
-        The name of the filter; if empty, the scenario's default.
+        Name of the filter; if empty, the scenario's default.
     believed
-        The system of the estimator, if different.
+        System of the estimator, if different.
     command
-        u_0 (m,) at a time in seconds; the equilibrium input by default.
+        Function that returns u_0 (m,) at a time in seconds; the equilibrium input by default.
     arrives
-        Whether a reading taken at a time reaches the estimator.
+        Function that returns whether a reading of a sensor at a time reaches the estimator.
     answer
-        Instead of u_0 and K: the input (m,) for a time in nanoseconds and a state (n,).
+        Function that returns, instead of u_0 and K, the input (m,) for a time in nanoseconds and
+        a state (n,).
     faults
-        Of the plant.
+        Faults of the plant.
     """
     real = scenario
     scenario = computed(real)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many runs of a loop in which all is linear: one matrix product a step for all of them.
 
-What a step does to truth and estimate, and the errors in it, are linear in both and in the noise,
-with matrices that are the same in every run.
+The effect of a step on truth and estimate, and the errors in it, are linear in both and in the
+noise, with matrices that are the same in every run.
 """
 
 from __future__ import annotations
@@ -26,18 +26,21 @@ from .loop_law import Law
 from .noise import root
 from .run_statistics import Outcomes
 
-#: Steps whose results are squared and summed together: they fit a cache.
+#: Number of steps whose results are squared and summed together, so that they fit a cache.
 _BLOCK = 8
 
 
 def is_linear(loop: Loop) -> bool:
-    """Return whether a loop has no angles, gates or limits, nor anything that varies in time."""
+    """Return whether a loop has no angles, gates or limits, and nothing that varies in time."""
     real, believed, law = loop.scenario, loop.believed, loop.answer
     n = real.model.state.size
     sources = (*real.enabled.values(), *believed.sensors.values())
     return (
-        all(_is_linear(each) and each.model.state.size == n for each in (real, believed))
-        and all(_is_proportional(each.sensor, n) for each in sources)
+        all(
+            _is_linear(scenario) and scenario.model.state.size == n
+            for scenario in (real, believed)
+        )
+        and all(_is_proportional(source.sensor, n) for source in sources)
         and all(source.gate >= 1.0 for source in believed.sensors.values())
         and (law is None or (isinstance(law, Law) and law.proportional))
         and loop.command is None
@@ -72,13 +75,13 @@ class LinearRuns:
     Parameters
     ----------
     loop
-        The loop.
+        Loop that is run.
     weight
-        Of the stacked state and input in the cost of a step (n + m, n + m); None for no cost.
+        Weight (n + m, n + m) of the stacked state and input in the cost of a step; or None.
     first
-        The first step that counts.
+        First step that counts.
     schedule
-        Of the filter.
+        Gain schedule of the filter.
     """
 
     loop: Loop
@@ -101,10 +104,10 @@ class LinearRuns:
         x, x_hat = real.initial_state, self.loop.believed.initial_belief.mean
         n, shares = len(x), self._shares
         noise = {'': BatchNoise(seeds, 'process', n, steps)}
-        for name, each in real.enabled.items():
-            k, draws = each.sensor.output.size, ceil(steps * shares[name]) + 1
+        for name, sensor_source in real.enabled.items():
+            k, draws = sensor_source.sensor.output.size, ceil(steps * shares[name]) + 1
             noise[name] = BatchNoise(seeds, f'sensor {name}', k, draws)
-        places = self._rows([each.size for each in noise.values()])
+        places = self._rows([numbers.size for numbers in noise.values()])
         sums = _Sums(self, len(seeds), places[-1].stop)
         sums.start(np.concatenate((x, x_hat)))
         for k, step in enumerate(self._steps):
@@ -118,19 +121,19 @@ class LinearRuns:
 
     @cached_property
     def _steps(self) -> list[LinearStep]:
-        """The steps of a run."""
-        shares, P, found = self._shares, self.loop.believed.initial_belief.covariance, []
+        """Steps of a run."""
+        shares, P, steps = self._shares, self.loop.believed.initial_belief.covariance, []
         for k in range(self.loop.steps):
             due = tuple(name for name in shares if is_due(k, shares[name]))
-            found.append(self._step(P, due, self._time(k + 1) - self._time(k)))
-            P = found[-1].predicted
-        return found
+            steps.append(self._step(P, due, self._time(k + 1) - self._time(k)))
+            P = steps[-1].predicted
+        return steps
 
     @property
     def _shares(self) -> dict[str, Fraction]:
-        """By sensor, in which share of the steps it reads."""
+        """Share of the steps in which each sensor reads."""
         real = self.loop.scenario
-        return {name: ratio(each.timed.rate, real.rate) for name, each in real.enabled.items()}
+        return {name: ratio(source.timed.rate, real.rate) for name, source in real.enabled.items()}
 
     def _time(self, k: int) -> int:
         """Return the time of a step in nanoseconds, as `BatchPlant` does."""
@@ -144,28 +147,28 @@ class LinearRuns:
     def _step(self, P: Array, due: tuple[str, ...], nanoseconds: int) -> LinearStep:
         """Return the step from predictions of covariance ``P``, with the readings ``due``."""
         key = P.tobytes(), due, nanoseconds * 1e-9
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = self._composed(P, due, nanoseconds * 1e-9)
-        return found
+        step = self._known.get(key)
+        if step is None:
+            step = self._known[key] = self._composed(P, due, nanoseconds * 1e-9)
+        return step
 
     def _composed(self, P: Array, due: tuple[str, ...], dt: float) -> LinearStep:
-        """Return a step: every vector below is a matrix, which maps what was before to it."""
+        """Compose a step: each vector below is a matrix that maps the vectors before it to it."""
         real, believed = self.loop.scenario, self.loop.believed
-        n, sensors = real.model.state.size, [each.sensor for each in real.enabled.values()]
+        n, sensors = real.model.state.size, [source.sensor for source in real.enabled.values()]
         places = self._rows([n, *(sensor.output.size for sensor in sensors), n, n])
         w, *v, x, x_hat = (np.eye(places[-1].stop)[place] for place in places)
         innovations = []
         for name, sensor, noise in zip(real.enabled, sensors, v):
             innovation = np.zeros_like(noise)
             if name in due:
-                own = believed.sensors[name].sensor
-                found = self.schedule.correction(P, own)
-                assert found is not None
+                believed_sensor = believed.sensors[name].sensor
+                correction = self.schedule.correction(P, believed_sensor)
+                assert correction is not None
                 y = sensor.jacobian(np.zeros(n)) @ x + root(sensor.covariance) @ noise
-                residual = y - own.jacobian(np.zeros(n)) @ x_hat
-                x_hat, P = x_hat + found.gain @ residual, found.covariance
-                innovation = found.whitening @ residual
+                residual = y - believed_sensor.jacobian(np.zeros(n)) @ x_hat
+                x_hat, P = x_hat + correction.gain @ residual, correction.covariance
+                innovation = correction.whitening @ residual
             innovations.append(innovation)
         law = self.loop.answer
         K = law.feedback.gain if isinstance(law, Law) else np.zeros((real.model.input.size, n))
@@ -184,14 +187,14 @@ class LinearRuns:
 class _Sums:
     """The results of steps, and sums of their squares, over steps and over runs.
 
-    Behind the noise of a step come the results of the step before, which begin with its states:
-    a step multiplies what is one array.
+    The noise of a step is followed by the results of the last step, which begin with its states,
+    so that a step multiplies one array.
     """
 
     def __init__(self, loops: LinearRuns, runs: int, noise: int) -> None:
         loop = loops.loop
         n, steps = loop.scenario.model.state.size, loop.steps
-        sensors = {name: each.sensor for name, each in loop.scenario.enabled.items()}
+        sensors = {name: source.sensor for name, source in loop.scenario.enabled.items()}
         self._degrees = {name: sensor.output.size for name, sensor in sensors.items()}
         price = 0 if loops.weight is None else len(loops.weight)
         self._rows = loops._rows([2 * n, n, n, *self._degrees.values(), price])
@@ -211,25 +214,25 @@ class _Sums:
         self._results[0, self._rows[0]] = state[:, np.newaxis]
 
     def room(self, k: int) -> tuple[Array, Array]:
-        """Return noise and states before step k, and where its results (rows, runs) go."""
+        """Return noise and states before step k, and the array for its results (rows, runs)."""
         if self._waiting == _BLOCK or k == self._first:
             self._add()
         self._waiting += 1
         return self._before[self._waiting - 1], self._results[self._waiting]
 
     def _add(self) -> None:
-        """Add the results that wait."""
+        """Add the waiting results."""
         first, last = self._k, self._k + self._waiting
-        found = self._results[1 : self._waiting + 1]
-        _, error, white, *others = (found[:, place] for place in self._rows)
+        results = self._results[1 : self._waiting + 1]
+        _, error, white, *others = (results[:, place] for place in self._rows)
         self._step_squares[first:last] = np.einsum('kir,kir->ki', error, error)
         self._step_nees[first:last] = np.einsum('kir,kir->k', white, white)
         if first >= self._first:
             self._squares += np.einsum('kir,kir->ir', error, error)
             self._nees += np.einsum('kir,kir->r', white, white)
-            for total, each in zip((*self._nis.values(), self._cost), others):
+            for total, values in zip((*self._nis.values(), self._cost), others):
                 if total.size:
-                    total += np.einsum('kir,kir->r', each, each)
+                    total += np.einsum('kir,kir->r', values, values)
         self._results[0, self._rows[0]] = self._results[self._waiting, self._rows[0]]
         self._k, self._waiting = last, 0
 

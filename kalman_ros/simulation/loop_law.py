@@ -18,14 +18,14 @@ from kalman_ros.core import Array, ArrayLike, OperatingPoint, vector
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
 
-#: A state (n,), or some of its coordinates by name; a function of time that returns either; or a
-#: motion.
+#: Reference: a state (n,), or some of its coordinates by name; a function of time that returns
+#: either; or a motion.
 Reference = Union[ArrayLike, Mapping[str, float], Callable[[float], Any], Motion, None]
 
 
 @dataclass(frozen=True)
 class Law:
-    """The controller of a loop, which it makes when it is called: gains, limits, reference."""
+    """Law of a controller: gains, limits and reference; a call returns the controller."""
 
     scenario: Scenario
     feedback: Feedback
@@ -56,7 +56,7 @@ class Law:
 class Answer:
     """The input for each estimate, as from the controller node in lockstep.
 
-    Estimates (n,) may have leading axes: as many loops at once.
+    Estimates (n,) may have leading axes, for that many loops at once.
     """
 
     def __init__(self, law: Law) -> None:
@@ -68,7 +68,7 @@ class Answer:
         self._limiter = Limiter(law.limits, np.zeros(model.input.size))
         self._reference: Any = law.reference
         self._last: int | None = None
-        self._wanted: Array | None = None
+        self._held: Array | None = None
         if law.reference is not None:
             self.follow(0.0)
 
@@ -78,28 +78,29 @@ class Answer:
             self.follow(time * 1e-9)
         dt = 0.0 if self._last is None else (time - self._last) * 1e-9
         self._last = time
-        wanted = self._regulator.propose(x, dt)
-        u = self._limiter.toward(wanted, dt or 1.0 / self._scenario.rate)
-        self._regulator.applied(x, wanted, u, dt)
+        proposed = self._regulator.propose(x, dt)
+        u = self._limiter.toward(proposed, dt or 1.0 / self._scenario.rate)
+        self._regulator.applied(x, proposed, u, dt)
         return u
 
     @property
     def limited(self) -> Any:
-        """The number of inputs that a limit has changed."""
+        """Number of inputs that a limit has changed."""
         return self._limiter.limited
 
     @property
     def target(self) -> Array:
-        """The state (n,) that is held."""
+        """State (n,) that is held."""
         return self._regulator.target[0]
 
     def hold(self, reference: Reference) -> None:
-        """Hold another reference from now on; None: the equilibrium.
+        """Hold another reference from now on; None stands for the equilibrium.
 
         Raises
         ------
         ValueError
-            If it is no state of the model, or no input holds the system there; the last one stays.
+            If it is not a state of the model, or no input holds the system there; the last
+            reference stays.
         """
         now = 0.0 if self._last is None else self._last * 1e-9
         before, self._reference = self._reference, reference
@@ -113,32 +114,32 @@ class Answer:
         """Hold the reference of a time in seconds; nothing changes while it stays the same."""
         if isinstance(self._reference, Motion):
             self._regulator.follow_motion(self._fitting(self._reference))
-            self._wanted = None
+            self._held = None
             return
         if callable(self._reference):
             self._follow_function(self._reference, time)
             return
-        wanted = self._state(self._reference)
-        if self._wanted is None or not np.array_equal(wanted, self._wanted):
-            self._regulator.hold(*self._target(wanted))
-            self._wanted = wanted
+        state = self._state(self._reference)
+        if self._held is None or not np.array_equal(state, self._held):
+            self._regulator.hold(*self._target(state))
+            self._held = state
 
     def _follow_function(self, reference: Callable[[float], Any], time: float) -> None:
         """Hold the state of a function of time, with the input that its change needs."""
         model, dt = self._scenario.model, 1.0 / self._scenario.rate
-        wanted, soon = self._state(reference(time)), self._state(reference(time + dt))
-        both = np.array([wanted, soon])
-        if self._wanted is not None and np.array_equal(both, self._wanted):
+        state, soon = self._state(reference(time)), self._state(reference(time + dt))
+        both = np.array([state, soon])
+        if self._held is not None and np.array_equal(both, self._held):
             return
-        still = model.is_discrete or np.array_equal(wanted, soon)
-        if still or not regulators.is_moving(self._scenario, wanted, soon):
-            self._regulator.hold(*self._target(wanted))
+        still = model.is_discrete or np.array_equal(state, soon)
+        if still or not regulators.is_moving(self._scenario, state, soon):
+            self._regulator.hold(*self._target(state))
         else:
-            self._regulator.hold(*regulators.moving_target(self._scenario, wanted, soon))
-        self._wanted = both
+            self._regulator.hold(*regulators.moving_target(self._scenario, state, soon))
+        self._held = both
 
     def _fitting(self, motion: Motion) -> Motion:
-        """Return a motion that is one of this model, at its rate."""
+        """Return a motion, after a check that it is one of this model, at its rate."""
         model, dt = self._scenario.model, 1.0 / self._scenario.rate
         if motion.space.names != model.state.names or abs(motion.dt / dt - 1.0) > 1e-9:
             raise ValueError(
@@ -152,15 +153,15 @@ class Answer:
     def _equilibria(self) -> FeedForward:
         return regulators.tracking(self._scenario)
 
-    def _target(self, wanted: Array) -> OperatingPoint:
-        return regulators.target(self._scenario, self._equilibria, wanted)
+    def _target(self, state: Array) -> OperatingPoint:
+        return regulators.target(self._scenario, self._equilibria, state)
 
-    def _state(self, given: Any) -> Array:
+    def _state(self, reference: Any) -> Array:
         space, rest = self._scenario.model.state, self._scenario.model.equilibrium.state
-        if given is None:
+        if reference is None:
             return rest
-        if not isinstance(given, Mapping):
-            return vector('reference', given, space.size)
-        wanted: Array = rest.copy()
-        wanted[space.indices(given, 'reference')] = vector('reference', [*given.values()])
-        return wanted
+        if not isinstance(reference, Mapping):
+            return vector('reference', reference, space.size)
+        state: Array = rest.copy()
+        state[space.indices(reference, 'reference')] = vector('reference', [*reference.values()])
+        return state

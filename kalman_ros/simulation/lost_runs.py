@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which runs are lost: those whose estimate or state ends far from where it should be."""
+"""Detection of lost runs: their estimate or state ends far from where it should be."""
 
 from __future__ import annotations
 
@@ -14,59 +14,59 @@ from kalman_ros.scenario import Scenario
 
 from .run_statistics import Outcomes
 
-#: How many times farther than at the start a state may be at the end of a run that is not lost.
+#: Factor of the distance at the start, above which a state at the end means that a run is lost.
 _LOST = 10.0
 
 
-def allowed(scenario: Scenario, given: Mapping[str, float] | None) -> Array | None:
-    """Return the largest errors (n,) by the names of states; None if none are given.
+def allowed(scenario: Scenario, errors: Mapping[str, float] | None) -> Array | None:
+    """Return the largest errors (n,), from ``errors`` by the names of states; None without any.
 
     Raises
     ------
     ValueError
         If a state is unknown, or an error is not positive.
     """
-    if given is None:
+    if errors is None:
         return None
-    if not isinstance(given, Mapping):
-        raise ValueError(f'lost: expected errors by the name of a state, got {given!r}')
+    if not isinstance(errors, Mapping):
+        raise ValueError(f'lost: expected errors by the name of a state, got {errors!r}')
     space = scenario.model.state
-    found = np.full(space.size, inf)
-    for name, index in zip(given, space.indices(given, 'lost')):
-        value = given[name]
+    limits = np.full(space.size, inf)
+    for name, index in zip(errors, space.indices(errors, 'lost')):
+        value = errors[name]
         if not isinstance(value, (int, float)) or not value > 0.0:
             raise ValueError(f'lost: expected a positive error of {name}, got {value!r}')
-        found[index] = value
-    return found
+        limits[index] = value
+    return limits
 
 
 def lost_runs(
-    scenario: Scenario, found: Outcomes, target: Array | None, most: Array | None
+    scenario: Scenario, outcomes: Outcomes, target: Array | None, most: Array | None
 ) -> npt.NDArray[np.bool_]:
-    """Return which runs are lost (runs,).
+    """Return the mask (runs,) of the runs that are lost.
 
     Parameters
     ----------
     scenario
-        Of the plant.
-    found
-        The outcomes of the runs.
+        Scenario of the plant.
+    outcomes
+        Outcomes of the runs.
     target
-        The state (n,) that is held at the end; None without a controller.
+        State (n,) that is held at the end; None without a controller.
     most
-        The largest errors, and distances from the target, at the end (n,); by default ten
+        Largest errors, and distances from the target, at the end (n,); by default ten
         times those of the start, with its standard deviations, or ten deviations as claimed.
     """
     space, std = scenario.model.state, scenario.initial_belief.std
-    kept = np.isfinite(found.nees) & np.isfinite(found.squared_error).all(axis=1)
+    kept = np.isfinite(outcomes.nees) & np.isfinite(outcomes.squared_error).all(axis=1)
     with np.errstate(invalid='ignore'):
-        error = np.abs(found.final_error)
+        error = np.abs(outcomes.final_error)
         kept &= (
-            error <= (_LOST * np.maximum(std, found.final_std) if most is None else most)
+            error <= (_LOST * np.maximum(std, outcomes.final_std) if most is None else most)
         ).all(axis=1)
         if target is not None:
             start = np.abs(space.subtract(scenario.initial_state, target))
-            away = np.abs(space.subtract(found.final_state, target))
+            away = np.abs(space.subtract(outcomes.final_state, target))
             farthest = _LOST * np.maximum(std, start) if most is None else most
             kept &= (away <= farthest).all(axis=1)
     return np.asarray(~kept)

@@ -24,16 +24,16 @@ from .linear_runs import LinearRuns, is_linear
 from .run_statistics import Outcomes, RunStatistics, outcomes_of
 from .spread import spread
 
-#: The most runs of a chunk: their arrays fit the cache of a processor.
+#: Largest number of runs in a chunk, so that its arrays fit the cache of a processor.
 MOST = 1000
-#: The runs of a chunk that is sent elsewhere.
+#: Number of runs in a chunk that is sent elsewhere.
 _SENT = 250
-#: Called with the number of runs that are complete.
+#: Function that is called with the number of runs that are complete.
 Progress = Callable[[int], None]
 
 
 def spawned(seed: int, runs: int) -> tuple[int, ...]:
-    """Return the seeds of the runs: run k has the same one, however many there are."""
+    """Return the seeds of the runs: run k has the same seed, however many runs there are."""
     children = (np.random.SeedSequence(seed, spawn_key=(k,)) for k in range(runs))
     # positive as a parameter of a node, too, which has 64 bits
     return tuple(int(child.generate_state(1, np.uint64)[0] >> np.uint64(1)) for child in children)
@@ -41,16 +41,16 @@ def spawned(seed: int, runs: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Loops and what is counted of them.
+    """Loops, with the steps and the cost that are counted.
 
     Parameters
     ----------
     loop
-        The loops.
+        Loops that are run.
     weight
-        Of the stacked state and input in the cost of a step (n + m, n + m); None for no cost.
+        Weight (n + m, n + m) of the stacked state and input in the cost of a step; or None.
     first
-        The first step that counts.
+        First step that counts.
     """
 
     loop: Loop
@@ -67,16 +67,16 @@ class Experiment:
     def outcomes(self, seeds: Sequence[int]) -> Outcomes:
         """Return the outcomes of the runs with these seeds.
 
-        A filter of mixtures, and readings that are late, run one loop after the other.
+        Loops with a filter of mixtures, or with readings that are late, run one after the other.
         """
         kind = filter_class(self.loop.filter or self.loop.believed.filter)
         if kind.mixture or not self.loop.in_order:
             return Outcomes.joined([self.outcome(seed) for seed in seeds])
         if self._linear is not None:
             with np.errstate(all='ignore'):
-                found = self._linear.outcomes(seeds)
-            if found is not None:
-                return found
+                outcomes = self._linear.outcomes(seeds)
+            if outcomes is not None:
+                return outcomes
         statistics = RunStatistics(self.loop, len(seeds), self.weight, self.first)
         limited = run_batch(self.loop, seeds, statistics, schedule=self._schedule)
         return statistics.outcomes(limited)
@@ -97,14 +97,14 @@ class Experiment:
 
     @cached_property
     def _linear(self) -> LinearRuns | None:
-        """The runs as matrix products, where all is linear."""
+        """The runs as matrix products, if everything is linear."""
         if not (self._schedule.applies and is_linear(self.loop)):
             return None
         return LinearRuns(self.loop, self.weight, self.first, self._schedule)
 
     @cached_property
     def _schedule(self) -> GainSchedule:
-        """The gains that chunks share where no reading changes them."""
+        """Gains that chunks share, where no reading changes them."""
         return GainSchedule(self.loop.estimation.filter)
 
 
@@ -122,15 +122,15 @@ def monte_carlo(
     Parameters
     ----------
     experiment
-        The loops, and what is counted of them.
+        Loops, with the steps and the cost that are counted.
     seeds
-        Of the runs.
+        Seeds of the runs.
     workers, dask
-        Processes, or the address of a Dask scheduler: see `spread`.
+        Number of processes, or the address of a Dask scheduler: see `spread`.
     chunk
-        The most runs at a time; by default as many as are quick.
+        Largest number of runs at a time; by default as many as are fast.
     progress
-        Called after each chunk, with the number of runs that are complete.
+        Function that is called after each chunk, with the number of runs that are complete.
 
     Raises
     ------
@@ -140,9 +140,9 @@ def monte_carlo(
     experiment = experiment.computed()
     size = chunk or (_SENT if dask else min(MOST, -(-len(seeds) // workers)))
     parts = [seeds[start : start + size] for start in range(0, len(seeds), size)]
-    found: dict[int, Outcomes] = {}
+    results: dict[int, Outcomes] = {}
     for index, outcomes in spread(experiment.outcomes, parts, workers, dask):
-        found[index] = outcomes
+        results[index] = outcomes
         if progress is not None:
-            progress(sum(len(parts[each]) for each in found))
-    return Outcomes.joined([found[index] for index in range(len(parts))])
+            progress(sum(len(parts[done]) for done in results))
+    return Outcomes.joined([results[index] for index in range(len(parts))])

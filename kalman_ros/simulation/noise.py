@@ -22,7 +22,7 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 
 class NoiseSource:
-    """Draws from N(0, covariance), from its own `stream`."""
+    """Source of draws from N(0, covariance), with a private `stream`."""
 
     def __init__(self, seed: int, name: str) -> None:
         self._generator = stream(seed, name)
@@ -36,10 +36,10 @@ class NoiseSource:
         return np.asarray(self._factor @ self._generator.standard_normal(len(self._factor)))
 
     def draw_varying(self, covariance: Array) -> Array:
-        """Return one draw (n,) from a ``covariance`` that is another at every draw.
+        """Return one draw (n,) from a ``covariance`` that differs at every draw.
 
-        By a factor that changes no more than the covariance does: the eigenvectors of `root` are
-        arbitrary where eigenvalues are close, so that rounding would decide what is drawn.
+        It uses a factor that changes no more than the covariance does: the eigenvectors of `root`
+        are arbitrary where eigenvalues are close, so that rounding would decide the draw.
         """
         factor = semidefinite_factor(covariance)
         return np.asarray(factor @ self._generator.standard_normal(len(factor)))

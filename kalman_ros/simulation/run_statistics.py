@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is kept of many runs: of each run its averages, of each step the averages over runs."""
+"""Statistics of many runs: for each run its averages, for each step averages over the runs."""
 
 from __future__ import annotations
 
@@ -26,23 +26,24 @@ class Outcomes:
     Parameters
     ----------
     squared_error
-        The mean squares of each run's errors (N, n).
+        Mean squares of each run's errors (N, n).
     nees
-        The mean of each run's normalised errors squared, divided by n (N,).
+        Mean of each run's normalised errors squared, divided by n (N,).
     nis
-        The same of its innovations, by sensor; NaN without readings.
+        The same for the innovations, by sensor; NaN without readings.
     cost
-        The mean cost of a step (N,); empty without an input.
+        Mean cost of a step (N,); empty without an input.
     limited
-        The share of the steps in which a limit changed the input (N,).
+        Share of the steps in which a limit changed the input (N,).
     final_error, final_std, final_state
-        The error, the claimed deviations and the truth at the end (N, n).
+        Error, claimed deviations and truth at the end (N, n).
     count
-        Of each step (S,), the runs whose numbers are finite; what follows is summed over these.
+        Number of runs whose numbers are finite at each step (S,); the fields below are sums over
+        these runs.
     step_squares, step_variance
-        The squared errors, and the claimed variances (S, n).
+        Squared errors, and claimed variances (S, n).
     step_nees
-        The normalised errors squared (S,).
+        Normalised errors squared (S,).
     """
 
     squared_error: Array
@@ -61,37 +62,37 @@ class Outcomes:
     @staticmethod
     def joined(parts: Sequence[Outcomes]) -> Outcomes:
         """Return the outcomes of all the runs of ``parts``, in their order."""
-        found: dict[str, Any] = {}
-        for each in fields(Outcomes):
-            values = [getattr(part, each.name) for part in parts]
-            if each.name == 'nis':
-                found['nis'] = {
+        columns: dict[str, Any] = {}
+        for field in fields(Outcomes):
+            values = [getattr(part, field.name) for part in parts]
+            if field.name == 'nis':
+                columns['nis'] = {
                     name: np.concatenate([value[name] for value in values]) for name in values[0]
                 }
-            elif each.name in _OF_STEPS:
-                found[each.name] = sum(values[1:], start=values[0])
+            elif field.name in _OF_STEPS:
+                columns[field.name] = sum(values[1:], start=values[0])
             else:
-                found[each.name] = np.concatenate(values)
-        return Outcomes(**found)
+                columns[field.name] = np.concatenate(values)
+        return Outcomes(**columns)
 
 
-#: The fields that are summed over runs.
+#: Fields that are summed over runs.
 _OF_STEPS = ('count', 'step_squares', 'step_variance', 'step_nees')
 
 
 class RunStatistics:
-    """Accumulates the `Outcomes` of a batch.
+    """Accumulator of the `Outcomes` of a batch.
 
     Parameters
     ----------
     loop
-        The loops that are observed.
+        Loops that are observed.
     runs
-        How many.
+        Number of runs.
     weight
-        Of the stacked state and input in the cost of a step (n + m, n + m); None for no cost.
+        Weight (n + m, n + m) of the stacked state and input in the cost of a step; or None.
     first
-        The first step that counts.
+        First step that counts.
     """
 
     def __init__(self, loop: Loop, runs: int, weight: Array | None, first: int) -> None:
@@ -106,14 +107,14 @@ class RunStatistics:
         self._nees, self._cost = np.zeros(runs), np.zeros(runs)
         self._nis = {name: np.zeros(runs) for name in loop.believed.sensors}
         sensors = loop.believed.sensors
-        self._degrees = {name: each.sensor.output.size for name, each in sensors.items()}
+        self._degrees = {name: source.sensor.output.size for name, source in sensors.items()}
         self._read = {name: np.zeros(runs, dtype=int) for name in sensors}
         self._count = np.zeros(steps, dtype=np.int64)
         self._step_squares, self._step_variance = np.zeros((steps, n)), np.zeros((steps, n))
         self._step_nees = np.zeros(steps)
 
     def reading(self, name: str, y: Array, correction: Correction) -> None:
-        """Add the innovations of a sensor; those that are not finite do not count."""
+        """Add the innovations of a sensor, without those that are not finite."""
         if self._k < self._first:
             return
         nis = correction.nis
@@ -122,9 +123,9 @@ class RunStatistics:
             self._nis[name] += nis
             self._read[name] += 1
         else:
-            there = np.isfinite(nis)
-            self._nis[name] += np.where(there, nis, 0.0)
-            self._read[name] += there
+            finite = np.isfinite(nis)
+            self._nis[name] += np.where(finite, nis, 0.0)
+            self._read[name] += finite
 
     def step(self, estimator: BatchEstimator, truth: Array, u: Array) -> None:
         """Add the errors and the cost of a step."""
@@ -140,11 +141,11 @@ class RunStatistics:
             self._step_squares[k] = squares.sum(axis=0)
             self._step_nees[k] = total
         else:
-            there = np.isfinite(nees)
-            self._count[k] = np.count_nonzero(there)
-            self._step_squares[k] = squares[there].sum(axis=0)
-            self._step_nees[k] = nees[there].sum()
-            variance = variance[there] if variance.ndim == 2 else variance
+            finite = np.isfinite(nees)
+            self._count[k] = np.count_nonzero(finite)
+            self._step_squares[k] = squares[finite].sum(axis=0)
+            self._step_nees[k] = nees[finite].sum()
+            variance = variance[finite] if variance.ndim == 2 else variance
         alike = variance.ndim == 1
         self._step_variance[k] = variance * self._count[k] if alike else variance.sum(axis=0)
         if k >= self._first:
@@ -163,12 +164,12 @@ class RunStatistics:
         return np.asarray(np.einsum('ij,ij->j', self._stacked, weight.dot(self._stacked)))
 
     def outcomes(self, limited: Array | int) -> Outcomes:
-        """Return the outcomes, once all steps are there.
+        """Return the outcomes, after all steps.
 
         Parameters
         ----------
         limited
-            The number of steps in which a limit changed the input (runs,); one number for all.
+            Number of steps in which a limit changed the input (runs,); one number for all.
         """
         error, P, truth = self._last
         n, steps = error.shape[1], len(self._count)
@@ -206,11 +207,11 @@ def outcomes_of(
     z = whitened(factor(run.covariance), error)
     normalised = np.einsum('ij,ij->i', z, z)
     z = np.hstack((space.subtract(run.truth, rest.state), run.input - rest.input))
-    there = np.isfinite(normalised)
+    finite = np.isfinite(normalised)
     nis = {}
     for name, source in loop.believed.sensors.items():
-        found = run.innovations[name]
-        values = found.nis[found.time * loop.scenario.rate > first - 0.5]
+        innovations = run.innovations[name]
+        values = innovations.nis[innovations.time * loop.scenario.rate > first - 0.5]
         mean = values.mean() if len(values) else np.nan
         nis[name] = np.array([mean / source.sensor.output.size])
     return Outcomes(
@@ -224,8 +225,8 @@ def outcomes_of(
         error[-1:],
         np.sqrt(variance[-1:]),
         run.truth[-1:],
-        there.astype(np.int64),
-        np.where(there[:, np.newaxis], squares, 0.0),
-        np.where(there[:, np.newaxis], variance, 0.0),
-        np.where(there, normalised, 0.0),
+        finite.astype(np.int64),
+        np.where(finite[:, np.newaxis], squares, 0.0),
+        np.where(finite[:, np.newaxis], variance, 0.0),
+        np.where(finite, normalised, 0.0),
     )

@@ -30,15 +30,15 @@ class SimulatedPlant:
     model
         The system model.
     sensors
-        By name, in the order in which they read.
+        Sensors by name, in the order in which they read.
     rate
         Steps per second.
     initial_state
-        The state (n,) at step 0.
+        State (n,) at step 0.
     seed
-        Of all noise.
+        Seed of all noise.
     idle
-        The input (m,) before the first; zero by default.
+        Input (m,) before the first; zero by default.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class SimulatedPlant:
         m = model.input.size
         self._command: Array = np.zeros(m) if idle is None else idle
         self.actuator = Actuator(np.ones(m), before=self._command)
-        #: The faults at the input.
+        #: Faults at the input.
         self.faults = BodyFaults(BodyOptions(), m)
         self._loss, self._push = stream(seed, 'fault loss'), stream(seed, 'fault disturbance')
         self._process_noise = NoiseSource(seed, 'process')
@@ -76,7 +76,7 @@ class SimulatedPlant:
 
     @property
     def time(self) -> int:
-        """The time of this step, in nanoseconds since step 0."""
+        """Time of this step, in nanoseconds since step 0."""
         return round(self.steps * self.dt * 1e9)
 
     def adopt(self, faults: PlantFaults) -> None:
@@ -100,7 +100,7 @@ class SimulatedPlant:
         if self.finite:
             try:
                 with np.errstate(all='ignore'):
-                    self.state = self._moved(u, disturbance)
+                    self.state = self._propagate(u, disturbance)
             except (ArithmeticError, np.linalg.LinAlgError):
                 self.state = np.full_like(self.state, np.nan)
         self.steps += 1
@@ -111,7 +111,7 @@ class SimulatedPlant:
         """Whether the state, and its square, is finite; it never recovers."""
         return is_finite(self.state)
 
-    def _moved(self, u: Array, disturbance: Array | None) -> Array:
+    def _propagate(self, u: Array, disturbance: Array | None) -> Array:
         model, x, time = self.model, self.state, self.steps * self.dt
         Q, source = model.transition(x, u, self.dt).Q, self._process_noise
         noise = source.draw(Q) if model.is_linear else source.draw_varying(Q)

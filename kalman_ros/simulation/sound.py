@@ -13,7 +13,7 @@ from kalman_ros.core import Array
 
 from .noise import stream
 
-#: The least distance from a source to a microphone, in m.
+#: Least distance from a source to a microphone, in m.
 _NEAREST = 0.01
 
 
@@ -25,7 +25,7 @@ class Sound(NamedTuple):
     level
         Root mean square of the sound pressure at 1 m from the source, in Pa.
     band
-        The lowest and highest frequency of the source, in Hz; white between them.
+        Lowest and highest frequency of the source, in Hz; white between them.
     noise
         Root mean square of each microphone's own noise, in Pa; white.
     """
@@ -49,11 +49,11 @@ class SimulatedSound:
     sample_rate
         Samples per second.
     samples
-        Of one frame, N.
+        Number of samples N of one frame.
     sound
-        The source and its surroundings.
+        Source and its surroundings.
     seed
-        Of the sound and of the noise.
+        Seed of the sound and of the noise.
 
     Raises
     ------

@@ -17,7 +17,7 @@ _PATIENCE, _FOR_WORKERS = 10.0, 10.0
 T = TypeVar('T')
 R = TypeVar('R')
 
-#: What the workers of this process do; they are forked, so that it need not be sent to them.
+#: Task of the workers of this process; they are forked, so that it need not be sent to them.
 _task: Callable[[Any], Any]
 
 
@@ -29,13 +29,13 @@ def spread(
     Parameters
     ----------
     task
-        A function of one item, without side effects: Dask may repeat it.
+        Function of one item, without side effects: Dask may repeat it.
     items
-        The arguments.
+        Arguments of the function.
     workers
-        Processes of this machine.
+        Number of processes of this machine.
     dask
-        The address of a Dask scheduler, whose workers are used instead.
+        Address of a Dask scheduler, whose workers are used instead.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def spread(
         except BrokenProcessPool:
             raise ValueError('workers: a process ended before its work did') from None
         except BaseException:
-            # nobody waits for what they compute
+            # nobody waits for their results
             for process in {*multiprocessing.active_children()} - {*others}:
                 process.terminate()
             raise
@@ -93,7 +93,7 @@ def _by_dask(task: Callable[[T], R], items: Sequence[T], address: str) -> Iterat
             # the task is sent once, not with each item
             whole = client.scatter(task, broadcast=True, timeout=_FOR_WORKERS)
         except Exception as error:
-            # of whatever kind a worker raises; the scheduler wraps its message in others
+            # a worker may raise any kind of error; the scheduler wraps its message in others
             reason = _first_line(error)
             raise ValueError(f'dask: no worker of {address} takes the work: {reason}') from None
         waiting = {

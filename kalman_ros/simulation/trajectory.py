@@ -13,7 +13,7 @@ from kalman_ros.core import Array
 class Series:
     """Vectors in time: ``time`` (N,) in seconds since the start, ``values`` (N, k).
 
-    ``covariance`` (N, k, k) is that of each value, where the messages carry it.
+    ``covariance`` (N, k, k) is the covariance of each value, where the messages have one.
     """
 
     time: Array
@@ -38,15 +38,15 @@ class Trajectory:
     Parameters
     ----------
     time
-        Of each step (N,), in seconds since the start.
+        Time of each step (N,), in seconds since the start.
     truth, estimate
-        The true state (N, n), and its estimate after the readings of the step.
+        True state (N, n), and its estimate after the readings of the step.
     covariance
-        Of the estimate (N, n, n).
+        Covariance of the estimate (N, n, n).
     input
-        From each step on (N, m).
+        Input from each step on (N, m).
     readings, innovations
-        By sensor.
+        Readings and innovations, by sensor.
     """
 
     time: Array

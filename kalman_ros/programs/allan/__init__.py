@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of an inertial sensor at rest, from a recording."""
+"""Noise of an inertial sensor at rest, from a recording."""

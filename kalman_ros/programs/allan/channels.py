@@ -24,11 +24,11 @@ _GAP = 1.5
 
 @dataclass(frozen=True)
 class Channels:
-    """The readings (N, 6) of a topic without a gap, one every ``period`` s.
+    """Evenly spaced readings (N, 6) of a topic, one every ``period`` s.
 
-    ``gaps`` is the number of gaps in the whole recording, of which the longest part without one is
-    used; ``whole`` the number of readings in it, and ``dropped`` those that cannot be
-    decoded or are not finite.
+    The longest part of the recording without a gap is used. ``gaps`` is the number of gaps in the
+    whole recording, ``whole`` its number of readings, and ``dropped`` the number of messages that
+    cannot be decoded or are not finite.
     """
 
     topic: str
@@ -40,21 +40,21 @@ class Channels:
 
 
 def topics(bag: Bag, topic: str = '') -> list[str]:
-    """Return the topics of a recording with an inertial sensor, or the requested one.
+    """Return the topics of a recording that hold an inertial sensor, or the requested topic.
 
     Raises
     ------
     ValueError
-        If there is none, or the requested one has another type.
+        If there is no such topic, or the requested topic has another type.
     """
     if topic:
         name = f'/{topic.lstrip("/")}'
         bag.check(name, KIND, 'topic')
         return [name]
-    found = sorted(name for name, kinds in bag.topics.items() if KIND in kinds)
-    if not found:
+    imu_topics = sorted(name for name, kinds in bag.topics.items() if KIND in kinds)
+    if not imu_topics:
         raise ValueError(f"'{bag.path}' has no topic with {KIND}; it has {', '.join(bag.topics)}")
-    return found
+    return imu_topics
 
 
 def channels(bag: Bag, topic: str) -> Channels:

@@ -19,14 +19,14 @@ _LINES = (('white noise', ':'), ('bias instability', '--'), ('bias random walk',
 def allan_picture(topic: str, results: Sequence[Allan], path: Path) -> None:
     """Draw six channels, gyro above and accelerometer below."""
     with figure_with(path, 2, 3, (10.0, 6.0), sharex=True, sharey='row') as (figure, axes):
-        for axis, name, unit, found in zip(axes.ravel(), NAMES, UNITS, results):
-            axis.fill_between(found.time, found.low, found.high, color=BOUND, alpha=0.3, lw=0.0,
+        for axis, name, unit, result in zip(axes.ravel(), NAMES, UNITS, results):
+            axis.fill_between(result.time, result.low, result.high, color=BOUND, alpha=0.3, lw=0.0,
                               label='95 % interval')  # fmt: skip
-            axis.loglog(found.time, found.deviation, color=ESTIMATE, lw=1.4, label='measured')
-            lowest = 0.3 * found.deviation.min()
-            for (label, line), term in zip(_LINES, np.sqrt(found.terms.T)):
+            axis.loglog(result.time, result.deviation, color=ESTIMATE, lw=1.4, label='measured')
+            lowest = 0.3 * result.deviation.min()
+            for (label, line), term in zip(_LINES, np.sqrt(result.terms.T)):
                 shown = np.where(term > lowest, term, np.nan)
-                axis.loglog(found.time, shown, line, color=INPUT, lw=1.0, label=label)
+                axis.loglog(result.time, shown, line, color=INPUT, lw=1.0, label=label)
             axis.set_title(f'{name} [{unit}]')
         axes[1, 1].set_xlabel('averaging time [s]')
         for row in axes:

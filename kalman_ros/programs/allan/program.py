@@ -49,63 +49,63 @@ def main(argv: Sequence[str] | None = None) -> None:
     options, console = arguments(argv), Console(highlight=False)
     try:
         bag = Bag(options.bag)
-        found = {topic: channels(bag, topic) for topic in topics(bag, options.topic)}
+        recorded = {topic: channels(bag, topic) for topic in topics(bag, options.topic)}
         ready(options.out)
-        results = {topic: _deviations(each) for topic, each in found.items()}
+        results = {topic: _deviations(readings) for topic, readings in recorded.items()}
     except ValueError as error:
         refuse('allan', error)
 
     from .picture import allan_picture  # matplotlib loads while nothing waits
 
     names, summary = ['summary.json'], {}
-    for topic, each in found.items():
-        _show(console, each, results[topic])
+    for topic, readings in recorded.items():
+        _show(console, readings, results[topic])
         names.append(f'{topic.strip("/").replace("/", "_")}.png')
         allan_picture(topic, results[topic], options.out / names[-1])
         summary[topic] = {
-            'rate': 1.0 / each.period,
+            'rate': 1.0 / readings.period,
             'duration': results[topic][0].duration,
             'channels': {
-                name: {key: asdict(getattr(one, key)) for key, _, _ in _PARAMETERS}
-                for name, one in zip(NAMES, results[topic])
+                name: {key: asdict(getattr(result, key)) for key, _, _ in _PARAMETERS}
+                for name, result in zip(NAMES, results[topic])
             },
         }
     (options.out / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     console.print(f'\nIn {options.out}: {", ".join(names)}')
 
 
-def _deviations(found: Channels) -> list[Allan]:
+def _deviations(readings: Channels) -> list[Allan]:
     """Return the deviation of each channel; a ValueError names the channel."""
     results = []
-    for name, values in zip(NAMES, found.values.T):
+    for name, values in zip(NAMES, readings.values.T):
         try:
-            results.append(allan(values, found.period))
+            results.append(allan(values, readings.period))
         except ValueError as error:
-            raise ValueError(f'{found.topic}, {name}: {error}') from None
+            raise ValueError(f'{readings.topic}, {name}: {error}') from None
     return results
 
 
-def _show(console: Console, found: Channels, results: Sequence[Allan]) -> None:
-    duration, rate = _span(results[0].duration), 1.0 / found.period
-    count = len(found.values)
-    console.print(f'[bold]{found.topic}[/]: {count} readings, {rate:.4g} Hz, {duration}')
-    if count < found.whole:
+def _show(console: Console, readings: Channels, results: Sequence[Allan]) -> None:
+    duration, rate = _span(results[0].duration), 1.0 / readings.period
+    count = len(readings.values)
+    console.print(f'[bold]{readings.topic}[/]: {count} readings, {rate:.4g} Hz, {duration}')
+    if count < readings.whole:
         console.print(
-            f'The longest part without a gap is used, {count} of {found.whole} readings; gaps: '
-            f'{found.gaps}.'
+            f'The longest part without a gap is used, {count} of {readings.whole} readings; gaps: '
+            f'{readings.gaps}.'
         )
-    if found.dropped:
-        console.print(f'Messages that cannot be decoded, or are not finite: {found.dropped}.')
+    if readings.dropped:
+        console.print(f'Messages that cannot be decoded, or are not finite: {readings.dropped}.')
     for key, title, per in _PARAMETERS:
-        cells = [_cells(getattr(each, key)) for each in results]
+        cells = [_cells(getattr(result, key)) for result in results]
         titles = (title, '95 % interval', 'at \\[s]')
         columns: list[tuple[str, Sequence[str]]] = [('unit', [f'{unit}{per}' for unit in UNITS])]
         columns += zip(titles, zip(*cells))
         show(console, [(title.capitalize(), Sheet(NAMES, columns))])
     needed = {
-        name: each.needed()
-        for name, each in zip(NAMES, results)
-        if not each.instability.determined
+        name: result.needed()
+        for name, result in zip(NAMES, results)
+        if not result.instability.determined
     }
     if needed:
         console.print(
@@ -114,25 +114,29 @@ def _show(console: Console, found: Channels, results: Sequence[Allan]) -> None:
         )
     console.print('\n[bold]For a parameter file[/]')
     for part, unit in ((slice(0, 3), 'rad/s'), (slice(3, 6), 'm/s^2')):
-        densities = [each.density for each in results[part]]
-        unknown = [name for name, each in zip(NAMES[part], densities) if not each.determined]
+        densities = [result.density for result in results[part]]
+        unknown = [name for name, density in zip(NAMES[part], densities) if not density.determined]
         if unknown:
             console.print(f'# no noise in {unit}: {", ".join(unknown)} not determined')
             continue
-        std = [each.value / np.sqrt(found.period) for each in densities]
+        std = [density.value / np.sqrt(readings.period) for density in densities]
         values = ', '.join(f'{value:.3g}' for value in std)
         axes = ', '.join(NAMES[part])
         console.print(f'noise: \\[{values}]   # {unit}: {axes}', soft_wrap=True)
-    for name, each, unit in zip(NAMES, results, UNITS):
-        if each.random_walk.determined:
-            square = each.random_walk.value**2
+    for name, result, unit in zip(NAMES, results, UNITS):
+        if result.random_walk.determined:
+            square = result.random_walk.value**2
             console.print(f'bias noise: {square:.3g}   # ({unit})^2/s: {name}', soft_wrap=True)
 
 
-def _cells(found: Parameter) -> tuple[str, str, str]:
-    if not found.determined:
+def _cells(parameter: Parameter) -> tuple[str, str, str]:
+    if not parameter.determined:
         return 'not determined', '', ''
-    return f'{found.value:.3g}', f'{found.low:.3g} to {found.high:.3g}', f'{found.time:.3g}'
+    return (
+        f'{parameter.value:.3g}',
+        f'{parameter.low:.3g} to {parameter.high:.3g}',
+        f'{parameter.time:.3g}',
+    )
 
 
 def _span(seconds: float) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`doctor`: what is wrong with a recording and its parameters, with its proof."""
+"""The program `doctor`: faults of a recording and of its parameters, with their proof."""
 
 import os
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is injected for the score of the diagnosis, where, and what counts as the right cause."""
+"""Faults that are injected to score the diagnosis, and the findings that name them rightly."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from .recordings import Injection, stamps_of, values_of
 #: The scenarios, from linear to GNSS and IMU.
 SCENARIOS = ('mass_spring_damper_2d', 'cart_pole', 'diff_drive', 'gnss_imu')
 _MASS, _POLE, _DRIVE, _GNSS = SCENARIOS
-#: One more, for what has three axes.
+#: Another scenario, for faults of sensors with three axes.
 _SPACE = 'robot_3d'
-#: Of each scenario the sensor that goes wrong where it does not matter which.
+#: Sensor of each scenario for the faults that can affect any sensor.
 _SENSOR = {_MASS: 'position', _POLE: 'joint_states', _DRIVE: 'imu', _GNSS: 'imu'}
 
 
 @dataclass(frozen=True)
 class Case:
-    """One fault of one scenario.
+    """One fault in one scenario.
 
     Parameters
     ----------
     fault
-        What is injected, a kind of the table.
+        Kind of the fault, as in the table of the page.
     scenario, injection
-        Where, and how.
+        Scenario, and how the fault is injected into it.
     kinds
-        The kinds of finding that name it rightly.
+        Kinds of finding that name the fault rightly.
     subject
-        With what the subject of such a finding begins.
+        Beginning of the subject of such a finding.
     """
 
     fault: str
@@ -53,8 +53,8 @@ def cases() -> list[Case]:
 
 
 def _links() -> list[Case]:
-    """Return the faults of the injector of sensors."""
-    found = []
+    """Return the cases of the injector of sensor faults."""
+    faults = []
     offsets: dict[str, dict[str, tuple[str, Any]]] = {
         'bias': {
             _MASS: ('position', [0.3, 0.3]), _POLE: ('joint_states', [0.0, 0.03]),
@@ -75,7 +75,7 @@ def _links() -> list[Case]:
             if fault == 'bias' and scenario == _GNSS:
                 options['fault_window'] = [10.0, 1e9]
             right = fault.replace('_', ' ')
-            found.append(Case(fault, scenario, Injection({sensor: options}), (right,), sensor))
+            faults.append(Case(fault, scenario, Injection({sensor: options}), (right,), sensor))
     others: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         'outliers': ({'outliers': 0.03}, ('outliers',)),
         'freeze': ({'freeze': True, 'fault_window': [10.0, 14.0]}, ('frozen',)),
@@ -90,13 +90,13 @@ def _links() -> list[Case]:
     for fault, (options, kinds) in others.items():
         for scenario in SCENARIOS:
             sensor = _SENSOR[scenario]
-            found.append(Case(fault, scenario, Injection({sensor: options}), kinds, sensor))
-    return found
+            faults.append(Case(fault, scenario, Injection({sensor: options}), kinds, sensor))
+    return faults
 
 
 def _bodies() -> list[Case]:
-    """Return the faults of the injector where inputs act."""
-    found = []
+    """Return the cases of the injector of faults where the input acts."""
+    faults = []
     sizes: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[str, ...]]] = {
         'actuator_loss': ({}, {'actuator_loss': 0.4}, ('input delay',)),
         'actuator_dead_zone': (
@@ -116,14 +116,14 @@ def _bodies() -> list[Case]:
     }  # fmt: skip
     for fault, (mass, pole, kinds) in sizes.items():
         subject = '' if fault == 'disturbance_noise' else 'f'
-        if mass:  # on the mass, what is lost is less than the force noise
-            found.append(Case(fault, _MASS, Injection(body=mass), kinds, subject))
-        found.append(Case(fault, _POLE, Injection(body=pole), kinds, subject))
+        if mass:  # on the mass, lost commands change less than the force noise
+            faults.append(Case(fault, _MASS, Injection(body=mass), kinds, subject))
+        faults.append(Case(fault, _POLE, Injection(body=pole), kinds, subject))
     for fault, factor in {'input_gain': 2.5, 'input_sign': -1.0}.items():
         right = fault.replace('_', ' ')
         for scenario in (_MASS, _POLE):
-            found.append(Case(fault, scenario, Injection(command=factor), (right,), 'f'))
-    return found
+            faults.append(Case(fault, scenario, Injection(command=factor), (right,), 'f'))
+    return faults
 
 
 def _scaled(sensor: str, *factors: float) -> Injection:
@@ -140,13 +140,13 @@ def _turned(sensor: str, degrees: float) -> Injection:
 
 
 def _askew(sensor: str, degrees: float) -> Injection:
-    """Return readings of three axes, turned by an angle about an axis between them."""
+    """Rotate readings of three axes by an angle about an oblique axis."""
     R = rotations.exp(radians(degrees) * np.array([2.0, 1.0, 2.0]) / 3.0)
     return Injection(edits={sensor: values_of(lambda y: y @ R.T)})
 
 
 def _foreign(sensor: str, size: float) -> Injection:
-    """Return readings of something else: slow noise of one second, of this standard deviation."""
+    """Replace readings by unrelated slow noise of one second, with standard deviation ``size``."""
 
     def edit(y: Array) -> Array:
         rng, keep = np.random.default_rng(len(y)), 0.95
@@ -162,7 +162,7 @@ def _shifted(sensor: str, seconds: float) -> Injection:
 
 
 def _edits() -> list[Case]:
-    """Return what happens to readings between sensor and recorder."""
+    """Return the cases in which readings are changed between sensor and recorder."""
     degrees = 180.0 / pi
     swap = ('swapped', 'rotated')
     return [
@@ -190,7 +190,7 @@ def _edits() -> list[Case]:
 
 
 def _noises() -> list[Case]:
-    """Return noise of readings and of the process that is other than declared."""
+    """Return the cases in which the noise of readings or of the process is not as declared."""
     sensors: dict[str, tuple[str, list[float]]] = {
         _MASS: ('position', [0.05, 0.05]), _POLE: ('joint_states', [0.005, 0.01]),
         _DRIVE: ('imu', [0.02]), _GNSS: ('gnss', [0.5, 0.5]),
@@ -199,26 +199,30 @@ def _noises() -> list[Case]:
         _MASS: ('force_noise', 0.1), _POLE: ('force_noise', 0.001),
         _DRIVE: ('turn_noise', 0.02), _GNSS: ('acceleration_noise', 0.5),
     }  # fmt: skip
-    found = []
+    faults = []
     for factor, way in ((4.0, 'small'), (0.25, 'large')):
         for scenario, (sensor, noise) in sensors.items():
-            plant: dict[str, Any] = {f'{sensor}.noise': [factor * each for each in noise]}
+            plant: dict[str, Any] = {f'{sensor}.noise': [factor * value for value in noise]}
             kinds = (f'noise too {way}',)
-            found.append(Case(f'noise_too_{way}', scenario, Injection(plant=plant), kinds, sensor))
+            faults.append(
+                Case(f'noise_too_{way}', scenario, Injection(plant=plant), kinds, sensor)
+            )
         for scenario, (name, density) in processes.items():
             plant = {f'model_parameters.{name}': factor**2 * density}
             kinds = (f'process noise too {way}',)
-            found.append(Case(f'process_noise_too_{way}', scenario, Injection(plant=plant), kinds))
-    return found
+            faults.append(
+                Case(f'process_noise_too_{way}', scenario, Injection(plant=plant), kinds)
+            )
+    return faults
 
 
 def _models() -> list[Case]:
-    """Return a parameter of the plant and a first belief that are other than believed."""
+    """Return the cases with a wrong parameter of the plant or a wrong initial belief."""
     sure: dict[str, list[float]] = {
         _MASS: [0.05] * 4, _POLE: [0.01] * 4, _DRIVE: [0.01, 0.01, 0.02, 0.01, 0.5],
         _GNSS: [1.0, 1.0, 0.2, 0.05, 0.2, 1.0, 0.02, 0.2],
     }  # fmt: skip
-    found = [
+    faults = [
         Case('parameter', _MASS, Injection(plant={'model_parameters.stiffness_x': 5.0}),
              ('parameter', 'input gain')),
         Case('parameter', _POLE, Injection(plant={'model_parameters.length': 0.36}),
@@ -226,11 +230,11 @@ def _models() -> list[Case]:
     ]  # fmt: skip
     for scenario, std in sure.items():
         narrow = Injection(estimator={'initial_std': std})
-        found.append(Case('first_belief', scenario, narrow, ('first belief too narrow',)))
-    return found
+        faults.append(Case('first_belief', scenario, narrow, ('first belief too narrow',)))
+    return faults
 
 
-#: Pairs of faults by name, and where.
+#: Pairs of faults by name, with their scenario.
 _PAIRS = (
     (_MASS, 'outliers', 'clock_offset'), (_MASS, 'unit', 'dropout'),
     (_MASS, 'noise_too_small', 'sign'), (_MASS, 'disturbance_sine', 'duplication'),

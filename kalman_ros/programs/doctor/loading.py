@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a bag and a parameter file to evidence."""
+"""Evidence from a bag and a parameter file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kalman_ros.scenario.parameter_files import from_file
 
 
 def load(bag: str | Path, params: str | Path | None) -> Evidence:
-    """Return the evidence of a bag: what the estimator of a parameter file makes of it.
+    """Replay a bag through the estimator of a parameter file, and return the evidence.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ def load(bag: str | Path, params: str | Path | None) -> Evidence:
 
 def replayed(bag: Bag, parameters: Mapping[str, Any], seconds: float = inf) -> Evidence:
     """Return the evidence of a bag, or of its first seconds, with the estimator's parameters."""
-    found = replay_bag(bag, estimator_settings(parameters), end=seconds)
-    sensors: dict[str, SensorRecord] = dict(found.sensors)
+    result = replay_bag(bag, estimator_settings(parameters), end=seconds)
+    sensors: dict[str, SensorRecord] = dict(result.sensors)
     return Evidence(
-        parameters, found.scenario, sensors, found.inputs, found.beliefs,
+        parameters, result.scenario, sensors, result.inputs, result.beliefs,
         lambda changes, seconds=inf: replayed(bag, changed(parameters, changes), seconds),
     )  # fmt: skip

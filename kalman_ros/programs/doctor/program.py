@@ -57,34 +57,34 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 @interruptible('doctor')
 def main(argv: Sequence[str] | None = None) -> None:
-    """Diagnose a bag; exit 1 if anything was found."""
-    given = list(sys.argv[1:] if argv is None else argv)
-    if '--score' in given:
-        from . import score  # what simulates recordings is slow to import
+    """Diagnose a bag; exit with 1 if there is a finding."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if '--score' in words:
+        from . import score  # the simulation of recordings is slow to import
 
-        given.remove('--score')
-        score.main(given)
+        words.remove('--score')
+        score.main(words)
         return
-    options = arguments(given)
+    options = arguments(words)
     console = Console(highlight=False)
     try:
         folder = ready(options.out or Path('out') / options.bag.stem / 'doctor')
         if options.params_file is None:
             sys.exit(describe_and_propose(options.bag, folder, console))
-        with _without_collector(), _doing(console) as progress:
+        with _without_collector(), _show_progress(console) as progress:
             progress('replaying the recording')
             evidence = load(options.bag, options.params_file)
-            found = diagnose(evidence, progress)
+            diagnosis = diagnose(evidence, progress)
     except (ValueError, OSError) as error:
         refuse('doctor', error)
-    show(found, folder, console)
-    sys.exit(1 if found.findings else 0)
+    show(diagnosis, folder, console)
+    sys.exit(1 if diagnosis.findings else 0)
 
 
 def describe_and_propose(path: Path, folder: Path, console: Console) -> int:
-    """Print what a recording has, write a parameter file for it, and return the exit code."""
+    """Print the topics of a recording, write a parameter file for it, and return the exit code."""
     bag = Bag(path)
-    with _doing(console) as progress:
+    with _show_progress(console) as progress:
         progress('reading the recording')
         topics = describe(bag)
         progress('comparing it with the shipped scenarios')
@@ -108,7 +108,7 @@ def describe_and_propose(path: Path, folder: Path, console: Console) -> int:
 
 @contextmanager
 def _without_collector() -> Iterator[None]:
-    """Look for no cycles meanwhile: passes make many objects and no cycles."""
+    """Disable the garbage collector: filter passes create many objects but no cycles."""
     gc.disable()
     try:
         yield
@@ -117,26 +117,26 @@ def _without_collector() -> Iterator[None]:
 
 
 @contextmanager
-def _doing(console: Console) -> Iterator[Callable[[str], None]]:
-    """Show what is being done, and for how long."""
+def _show_progress(console: Console) -> Iterator[Callable[[str], None]]:
+    """Show the current task and the elapsed time."""
     columns = SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task('')
-        yield lambda what: bar.update(task, description=what)
+        yield lambda text: bar.update(task, description=text)
 
 
-def show(found: Diagnosis, folder: Path, console: Console) -> None:
+def show(diagnosis: Diagnosis, folder: Path, console: Console) -> None:
     """Print a diagnosis, draw it, and write ``summary.json``."""
     from kalman_ros.report import diagnosis_pictures  # matplotlib is slow to load
 
-    if found.findings:
-        console.print(findings_table(found))
+    if diagnosis.findings:
+        console.print(findings_table(diagnosis))
         console.print(f'By replay: of the first {PROOF:g} s, with this change alone.', style='dim')
         console.print()
-    for sentence in sentences(found):
+    for sentence in sentences(diagnosis):
         console.print(sentence, markup=False)
-    drawn = diagnosis_pictures.draw(found.findings, folder)
-    (folder / 'summary.json').write_text(json.dumps(summary(found), indent=2) + '\n')
+    drawn = diagnosis_pictures.draw(diagnosis.findings, folder)
+    (folder / 'summary.json').write_text(json.dumps(summary(diagnosis), indent=2) + '\n')
     names = ', '.join(['summary.json', *(path.name for path in drawn)])
     console.print(f'In {folder}: {names}', style='dim')
-    console.print(verdict(found))
+    console.print(verdict(diagnosis))

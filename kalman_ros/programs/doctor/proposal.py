@@ -19,9 +19,9 @@ from kalman_ros.scenario import Scenario, SensorSource, shipped
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.scenario.parameter_text import section_text
 
-#: Parts of the names of topics that no sensor publishes: what an estimator or a simulation does.
+#: Parts of topic names that an estimator or a simulation publishes, and no sensor.
 _NOT_SENSED = {'estimate', 'ground_truth'}
-#: The fewest readings that a rate and a noise are measured from, and the most.
+#: Fewest and most readings from which rate and noise are measured.
 _FEWEST, _MOST = 20, 20_000
 
 
@@ -32,13 +32,13 @@ class TopicRecord:
     Parameters
     ----------
     type
-        Of its messages; several, joined by ``and``, cannot be used.
+        Type of the messages; several types, joined by ``and``, cannot be used.
     count
-        The number of messages.
+        Number of messages.
     rate
-        In Hz, by the median interval; NaN below two messages.
+        Rate in Hz, by the median interval; NaN below two messages.
     gap
-        The longest interval in s; NaN below two messages.
+        Longest interval in s; NaN below two messages.
     """
 
     type: str
@@ -54,12 +54,12 @@ class Match:
     Parameters
     ----------
     topic
-        Its name, relative to the root namespace.
+        Name of the topic, relative to the root namespace.
     rate
-        In Hz, by the median interval of the stamps.
+        Rate in Hz, by the median interval of the stamps.
     noise
         Standard deviations (k,), by the differences of successive readings; a coordinate
-        whose readings do not scatter has that of the scenario.
+        whose readings do not scatter has the standard deviation of the scenario.
     """
 
     topic: str
@@ -74,13 +74,13 @@ class Proposal:
     Parameters
     ----------
     scenario
-        Its name.
+        Name of the scenario.
     matches
-        By sensor; a sensor without one is disabled.
+        Match of each sensor; a sensor without a match is disabled.
     input
-        The topic of the input; '' if the recording has none.
+        Topic of the input; '' if the recording has none.
     share
-        Of the sensors that have a match.
+        Share of the sensors that have a match.
     """
 
     scenario: str
@@ -90,7 +90,7 @@ class Proposal:
 
     @property
     def score(self) -> tuple[int, float]:
-        """The more numbers are used, the better; then, the fewer sensors lack a topic."""
+        """Rank of the proposal: the number of values that are used, then the share of sensors."""
         return sum(match.noise.size for match in self.matches.values()), self.share
 
     def parameters(self) -> dict[str, Any]:
@@ -101,8 +101,12 @@ class Proposal:
             match = self.matches.get(name)
             values[f'{name}.enabled'] = match is not None
             if match is not None:
-                found = {'topic': match.topic, 'rate': match.rate, 'noise': match.noise.tolist()}
-                values.update({f'{name}.{key}': value for key, value in found.items()})
+                measured = {
+                    'topic': match.topic,
+                    'rate': match.rate,
+                    'noise': match.noise.tolist(),
+                }
+                values.update({f'{name}.{key}': value for key, value in measured.items()})
         if self.input:
             values['input.topic'] = self.input
         return {**values, 'initialize': 'reading'}
@@ -113,30 +117,30 @@ class Proposal:
 
 
 def describe(bag: Bag) -> dict[str, TopicRecord]:
-    """Return what a recording has, by topic."""
+    """Return the record of each topic of a recording."""
     times: dict[str, list[int]] = {topic: [] for topic in bag.topics}
     for message in bag.messages(set(bag.topics)):
         times[message.topic].append(message.time)
-    found = {}
+    records = {}
     for topic in sorted(times):
         steps = np.diff(times[topic]) * 1e-9
         median, longest = (np.median(steps), steps.max()) if steps.size else (np.nan, np.nan)
         rate = 1.0 / median if median > 0.0 else np.nan
         kinds = ' and '.join(sorted(bag.topics[topic]))
-        found[topic] = TopicRecord(kinds, len(times[topic]), float(rate), float(longest))
-    return found
+        records[topic] = TopicRecord(kinds, len(times[topic]), float(rate), float(longest))
+    return records
 
 
 def propose(bag: Bag) -> list[Proposal]:
-    """Return the shipped scenarios that could be that of a recording, the best first."""
-    found = []
+    """Return the shipped scenarios that fit a recording, the best first."""
+    proposals = []
     for name in shipped.names():
         scenario = estimator_settings(name).scenario
         matches = dict(_matches(bag, scenario))
         if matches:
             share = len(matches) / len(scenario.sensors)
-            found.append(Proposal(name, matches, _input(bag, scenario), share))
-    return sorted(found, key=lambda each: each.score, reverse=True)
+            proposals.append(Proposal(name, matches, _input(bag, scenario), share))
+    return sorted(proposals, key=lambda proposal: proposal.score, reverse=True)
 
 
 def _matches(bag: Bag, scenario: Scenario) -> Iterator[tuple[str, Match]]:
@@ -144,35 +148,35 @@ def _matches(bag: Bag, scenario: Scenario) -> Iterator[tuple[str, Match]]:
     taken: set[tuple[str, tuple[str, ...]]] = set()
     for name, source in scenario.sensors.items():
         fields = source.signal.fields
-        for topic in _alike(bag, source.signal.topic, source.signal.type):
+        for topic in _similar_topics(bag, source.signal.topic, source.signal.type):
             if (topic, fields) not in taken:
-                match = _measured(bag, topic, source)
+                match = _measure(bag, topic, source)
                 if match is not None:
                     taken.add((topic, fields))
                     yield name, match
                     break
 
 
-def _alike(bag: Bag, topic: str, kind: str) -> list[str]:
+def _similar_topics(bag: Bag, topic: str, kind: str) -> list[str]:
     """Return the topics with a message type, the most similar name first."""
     fitting = [
-        each
-        for each, kinds in bag.topics.items()
-        if kinds == {full_type(kind)} and not _NOT_SENSED & set(each.split('/'))
+        name
+        for name, kinds in bag.topics.items()
+        if kinds == {full_type(kind)} and not _NOT_SENSED & set(name.split('/'))
     ]
-    likeness = {each: SequenceMatcher(None, each.lower(), f'/{topic}').ratio() for each in fitting}
-    return sorted(fitting, key=lambda each: -likeness[each])
+    likeness = {name: SequenceMatcher(None, name.lower(), f'/{topic}').ratio() for name in fitting}
+    return sorted(fitting, key=lambda name: -likeness[name])
 
 
 def _input(bag: Bag, scenario: Scenario) -> str:
     if not scenario.input.fields:
         return ''
-    alike = _alike(bag, scenario.input.topic, scenario.input.type)
+    alike = _similar_topics(bag, scenario.input.topic, scenario.input.type)
     return alike[0].removeprefix('/') if alike else ''
 
 
-def _measured(bag: Bag, topic: str, source: SensorSource) -> Match | None:
-    """Return the rate and the noise of a topic's readings; None if it has no readings."""
+def _measure(bag: Bag, topic: str, source: SensorSource) -> Match | None:
+    """Measure rate and noise of a topic's readings; None if they are too few or all equal."""
     read = ReadingReader(source.signal)
     times, values = [], []
     for message in bag.messages({topic}):
@@ -201,5 +205,5 @@ def scatter(space: Space, values: Array) -> Array:
     """
     slopes = space.subtract(values[1:], values[:-1])
     bends = np.abs(np.diff(slopes, axis=0))
-    found: Array = np.median(bends, axis=0) / 0.6745 / np.sqrt(6.0)
-    return np.array([float(f'{each:.3g}') for each in found])
+    deviations: Array = np.median(bends, axis=0) / 0.6745 / np.sqrt(6.0)
+    return np.array([float(f'{value:.3g}') for value in deviations])

@@ -21,10 +21,12 @@ def topics_table(topics: Mapping[str, TopicRecord]) -> Table:
     table = plain_table('', ('type', 'count', 'Hz', 'gap (s)'))
     for column in table.columns[:2]:
         column.no_wrap, column.overflow, column.justify = False, 'fold', 'left'
-    for topic, found in topics.items():
-        kind = found.type.rpartition('/')[2]
-        numbers = (f'{each:.4g}' if isfinite(each) else '-' for each in (found.rate, found.gap))
-        table.add_row(topic, kind, str(found.count), *numbers)
+    for topic, record in topics.items():
+        kind = record.type.rpartition('/')[2]
+        numbers = (
+            f'{number:.4g}' if isfinite(number) else '-' for number in (record.rate, record.gap)
+        )
+        table.add_row(topic, kind, str(record.count), *numbers)
     return table
 
 
@@ -36,7 +38,7 @@ def matches_table(proposals: Sequence[Proposal]) -> Table:
     for proposal in proposals[:_SHOWN]:
         name = proposal.scenario
         for sensor, match in proposal.matches.items():
-            noise = ', '.join(f'{each:.3g}' for each in match.noise)
+            noise = ', '.join(f'{std:.3g}' for std in match.noise)
             table.add_row(name, sensor, match.topic, f'{match.rate:.4g}', noise)
             name = ''
         if proposal.input:

@@ -22,11 +22,11 @@ from kalman_ros.simulation.faults.links import Links
 from kalman_ros.simulation.noise import stream
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
-#: The path from a publisher to the recorder takes at least this, and on average as much again (s).
+#: Least delay from a publisher to the recorder, and the mean of its random part (s).
 _TRANSPORT = 0.0005
-#: What a robot with an input does: its first state follows a sine of this size and frequency.
+#: Size and frequency of the sine that the first state of a robot with an input follows.
 _REFERENCE, _FREQUENCY = 0.4, 0.1
-#: The recorder's clock when a recording begins (s): a stamp of zero is then a stamp of zero.
+#: Clock of the recorder when a recording begins (s); not 0, since a stamp of 0 is a fault.
 _BEGIN = 1000.0
 
 
@@ -42,22 +42,22 @@ class Readings:
 
 @dataclass(frozen=True)
 class Injection:
-    """What goes wrong in a recording.
+    """The faults of a recording.
 
     Parameters
     ----------
     links
-        By sensor, options of the injector of sensor faults (`simulation.faults`).
+        Options of the injector of sensor faults (`simulation.faults`), by sensor.
     body
         Options of the injector of faults where the input acts.
     plant
-        Parameters that the real robot has, over those of the file.
+        Parameters of the real robot, over those of the file.
     estimator
-        Parameters that the estimator is given, over those of the file.
+        Parameters of the estimator, over those of the file.
     edits
-        By sensor, what happens to its readings on the recorder's side.
+        Changes of readings on the recorder's side, by sensor.
     command
-        What is recorded of an input that acts, as a factor: 2 where half of it acts.
+        Factor of the recorded input: 2 where half of it acts.
     """
 
     links: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -68,21 +68,21 @@ class Injection:
     command: float = 1.0
 
     def __add__(self, other: Injection) -> Injection:
-        """Return both at once."""
+        """Return an injection with the faults of both."""
         links = {
             name: {**self.links.get(name, {}), **other.links.get(name, {})}
             for name in {**self.links, **other.links}
         }
         edits = {**self.edits, **other.edits}
         for name in set(self.edits) & set(other.edits):
-            edits[name] = _one_after_the_other(self.edits[name], other.edits[name])
+            edits[name] = _chain(self.edits[name], other.edits[name])
         return Injection(
             links, {**self.body, **other.body}, {**self.plant, **other.plant},
             {**self.estimator, **other.estimator}, edits, self.command * other.command,
         )  # fmt: skip
 
 
-def _one_after_the_other(
+def _chain(
     first: Callable[[Readings], Readings], second: Callable[[Readings], Readings]
 ) -> Callable[[Readings], Readings]:
     return lambda readings: second(first(readings))
@@ -94,13 +94,13 @@ def recorded(
     seconds: float = 60.0,
     seed: int = 0,
 ) -> Evidence:
-    """Return the evidence of a recording of a shipped scenario, with something wrong in it."""
+    """Return the evidence of a recording of a shipped scenario with the injected faults."""
     wrong = injection or Injection()
     readings, inputs = simulated(name, wrong, seconds, seed)
     parameters = {**from_file(shipped.file(name), 'estimator'), **wrong.estimator}
     taken = {
-        sensor: (each.received, each.stamp, each.value, each.covariance)
-        for sensor, each in readings.items()
+        sensor: (series.received, series.stamp, series.value, series.covariance)
+        for sensor, series in readings.items()
     }
     return replay(parameters, taken, inputs)
 
@@ -108,7 +108,7 @@ def recorded(
 def simulated(
     name: str, wrong: Injection, seconds: float, seed: int
 ) -> tuple[dict[str, Readings], InputRecord]:
-    """Return readings and inputs of a robot whose own controller takes healthy readings."""
+    """Simulate a robot whose controller takes healthy readings; return readings and inputs."""
     shipped_values = from_file(shipped.file(name), 'plant')
     real = build({**shipped_values, **wrong.plant})
     plant = SimulatedPlant(real.model, real.timed, real.rate, real.initial_state, seed)
@@ -116,7 +116,7 @@ def simulated(
     links = Links(seed)
     links.configure(real.timed, wrong.links)
     act = _Controller(build(shipped_values))
-    arrivals: dict[str, list[tuple[float, float, Array]]] = {each: [] for each in real.sensors}
+    arrivals: dict[str, list[tuple[float, float, Array]]] = {sensor: [] for sensor in real.sensors}
     commands = []
     lag = stream(seed, 'transport')
     for _ in range(round(seconds * real.rate) + 1):
@@ -129,9 +129,9 @@ def simulated(
         u = act(now - _BEGIN, healthy)
         commands.append((now + _TRANSPORT, now, wrong.command * u))
         plant.step(u)
-    readings = {each: _readings(rows, real, each) for each, rows in arrivals.items()}
-    for each, edit in wrong.edits.items():
-        readings[each] = edit(readings[each])
+    readings = {sensor: _readings(rows, real, sensor) for sensor, rows in arrivals.items()}
+    for sensor, edit in wrong.edits.items():
+        readings[sensor] = edit(readings[sensor])
     columns = [np.array(column) for column in zip(*commands)]
     if not real.model.input.size:
         columns = [np.zeros(0), np.zeros(0), np.zeros((0, 0))]
@@ -146,7 +146,7 @@ def _readings(rows: list[tuple[float, float, Array]], real: Scenario, name: str)
 
 
 class _Controller:
-    """What commands the robot: LQR about a slow sine, with a linear filter of healthy readings."""
+    """Controller of the robot: LQR about a slow sine, with a linear filter of healthy readings."""
 
     def __init__(self, scenario: Scenario) -> None:
         model = self._model = scenario.model
@@ -157,12 +157,12 @@ class _Controller:
         linear = linearize(model, self._x0, self._u0)
         self._K = regulator.regulator(scenario)[0].gain
         self._filter = KalmanFilter(linear)
-        self._sensors = {name: each.sensor for name, each in scenario.sensors.items()}
+        self._sensors = {name: source.sensor for name, source in scenario.sensors.items()}
         mean, P = scenario.initial_belief
         self._belief, self._dt = Gaussian(mean - self._x0, P), 1.0 / scenario.rate
 
     def __call__(self, time: float, readings: Mapping[str, Array]) -> Array:
-        """Return the input (m,) that answers the readings of a step."""
+        """Return the input (m,) for the readings of a step."""
         if not self._model.input.size:
             return self._u
         if time > 0.0:
@@ -171,17 +171,17 @@ class _Controller:
             sensor = self._sensors[name]
             y = y - sensor.measure(self._x0)
             self._belief = self._filter.correct(self._belief, y, sensor).posterior
-        wanted = np.zeros_like(self._x0)
-        wanted[0] += _REFERENCE * sin(2.0 * pi * _FREQUENCY * time)
-        self._u = self._u0 - self._K @ (self._belief.mean - wanted)
+        reference = np.zeros_like(self._x0)
+        reference[0] += _REFERENCE * sin(2.0 * pi * _FREQUENCY * time)
+        self._u = self._u0 - self._K @ (self._belief.mean - reference)
         return self._u
 
 
 def values_of(edit: Callable[[Array], Array]) -> Callable[[Readings], Readings]:
-    """Return the edit of readings that changes their values (N, k)."""
+    """Return an edit that changes the values (N, k) of readings."""
     return lambda readings: replace(readings, value=edit(readings.value))
 
 
 def stamps_of(edit: Callable[[Array], Array]) -> Callable[[Readings], Readings]:
-    """Return the edit of readings that changes their stamps (N,)."""
+    """Return an edit that changes the stamps (N,) of readings."""
     return lambda readings: replace(readings, stamp=edit(readings.stamp))

@@ -23,26 +23,26 @@ from .cases import SCENARIOS, Case, cases, pairs
 from .recordings import recorded
 from .score_page import page
 
-#: How many findings are kept of each recording.
+#: Number of findings that are kept of each recording.
 _KEPT = 5
 
 
 @dataclass(frozen=True)
 class Row:
-    """What was found in one recording.
+    """Result of the diagnosis of one recording.
 
     Parameters
     ----------
     fault, scenario
-        What was injected, and where; 'none' for a clean recording.
+        Injected fault, 'none' for a clean recording, and scenario.
     ranks
-        Where each injected cause was found, from 1 on; 0 if it was not.
+        Rank of each injected cause, from 1 on; 0 if it was not found.
     tied
-        Whether the first was found only as what fits as well as the first.
+        Whether an injected cause was found only as one that fits the data as well.
     found
-        The findings, as kind and subject, ranked.
+        Findings as kind and subject, ranked.
     seconds
-        Of CPU that the diagnosis took.
+        CPU time of the diagnosis in s.
     """
 
     fault: str
@@ -82,25 +82,25 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def row(fault: str, wanted: Sequence[Case], seconds: float, seed: int) -> Row:
-    """Return what is found in a recording with these faults."""
-    scenario = wanted[0].scenario
-    injection = wanted[0].injection
-    for other in wanted[1:]:
+def row(fault: str, injected: Sequence[Case], seconds: float, seed: int) -> Row:
+    """Return the result of a recording with the injected faults."""
+    scenario = injected[0].scenario
+    injection = injected[0].injection
+    for other in injected[1:]:
         injection = injection + other.injection
     evidence = recorded(scenario, injection, seconds, seed)
     begin = time.process_time()
     findings = diagnose(evidence).findings
     spent = time.process_time() - begin
     ranks, tied = [], False
-    for case in wanted:
+    for case in injected:
         rank = next((i for i, f in enumerate(findings, 1) if names(f, case)), 0)
         also = next((i for i, f in enumerate(findings, 1) if ties(f, case)), 0)
         if also and (not rank or also < rank):
             rank, tied = also, True
         ranks.append(rank)
-    found = [f'{f.kind} of {f.subject}' for f in findings[:_KEPT]]
-    return Row(fault, scenario, ranks, tied, found, spent)
+    kept = [f'{f.kind} of {f.subject}' for f in findings[:_KEPT]]
+    return Row(fault, scenario, ranks, tied, kept, spent)
 
 
 def names(finding: Finding, case: Case) -> bool:
@@ -114,51 +114,51 @@ def ties(finding: Finding, case: Case) -> bool:
 
 
 def clean(scenario: str, seconds: float, seed: int) -> Row:
-    """Return what is found in a recording without a fault."""
+    """Return the result of a recording without a fault."""
     evidence = recorded(scenario, None, seconds, seed)
     begin = time.process_time()
     findings = diagnose(evidence).findings
-    found = [f'{f.kind} of {f.subject}' for f in findings[:_KEPT]]
-    return Row('none', scenario, [], False, found, time.process_time() - begin)
+    kept = [f'{f.kind} of {f.subject}' for f in findings[:_KEPT]]
+    return Row('none', scenario, [], False, kept, time.process_time() - begin)
 
 
 def single(number: int, seconds: float, seed: int) -> Row:
-    """Return what is found in a recording with a fault, by its number."""
+    """Return the result of a recording with one fault, by the number of its case."""
     case = cases()[number]
     return row(case.fault, [case], seconds, seed)
 
 
 def double(number: int, seconds: float, seed: int) -> Row:
-    """Return what is found in a recording with a pair of faults, by its number."""
+    """Return the result of a recording with two faults, by the number of their pair."""
     both = pairs()[number]
-    return row(_named(both), both, seconds, seed)
+    return row(_pair_name(both), both, seconds, seed)
 
 
-def _named(both: Sequence[Case]) -> str:
+def _pair_name(both: Sequence[Case]) -> str:
     return ' and '.join(case.fault for case in both)
 
 
-#: The name of a fault, that of its row, and how the row is computed by another process.
+#: Name of a fault, key of its row, and the function that computes it, with its arguments.
 Work = tuple[str, str, Callable[..., Row], tuple[object, ...]]
 
 
 def work(options: argparse.Namespace) -> list[Work]:
-    """Return every recording to score: a name, how, and with what."""
-    found: list[Work] = []
+    """Return every recording to score, as work for another process."""
+    planned: list[Work] = []
     for number, case in enumerate(cases()):
         seed = options.seed + number
         key = f'{case.fault} {case.scenario} {number}'
-        found.append((case.fault, key, single, (number, options.seconds, seed)))
+        planned.append((case.fault, key, single, (number, options.seconds, seed)))
     for number, both in enumerate(pairs()):
-        fault = _named(both)
+        fault = _pair_name(both)
         key = f'{fault} {both[0].scenario}'
         seed = options.seed + 1000 + number
-        found.append((fault, key, double, (number, options.seconds, seed)))
+        planned.append((fault, key, double, (number, options.seconds, seed)))
     for number in range(options.clean):
         scenario = SCENARIOS[number % len(SCENARIOS)]
         seed = options.seed + 2000 + number
-        found.append(('none', f'none {number}', clean, (scenario, options.seconds, seed)))
-    return [each for each in found if options.only in each[0]]
+        planned.append(('none', f'none {number}', clean, (scenario, options.seconds, seed)))
+    return [item for item in planned if options.only in item[0]]
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -172,33 +172,33 @@ def main(argv: Sequence[str] | None = None) -> None:
         target.write_text(page(rows, options.seconds, options.seed))
     except (ValueError, OSError) as error:
         refuse('doctor', error)
-    single = [each for each in rows if len(each.ranks) == 1]
-    first = sum(each.ranks == [1] for each in single)
-    alarms = sum(bool(each.found) for each in rows if not each.ranks)
+    single = [result for result in rows if len(result.ranks) == 1]
+    first = sum(result.ranks == [1] for result in single)
+    alarms = sum(bool(result.found) for result in rows if not result.ranks)
     console.print(f'In {folder}: rows.jsonl; {target}', style='dim')
     console.print(f'{first} of {len(single)} causes first; {alarms} false alarms')
 
 
 def scored(planned: Sequence[Work], file: Path, options: argparse.Namespace) -> list[Row]:
-    """Return the row of every recording; each is written to ``file`` once it is known."""
+    """Return the row of every recording; a row is written to ``file`` as soon as it is known."""
     known: dict[str, Row] = {}
     if options.resume and file.exists():
         for line in file.read_text().splitlines():
             entry = json.loads(line)
             key = entry.pop('key')
             known[key] = Row(**entry)
-    left = [each for each in planned if each[1] not in known]
+    left = [item for item in planned if item[1] not in known]
     with file.open('a' if options.resume else 'w') as out:
-        for key, found in _parallel(left, options.jobs):
-            known[key] = found
-            out.write(json.dumps({'key': key, **asdict(found)}) + '\n')
+        for key, result in _parallel(left, options.jobs):
+            known[key] = result
+            out.write(json.dumps({'key': key, **asdict(result)}) + '\n')
             out.flush()
     return [known[key] for _, key, _, _ in planned]
 
 
 def _parallel(planned: Sequence[Work], jobs: int) -> Iterable[tuple[str, Row]]:
     with ProcessPoolExecutor(jobs) as pool:
-        waiting = {pool.submit(how, *given): key for _, key, how, given in planned}
+        waiting = {pool.submit(how, *args): key for _, key, how, args in planned}
         for done in track(as_completed(waiting), 'scoring', total=len(waiting)):
             yield waiting[done], done.result()
 

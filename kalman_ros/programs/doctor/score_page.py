@@ -33,7 +33,7 @@ R. Mehra and J. Peschon, 1971), and the derivatives by every noise variance (N. 
 
 
 def page(rows: Sequence[Any], seconds: float, seed: int, planned: int = 0) -> str:
-    """Return the page of the rows of a score, of which more may be ``planned``."""
+    """Return the page of a score, which is incomplete if more rows were ``planned``."""
     return ''.join(f'{line}\n' for line in _lines(rows, seconds, seed, planned))
 
 
@@ -46,30 +46,30 @@ def _lines(rows: Sequence[Any], seconds: float, seed: int, planned: int) -> Iter
     clean = [row for row in rows if not row.ranks]
     kinds = {k: list(g) for k, g in groupby(sorted(single, key=_fault), key=_fault)}
     yield '## In short\n'
-    yield from _short(kinds, single, pairs, clean)
+    yield from _counts(kinds, single, pairs, clean)
     yield _FIRST
     yield '## One fault\n'
     yield '| fault | scenario | rank | found |\n|---|---|--:|---|'
     for row in single:
-        yield f'| {row.fault} | {row.scenario} | {_rank(row)} | {_found(row)} |'
+        yield f'| {row.fault} | {row.scenario} | {_rank(row)} | {_findings(row)} |'
     if pairs:
         yield '\n## Two faults\n'
         yield '| faults | scenario | ranks | found |\n|---|---|--:|---|'
         for row in pairs:
             ranks = ', '.join(str(rank) if rank else '-' for rank in row.ranks)
-            yield f'| {row.fault} | {row.scenario} | {ranks} | {_found(row)} |'
+            yield f'| {row.fault} | {row.scenario} | {ranks} | {_findings(row)} |'
     if clean:
         yield '\n## Clean recordings\n'
         alarms = [row for row in clean if row.found]
         yield f'{len(clean)} recordings, {len(alarms)} with a finding.'
         for row in alarms:
-            yield f'\n- {row.scenario}: {_found(row)}'
+            yield f'\n- {row.scenario}: {_findings(row)}'
 
 
-def _short(
+def _counts(
     kinds: dict[str, list[Any]], single: Sequence[Any], pairs: Sequence[Any], clean: Sequence[Any]
 ) -> Iterator[str]:
-    """Yield the counts."""
+    """Yield the table of counts."""
     first = [kind for kind, rows in kinds.items() if all(row.ranks[0] == 1 for row in rows)]
     most = [
         kind
@@ -105,5 +105,5 @@ def _rank(row: Any) -> str:
     return f'{row.ranks[0]}{" (tied)" if row.tied else ""}'
 
 
-def _found(row: Any) -> str:
+def _findings(row: Any) -> str:
     return '; '.join(row.found) or 'nothing'

@@ -46,7 +46,7 @@ def capital(sentence: str) -> str:
 
 
 def verdict(diagnosis: Diagnosis) -> str:
-    """Return the verdict: PASS with nothing found, FAIL with a count."""
+    """Return the verdict: PASS without findings, FAIL with their number."""
     count = len(diagnosis.findings)
     if not count:
         return '[green]PASS, 0 findings:[/] readings and parameters agree.'
@@ -60,12 +60,12 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         'misfit': diagnosis.before,
         'misfit with all corrected': diagnosis.after,
-        'findings': [_plain(finding) for finding in diagnosis.findings],
-        'notes': [_plain(note) for note in diagnosis.notes],
+        'findings': [_finding_json(finding) for finding in diagnosis.findings],
+        'notes': [_finding_json(note) for note in diagnosis.notes],
     }
 
 
-def _plain(finding: Finding) -> dict[str, Any]:
+def _finding_json(finding: Finding) -> dict[str, Any]:
     return {
         'kind': finding.kind,
         'subject': finding.subject,

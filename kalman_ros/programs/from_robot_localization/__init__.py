@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter files from those of robot_localization."""
+"""Translation of the parameter files of robot_localization."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the parameters of our estimator for a file of robot_localization, and what is left."""
+"""Write the parameters of our estimator for a file of robot_localization, and list the rest."""
 
 from __future__ import annotations
 
@@ -54,31 +54,34 @@ def written(filters: Sequence[Translation], source: Path, out: Path | None) -> l
     Raises
     ------
     ValueError
-        If one does not load as a parameter file of the estimator, or two would be one file.
+        If one does not load as a parameter file of the estimator, or two have the same file.
     """
-    for each in filters:
+    for translation in filters:
         try:
-            found = settings(each.values).options
-            if found.publish_tf:
-                check_frames(found)
+            options = settings(translation.values).options
+            if options.publish_tf:
+                check_frames(options)
         except ValueError as error:
-            raise ValueError(f'{each.title}: {error}') from None
+            raise ValueError(f'{translation.title}: {error}') from None
     first = Path(f'{source.stem}_kalman_ros.yaml') if out is None else out
-    names = [f'{first.stem}_{each.title.replace("/", "_")}{first.suffix}' for each in filters]
+    names = [
+        f'{first.stem}_{translation.title.replace("/", "_")}{first.suffix}'
+        for translation in filters
+    ]
     files = [first.with_name(name) for name in names] if len(filters) > 1 else [first]
     for file in files:
         if files.count(file) > 1:
             raise ValueError(f'{source.name}: two filters would be {file}')
         if file.resolve() == source.resolve():
             raise ValueError(f'--out: expected another file than {source}')
-    for file, each in zip(files, filters):
-        file.write_text(as_text(each.values, source.name))
+    for file, translation in zip(files, filters):
+        file.write_text(as_text(translation.values, source.name))
         _read_back(file)
     return files
 
 
 def _read_back(file: Path) -> None:
-    """Raise ValueError, and remove a written file, if the parser of ROS does not read it."""
+    """Raise ValueError, and remove the written file, if the parser of ROS does not read it."""
     context = rclpy.Context()
     arguments = ['--ros-args', '--params-file', str(file)]
     try:
@@ -106,29 +109,29 @@ def _table(title: str, rows: Sequence[Row]) -> Table:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the program."""
+    """Translate a parameter file, and print what is carried over."""
     options = arguments(argv)
     try:
-        found = translated(their_nodes(options.file))
-        filters = [each for each in found if each.values]
+        translations = translated(their_nodes(options.file))
+        filters = [translation for translation in translations if translation.values]
         files = written(filters, options.file, options.out)
     except OSError as error:
         refuse(PROGRAM, ValueError(f'{error.filename}: {error.strerror}'))
     except ValueError as error:
         refuse(PROGRAM, error)
     console = Console()
-    for each in found:
-        carried = [row for row in each.rows if row.carried]
-        left = [row for row in each.rows if not row.carried]
-        console.print(_table(f'{each.title}: carried over, or not needed', carried))
+    for translation in translations:
+        carried = [row for row in translation.rows if row.carried]
+        left = [row for row in translation.rows if not row.carried]
+        console.print(_table(f'{translation.title}: carried over, or not needed', carried))
         if left:
-            console.print(_table(f'{each.title}: NOT carried over', left))
+            console.print(_table(f'{translation.title}: NOT carried over', left))
         console.print()
-    for each, file in zip(filters, files):
-        space = f' -r __ns:=/{each.namespace}' if each.namespace else ''
-        node = f' -r __node:={each.name}' if len(files) > 1 else ''
+    for translation, file in zip(filters, files):
+        space = f' -r __ns:=/{translation.namespace}' if translation.namespace else ''
+        node = f' -r __node:={translation.name}' if len(files) > 1 else ''
         command = f'ros2 run kalman_ros estimator --ros-args{space}{node} --params-file '
-        console.print(_shown(f'{each.title}: {file}'), style='bold', soft_wrap=True)
+        console.print(_shown(f'{translation.title}: {file}'), style='bold', soft_wrap=True)
         console.print(_shown(f'  {command}{shlex.quote(str(file))}'), soft_wrap=True)
     console.print(
         'Where sensors are is not in such a file: declare SENSOR.frame and SENSOR.mount.'

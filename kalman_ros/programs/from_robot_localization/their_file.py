@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a parameter file of robot_localization: its nodes, and what they know with which line."""
+"""Nodes in a parameter file of robot_localization, with the lines of their parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NAVSAT = {
 
 @dataclass(frozen=True)
 class Row:
-    """What became of a parameter: its line, its name, whether it is carried over, and how."""
+    """Outcome of a parameter: its line, its name, whether it is carried over, and how."""
 
     line: int
     name: str
@@ -32,7 +32,7 @@ class Row:
 
 @dataclass
 class TheirNode:
-    """The parameters of a node; what is taken is accounted for."""
+    """Parameters of a node, and the rows that account for them."""
 
     name: str
     namespace: str
@@ -41,54 +41,61 @@ class TheirNode:
 
     @property
     def filters(self) -> bool:
-        """Whether it is a filter: it names a sensor."""
+        """Whether the node is a filter, since it names a sensor."""
         return any(map(SENSOR.fullmatch, self.values))
 
     @property
     def navigates(self) -> bool:
-        """Whether it converts satellite fixes."""
+        """Whether the node converts satellite fixes."""
         return not self.filters and bool(_NAVSAT.intersection(self.values))
 
     def value(self, name: str, default: Any) -> Any:
-        """Return a value in the type of its default.
+        """Return a value, which has the type of its default.
 
         Raises
         ------
         ValueError
-            If it has another; the line is named.
+            If the value has another type; the message names the line.
         """
         if name not in self.values:
             return default
-        found, line = self.values[name]
+        value, line = self.values[name]
         try:
-            return Option(name, default, About('')).check(found)
+            return Option(name, default, About('')).check(value)
         except (ValueError, OverflowError) as error:
             raise ValueError(f'line {line}: {error}') from None
 
     def numbers(
         self, name: str, sizes: tuple[int, ...], *, words: bool = False
     ) -> list[float] | None:
-        """Return a list of numbers of one of the sizes, without ``words``; None if not given."""
+        """Return a list of numbers of one of the ``sizes``, or None if the parameter is not set.
+
+        With ``words``, strings in the list are skipped.
+        """
         if name not in self.values:
             return None
-        found, line = self.values[name]
-        if words and isinstance(found, list):
-            found = [each for each in found if not isinstance(each, str)]
-        if not isinstance(found, list) or len(found) not in sizes or not all(map(_usable, found)):
-            wanted = ' or '.join(map(str, sizes))
-            raise ValueError(f'line {line}: {name}: expected {wanted} finite numbers')
-        return [float(item) for item in found]
+        values, line = self.values[name]
+        if words and isinstance(values, list):
+            values = [item for item in values if not isinstance(item, str)]
+        if (
+            not isinstance(values, list)
+            or len(values) not in sizes
+            or not all(map(_usable, values))
+        ):
+            expected = ' or '.join(map(str, sizes))
+            raise ValueError(f'line {line}: {name}: expected {expected} finite numbers')
+        return [float(item) for item in values]
 
-    def note(self, name: str, what: str, *, carried: bool = True) -> None:
-        """Account for a parameter, if it is given."""
+    def note(self, name: str, outcome: str, *, carried: bool = True) -> None:
+        """Account for a parameter, if it is set."""
         if name in self.values:
-            row = Row(self.values[name].line, name, carried, what)
+            row = Row(self.values[name].line, name, carried, outcome)
             if row not in self.rows:
                 self.rows.append(row)
 
     @property
     def unaccounted(self) -> list[str]:
-        """The parameters that were not accounted for."""
+        """Names of the parameters that are not accounted for."""
         done = {row.name for row in self.rows}
         return [name for name in self.values if name not in done]
 
@@ -99,27 +106,29 @@ def _usable(value: Any) -> bool:
 
 
 def their_nodes(path: Path) -> list[TheirNode]:
-    """Return the nodes in a file; a file without nodes, as in ROS 1, is one.
+    """Return the nodes in a file; a file without nodes, as in ROS 1, is one node.
 
     Raises
     ------
     ValueError
-        If no filter of robot_localization is in it, or a launch file has yet to complete it.
+        If the file has no filter of robot_localization, or has a launch substitution.
     """
     whole = with_lines(path)
-    found = list(_nodes(whole.value, (), path.stem)) if isinstance(whole.value, Mapping) else []
-    # what stands under a wildcard is for all nodes
-    shared = [node for node in found if not node.name and not node.filters]
-    nodes = [node for node in found if node.name or node.filters]
+    all_nodes = (
+        list(_nodes(whole.value, (), path.stem)) if isinstance(whole.value, Mapping) else []
+    )
+    # parameters under a wildcard are for all nodes
+    shared = [node for node in all_nodes if not node.name and not node.filters]
+    nodes = [node for node in all_nodes if node.name or node.filters]
     if not any(node.filters for node in nodes):
         expected = 'expected a node with one of odom0, pose0, twist0, imu0'
         raise ValueError(f'{path.name}: {expected}')
     for node in nodes:
         node.name = node.name or path.stem
         if node.filters or node.navigates:
-            for each in shared:
-                if node.namespace.startswith(each.namespace):
-                    node.values = {**each.values, **node.values}
+            for wildcard in shared:
+                if node.namespace.startswith(wildcard.namespace):
+                    node.values = {**wildcard.values, **node.values}
             _refuse_substitutions(node)
     return nodes
 
@@ -132,7 +141,7 @@ def _refuse_substitutions(node: TheirNode) -> None:
 
 
 def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iterator[TheirNode]:
-    """Return the nodes below the parts of a name; a wildcard leaves it empty."""
+    """Yield the nodes below the parts of a name; a wildcard leaves the name empty."""
     last = parts[-1] if parts else stem
     name, space = '' if '*' in last else last, [part for part in parts[:-1] if '*' not in part]
     if any(map(SENSOR.fullmatch, values)) or _NAVSAT.intersection(values):
@@ -146,10 +155,10 @@ def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iter
 
 
 def _flat(values: Mapping[str, Lined], start: str = '') -> dict[str, Lined]:
-    found: dict[str, Lined] = {}
+    flat: dict[str, Lined] = {}
     for key, entry in values.items():
         if isinstance(entry.value, Mapping):
-            found.update(_flat(entry.value, f'{start}{key}.'))
+            flat.update(_flat(entry.value, f'{start}{key}.'))
         else:
-            found[f'{start}{key}'] = entry
-    return found
+            flat[f'{start}{key}'] = entry
+    return flat

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A satellite receiver that is read without their navsat_transform."""
+"""A satellite receiver that is read without navsat_transform."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ def receiver(
     name: str,
     made: Mapping[str, Mapping[str, Any]],
     navigation: TheirNode,
-    found: dict[str, Any],
+    parameters: dict[str, Any],
 ) -> dict[str, dict[str, Any]]:
-    """Return a sensor that reads the fixes themselves, for what navsat_transform made of them."""
-    position = next((each for key, each in made.items() if key.endswith('_position')), None)
+    """Return a sensor of the fixes, in place of the sensors of navsat_transform's output."""
+    position = next((sensor for key, sensor in made.items() if key.endswith('_position')), None)
     if position is None:
-        return {key: dict(each) for key, each in made.items()}
+        return {key: dict(sensor) for key, sensor in made.items()}
     axes = [axis for axis in position['measures'] if axis != 'z' or not _flat_ground(navigation)]
     fields = [{'x': 'east', 'y': 'north', 'z': 'up'}[axis] for axis in axes]
     number = len(axes)
@@ -29,11 +29,11 @@ def receiver(
     if datum is not None:
         # in ROS 1 the names of two frames follow
         numbers = navigation.numbers('datum', (2, 3), words=True) or []
-        found['datum'] = [numbers[0], numbers[1], 0.0]
+        parameters['datum'] = [numbers[0], numbers[1], 0.0]
         navigation.note('datum', "datum, with an altitude of 0; a heading is the state's")
-    found['publish_fix'] = navigation.value('publish_filtered_gps', False)
-    for key, what in _NAVIGATION.items():
-        navigation.note(key, what)
+    parameters['publish_fix'] = navigation.value('publish_filtered_gps', False)
+    for key, outcome in _NAVIGATION.items():
+        navigation.note(key, outcome)
     turns = 'magnetic_declination_radians', 'yaw_offset'
     total = sum(navigation.value(key, 0.0) for key in turns)
     why = f'set mount.rotation of the sensor of the heading to [0.0, 0.0, {-total:g}]'
@@ -46,7 +46,7 @@ def receiver(
             'kind': 'states', 'measures': axes, 'topic': 'gps/fix',
             'type': 'sensor_msgs/NavSatFix', 'fields': fields, 'noise': [2.0] * number,
         },
-        **{key: dict(each) for key, each in made.items() if not key.endswith('_position')},
+        **{key: dict(sensor) for key, sensor in made.items() if not key.endswith('_position')},
     }  # fmt: skip
 
 

@@ -22,9 +22,9 @@ _FLAGS = (
 )  # fmt: skip
 _PLANAR = {'x', 'y', 'yaw', 'vx', 'vy', 'wz', 'ax', 'ay'}
 _ANGLES = ('roll', 'pitch', 'yaw')
-#: Where a message has no covariance: m, rad, m/s, rad/s, m/s^2.
+#: Noise where a message has no covariance: m, rad, m/s, rad/s, m/s^2.
 _NOISE = (0.5,) * 3 + (0.05,) * 3 + (0.1,) * 3 + (0.05,) * 3 + (0.5,) * 3
-#: The lowest probability of a gate, and one below which a gate rejects more than is usual.
+#: The lowest probability of a gate, and the one below which a gate rejects more than is usual.
 _LEAST, _USUAL = 0.5, 0.95
 _REJECTION = 'rejection_threshold'
 GRAVITY = 9.80665
@@ -40,7 +40,7 @@ class Part(NamedTuple):
 
 
 def _parts(kind: str) -> list[Part]:
-    """Return the parts of a message; rejection is decided for each."""
+    """Return the parts of a message; rejection is decided for each part."""
     place, turn, speed, rate, force = (_FLAGS[i : i + 3] for i in range(0, 15, 3))
     pose, twist = 'pose_rejection_threshold', 'twist_rejection_threshold'
     if kind == 'imu':
@@ -69,12 +69,12 @@ def _flags(node: TheirNode, name: str) -> list[str]:
     key = f'{name}_config'
     if key not in node.values:
         raise ValueError(f'line {node.values[name].line}: {key}: expected 15 flags, got none')
-    given, line = node.values[key]
-    flags = [flag for flag in given if isinstance(flag, bool)] if isinstance(given, list) else []
-    if given != flags or len(flags) != len(_FLAGS):
-        got = f'{len(flags)} of {len(given)}' if isinstance(given, list) else 'no list'
+    value, line = node.values[key]
+    flags = [flag for flag in value if isinstance(flag, bool)] if isinstance(value, list) else []
+    if value != flags or len(flags) != len(_FLAGS):
+        got = f'{len(flags)} of {len(value)}' if isinstance(value, list) else 'no list'
         raise ValueError(f'line {line}: {key}: expected 15 times true or false, got {got}')
-    return [name for name, flag in zip(_FLAGS, given) if flag]
+    return [name for name, flag in zip(_FLAGS, value) if flag]
 
 
 #: Values of sensors by their names.
@@ -82,23 +82,23 @@ Sensors = dict[str, dict[str, Any]]
 
 
 def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensors:
-    """Return the sensors of ours for one of theirs, and account for its parameters."""
+    """Return our sensors for one sensor of theirs, and account for its parameters."""
     topic = node.value(name, '')
     if not topic or ' ' in topic:
         line = node.values[name].line
         raise ValueError(f"line {line}: {name}: expected the name of a topic, got '{topic}'")
-    wanted = _flags(node, name)
-    found: Sensors = {}
+    flags = _flags(node, name)
+    sensors: Sensors = {}
     used: list[str] = []
     for part in _parts(kind):
-        chosen = [flag for flag in part.flags if flag in wanted]
+        chosen = [flag for flag in part.flags if flag in flags]
         used += chosen
         chosen = [flag for flag in chosen if not planar or flag in _PLANAR]
         if not chosen:
             continue
         pose = _pose(node, name) if part.name in ('position', 'orientation') else ''
         ours = f'{name}_{part.name}'
-        found[ours] = {
+        sensors[ours] = {
             **_reading(part, chosen, planar=planar, pose=pose),
             'topic': topic,
             'type': TYPES[kind],
@@ -107,39 +107,39 @@ def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensor
         if part.name == 'acceleration' and not planar:
             removes = node.value(f'{name}_remove_gravitational_acceleration', False)
             gravity = node.value('gravitational_acceleration', GRAVITY)
-            found[ours]['mount.gravity'] = gravity if removes else 0.0
-    left = [flag for flag in wanted if flag not in used]
+            sensors[ours]['mount.gravity'] = gravity if removes else 0.0
+    left = [flag for flag in flags if flag not in used]
     flat = [flag for flag in used if planar and flag not in _PLANAR]
-    _account(node, name, [*found], left, flat, planar=planar)
-    return found
+    _account(node, name, [*sensors], left, flat, planar=planar)
+    return sensors
 
 
 def _pose(node: TheirNode, name: str) -> str:
-    """Return how a pose is read: the word of ours and of theirs is the same."""
+    """Return how a pose is used; both packages have the same words for it."""
     words = ('differential', 'relative')
     return next((word for word in words if node.value(f'{name}_{word}', False)), '')
 
 
 def _reading(part: Part, chosen: Sequence[str], *, planar: bool, pose: str) -> dict[str, Any]:
     axes = {flag: flag if flag in _ANGLES else flag[-1] for flag in chosen}
-    found: dict[str, Any] = {'kind': 'states', 'measures': list(chosen)}
+    values: dict[str, Any] = {'kind': 'states', 'measures': list(chosen)}
     if pose:
-        found['pose'] = pose
+        values['pose'] = pose
     if pose == 'differential':
-        found['measures'] = [_FLAGS[_FLAGS.index(flag) + 6] for flag in chosen]
+        values['measures'] = [_FLAGS[_FLAGS.index(flag) + 6] for flag in chosen]
     elif part.name == 'orientation' and not planar:
         if len(chosen) == 3:
             axes = dict(zip(chosen, ('rx', 'ry', 'rz')))
-            found['measures'] = [*axes.values()]
+            values['measures'] = [*axes.values()]
         else:
-            found.update(kind='euler', measures=['rx', 'ry', 'rz'], angles=list(chosen))
-    found['fields'] = [part.path.format(axis) for axis in axes.values()]
-    found['noise'] = [_NOISE[_FLAGS.index(flag)] for flag in chosen]
-    return found
+            values.update(kind='euler', measures=['rx', 'ry', 'rz'], angles=list(chosen))
+    values['fields'] = [part.path.format(axis) for axis in axes.values()]
+    values['noise'] = [_NOISE[_FLAGS.index(flag)] for flag in chosen]
+    return values
 
 
 def _gate(node: TheirNode, name: str, part: Part, size: int, ours: str) -> dict[str, float]:
-    """Return the gate: a Mahalanobis distance as a probability, for that many numbers."""
+    """Return the gate: a Mahalanobis distance as a probability, for ``size`` numbers."""
     for key in (f'{name}_{part.threshold}', f'{name}_{_REJECTION}'):
         if key in node.values:
             distance = node.value(key, 0.0)
@@ -161,8 +161,8 @@ def _account(
     node: TheirNode, name: str, ours: list[str], left: list[str], flat: list[str], *, planar: bool
 ) -> None:
     """Account for the parameters of a sensor."""
-    what = f'sensors {", ".join(ours)}' if ours else 'none of its flags can be used'
-    node.note(name, what, carried=bool(ours))
+    outcome = f'sensors {", ".join(ours)}' if ours else 'none of its flags can be used'
+    node.note(name, outcome, carried=bool(ours))
     notes = []
     if left:
         notes.append(f'{", ".join(left)}: not in such a message')
@@ -170,19 +170,19 @@ def _account(
         notes.append(f'{", ".join(flat)}: not in the plane')
     node.note(f'{name}_config', '; '.join([', '.join(ours), *notes]) if ours else '; '.join(notes))
     key = f'{name}_remove_gravitational_acceleration'
-    gravity = any(each.endswith('_acceleration') for each in ours) and not planar
+    gravity = any(sensor.endswith('_acceleration') for sensor in ours) and not planar
     node.note(key, 'mount.gravity: by the attitude of the state' if gravity else 'nothing to do')
-    poses = [each for each in ours if each.endswith(('_position', '_orientation'))]
+    poses = [sensor for sensor in ours if sensor.endswith(('_position', '_orientation'))]
     for word in ('differential', 'relative'):
         if not node.value(f'{name}_{word}', False):
-            what = 'false'
+            outcome = 'false'
         elif _pose(node, name) != word:
-            what = f'not needed: {_pose(node, name)} counts'
+            outcome = f'not needed: {_pose(node, name)} counts'
         else:
-            what = (
+            outcome = (
                 f'pose: {word}, of {", ".join(poses)}' if poses else 'not needed: no pose is used'
             )
-        node.note(f'{name}_{word}', what)
+        node.note(f'{name}_{word}', outcome)
     for key in node.unaccounted:
         if key.startswith(f'{name}_') and key.endswith(_REJECTION):
             node.note(key, 'not needed: no such part of its messages is used')

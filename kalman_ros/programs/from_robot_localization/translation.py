@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our parameters of an estimator from those of a filter of robot_localization."""
+"""Parameters of our estimator from those of a filter of robot_localization."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .their_file import SENSOR, Row, TheirNode
 from .their_receiver import receiver
 from .their_sensors import Sensors, sensors_of
 
-#: What a parameter is for, where ours needs none, or has none.
+#: Parameters without a counterpart that need none, with the reason.
 _NOT_NEEDED = {
     'sensor_timeout': 'not needed: the estimate is predicted at publish_rate',
     'transform_timeout': 'not needed: no transform is looked up; declare mount of the sensors',
@@ -29,6 +29,7 @@ _NOT_NEEDED = {
     'control_config': 'not needed without use_control',
     'publish_acceleration': 'not needed: estimate has the acceleration',
 }
+#: Parameters that are not carried over, with the reason or what to do instead.
 _NOT_CARRIED = {
     'debug': 'there is no such file; record the topics, and replay them',
     'debug_out_file': 'there is no such file; record the topics, and replay them',
@@ -41,7 +42,7 @@ _NOT_CARRIED = {
     'acceleration_gains': 'the lag command_time limits the acceleration',
     'deceleration_gains': 'the lag command_time limits the acceleration',
 }
-#: By name of ours: which of their 15 states, in the plane and in space.
+#: Indices into their 15 states of our process noises, in the plane (True) and in space.
 _PROCESS: Mapping[bool, Mapping[str, Any]] = {
     True: {
         'position_noise': (0, 1), 'heading_noise': 5, 'velocity_noise': (6, 7), 'turn_noise': 11,
@@ -52,11 +53,11 @@ _PROCESS: Mapping[bool, Mapping[str, Any]] = {
         'turn_noise': (9, 10, 11), 'acceleration_noise': (12, 13, 14),
     },
 }  # fmt: skip
-#: Parameters of their ukf_node alone.
+#: Parameters of their ukf_node only.
 _UNSCENTED = {'alpha', 'beta', 'kappa'}
 _PLANAR = [0, 1, 5, 6, 7, 11, 12, 13]
 _STATES, _YAW = 15, 5
-#: What it takes without the parameter: robot_localization's own file of defaults.
+#: Values without the parameter: those of robot_localization's own file of defaults.
 _FREQUENCY, _RATE = 30.0, 100.0
 _CONTROL_TIMEOUT = 0.2
 _GPS = 'odometry/gps'
@@ -64,14 +65,14 @@ _NO_NAVIGATION = (
     'it takes navsat_transform, whose parameters are not in this file: append them, and the fixes '
     'are read without it'
 )
-#: Standard deviations of a first belief; robot_localization's is the root of 1e-9, and overwritten
-#: by the first measurement.
+#: Standard deviations of an initial belief; robot_localization's is the root of 1e-9, and
+#: overwritten by the first measurement.
 _KNOWN, _UNKNOWN = 1e-9**0.5, 1.0
 
 
 @dataclass(frozen=True)
 class Translation:
-    """Parameters of ours, and what became of theirs."""
+    """Parameters of our estimator, and the outcome of theirs."""
 
     name: str
     namespace: str
@@ -90,24 +91,24 @@ def translated(nodes: Sequence[TheirNode]) -> list[Translation]:
     Raises
     ------
     ValueError
-        If a parameter has another type or size; the line is named.
+        If a parameter has another type or size; the message names the line.
     """
     spaces = dict.fromkeys(node.namespace for node in nodes)
     return [
-        found
+        translation
         for space in spaces
-        for found in _translated([node for node in nodes if node.namespace == space])
+        for translation in _translated([node for node in nodes if node.namespace == space])
     ]
 
 
 def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
-    """Return the same for the nodes of one namespace, which work together."""
+    """Translate the nodes of one namespace, which work together."""
     navigation = next((node for node in nodes if node.navigates), None)
     filters = [node for node in nodes if node.filters]
     several = len(filters) > 1
-    # the one in the frame of the odometry comes first, so that the other can name its topic
+    # the filter in the frame of the odometry comes first, so that the other can name its topic
     local = next((node for node in filters if not _is_global(node)), None)
-    found = []
+    translations = []
     for node in filters:
         values = _filter(node, navigation)
         values['publish_odometry'] = True
@@ -118,14 +119,14 @@ def _translated(nodes: Sequence[TheirNode]) -> list[Translation]:
             values['tf_odometry'] = topic
         for name in node.unaccounted:
             node.note(name, 'unknown to this program', carried=False)
-        found.append(Translation(node.name, node.namespace, values, node.rows))
+        translations.append(Translation(node.name, node.namespace, values, node.rows))
     for node in nodes:
         if not node.filters:
-            what = 'unknown to this program' if node.navigates else 'of no filter'
+            outcome = 'unknown to this program' if node.navigates else 'of no filter'
             for name in node.unaccounted:
-                node.note(name, what, carried=False)
-            found.append(Translation(node.name, node.namespace, {}, node.rows))
-    return found
+                node.note(name, outcome, carried=False)
+            translations.append(Translation(node.name, node.namespace, {}, node.rows))
+    return translations
 
 
 def _is_global(node: TheirNode) -> bool:
@@ -134,15 +135,15 @@ def _is_global(node: TheirNode) -> bool:
 
 
 def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
-    """Return our parameters for a filter, and account for its own."""
+    """Return our parameters for a filter, and account for its parameters."""
     planar = node.value('two_d_mode', False)
-    found: dict[str, Any] = {'model': 'robot_2d' if planar else 'robot_3d', 'rate': _RATE}
-    node.note('two_d_mode', f'model: {found["model"]}')
-    found['publish_rate'] = node.value('frequency', _FREQUENCY)
+    parameters: dict[str, Any] = {'model': 'robot_2d' if planar else 'robot_3d', 'rate': _RATE}
+    node.note('two_d_mode', f'model: {parameters["model"]}')
+    parameters['publish_rate'] = node.value('frequency', _FREQUENCY)
     node.note('frequency', 'publish_rate')
-    _frames(node, found)
+    _frames(node, parameters)
     if not _UNSCENTED.isdisjoint(node.values):
-        found['filter'] = 'ukf'
+        parameters['filter'] = 'ukf'
     for name in _UNSCENTED:
         node.note(name, 'filter: ukf, with sigma points of ours, none of negative weight')
     sensors: Sensors = {}
@@ -154,20 +155,20 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
             if navigation is None:
                 node.note(name, _NO_NAVIGATION)
             else:
-                made = receiver(node, name, made, navigation, found)
+                made = receiver(node, name, made, navigation, parameters)
         sensors.update(made)
     if not sensors:
         raise ValueError(f'{node.name}: expected a flag that is true, got none')
-    found['sensors'] = list(sensors)
+    parameters['sensors'] = list(sensors)
     for name, values in sensors.items():
-        found.update({f'{name}.{key}': value for key, value in values.items()})
-        found[f'{name}.rate'] = 50.0
-    _noise(node, found, sensors, planar=planar)
-    _window(node, found)
-    _commands(node, found, planar=planar)
+        parameters.update({f'{name}.{key}': value for key, value in values.items()})
+        parameters[f'{name}.rate'] = 50.0
+    _noise(node, parameters, sensors, planar=planar)
+    _window(node, parameters)
+    _commands(node, parameters, planar=planar)
     node.note('use_sim_time', 'use_sim_time')
     if 'use_sim_time' in node.values:
-        found['use_sim_time'] = node.value('use_sim_time', False)
+        parameters['use_sim_time'] = node.value('use_sim_time', False)
     node.note('gravitational_acceleration', 'mount.gravity of the accelerometers')
     for name in node.unaccounted:
         if name in _NOT_NEEDED:
@@ -176,15 +177,15 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
         # a switch that is off is nothing to carry over
         off = name in node.values and node.values[name].value is False
         node.note(name, 'not used' if off else why, carried=off)
-    return found
+    return parameters
 
 
-def _frames(node: TheirNode, found: dict[str, Any]) -> None:
+def _frames(node: TheirNode, parameters: dict[str, Any]) -> None:
     base, odom = node.value('base_link_frame', 'base_link'), node.value('odom_frame', 'odom')
     world = node.value('world_frame', odom)
-    found.update(frame=world.lstrip('/'), child_frame=base.lstrip('/'))
-    found['publish_tf'] = node.value('publish_tf', True)
-    found['tf_time_offset'] = node.value('transform_time_offset', 0.0)
+    parameters.update(frame=world.lstrip('/'), child_frame=base.lstrip('/'))
+    parameters['publish_tf'] = node.value('publish_tf', True)
+    parameters['tf_time_offset'] = node.value('transform_time_offset', 0.0)
     node.note('transform_time_offset', 'tf_time_offset')
     node.note('publish_tf', 'publish_tf; it takes the package tf2_msgs')
     node.note('base_link_frame', 'child_frame')
@@ -193,53 +194,53 @@ def _frames(node: TheirNode, found: dict[str, Any]) -> None:
         node.note(name, 'frame, where it is world_frame')
 
 
-def _noise(node: TheirNode, found: dict[str, Any], sensors: Sensors, *, planar: bool) -> None:
-    """Take process noise, and the initial belief.
+def _noise(node: TheirNode, parameters: dict[str, Any], sensors: Sensors, *, planar: bool) -> None:
+    """Set the process noise and the initial belief.
 
-    Without one, a pose that nothing measures starts at the origin, and all else is unknown. So is
-    a heading, if positions of a map show it and nothing else does.
+    Without an initial covariance, a pose that nothing measures starts at the origin, and all else
+    is unknown. A heading is unknown as well if only positions in a map show it.
     """
     density = _diagonal(node, 'process_noise_covariance', 'model_parameters')
     if density is not None:
         for name, which in _PROCESS[planar].items():
-            found[f'model_parameters.{name}'] = density[np.array(which)].tolist()
+            parameters[f'model_parameters.{name}'] = density[np.array(which)].tolist()
     chosen = _PLANAR if planar else [*range(_STATES)]
     variance = _diagonal(node, 'initial_estimate_covariance', 'initial_std, its root')
     if variance is None:
-        used = (each for each in sensors.values() if each.get('pose') != 'differential')
-        read = ' '.join(field for each in used for field in each['fields'])
+        used = (sensor for sensor in sensors.values() if sensor.get('pose') != 'differential')
+        read = ' '.join(field for sensor in used for field in sensor['fields'])
         measured = 'position' in read or 'east' in read, 'orientation' in read
-        known = [*(_UNKNOWN if each else _KNOWN for each in measured), _UNKNOWN]
+        known = [*(_UNKNOWN if is_measured else _KNOWN for is_measured in measured), _UNKNOWN]
         std = np.repeat(known, (3, 3, 9))
         if _shows_heading(sensors):
             std[_YAW] = np.pi
-            found.setdefault('filter', 'gaussian_sum')
+            parameters.setdefault('filter', 'gaussian_sum')
     else:
         std = np.sqrt(variance)
-    found['initial_std'] = std[chosen].tolist()
+    parameters['initial_std'] = std[chosen].tolist()
     state = node.numbers('initial_state', (_STATES,))
     if state is not None:
         x = np.array(state)
         if not planar:
             x[3:6] = so3.from_euler(x[3:6])
-        found['initial_estimate'] = x[chosen].tolist()
+        parameters['initial_estimate'] = x[chosen].tolist()
         node.note('initial_state', 'initial_estimate')
 
 
 def _shows_heading(sensors: Sensors) -> bool:
-    """Return whether positions are read as they are, and no heading is."""
-    absolute = [each['fields'] for each in sensors.values() if 'pose' not in each]
+    """Return whether positions are absolute, and no heading is read."""
+    absolute = [sensor['fields'] for sensor in sensors.values() if 'pose' not in sensor]
     read = ' '.join(field for fields in absolute for field in fields)
     turned = 'orientation.yaw' in read or 'orientation.rz' in read
     return ('position.x' in read or 'east' in read) and not turned
 
 
 def _diagonal(node: TheirNode, name: str, ours: str) -> Array | None:
-    """Return the diagonal of a matrix of 15 states; one list of 15 is a diagonal, too."""
-    given = node.numbers(name, (_STATES, _STATES**2))
-    if given is None:
+    """Return the diagonal of a matrix of 15 states, from its 225 entries or from the 15."""
+    entries = node.numbers(name, (_STATES, _STATES**2))
+    if entries is None:
         return None
-    numbers = np.array(given)
+    numbers = np.array(entries)
     line = node.values[name].line
     whole = numbers.size > _STATES
     diagonal = numbers[:: _STATES + 1] if whole else numbers
@@ -251,27 +252,27 @@ def _diagonal(node: TheirNode, name: str, ours: str) -> Array | None:
     return diagonal
 
 
-def _commands(node: TheirNode, found: dict[str, Any], *, planar: bool) -> None:
-    """Take the commands as the input of the planar model; the other one has none."""
+def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> None:
+    """Use the commands as input of the planar model; the other model has no input."""
     control = node.value('use_control', False)
     if not control or not planar:
         why = 'robot_3d has no input; robot_2d has (two_d_mode)' if control else 'not used'
         node.note('use_control', why, carried=not control)
         return
     lag = max(node.value('control_timeout', _CONTROL_TIMEOUT), 1e-3)
-    found['model_parameters.command_time'] = found['input_timeout'] = lag
+    parameters['model_parameters.command_time'] = parameters['input_timeout'] = lag
     node.note('use_control', 'model_parameters.command_time: cmd_vel is the input')
     node.note('control_timeout', 'model_parameters.command_time and input_timeout')
     node.note('control_config', 'commands of forward, sideways and turn are all used')
     if node.value('stamped_control', False):
         fields = [f'twist.{field}' for field in ('linear.x', 'linear.y', 'angular.z')]
-        found.update({'input.type': 'geometry_msgs/TwistStamped', 'input.fields': fields})
+        parameters.update({'input.type': 'geometry_msgs/TwistStamped', 'input.fields': fields})
     node.note('stamped_control', 'input.type')
 
 
-def _window(node: TheirNode, found: dict[str, Any]) -> None:
+def _window(node: TheirNode, parameters: dict[str, Any]) -> None:
     if node.value('smooth_lagged_data', False):
-        found['window'] = node.value('history_length', 1.0)
+        parameters['window'] = node.value('history_length', 1.0)
         node.note('history_length', 'window')
     else:
         node.note('history_length', 'not needed: late readings are fused within window')

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording through the estimator: statistics, checks, pictures and estimates."""
+"""Replay of a recording through the estimator: statistics, checks, pictures and estimates."""

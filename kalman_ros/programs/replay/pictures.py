@@ -27,9 +27,9 @@ from kalman_ros.report.style import (
 from .statistics import LAGS, autocorrelation, normalised_innovations, plane, whiteness_bound
 
 SIGMAS = 3.0
-#: The most points of a curve; of more, every k-th is drawn.
+#: Largest number of points of a curve; of a longer curve, every k-th point is drawn.
 _MOST = 20_000
-#: Readings that a running mean is taken of.
+#: Number of readings in a running mean.
 _RUNNING = 50
 
 
@@ -47,19 +47,19 @@ def draw_all(replayed: Replayed, folder: Path) -> list[Path]:
     return paths
 
 
-def _some(count: int) -> slice:
+def _every_kth(count: int) -> slice:
     return slice(None, None, max(1, ceil(count / _MOST)))
 
 
 def _broken(values: Array, space: Space) -> Array:
-    """Return curves (N, n) with gaps where an angle goes from one end to the other."""
+    """Return curves (N, n) with gaps where an angle wraps."""
     return np.where(space.jumps(values), np.nan, values)
 
 
 def states(replayed: Replayed, path: Path) -> None:
     """Draw each state with its band, and the readings, the truth and the smoothed state."""
     space, beliefs = replayed.scenario.model.state, replayed.beliefs
-    part = _some(len(beliefs.time))
+    part = _every_kth(len(beliefs.time))
     time, mean, std = beliefs.time[part], beliefs.mean[part], beliefs.std[part]
     truth = None if replayed.truth is None else replayed.truth.at(replayed.scenario, time)
     with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6)) as (figure, axes):
@@ -73,7 +73,7 @@ def states(replayed: Replayed, path: Path) -> None:
             )
             if replayed.smoothed is not None and len(replayed.smoothed.time):
                 s = replayed.smoothed
-                some = _some(len(s.time))
+                some = _every_kth(len(s.time))
                 curve = _broken(s.mean[some], space)[:, index]
                 axis.plot(s.time[some], curve, color=INPUT, lw=0.9, label='smoothed')
             if truth is not None:
@@ -86,12 +86,12 @@ def states(replayed: Replayed, path: Path) -> None:
 
 
 def _readings(replayed: Replayed, name: str, axis: Any) -> None:
-    """Draw the readings of a state that sensors read as it is."""
+    """Draw the readings of the sensors that read a state as it is."""
     label: str | None = 'reading'
     for sensor_name, sensor in replayed.sensors.items():
         outputs = replayed.scenario.sensors[sensor_name].sensor.output.names
         if name in outputs and len(sensor.stamp):
-            part = _some(len(sensor.stamp))
+            part = _every_kth(len(sensor.stamp))
             values = sensor.value[part, outputs.index(name)]
             axis.plot(sensor.stamp[part], values, '.', ms=2.0, color=READING, label=label)
             label = None
@@ -108,7 +108,7 @@ def innovations(replayed: Replayed, path: Path) -> None:
     with picture(path, len(rows), 1, (8.0, 1.5 * len(rows) + 0.6)) as (figure, axes):
         for axis, (name, column) in zip(axes[:, 0], rows):
             sensor = replayed.sensors[name]
-            part = _some(len(sensor.stamp))
+            part = _every_kth(len(sensor.stamp))
             time, v = sensor.stamp[part], sensor.innovation[part, column]
             std = np.sqrt(sensor.innovation_covariance[part, column, column])
             axis.plot(time, v, '.', ms=2.0, color=TRUTH, label='innovation')
@@ -130,7 +130,7 @@ def consistency(replayed: Replayed, path: Path) -> None:
             sensor = replayed.sensors[name]
             use, k = np.isfinite(sensor.nis), sensor.value.shape[1]
             time, nis = sensor.stamp[use], sensor.nis[use] / k
-            part = _some(len(time))
+            part = _every_kth(len(time))
             left.plot(time[part], nis[part], '.', ms=2.0, color=READING)
             width = min(_RUNNING, len(nis))
             mean = np.convolve(nis, np.ones(width) / width, 'valid')
@@ -152,12 +152,12 @@ def consistency(replayed: Replayed, path: Path) -> None:
 
 
 def delays(replayed: Replayed, path: Path) -> None:
-    """Draw how long after its stamp each reading was received."""
+    """Draw the delay of each reading from its stamp to its reception."""
     names = list(replayed.sensors)
     with picture(path, len(names), 1, (8.0, 1.3 * len(names) + 0.6)) as (_, axes):
         for axis, name in zip(axes[:, 0], names):
             sensor = replayed.sensors[name]
-            part = _some(len(sensor.stamp))
+            part = _every_kth(len(sensor.stamp))
             late = 1e3 * (sensor.received - sensor.stamp)[part]
             axis.plot(sensor.received[part], late, '.', ms=2.0, color=TRUTH)
             axis.set_ylabel(f'{name}\n[ms]')
@@ -170,16 +170,16 @@ def plan_view(replayed: Replayed, path: Path) -> None:
     assert both is not None
     x, y = both
     mean = replayed.beliefs.mean
-    part = _some(len(mean))
+    part = _every_kth(len(mean))
     with figure_with(path, 1, 1, (6.0, 6.0)) as (figure, axes):
         axis = axes[0, 0]
         if replayed.truth is not None:
-            truth = replayed.truth.state[_some(len(replayed.truth.state))]
+            truth = replayed.truth.state[_every_kth(len(replayed.truth.state))]
             axis.plot(truth[:, x], truth[:, y], color=TRUTH, lw=0.8, label='truth')
         axis.plot(mean[part, x], mean[part, y], color=ESTIMATE, lw=1.0, label='estimate')
         if replayed.smoothed is not None:
             smoothed = replayed.smoothed.mean
-            some = _some(len(smoothed))
+            some = _every_kth(len(smoothed))
             axis.plot(smoothed[some, x], smoothed[some, y], color=INPUT, lw=0.9, label='smoothed')
         axis.set_aspect('equal', 'datalim')
         axis.set_xlabel('x [m]')

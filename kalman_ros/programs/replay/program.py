@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replays a recording through the estimator, and judges the filter by its innovations."""
+"""Replay a recording through the estimator, and judge the filter by its innovations."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def replayed_with_progress(
     with bar:
         task = bar.add_task('replaying', total=max(0.0, min(options.end, whole) - options.start))
         begun = time.monotonic()
-        found = replay_bag(
+        replayed = replay_bag(
             bag,
             settings,
             start=options.start,
@@ -95,21 +95,21 @@ def replayed_with_progress(
             out=folder / 'estimate',
             progress=lambda done: bar.update(task, completed=done),
         )
-        return found, time.monotonic() - begun
+        return replayed, time.monotonic() - begun
 
 
 @interruptible('replay')
 def main(argv: Sequence[str] | None = None) -> None:
-    """Replay a recording; the exit code is 0 if the filter was consistent."""
+    """Replay a recording; exit with 0 if at least one check is made and all checks pass."""
     options = arguments(argv)
     console = Console(highlight=False)
     folder = options.out or Path('out') / 'replay' / Path(options.bag).resolve().stem
     try:
-        found, wall = replayed_with_progress(options, folder, console)
+        run, wall = replayed_with_progress(options, folder, console)
     except (ValueError, OSError, ArithmeticError) as error:
         refuse('replay', error)
-    errors = statistics.errors(found)
-    checks = statistics.checks(found, errors)
+    errors = statistics.errors(run)
+    checks = statistics.checks(run, errors)
     passed = bool(checks) and all(check.passed for check in checks)
 
     from kalman_ros.report import sheet
@@ -117,32 +117,32 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     from . import pictures  # matplotlib is slow to load
 
-    mode = 'lockstep' if found.lockstep else 'real time'
+    mode = 'lockstep' if run.lockstep else 'real time'
     title = f'{Path(options.bag).name}, {mode}: gaps in s, delays in ms'
-    sheet.show(console, [(title, tables.sensor_sheet(found))])
+    sheet.show(console, [(title, tables.sensor_sheet(run))])
     console.print()
-    for sentence in tables.sentences(found, errors):
+    for sentence in tables.sentences(run, errors):
         console.print(sentence, markup=False)
     if checks:
         console.print(checks_table('Consistency', checks))
-    ratio = found.duration / wall if wall > 0.0 else inf
+    ratio = run.duration / wall if wall > 0.0 else inf
     console.print(
-        f'{found.duration:.4g} s, {len(found.beliefs.time)} estimates, replayed in {wall:.2f} s, '
-        f'{ratio:.3g} times real time; arithmetic: {found.arithmetic}'
+        f'{run.duration:.4g} s, {len(run.beliefs.time)} estimates, replayed in {wall:.2f} s, '
+        f'{ratio:.3g} times real time; arithmetic: {run.arithmetic}'
     )
-    # the summary last: where it is, all is whole
+    # the summary last: if it exists, the results are complete
     with deferred():
-        drawn = pictures.draw_all(found, folder)
-        if found.smoothed is not None:
-            s = found.smoothed
+        drawn = pictures.draw_all(run, folder)
+        if run.smoothed is not None:
+            s = run.smoothed
             np.savez(folder / 'smoothed.npz', time=s.time, mean=s.mean, covariance=s.covariance)
             drawn.append(folder / 'smoothed.npz')
-        summary = tables.summary(found, errors, checks, passed)
+        summary = tables.summary(run, errors, checks, passed)
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     files = ', '.join(['summary.json', 'estimate', *(path.name for path in drawn)])
     console.print(f'In {folder}: {files}')
     if checks:
-        console.print(verdict(checks, tables.claim(found)))
+        console.print(verdict(checks, tables.claim(run)))
     else:
         console.print('[bold red]FAIL, 0 of 0 checks:[/] fewer than 20 innovations of any sensor')
     sys.exit(0 if passed else 1)

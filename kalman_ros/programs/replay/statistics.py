@@ -14,34 +14,34 @@ from kalman_ros.bags.replayed import Replayed, SensorReplay
 from kalman_ros.core import Array, Space
 from kalman_ros.estimators.consistency import chi_square_bounds, independent, nees
 
-#: With fewer values nothing is checked.
+#: Fewest values that are checked.
 _LEAST = 20
-#: A sensor of which a larger share is dropped fails, however good the rest is.
+#: Share of dropped readings above which a sensor fails, however good the rest is.
 _MOST_DROPPED = 0.5
-#: The longest lag of an autocorrelation.
+#: Longest lag of an autocorrelation.
 LAGS = 20
 
 
 @dataclass(frozen=True)
 class SensorStatistics:
-    """Numbers of one sensor.
+    """Statistics of one sensor.
 
     Parameters
     ----------
     received, fused, rejected, dropped
-        How many readings; what could not be decoded is dropped, too.
+        Numbers of readings; those that cannot be decoded are dropped, too.
     rate
-        Readings a second.
+        Number of readings per second.
     gap
-        The longest time between two, in seconds.
+        Longest interval between two readings, in seconds.
     delay, slowest
-        Seconds from the stamp to the reception: the median, and what 99 % stay below.
+        Median and 99 % quantile of the seconds from the stamp to the reception.
     nis
-        The mean normalised innovation squared, divided by its expectation.
+        Mean normalised innovation squared, divided by its expectation.
     whiteness
-        The correlation of normalised innovations with the next ones.
+        Correlation of the normalised innovations with the next ones.
     count
-        The number of innovations.
+        Number of innovations.
     """
 
     received: int
@@ -58,7 +58,7 @@ class SensorStatistics:
 
 
 def statistics(sensor: SensorReplay) -> SensorStatistics:
-    """Return the numbers of a sensor."""
+    """Return the statistics of a sensor."""
     accepted = sensor.fused
     rejected = sum(n for o, n in sensor.counts.items() if o.value.startswith('rejected'))
     dropped = sum(n for o, n in sensor.counts.items() if o.value.startswith('dropped'))
@@ -83,17 +83,17 @@ def statistics(sensor: SensorReplay) -> SensorStatistics:
 
 
 def normalised_innovations(sensor: SensorReplay) -> Array:
-    """Return L^-1 v (M, m) of the innovations v that are finite, with S = L L'."""
+    """Return L^-1 v (M, m) for the finite innovations v, with S = L L'."""
     use = np.isfinite(sensor.nis)
     v, S = sensor.innovation[use], sensor.innovation_covariance[use]
     if not len(v):
         return np.asarray(v)
-    found = np.linalg.solve(np.linalg.cholesky(S), v[..., np.newaxis])
-    return np.asarray(found[..., 0])
+    whitened = np.linalg.solve(np.linalg.cholesky(S), v[..., np.newaxis])
+    return np.asarray(whitened[..., 0])
 
 
 def autocorrelation(z: Array, lags: int) -> Array:
-    """Return the correlations (lags,) of vectors z (N, m) with those 1, 2, ... later."""
+    """Return the correlations (lags,) of vectors z (N, m) with the vectors 1, 2, ... later."""
     total = float(np.sum(z**2))
     return np.array(
         [np.sum(z[lag:] * z[:-lag]) / total if total else nan for lag in range(1, lags + 1)]
@@ -106,7 +106,7 @@ def whiteness_bound(count: int, size: int, miss: float) -> float:
 
 
 def plane(space: Space) -> tuple[int, int] | None:
-    """Return which coordinates are x and y in metres; None if there are none."""
+    """Return the indices of the coordinates x and y in metres; None if the state has none."""
     where = {name: index for index, name in enumerate(space.names)}
     if 'x' not in where or 'y' not in where:
         return None
@@ -116,20 +116,20 @@ def plane(space: Space) -> tuple[int, int] | None:
 
 @dataclass(frozen=True)
 class Errors:
-    """Truth minus estimate where the truth is known.
+    """Statistics of truth minus estimate, where the truth is known.
 
     Parameters
     ----------
     rms
-        Of each state (n,).
+        Root mean square error of each state (n,).
     nees
-        The mean, divided by its expectation.
+        Mean normalised error squared, divided by its expectation.
     independent
-        The number of independent errors that are worth as much.
+        Number of independent errors with the same information.
     ate
-        The root mean square distance in the plane, in metres; NaN if there is none.
+        Root mean square distance in the plane, in metres; NaN without a plane.
     count
-        The number of beliefs with a truth.
+        Number of beliefs at whose time the truth is known.
     """
 
     rms: Array
@@ -164,35 +164,37 @@ def errors(replayed: Replayed) -> Errors | None:
     )
 
 
-def checks(replayed: Replayed, found: Errors | None) -> list[Check]:
-    """Return whether innovations, and errors if the truth is known, are as they should be.
+def checks(replayed: Replayed, error: Errors | None) -> list[Check]:
+    """Check the innovations, and the errors if the truth is known.
 
     A consistent filter fails with at most the probability `MISS`, over all checks together.
     """
-    judged = {name for name, each in replayed.scenario.sensors.items() if each.judged}
-    numbers = {name: statistics(each) for name, each in replayed.sensors.items() if name in judged}
-    enough = {name: each for name, each in numbers.items() if each.count >= _LEAST}
-    miss = MISS / max(1, 2 * len(enough) + (found is not None))
+    judged = {name for name, source in replayed.scenario.sensors.items() if source.judged}
+    numbers = {
+        name: statistics(sensor) for name, sensor in replayed.sensors.items() if name in judged
+    }
+    enough = {name: stats for name, stats in numbers.items() if stats.count >= _LEAST}
+    miss = MISS / max(1, 2 * len(enough) + (error is not None))
     result = []
-    for name, each in enough.items():
+    for name, stats in enough.items():
         k = replayed.sensors[name].value.shape[1]
-        low, high = chi_square_bounds(1.0, 2.0 / (k * each.count), miss)
-        result.append(_check(f'NIS of {name} / {k}', 1.0, each.nis, low, high))
-        bound = whiteness_bound(each.count, k, miss)
-        result.append(_check(f'whiteness of {name}', 0.0, each.whiteness, -bound, bound))
-    for name, each in numbers.items():
-        share = each.dropped / each.received if each.received >= _LEAST else 0.0
+        low, high = chi_square_bounds(1.0, 2.0 / (k * stats.count), miss)
+        result.append(_check(f'NIS of {name} / {k}', 1.0, stats.nis, low, high))
+        bound = whiteness_bound(stats.count, k, miss)
+        result.append(_check(f'whiteness of {name}', 0.0, stats.whiteness, -bound, bound))
+    for name, stats in numbers.items():
+        share = stats.dropped / stats.received if stats.received >= _LEAST else 0.0
         if share > _MOST_DROPPED:
             result.append(_check(f'dropped of {name}', 0.0, share, 0.0, _MOST_DROPPED))
-    if found is not None:
+    if error is not None:
         n = replayed.scenario.model.state.size
-        low, high = chi_square_bounds(1.0, 2.0 / (n * found.independent), miss)
-        result.append(_check(f'NEES / {n}', 1.0, found.nees, low, high))
+        low, high = chi_square_bounds(1.0, 2.0 / (n * error.independent), miss)
+        result.append(_check(f'NEES / {n}', 1.0, error.nees, low, high))
     return result
 
 
 def unjudged(replayed: Replayed) -> dict[str, int]:
-    """Return the sensors with too few innovations to judge, and how many they have."""
+    """Return the sensors with too few innovations to judge, with their numbers of innovations."""
     return {
         name: statistics(sensor).count
         for name, sensor in replayed.sensors.items()
@@ -205,10 +207,10 @@ def _check(name: str, expected: float, measured: float, low: float, high: float)
 
 
 def largest_change(replayed: Replayed) -> tuple[str, float, float, float] | None:
-    """Return where smoothing changed the estimate most, in standard deviations.
+    """Return the largest change of the estimate by smoothing, in standard deviations.
 
-    That is the state, the time in seconds, the change, and the change in standard deviations of
-    the filter; None if nothing was smoothed.
+    The result is the state, the time in seconds, the change, and the change in standard deviations
+    of the filter; it is None if nothing was smoothed.
     """
     smoothed, beliefs = replayed.smoothed, replayed.beliefs
     if smoothed is None or not len(smoothed.time) or not len(beliefs.time):

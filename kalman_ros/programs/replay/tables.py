@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a replay prints, and the same for machines."""
+"""Results of a replay as a table and sentences for the terminal, and as JSON."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def _cell(value: float, scale: float = 1.0) -> str:
 
 
 def sensor_sheet(replayed: Replayed) -> Sheet:
-    """Return the numbers of each sensor, a row each."""
-    found = [statistics(sensor) for sensor in replayed.sensors.values()]
+    """Return the statistics of the sensors, one row for each sensor."""
+    rows = [statistics(sensor) for sensor in replayed.sensors.values()]
 
     def column(title: str, name: str, scale: float = 1.0) -> tuple[str, list[str]]:
-        return title, [_cell(getattr(each, name), scale) for each in found]
+        return title, [_cell(getattr(row, name), scale) for row in rows]
 
     def count(title: str, name: str) -> tuple[str, list[str]]:
-        return title, [str(getattr(each, name)) for each in found]
+        return title, [str(getattr(row, name)) for row in rows]
 
     return Sheet(
         list(replayed.sensors),
@@ -46,7 +46,7 @@ def sensor_sheet(replayed: Replayed) -> Sheet:
 
 
 def sentences(replayed: Replayed, errors: Errors | None) -> Iterator[str]:
-    """Yield what else there is to say, line by line."""
+    """Yield the outcomes of readings, restarts, notes, smoothing and errors, line by line."""
     for name, sensor in replayed.sensors.items():
         for outcome, number in sensor.counts.items():
             if number and outcome.name != 'FUSED':
@@ -61,18 +61,18 @@ def sentences(replayed: Replayed, errors: Errors | None) -> Iterator[str]:
         state, time, size, sigmas = change
         yield f'Smoothing changed {state} most: by {size:.3g} ({sigmas:.2g} sigma) at {time:.4g} s'
     if replayed.truth is not None:
-        yield from _of_truth(replayed, errors)
+        yield from _truth_sentences(replayed, errors)
 
 
 def claim(replayed: Replayed) -> str:
-    """Return what a replay shows that passes all checks."""
+    """Return the claim of a replay that passes all checks."""
     few = ', '.join(f'{name} ({count})' for name, count in unjudged(replayed).items())
     if not few:
         return 'The filter is consistent.'
     return f'what could be judged is consistent; too few innovations of {few}'
 
 
-def _of_truth(replayed: Replayed, errors: Errors | None) -> Iterator[str]:
+def _truth_sentences(replayed: Replayed, errors: Errors | None) -> Iterator[str]:
     if errors is None:
         yield 'The truth is not known at the time of any estimate.'
         return
@@ -86,8 +86,8 @@ def _of_truth(replayed: Replayed, errors: Errors | None) -> Iterator[str]:
 def summary(
     replayed: Replayed, errors: Errors | None, checks: list[Check], passed: bool
 ) -> dict[str, Any]:
-    """Return everything for ``summary.json``."""
-    found: dict[str, Any] = {
+    """Return all results for ``summary.json``."""
+    result: dict[str, Any] = {
         'duration': replayed.duration,
         'lockstep': replayed.lockstep,
         'estimates': len(replayed.beliefs.time),
@@ -97,7 +97,7 @@ def summary(
         'passed': passed,
         'sensors': {
             name: {
-                **_plain(statistics(sensor)),
+                **_statistics_json(statistics(sensor)),
                 'outcomes': {outcome.name: n for outcome, n in sensor.counts.items() if n},
                 'undecodable': sensor.undecodable,
             }
@@ -109,7 +109,7 @@ def summary(
     }
     if errors is not None:
         names = replayed.scenario.model.state.names
-        found['truth'] = {
+        result['truth'] = {
             'rms': dict(zip(names, errors.rms.tolist())),
             'nees': plain(errors.nees),
             'ate': plain(errors.ate),
@@ -117,11 +117,11 @@ def summary(
         }
     change = largest_change(replayed)
     if change is not None:
-        found['smoothing'] = dict(zip(('state', 'time', 'change', 'sigmas'), change))
-    return found
+        result['smoothing'] = dict(zip(('state', 'time', 'change', 'sigmas'), change))
+    return result
 
 
-def _plain(numbers: SensorStatistics) -> dict[str, Any]:
+def _statistics_json(numbers: SensorStatistics) -> dict[str, Any]:
     return {
         name: value if isinstance(value, int) else plain(value)
         for name, value in asdict(numbers).items()

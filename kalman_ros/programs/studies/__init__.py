@@ -17,7 +17,7 @@ from kalman_ros.analysis.checks import MISS, Check
 from kalman_ros.control.separation import Expectation
 from kalman_ros.estimators.consistency import chi_square_bounds
 
-#: In the order of the argument.
+#: Names of the studies, in the order of the argument.
 STUDIES = (
     'modes',
     'stability',
@@ -53,9 +53,9 @@ class Findings:
     Parameters
     ----------
     checks
-        Measured and predicted numbers.
+        Comparisons of measured and predicted numbers.
     draw
-        Draws the picture to a path.
+        Function that draws the picture to a path.
     data
         Further contents of ``summary.json``.
     """
@@ -66,13 +66,13 @@ class Findings:
 
 
 def close(name: str, unit: str, expected: float, measured: float, tolerance: float) -> Check:
-    """Return the comparison of a number with a prediction that holds within ``tolerance``."""
+    """Compare a number with a prediction that holds within ``tolerance``."""
     low, high = expected - tolerance, expected + tolerance
     return Check(name, unit, expected, measured, low, high, bool(low <= measured <= high))
 
 
 def between(name: str, unit: str, low: float, measured: float, high: float) -> Check:
-    """Return the comparison of a number with bounds, without a prediction."""
+    """Compare a number with bounds, without a prediction."""
     return Check(name, unit, np.nan, measured, low, high, bool(low <= measured <= high))
 
 
@@ -85,7 +85,7 @@ def mean_square(
     *,
     root: bool = False,
 ) -> Check:
-    """Return the comparison of a mean square, or its root, with its scatter over runs."""
+    """Compare a mean square, or its root, with its scatter over runs."""
     low, high = chi_square_bounds(expected.mean, expected.std**2, miss)
     passed = bool(low <= measured <= high)
     numbers = np.array([expected.mean, measured, low, high])

@@ -75,16 +75,17 @@ def _theory(noise: float, weight: float) -> LqgTheory:
 
 
 def _point(run: Run, noise: float, weight: float, seconds: float) -> Point:
-    """Continue until the loop has settled, then for ``seconds``, and return those."""
+    """Run until the loop has settled, then for ``seconds``; return the latter part."""
     settled = run.elapsed + _theory(noise, weight).settling_time
     run.advance(settled - run.elapsed + seconds)
-    found = run.trajectory()
-    part = found.time > settled
+    trajectory = run.trajectory()
+    part = trajectory.time > settled
     return Point(
         noise, weight,
         Trajectory(
-            found.time[part], found.truth[part], found.estimate[part], found.covariance[part],
-            found.input[part], found.readings, found.innovations,
+            trajectory.time[part], trajectory.truth[part], trajectory.estimate[part],
+            trajectory.covariance[part], trajectory.input[part], trajectory.readings,
+            trajectory.innovations,
         ),
     )  # fmt: skip
 

@@ -35,7 +35,7 @@ from .systems import linear
 FACTORS = (1 / 30, 1.0, 30.0)
 RATE = 20.0
 SECONDS, SETTLED = 25.0, 5.0
-#: The allowed difference from a `Run` over topics, due to rounding.
+#: Allowed difference from a `Run` over topics, due to rounding.
 SAME = 1e-9
 
 
@@ -113,8 +113,8 @@ def _gap(expected: Trajectory, kind: str, factor: float) -> float:
     only: Mapping[str, Any] = {node: system(**{kind: factor})}
     with StudyRun(system(), only=only, seed=0, nodes=('estimator', 'controller', 'plant')) as run:
         run.advance(SECONDS)
-        found = run.trajectory()
-    pairs = ((found.truth, expected.truth), (found.input, expected.input))
+        trajectory = run.trajectory()
+    pairs = ((trajectory.truth, expected.truth), (trajectory.input, expected.input))
     return max(float(np.max(np.abs(a[: len(b)] - b[: len(a)]))) for a, b in pairs)
 
 
@@ -131,14 +131,14 @@ def _checks(real: Scenario, variants: Sequence[Variant]) -> list[Any]:
     measured = float(best.costs.mean())
     passed = bool(low <= measured <= high)
     checks.append(Check('cost of LQG', '1/s', least_cost(real), measured, low, high, passed))
-    for found in variants:
-        if found.factor == 1.0:
+    for variant in variants:
+        if variant.factor == 1.0:
             continue
-        more = found.costs - best.costs
+        more = variant.costs - best.costs
         # 4.5 standard errors of the differences: a correct one fails in 1e-4 with 40 runs
         tolerance = 4.5 * float(more.std(ddof=1) / np.sqrt(n))
-        expected = found.expected - best.expected
-        name = f'{found.kind} for x{found.factor:g}: costs more by'
+        expected = variant.expected - best.expected
+        name = f'{variant.kind} for x{variant.factor:g}: costs more by'
         checks.append(close(name, '1/s', expected, float(more.mean()), tolerance))
     return checks
 
@@ -148,16 +148,17 @@ def _draw(variants: Sequence[Variant], path: Path) -> None:
 
     with picture(path, 1, 2, (9.0, 3.4)) as (figure, (axes,)):
         for axis, kind, colour in zip(axes, 'KL', (INPUT, ESTIMATE)):
-            of = [found for found in variants if kind == found.kind or found.factor == 1.0]
+            of = [variant for variant in variants if kind == variant.kind or variant.factor == 1.0]
             fine = np.geomspace(FACTORS[0], FACTORS[-1], 41)
             real = scenarios.build(system())
             curve = [
                 expected_cost(real, scenarios.build(system(**{kind: f}))) for f in fine.tolist()
             ]
             axis.plot(fine, curve, color=colour, lw=1.2, label='theory')
-            error = [2 * found.costs.std(ddof=1) / np.sqrt(len(found.costs)) for found in of]
+            error = [2 * variant.costs.std(ddof=1) / np.sqrt(len(variant.costs)) for variant in of]
             axis.errorbar(
-                [found.factor for found in of], [found.costs.mean() for found in of], error,
+                [variant.factor for variant in of], [variant.costs.mean() for variant in of],
+                error,
                 fmt='o', color=TRUTH, ms=4, capsize=3, label='measured, 2 standard errors',
             )  # fmt: skip
             axis.set_xscale('log')

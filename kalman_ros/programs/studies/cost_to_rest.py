@@ -11,7 +11,7 @@ from kalman_ros.core import Array, Transition
 
 from .stationary import SIGMAS
 
-#: The relative rounding error of a sum of thousands of products.
+#: Relative rounding error of a sum of thousands of products.
 ROUNDING = 1e-9
 
 

@@ -51,9 +51,13 @@ def study(size: float = 1.0) -> Findings:
     nodes = ('estimator', 'controller', 'plant')
     with StudyRun(SYSTEM, nodes=nodes, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
         run.advance(SECONDS)
-        found = run.trajectory()
-    checks = [*_along_checks(found), *_cross_checks(found), *_distance_checks(found)]
-    return Findings(checks, lambda path: _draw(found, path))
+        trajectory = run.trajectory()
+    checks = [
+        *_along_checks(trajectory),
+        *_cross_checks(trajectory),
+        *_distance_checks(trajectory),
+    ]
+    return Findings(checks, lambda path: _draw(trajectory, path))
 
 
 def _cost(state: Array, cross: Array) -> Cost:
@@ -61,7 +65,7 @@ def _cost(state: Array, cross: Array) -> Cost:
 
 
 def _along_checks(run: Trajectory) -> list[Check]:
-    """Compare the carts with and without q_xv, and what each pays."""
+    """Compare the carts with and without q_xv, and their costs."""
     paths = [run.truth[:, part] for part in (PLAIN, WITH_XV)]
     gap = float(np.abs(paths[0] - paths[1]).max())
     one = plant(carts(1, [0.0, 1e-20], 0.01, 1.0 / DT))
@@ -78,7 +82,7 @@ def _along_checks(run: Trajectory) -> list[Check]:
 
 
 def _cross_checks(run: Trajectory) -> list[Check]:
-    """Compare the third cart with the regulator of N, and its price with that of the first."""
+    """Compare the third cart with the regulator of N, and its cost with the first cart's."""
     one = plant(carts(1, [0.0, 1e-20], 0.01, 1.0 / DT))
     with_n = _cost(np.eye(2), np.array([[CROSS], [0.0]]))
     step, K = one.sampled(DT), sampled_lqr(one, with_n, DT).gain

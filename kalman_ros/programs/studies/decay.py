@@ -24,7 +24,7 @@ from .systems import CART_READING, cart, plant
 
 POLES = (-2.0, -5.0)
 DT, NOISE = 0.02, 0.1
-#: Of process noise and of an exact sensor: so little that it does not count.
+#: Noise of the process and of an exact sensor, so small that it does not count.
 TINY = 1e-12
 START = np.array([10.0, 10.0])
 #: Seconds with the exact sensor, and until the noise has filled the observer.
@@ -42,12 +42,12 @@ def study(size: float = 1.0) -> Findings:
         run.advance(EXACT)
         run.set_parameter('reading.noise', [NOISE])
         run.advance(FILLED + 37.0 * size)
-        found = run.trajectory()
-    return Findings(_checks(found), lambda path: _draw(found, path))
+        trajectory = run.trajectory()
+    return Findings(_checks(trajectory), lambda path: _draw(trajectory, path))
 
 
 def _theory() -> Stationary:
-    """Return the error of the observer, whose readings correct by L DT each."""
+    """Return the error of the observer, in which each reading corrects by L DT."""
     system = plant(CART)
     L = place_observer(system.A, CART_READING, POLES).gain * DT
     return estimation_error(system.sampled(DT), CART_READING, np.array([[NOISE**2]]), L)
@@ -73,8 +73,8 @@ def _checks(run: Trajectory) -> list[Check]:
 
 def _rates(poles: ComplexArray) -> list[float]:
     """Return the real parts of sampled poles in 1/s, the slowest first."""
-    found: list[float] = sorted(continuous_poles(poles, DT).real.tolist(), reverse=True)
-    return found
+    rates: list[float] = sorted(continuous_poles(poles, DT).real.tolist(), reverse=True)
+    return rates
 
 
 def _draw(run: Trajectory, path: Path) -> None:

@@ -32,12 +32,12 @@ from .systems import linear
 
 A, B, C = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
 ONES = np.ones((2, 2))
-#: Of the loop, in Hz: for costs, and a lower one for margins.
+#: Rates of the loop in Hz: for costs, and a lower one for margins.
 RATE, SLOW = 100.0, 25.0
 NODES = ('estimator', 'controller', 'plant')
-#: q and sigma.
+#: Value of q and of sigma.
 STRENGTH = 1.0
-#: A run for margins has this much less noise, with the same gains.
+#: Scale of the noise in a run for margins; the gains are the same.
 SMALL = 1e-8
 
 
@@ -52,14 +52,14 @@ def study(size: float = 1.0) -> Findings:
             trial(run, 'actuator_gain', 1.0 + share * (upper - 1.0), seconds)
             for share in (0.5, 1.5)
         )
-        found, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.04, seconds)
-    fates = float(inside.rate < 0.0 < outside.rate)
+        boundary, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.04, seconds)
+    outcomes = float(inside.rate < 0.0 < outside.rate)
     checks += [
         # of the margin beyond 1: the search stops within 0.3 %
-        close('LQG: gain over topics', '', upper, found, 0.1 * (upper - 1.0)),
-        close('stable half way to it, unstable half as far again', '', 1.0, fates, 0.0),
+        close('LQG: gain over topics', '', upper, boundary, 0.1 * (upper - 1.0)),
+        close('stable half way to it, unstable half as far again', '', 1.0, outcomes, 0.0),
     ]
-    return Findings(checks, lambda path: _draw((inside, outside), (upper, found), path))
+    return Findings(checks, lambda path: _draw((inside, outside), (upper, boundary), path))
 
 
 def system(
@@ -86,8 +86,8 @@ def measured_cost(seconds: float, strength: float, **others: Any) -> Check:
     settled = expected.settling_time
     with StudyRun(parameters, nodes=NODES) as run:
         run.advance(settled + seconds)
-        found = run.trajectory()
-    z = np.hstack((found.truth, found.input))[found.time >= settled]
+        trajectory = run.trajectory()
+    z = np.hstack((trajectory.truth, trajectory.input))[trajectory.time >= settled]
     weight = expected.cost.weight
     value = float(np.mean(np.einsum('ki,ij,kj->k', z, weight, z))) * RATE
     average = expected.loop.average(expected.loop.cost_weight(expected.cost)[None], len(z))[0]
@@ -121,18 +121,18 @@ def _draw(sides: tuple[Trial, Trial], boundaries: tuple[float, float], path: Pat
     from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, picture
 
     strengths: Array = np.asarray(np.geomspace(0.1, 1e4, 60), dtype=float)
-    found = [continuous_margins(strength) for strength in strengths.tolist()]
+    pairs = [continuous_margins(strength) for strength in strengths.tolist()]
     with picture(path, 1, 2, (9.0, 3.3)) as (_, ((axis, sizes),)):
         axis.plot(
-            strengths, [lqg.upper_gain.value - 1.0 for _, lqg in found],
+            strengths, [lqg.upper_gain.value - 1.0 for _, lqg in pairs],
             color=ESTIMATE, label='LQG: more gain',
         )  # fmt: skip
         axis.plot(
-            strengths, [1.0 - lqg.lower_gain.value for _, lqg in found], '--',
+            strengths, [1.0 - lqg.lower_gain.value for _, lqg in pairs], '--',
             color=ESTIMATE, label='LQG: less gain',
         )  # fmt: skip
         axis.plot(
-            strengths, [1.0 - known.lower_gain.value for known, _ in found], '--',
+            strengths, [1.0 - known.lower_gain.value for known, _ in pairs], '--',
             color=TRUTH, label='LQR: less gain',
         )  # fmt: skip
         axis.axhline(0.5, color=READING, lw=3, alpha=0.5, zorder=0, label='guarantee for LQR')

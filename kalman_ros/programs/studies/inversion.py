@@ -27,10 +27,10 @@ from .systems import CART_READING, cart, plant
 DT, NOISE = 0.02, 0.1
 CART = cart([0.0, 0.1], NOISE, 1.0 / DT, enabled=False)
 CURRENTS = {'model': 'current_sensors', 'rate': 1.0 / DT, 'currents.rate': 1.0 / DT}
-#: The coefficients of each sensor for (i_m, i_t), and its noise: as in the model.
+#: Coefficients of each sensor for (i_m, i_t), and its noise, as in the model.
 CURRENTS_READING = np.array([[1.0, 1.0], [0.0, 1.0]])
 CURRENTS_NOISE = np.diag([0.5**2, 0.3**2])
-#: Seconds in which a filter forgets its start: over ten time constants of the slower one.
+#: Seconds in which a filter forgets its start: over ten time constants of the slower filter.
 SETTLED = 6.0
 
 
@@ -45,7 +45,7 @@ class Watched:
 
     @property
     def error(self) -> Array:
-        """Of the estimate (N, n)."""
+        """Error of the estimate (N, n)."""
         return self.truth - self.estimate
 
 
@@ -59,11 +59,11 @@ def study(size: float = 1.0) -> Findings:
 def _watch(parameters: dict[str, Any], size: float) -> Watched:
     with StudyRun(parameters) as run:
         run.advance(SETTLED + 40.0 * size)
-        found = run.trajectory()
-    (readings,) = found.readings.values()
-    at = np.searchsorted(readings.time, found.time - 0.5 * DT)
-    whole = (found.time, found.truth, found.estimate, readings.values[at])
-    return Watched(*(each[found.time > SETTLED] for each in whole))
+        trajectory = run.trajectory()
+    (readings,) = trajectory.readings.values()
+    at = np.searchsorted(readings.time, trajectory.time - 0.5 * DT)
+    whole = (trajectory.time, trajectory.truth, trajectory.estimate, readings.values[at])
+    return Watched(*(column[trajectory.time > SETTLED] for column in whole))
 
 
 def _inverted(C: Array, readings: Array) -> Array:
@@ -72,7 +72,7 @@ def _inverted(C: Array, readings: Array) -> Array:
 
 
 def _filtered(step: Transition, C: Array, R: Array) -> Stationary:
-    """Return the error of the Kalman filter, by Riccati's equation."""
+    """Return the error of the Kalman filter, by the Riccati equation."""
     return estimation_error(step, C, R, dlqe(step.F, C, step.Q, R).gain)
 
 
@@ -92,13 +92,13 @@ def _place_checks(cart: Watched) -> list[Check]:
     system = plant(CART)
     step, C, R = system.sampled(DT), CART_READING, np.array([[NOISE**2]])
     rank = float(np.linalg.matrix_rank(C.T @ C))
-    found = float(observed(system.A, C).sum())
+    seen = float(observed(system.A, C).sum())
     moved = float(np.abs(_inverted(C, cart.readings)[:, 1]).max())
     quotient = np.diff(cart.readings[:, 0]) / DT
     filtered = _filtered(step, C, R)
     return [
         close("cart: rank of C'C, of 2", '', 1.0, rank, 0.0),
-        close('cart: states seen over time', '', 2.0, found, 0.0),
+        close('cart: states seen over time', '', 2.0, seen, 0.0),
         close('cart: largest v by least squares', 'm/s', 0.0, moved, 0.0),
         _difference_error(step, NOISE**2).rms(
             'RMS error of v, differences', 'm/s', 0, quotient - cart.truth[1:, 1]
@@ -109,7 +109,7 @@ def _place_checks(cart: Watched) -> list[Check]:
 
 
 def _current_checks(currents: Watched) -> list[Check]:
-    """Return the errors of the inverse and of the filter, of each current."""
+    """Compare the errors of the inverse and of the filter with theory, for each current."""
     step, C, R = plant(CURRENTS).sampled(DT), CURRENTS_READING, CURRENTS_NOISE
     inverse = np.linalg.inv(C)
     errors = {
@@ -117,8 +117,10 @@ def _current_checks(currents: Watched) -> list[Check]:
         'filter': (_filtered(step, C, R), currents.estimate),
     }
     return [
-        theory.rms(f'RMS error of {name}, {way}', 'A', index, (currents.truth - found)[:, index])
-        for way, (theory, found) in errors.items()
+        theory.rms(
+            f'RMS error of {name}, {way}', 'A', index, (currents.truth - estimate)[:, index]
+        )
+        for way, (theory, estimate) in errors.items()
         for index, name in enumerate(('i_m', 'i_t'))
     ]
 

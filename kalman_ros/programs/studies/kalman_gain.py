@@ -25,21 +25,21 @@ from .study_run import StudyRun
 from .systems import linear, plant
 
 DT, SETTLED = 0.05, 20.0
-#: Each level moves by dx/dt = -DECAY x + w, with w of this density.
+#: Each level moves by dx/dt = -DECAY x + w, where w has this density.
 DECAY, DENSITY = 0.5, 1.0
 #: Variance of a reading over the variance Q that the noise adds in a step.
 RATIOS = np.array([1e-3, 1e-1, 1e1, 1e3, 1e5])
-#: The relative distance of a gain from its limit by then: errors decay at least like the level.
+#: Relative distance of a settled gain from its limit: errors decay at least like the level.
 CONVERGED = float(np.exp(-2.0 * DECAY * SETTLED))
 
 
 def levels(deviations: Sequence[float], **others: Any) -> dict[str, Any]:
     """Return the parameters of levels with these standard deviations of the readings."""
-    each = np.eye(len(deviations))
-    states = {f'x{index}': '' for index in range(len(each))}
-    density = np.full(len(each), DENSITY)
+    identity = np.eye(len(deviations))
+    states = {f'x{index}': '' for index in range(len(identity))}
+    density = np.full(len(identity), DENSITY)
     return linear(
-        states, -DECAY * each, each, density, each, deviations,
+        states, -DECAY * identity, identity, density, identity, deviations,
         rate=1.0 / DT, reading__rate=1.0 / DT, **others,
     )  # fmt: skip
 
@@ -53,9 +53,9 @@ def study(size: float = 1.0) -> Findings:
     R = RATIOS * STEP.Q[0, 0]
     with StudyRun(levels(np.sqrt(R).tolist(), enabled=False)) as run:
         run.advance(SETTLED + 180.0 * size)
-        found = run.trajectory()
-    gains, variances = _gains(found), found.covariance[-1].diagonal()
-    error = (found.truth - found.estimate)[found.time > SETTLED]
+        trajectory = run.trajectory()
+    gains, variances = _gains(trajectory), trajectory.covariance[-1].diagonal()
+    error = (trajectory.truth - trajectory.estimate)[trajectory.time > SETTLED]
     checks: list[Check] = []
     for index, ratio in enumerate(RATIOS):
         checks += _checks(ratio, gains[index], variances[index], error[:, index])
@@ -118,12 +118,15 @@ def _draw(gains: Array, squares: Array, path: Path) -> None:
     designs = [_design(ratio) for ratio in ratios]
     alone = float(Stationary(STEP.F, STEP.Q).covariance[0, 0])
     with picture(path, 1, 2, (8.0, 3.2)) as (_, ((gain, variance),)):
-        gain.semilogx(ratios, [each.gain[0, 0] for each in designs], color=TRUTH)
+        gain.semilogx(ratios, [design.gain[0, 0] for design in designs], color=TRUTH)
         gain.semilogx(RATIOS, gains, 'o', color=ESTIMATE)
         gain.set_ylabel('gain L [1]')
         gain.set_title('The weight of a reading')
         variance.loglog(
-            ratios, [each.covariance[0, 0] for each in designs], color=TRUTH, label='by Riccati'
+            ratios,
+            [design.covariance[0, 0] for design in designs],
+            color=TRUTH,
+            label='by Riccati',
         )
         variance.loglog(RATIOS, squares, 'o', color=ESTIMATE, label='measured')
         variance.loglog(ratios, ratios * STEP.Q[0, 0], '--', color=READING, label='readings alone')

@@ -77,7 +77,7 @@ def average(
     weight
         M (n + m, n + m).
     steps
-        The number of steps averaged over.
+        Number of steps in the average.
     believed
         The system assumed by the estimator, if different.
     """

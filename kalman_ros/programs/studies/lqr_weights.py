@@ -34,7 +34,7 @@ DT, DURATION = 0.02, 20.0
 #: Process noise, which sets the tolerances; noise of the reading, which is unused.
 CART = ([1e-12, 1e-12], 0.01, 1.0 / DT)
 PLANT = plant(cart(*CART))
-#: Of x^2 and of u^2 over a sample, as the input is held.
+#: Costs that integrate x^2 and u^2 over a sample, in which the input is held.
 INTEGRALS = tuple(
     sampled_cost(PLANT, Cost(np.diag([1.0 - k, 0.0]), np.array([[k]]), np.zeros((2, 1))), DT)
     for k in (0.0, 1.0)
@@ -57,7 +57,7 @@ class Point:
 
     @property
     def checks(self) -> list[Check]:
-        """Both integrals compared with theory."""
+        """Comparisons of both integrals with theory."""
         names = (('x^2', 'm^2 s'), ('u^2', 'm^2/s^3'))
         return [
             close(f'{name}, {self.name}', unit, *numbers)
@@ -67,7 +67,7 @@ class Point:
 
 def study(size: float = 1.0) -> Findings:
     """Run the carts for 20 s each."""
-    curve = _weighed()
+    curve = _optimal_points()
     placed = [_placed(poles) for poles in PLACED[: max(1, round(len(PLACED) * size))]]
     points = [*curve, *placed]
     checks = [check for point in points for check in point.checks]
@@ -75,27 +75,27 @@ def study(size: float = 1.0) -> Findings:
         # the least cost by Riccati's equation, for the weight most favourable to the point
         excess = min(point.cost(R) / _least(R) for R in WEIGHTS)
         checks.append(between(f'cost / least, {point.name}', '', 1.0, excess, np.inf))
-    own = [min(points, key=lambda p: p.cost(R)) is point for R, point in zip(WEIGHTS, curve)]
+    cheapest = [min(points, key=lambda p: p.cost(R)) is point for R, point in zip(WEIGHTS, curve)]
     checks.append(
-        close('weights whose own gain costs least', '', len(WEIGHTS), float(sum(own)), 0.0)
+        close('weights whose own gain costs least', '', len(WEIGHTS), float(sum(cheapest)), 0.0)
     )
     data = {'points': {point.name: point.measured.tolist() for point in points}}
     return Findings(checks, lambda path: _draw(curve, placed, path), data)
 
 
-def _weighed() -> list[Point]:
-    """Return the cost of each weight, from one run."""
+def _optimal_points() -> list[Point]:
+    """Return the cost of the optimal gain of each weight, from one run."""
     count = len(WEIGHTS)
     weights: dict[str, Any] = {'state_cost': [1.0, 0.0] * count, 'input_cost': [*WEIGHTS]}
     start = START.tolist() * count
     system = carts(count, *CART, initial_state=start, **weights)
     with StudyRun(system, remaps=ON_TRUTH) as run:
         run.advance(DURATION)
-        found = run.trajectory()
+        trajectory = run.trajectory()
     # z = (x, u) of each cart, samples first
-    x, u = found.truth.reshape(-1, count, 2), found.input.reshape(-1, count, 1)
+    x, u = trajectory.truth.reshape(-1, count, 2), trajectory.input.reshape(-1, count, 1)
     z = np.concatenate((x, u), axis=2).swapaxes(0, 1)
-    return [_point(f'R = {R:g}', _optimal(R).gain, each) for R, each in zip(WEIGHTS, z)]
+    return [_point(f'R = {R:g}', _optimal(R).gain, samples) for R, samples in zip(WEIGHTS, z)]
 
 
 def _placed(poles: tuple[complex, complex]) -> Point:
@@ -104,9 +104,11 @@ def _placed(poles: tuple[complex, complex]) -> Point:
     law = {'law': 'placement', 'regulator_poles': real, 'regulator_frequencies': imaginary}
     with StudyRun(cart(*CART, initial_state=START.tolist(), **law), remaps=ON_TRUTH) as run:
         run.advance(DURATION)
-        found = run.trajectory()
+        trajectory = run.trajectory()
     gain = sampled_place(PLANT.A, PLANT.B, poles, DT).gain
-    return _point(f's = {describe(np.array(poles))}', gain, np.hstack((found.truth, found.input)))
+    return _point(
+        f's = {describe(np.array(poles))}', gain, np.hstack((trajectory.truth, trajectory.input))
+    )
 
 
 def _optimal(weight: float) -> LqrDesign:
@@ -120,7 +122,7 @@ def _least(weight: float) -> float:
 
 def _point(name: str, gain: Array, z: Array) -> Point:
     """Return the integrals along recorded z = (x, u) (N, 3), and those predicted for a gain."""
-    measured = [float(np.einsum('ki,ij,kj->', z, each.weight, z)) for each in INTEGRALS]
+    measured = [float(np.einsum('ki,ij,kj->', z, integral.weight, z)) for integral in INTEGRALS]
     expected, tolerance = _theory(gain, len(z))
     return Point(name, np.array(measured), expected, tolerance)
 
@@ -128,7 +130,9 @@ def _point(name: str, gain: Array, z: Array) -> Point:
 def _theory(gain: Array, steps: int) -> tuple[Array, Array]:
     """Return the integrals of x^2 and of u^2 under a gain, and their tolerances."""
     step = PLANT.sampled(DT)
-    expected, tolerance = zip(*(price(step, gain, each, START, steps) for each in INTEGRALS))
+    expected, tolerance = zip(
+        *(price(step, gain, integral, START, steps) for integral in INTEGRALS)
+    )
     return np.array(expected), np.array(tolerance)
 
 

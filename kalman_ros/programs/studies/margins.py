@@ -25,7 +25,7 @@ from .systems import linear
 #: The noise is smaller than the estimator's by this factor; its gain is the same.
 SMALL = 1e-10
 LOOPS = {'LQR': lqr_loop, 'LQG': lqg_loop}
-#: The start of each search, and its factor.
+#: Parameter of each search, its start and its factor.
 SEARCHES = {
     'gain, up': ('actuator_gain', 1.0, 1.5),
     'gain, down': ('actuator_gain', 1.0, 1 / 1.5),
@@ -49,20 +49,22 @@ def study(size: float = 1.0) -> Findings:
             for search, (parameter, start, factor) in SEARCHES.items():
                 run.set_parameter('actuator_gain', [1.0])  # reset after the last search
                 predicted = predict(system, name)[search]
-                found, trials[name, search] = stability_boundary(
+                boundary, trials[name, search] = stability_boundary(
                     run, parameter, start, factor, seconds
                 )
                 unit = 's' if search == 'delay' else ''
                 # the search stops within 0.1 %; the rest is for modes that are not yet gone
-                checks.append(close(f'{name}: {search}', unit, predicted, found, 0.01 * predicted))
+                checks.append(
+                    close(f'{name}: {search}', unit, predicted, boundary, 0.01 * predicted)
+                )
     return Findings(checks, lambda path: _draw(checks, trials, path))
 
 
 def predict(system: dict[str, Any], name: str) -> dict[str, float]:
     """Return the margins of a loop.
 
-    The delay is where the sampled loop with exactly that delay is at the boundary: a fractional
-    delay also smooths the input, which the delay margin of a fixed loop ignores.
+    The delay margin is the delay at which the sampled loop is at the stability boundary: a
+    fractional delay also smooths the input, which the delay margin of a fixed loop ignores.
     """
     scenario, loop = scenarios.build(system), LOOPS[name]
     known = margins(loop(scenario))
@@ -79,22 +81,22 @@ def _draw(checks: Sequence[Check], trials: dict[tuple[str, str], list[Trial]], p
 
     with picture(path, 1, 2, (9.5, 3.4)) as (_, ((sizes, rates),)):
         ladder = trials['LQG', 'delay']
-        for found in ladder[: 1 + next(i for i, t in enumerate(ladder) if t.rate > 0.0)]:
-            grows = found.rate > 0.0
-            sizes.plot(found.time, found.size, color=INPUT if grows else ESTIMATE, lw=0.9)
+        for trial in ladder[: 1 + next(i for i, t in enumerate(ladder) if t.rate > 0.0)]:
+            grows = trial.rate > 0.0
+            sizes.plot(trial.time, trial.size, color=INPUT if grows else ESTIMATE, lw=0.9)
             sizes.annotate(
-                f' {1000 * found.value:.0f} ms', (found.time[-1], found.size[-1]), fontsize=7
+                f' {1000 * trial.value:.0f} ms', (trial.time[-1], trial.size[-1]), fontsize=7
             )
         sizes.set_yscale('log')
         sizes.set_ylim(1e-6, 1e2)
         sizes.set_ylabel('norm of the state (log)')
         sizes.set_title('LQG with delayed input')
-        for check, found_in in zip(checks, trials.values()):
-            of = sorted(found_in, key=lambda found: found.value)
-            across = [found.value / check.expected for found in of]
+        for check, search in zip(checks, trials.values()):
+            of = sorted(search, key=lambda trial: trial.value)
+            across = [trial.value / check.expected for trial in of]
             loop, change = check.name.split(': ')
             rates.plot(
-                across, [found.rate for found in of], ('o' if loop == 'LQR' else 's') + '-',
+                across, [trial.rate for trial in of], ('o' if loop == 'LQR' else 's') + '-',
                 ms=3.5, lw=0.8, mfc='white' if loop == 'LQR' else None, label=check.name,
                 color={'gain, up': INPUT, 'gain, down': READING, 'delay': ESTIMATE}[change],
             )  # fmt: skip

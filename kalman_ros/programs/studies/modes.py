@@ -27,12 +27,12 @@ SPIRAL = np.array([[0.0, 1.0], [-(DECAY**2) - FREQUENCY**2, -2.0 * DECAY]])
 DEFECTIVE = np.array([[-1.0, 1.0], [0.0, -1.0]])
 SYSTEMS = {'node': NODE, 'spiral': SPIRAL, 'defective': DEFECTIVE}
 DT, STEPS, LATER = 0.01, 800, 2.0
-#: Of matrices with entries of order 1, after two hundred products.
+#: Rounding of matrices with entries of order 1, after two hundred products.
 ROUNDING = 1e-12
 
 
 def study(size: float = 1.0) -> Findings:
-    """Compare three ways to exp(A t); there is nothing to shorten."""
+    """Compare three ways to compute exp(A t); the size has no effect."""
     checks: list[Check] = []
     for name, A in SYSTEMS.items():
         moved = path(A, np.eye(2))[round(LATER / DT)].T

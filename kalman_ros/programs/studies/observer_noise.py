@@ -33,7 +33,7 @@ CART = ([0.0, 0.1], NOISE, 1.0 / DT)
 PLANT = plant(cart(*CART))
 STEP = PLANT.sampled(DT)
 START = np.array([100.0, 0.0])
-#: The remaining share of the start when the noise is evaluated.
+#: Remaining share of the start when the noise is evaluated.
 FORGOTTEN = 1e-6
 
 
@@ -48,13 +48,13 @@ class Observer:
 
     @property
     def pole(self) -> complex:
-        """The slowest pole of the error with this gain, in 1/s."""
+        """Slowest pole of the error with this gain, in 1/s."""
         poles = continuous_poles(eigenvalues(self.theory.matrix), DT)
         return complex(poles[np.argmax(poles.real)])
 
     @property
     def settled(self) -> Array:
-        """The errors after the start has decayed."""
+        """Errors after the start has decayed."""
         return self.error[round(np.log(FORGOTTEN) / self.pole.real / DT) :]
 
 
@@ -77,7 +77,7 @@ def study(size: float = 1.0) -> Findings:
 
 
 def _gain(speed: float) -> Array:
-    """Return the gain for each reading of a continuous observer: its share of L dt."""
+    """Return the gain L dt for each reading of a continuous observer."""
     return place_observer(PLANT.A, CART_READING, [-speed, -2.0 * speed]).gain * DT
 
 
@@ -90,8 +90,8 @@ def _run(name: str, gain: Array, options: Mapping[str, Any], duration: float) ->
     # the same seed each time: every observer has the same cart and the same readings
     with StudyRun(cart(*CART, initial_state=START.tolist(), enabled=False, **options)) as run:
         run.advance(duration)
-        found = run.trajectory()
-    return Observer(name, gain, found.truth - found.estimate, _theory(gain))
+        trajectory = run.trajectory()
+    return Observer(name, gain, trajectory.truth - trajectory.estimate, _theory(gain))
 
 
 def _theory(gain: Array) -> Stationary:
@@ -99,7 +99,7 @@ def _theory(gain: Array) -> Stationary:
 
 
 def _checks(observer: Observer) -> list[Check]:
-    """Return the decay of the start, and the remaining errors."""
+    """Compare the decay of the start and the remaining errors with theory."""
     fitted = fit(observer.error[:-1], observer.error[1:])
     index = int(np.argmax(np.abs(fitted.poles)))
     pole = continuous_poles(fitted.poles, DT)[index]
@@ -123,7 +123,7 @@ def _excess(observer: Observer, kalman: Observer) -> Check:
     count = min(len(observer.settled), len(kalman.settled))
     M = np.zeros((4, 4))
     M[:2, :2], M[2:, 2:] = observer.theory.matrix, kalman.theory.matrix
-    through = np.vstack([np.eye(2) - each.gain @ CART_READING for each in (observer, kalman)])
+    through = np.vstack([np.eye(2) - design.gain @ CART_READING for design in (observer, kalman)])
     gains = np.vstack((observer.gain, kalman.gain))
     noise = through @ STEP.Q @ through.T + NOISE**2 * gains @ gains.T
     weight = np.diag([1.0, 0.0, -1.0, 0.0])
@@ -150,7 +150,9 @@ def _draw(kalman: Observer, observers: Mapping[float, Observer], path: Path) -> 
         start.legend(loc='upper right')
         spread = [np.sqrt(_theory(_gain(speed)).covariance[0, 0]) for speed in speeds]
         noise.loglog(speeds, spread, color=TRUTH, label='by the Lyapunov equation')
-        measured = [np.sqrt(np.mean(each.settled[:, 0] ** 2)) for each in observers.values()]
+        measured = [
+            np.sqrt(np.mean(observer.settled[:, 0] ** 2)) for observer in observers.values()
+        ]
         noise.loglog([*observers], measured, 'o', color=ESTIMATE, label='measured')
         least = np.sqrt(np.mean(kalman.settled[:, 0] ** 2))
         noise.axhline(least, color=INPUT, label="Kalman's gain, measured")

@@ -29,16 +29,16 @@ from .study_run import StudyRun
 
 DT, TURN, END = 10.0, 900.0, 1800.0
 NOISE, FIRST = 0.026, 2000.0
-#: From the own ship, in m.
+#: Position of the buoy relative to the own ship, in m.
 BUOY = (-1000.0, 0.0)
-#: Of the own ship before the turn, in m/s, for the map.
+#: Velocity of the own ship before the turn in m/s, for the map.
 OWN_VELOCITY = np.array([2.5, 0.0])
 FIELDS = ('position[x]', 'position[y]', 'velocity[x]', 'velocity[y]')
 
 
 def system(sensors: Sequence[str] = ('bearing', 'buoy')) -> dict[str, Any]:
-    """Return the parameters with some of the bearings; the others are not used."""
-    each = {
+    """Return the parameters; the bearings that are not in ``sensors`` are disabled."""
+    options = {
         f'{name}.{key}': value
         for name, place in (('bearing', (0.0, 0.0)), ('buoy', BUOY))
         for key, value in {
@@ -53,7 +53,7 @@ def system(sensors: Sequence[str] = ('bearing', 'buoy')) -> dict[str, Any]:
         }.items()
     }
     return {
-        'model': 'bearing_tracker', 'rate': 1.0 / DT, 'sensors': ['bearing', 'buoy'], **each,
+        'model': 'bearing_tracker', 'rate': 1.0 / DT, 'sensors': ['bearing', 'buoy'], **options,
         'initial_std': [FIRST, FIRST, 2.0, 2.0], 'filter': 'gaussian_sum', 'enabled': False,
         # a pursuit that first turns across the line of sight
         'state_cost': [1e-9, 1e-11, 0.0, 0.0],
@@ -70,7 +70,7 @@ class Track:
 
 
 def study(size: float = 1.0) -> Findings:
-    """Track the ship for half an hour, which takes no longer than a part of it."""
+    """Track the ship for half an hour, at any size."""
     with StudyRun(
         system(), only={'estimator': {'buoy.enabled': False}}, also={'pair': 'estimator'},
         nodes=('estimator', 'controller', 'plant'), seed=2,
@@ -84,18 +84,18 @@ def study(size: float = 1.0) -> Findings:
         run.advance(TURN)
         run.call(SetBool, 'controller/enable', SetBool.Request(data=True))
         run.advance(END - TURN)
-        found = run.trajectory()
+        trajectory = run.trajectory()
         pair = [run.recorder[f'pair/{name}'].values for name in ('estimate', 'covariance')]
     one, two = (
-        posterior_cramer_rao(build(system(names)), found.truth, found.input)
+        posterior_cramer_rao(build(system(names)), trajectory.truth, trajectory.input)
         for names in (['bearing'], ['bearing', 'buoy'])
     )
-    n = len(found.time)
+    n = len(trajectory.time)
     tracks = {
-        'one': Track(found.estimate, found.covariance, one),
+        'one': Track(trajectory.estimate, trajectory.covariance, one),
         'two': Track(pair[0][:n], pair[1][:n].reshape(-1, 4, 4), two),
     }
-    return Findings(_checks(found, tracks), lambda path: _draw(found, tracks, path))
+    return Findings(_checks(trajectory, tracks), lambda path: _draw(trajectory, tracks, path))
 
 
 def range_std(truth: Array, covariance: Array) -> Array:
@@ -105,7 +105,7 @@ def range_std(truth: Array, covariance: Array) -> Array:
 
 
 def _checks(run: Trajectory, tracks: dict[str, Track]) -> list[Check]:
-    """Compare claimed deviations with the bound, and errors with what is claimed."""
+    """Compare claimed deviations with the bound, and errors with the claimed deviations."""
     truth, one, two = run.truth, tracks['one'], tracks['two']
     distance = np.linalg.norm(truth[:, :2], axis=1)
     before, last = round(TURN / DT), len(truth) - 1
@@ -121,9 +121,9 @@ def _checks(run: Trajectory, tracks: dict[str, Track]) -> list[Check]:
     for name, step, allowed in (
         ('one', before, 0.35), ('one', last, 0.35), ('two', before, 0.15), ('two', last, 0.15),
     ):  # fmt: skip
-        bound, found = float(bounds[name][step]), float(claimed[name][step])
+        bound, std = float(bounds[name][step]), float(claimed[name][step])
         when = 'before the turn' if step == before else 'in the end'
-        checks.append(close(f'{name}, {when}: sigma of range', 'm', bound, found, allowed * bound))
+        checks.append(close(f'{name}, {when}: sigma of range', 'm', bound, std, allowed * bound))
     for name, track in (('one', one), ('two', two)):
         off = np.linalg.norm(track.estimate[:, :2], axis=1) - distance
         worst = float(np.max(np.abs(off[1:]) / _ranges(run, track)[1:]))
@@ -142,7 +142,7 @@ def _ranges(run: Trajectory, track: Track) -> Array:
 
 
 def _own_path(run: Trajectory) -> Array:
-    """Return the place (N, 2) of the own ship, from its acceleration."""
+    """Return the position (N, 2) of the own ship, from its acceleration."""
     a = run.input[:-1]
     velocity = OWN_VELOCITY + np.vstack((np.zeros(2), np.cumsum(DT * a, axis=0)))
     moved = DT * velocity[:-1] + 0.5 * DT**2 * a
@@ -174,12 +174,12 @@ def _draw(run: Trajectory, tracks: dict[str, Track], path: Path) -> None:
         map_.set(aspect='equal', xlim=(-1.6, 2.6), ylim=(-0.6, 10.4))
         map_.legend(loc='upper left', fontsize=7)
         for name, track in tracks.items():
-            for covariance, style, what in (
+            for covariance, style, kind in (
                 (track.covariance, '-', 'claimed'), (track.bound, '--', 'bound'),
             ):  # fmt: skip
                 values = range_std(run.truth, covariance)
                 sigma.semilogy(run.time / 60.0, values, style, color=colours[name], lw=1.3,
-                               label=f'{labels[name]}, {what}')  # fmt: skip
+                               label=f'{labels[name]}, {kind}')  # fmt: skip
         sigma.axvline(TURN / 60.0, color=READING, lw=0.8)
         sigma.annotate(' turn', (TURN / 60.0, 14.0), fontsize=8)
         sigma.set(title='Uncertainty of the range', ylabel='sigma along the line of sight [m]',

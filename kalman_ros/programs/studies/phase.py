@@ -47,12 +47,12 @@ class Pairs:
 
     @property
     def margin(self) -> float:
-        """The measured angle without growth, in degrees."""
+        """Measured angle without growth, in degrees."""
         return float(np.interp(0.0, self.growth, self.angle))
 
 
 def study(size: float = 1.0) -> Findings:
-    """Run all pairs at once for 40 s, of which they need no less."""
+    """Run all pairs at once for 40 s, at any size."""
     loops = {mode: lqr_loop(build(_system([mode], [0.0], [1.0]))) for mode in MODES}
     angles = {
         mode: np.degrees(margins(loop).lag.value) + np.array(TURNS) for mode, loop in loops.items()
@@ -67,8 +67,8 @@ def study(size: float = 1.0) -> Findings:
     nodes = ('estimator', 'controller', 'plant')
     with StudyRun(believed, only={'plant': plant}, nodes=nodes, remaps=remaps) as run:
         run.advance(SECONDS)
-        found = _growth(run.trajectory()).reshape(len(MODES), -1)
-    pairs = [Pairs(mode, angles[mode], row, loops[mode]) for mode, row in zip(MODES, found)]
+        growth = _growth(run.trajectory()).reshape(len(MODES), -1)
+    pairs = [Pairs(mode, angles[mode], row, loops[mode]) for mode, row in zip(MODES, growth)]
     return Findings(_checks(pairs), lambda path: _draw(pairs, path))
 
 
@@ -93,15 +93,15 @@ def _growth(run: Trajectory) -> Array:
 
 
 def _checks(pairs: list[Pairs]) -> list[Check]:
-    """Compare the angles with the margin of the loop, and with what |1 + L| leaves."""
+    """Compare the angles with the margin of the loop, and with the margin that |1 + L| leaves."""
     checks = []
-    for each in pairs:
-        at = f'a dt = {each.mode * DT:g}'
-        computed = float(np.degrees(margins(each.loop).lag.value))
-        left = 2.0 * float(np.degrees(np.arcsin(0.5 * np.exp(-each.mode * DT))))
+    for pair in pairs:
+        at = f'a dt = {pair.mode * DT:g}'
+        computed = float(np.degrees(margins(pair.loop).lag.value))
+        left = 2.0 * float(np.degrees(np.arcsin(0.5 * np.exp(-pair.mode * DT))))
         checks += [
-            close(f'phase margin, {at}', 'deg', computed, each.margin, 0.05),
-            close(f'2 asin(exp(-a dt) / 2), {at}', 'deg', left, each.margin, 0.05),
+            close(f'phase margin, {at}', 'deg', computed, pair.margin, 0.05),
+            close(f'2 asin(exp(-a dt) / 2), {at}', 'deg', left, pair.margin, 0.05),
         ]
     return checks
 
@@ -115,15 +115,15 @@ def _draw(pairs: list[Pairs], path: Path) -> None:
         circle.plot(-1.0, 0.0, 'x', color=TRUTH, ms=8)
         rates.axhline(0.0, color=READING, lw=0.8)
         rates.axvline(GUARANTEE, color=TRUTH, lw=1.0, ls=':', label='60 degrees')
-        for each, colour in zip(pairs, (ESTIMATE, INPUT)):
-            label = f'a dt = {each.mode * DT:g}'
-            L = each.loop.response(np.geomspace(1e-2 * each.mode, np.pi / DT, 400))[:, 0, 0]
+        for pair, colour in zip(pairs, (ESTIMATE, INPUT)):
+            label = f'a dt = {pair.mode * DT:g}'
+            L = pair.loop.response(np.geomspace(1e-2 * pair.mode, np.pi / DT, 400))[:, 0, 0]
             circle.plot(L.real, L.imag, color=colour, label=label)
             fine = np.linspace(20.0, 64.0, 60)
-            rates.plot(fine, [_turned_growth(each.loop, a) / each.mode for a in fine],
+            rates.plot(fine, [_turned_growth(pair.loop, a) / pair.mode for a in fine],
                        color=colour, lw=1.0)  # fmt: skip
-            rates.plot(each.angle, each.growth / each.mode, 'o', color=colour, ms=4,
-                       label=f'{label}: {each.margin:.1f} degrees')  # fmt: skip
+            rates.plot(pair.angle, pair.growth / pair.mode, 'o', color=colour, ms=4,
+                       label=f'{label}: {pair.margin:.1f} degrees')  # fmt: skip
         circle.set(title='Nyquist: |1 + L| is constant', xlabel='Re L', ylabel='Im L',
                    aspect='equal')  # fmt: skip
         circle.legend(loc='lower right', fontsize=8)

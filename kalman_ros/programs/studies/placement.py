@@ -34,9 +34,9 @@ def study(size: float = 1.0) -> Findings:
     """Run the cart with each set of poles."""
     checks, runs, energies = [], {}, {}
     for speed in sorted(SPEEDS[: max(2, round(len(SPEEDS) * size))]):
-        found, speed_checks, energies[speed] = _at(speed)
+        trajectory, speed_checks, energies[speed] = _at(speed)
         checks += speed_checks
-        runs[speed] = found
+        runs[speed] = trajectory
     data = {'energy': {f'{speed:g}': list(pair) for speed, pair in energies.items()}}
     return Findings(checks, lambda path: _draw(runs, energies, path), data)
 
@@ -53,25 +53,25 @@ def _at(speed: float) -> tuple[Trajectory, list[Check], tuple[float, float]]:
     system = cart([1e-12, 1e-12], 0.01, 1.0 / DT, initial_state=START.tolist(), **options)
     with StudyRun(system, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
         run.advance(12.0 / speed)
-        found = run.trajectory()
+        trajectory = run.trajectory()
     believed = plant(system)
     step = believed.sampled(DT)
-    fitted = fit(found.truth[:-1], found.truth[1:])
+    fitted = fit(trajectory.truth[:-1], trajectory.truth[1:])
     upper = int(np.argmax(fitted.poles.imag))
     pole = continuous_poles(fitted.poles, DT)[upper]
     # s = log(z) / DT, so an error of z counts by 1 / (z DT)
     error = fitted.pole_deviations(step.Q)[upper] / abs(fitted.poles[upper]) / DT
     gain = sampled_place(believed.A, believed.B, [asked, asked.conjugate()], DT).gain
     squared = Cost(np.zeros((2, 2)), np.array([[DT]]), np.zeros((2, 1)))
-    expected, tolerance = price(step, gain, squared, START, len(found.input))
-    measured = float(np.sum(found.input**2) * DT)
+    expected, tolerance = price(step, gain, squared, START, len(trajectory.input))
+    measured = float(np.sum(trajectory.input**2) * DT)
     name = f's = {speed:g}'
     checks = [
         close(f'decay, {name}', '1/s', asked.real, pole.real, SIGMAS * error),
         close(f'frequency, {name}', '1/s', asked.imag, pole.imag, SIGMAS * error),
         close(f'energy, {name}', 'm^2/s^3', expected, measured, tolerance),
     ]
-    return found, checks, (expected, measured)
+    return trajectory, checks, (expected, measured)
 
 
 def _draw(

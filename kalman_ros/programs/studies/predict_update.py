@@ -30,11 +30,11 @@ from .systems import linear
 BoolArray = npt.NDArray[np.bool_]
 
 LEVELS, DT, EVERY = 40, 0.05, 10
-#: Variances: of the first belief, added in a step, and of a reading; of any unit.
+#: Variances of the initial belief, of the noise of a step, and of a reading; of any unit.
 FIRST, Q, R = 25.0, 0.01, 1.0
 #: Seconds, and the part of them that counts as the start.
 SECONDS, START = 20.0, 5.0
-#: Of numbers that travel as double precision.
+#: Rounding of numbers in double precision.
 ROUNDING = 1e-9
 
 
@@ -47,13 +47,13 @@ class Filters:
 
     @property
     def read(self) -> BoolArray:
-        """Whether each step has a reading (N,)."""
+        """Mask of the steps that have a reading (N,)."""
         read: BoolArray = np.arange(len(self.run.time)) % EVERY == 0
         return read
 
 
 def study(size: float = 1.0) -> Findings:
-    """Run both filters for 20 s; it takes all of them for the gain to be steady."""
+    """Run both filters for 20 s, in which the gain becomes steady."""
     names = [f'x{k}' for k in range(LEVELS)]
     truth = ndtri((np.arange(LEVELS) + 0.5) / LEVELS)
     truth *= np.sqrt(FIRST / np.mean(truth**2))
@@ -72,18 +72,18 @@ def study(size: float = 1.0) -> Findings:
         record={'steady/estimate': Signal('', 'sensor_msgs/JointState', fields)},
     ) as run:  # fmt: skip
         run.advance(SECONDS)
-        found = run.trajectory()
-        steady = run.recorder['steady/estimate'].values[: len(found.time)]
-    filters = Filters(found, steady)
+        trajectory = run.trajectory()
+        steady = run.recorder['steady/estimate'].values[: len(trajectory.time)]
+    filters = Filters(trajectory, steady)
     return Findings(_checks(filters), lambda path: _draw(filters, path))
 
 
 def kalman_gains(read: BoolArray) -> Array:
-    """Return K = P / (P + R) at each step (N,), 0 where none is ``read`` (N,)."""
+    """Return K = P / (P + R) at each step (N,); 0 without a reading, by ``read`` (N,)."""
     P, gains = FIRST - Q, np.zeros(len(read))
-    for step, there_is_one in enumerate(read):
+    for step, has_reading in enumerate(read):
         P = P + Q
-        if there_is_one:
+        if has_reading:
             gains[step] = P / (P + R)
             P = (1.0 - gains[step]) * P
     return gains
@@ -94,11 +94,11 @@ def variances(gains: Array) -> Array:
 
     A step adds Q, and a reading makes P = (1 - K)^2 P + K^2 R; the first step is the first belief.
     """
-    P, found = FIRST - Q, []
+    P, values = FIRST - Q, []
     for K in gains:
         P = (1.0 - K) ** 2 * (P + Q) + K**2 * R
-        found.append(P)
-    return np.array(found)
+        values.append(P)
+    return np.array(values)
 
 
 def _steady_gain() -> float:
@@ -133,13 +133,13 @@ def _checks(filters: Filters) -> list[Check]:
 
 
 def _losses(filters: Filters) -> list[Check]:
-    """Compare how much more the squared errors with the steady gain are, at first and later."""
+    """Compare the excess of the squared errors with the steady gain, at the start and later."""
     run = filters.run
     more = (run.truth - filters.steady) ** 2 - (run.truth - run.estimate) ** 2
     both = _steady_gains(filters.read), kalman_gains(filters.read)
     expected, start = (
-        each(both[0]) - each(both[1])
-        for each in (variances, lambda gains: np.cumprod((1.0 - gains) ** 2))
+        recursion(both[0]) - recursion(both[1])
+        for recursion in (variances, lambda gains: np.cumprod((1.0 - gains) ** 2))
     )
     checks = []
     for name, part in (
@@ -156,7 +156,7 @@ def _losses(filters: Filters) -> list[Check]:
 
 
 def _product_error(filters: Filters) -> float:
-    """Return how far estimates are from (x / P + y / R) / (1 / P + 1 / R), at most."""
+    """Return the largest difference of estimates from (x / P + y / R) / (1 / P + 1 / R)."""
     run, steps = filters.run, np.flatnonzero(filters.read)[1:]
     x, y = run.estimate[steps - 1], run.readings['reading'].values[1 : len(steps) + 1]
     P = (run.covariance[steps - 1, 0, 0] + Q)[:, np.newaxis]

@@ -45,13 +45,13 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def claim(name: str) -> str:
-    """Return what a study shows, in a sentence."""
+    """Return the claim of a study, which is the first line of its docstring."""
     module = import_module(f'{__package__}.{name}')
     return (module.__doc__ or '').partition('\n')[0]
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run studies, continuing after failures; exit 1 if theory disagrees with one."""
+    """Run studies, also after a failure; exit with the worst of their codes."""
     options = arguments(argv)
     console = Console()
     names = list(STUDIES) if options.names == ['all'] else options.names
@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a study: its passed checks, or why it could not be run."""
+    """Outcome of a study: its passed checks, or the reason why it could not be run."""
 
     name: str
     passed: int
@@ -88,7 +88,7 @@ def _run(name: str, options: argparse.Namespace, console: Console) -> Outcome:
         folder = ready(options.out / name)
         with Progress(*_COLUMNS, console=console, transient=True) as bar:
             bar.add_task('running the nodes')
-            study_run.taken()  # of one that failed
+            study_run.taken()  # drop the runs of a study that failed
             findings = import_module(f'{__package__}.{name}').study(options.size)
         ran = study_run.described(study_run.taken())
         _report(console, folder, findings, time.monotonic() - start, ran)
@@ -100,23 +100,23 @@ def _run(name: str, options: argparse.Namespace, console: Console) -> Outcome:
 
 
 def _conclude(outcomes: Sequence[Outcome], console: Console) -> None:
-    """Print what became of every study, and exit with the worst code."""
+    """Print the outcome of every study, and exit with the worst code."""
     from kalman_ros.report.run_tables import plain_table
 
     table = plain_table('', ('verdict', 'checks'))
-    for found in outcomes:
-        verdict = ('[green]PASS[/]', '[bold red]FAIL[/]', '[bold red]no verdict[/]')[found.code]
-        table.add_row(found.name, verdict, f'{found.passed} of {found.checks}')
+    for outcome in outcomes:
+        verdict = ('[green]PASS[/]', '[bold red]FAIL[/]', '[bold red]no verdict[/]')[outcome.code]
+        table.add_row(outcome.name, verdict, f'{outcome.passed} of {outcome.checks}')
     console.print()
     console.print(table)
-    good = sum(found.code == 0 for found in outcomes)
+    good = sum(outcome.code == 0 for outcome in outcomes)
     word = '[green]PASS' if good == len(outcomes) else '[bold red]FAIL'
     console.print(f'{word}, {good} of {len(outcomes)} studies[/]')
-    sys.exit(max(found.code for found in outcomes))
+    sys.exit(max(outcome.code for outcome in outcomes))
 
 
 def _report(console: Console, folder: Path, findings: Findings, wall: float, ran: str) -> None:
-    """Print and write what a study found."""
+    """Print and write the findings of a study."""
     from kalman_ros.report import run_tables, style  # loads while nothing waits
 
     console.print(run_tables.checks_table('', findings.checks))

@@ -27,15 +27,15 @@ from .study_run import StudyRun
 from .systems import linear, plant
 
 DT, SECONDS = 0.05, 20.0
-#: Of the spring between the carts, whose mass is 1 kg, and of its damper.
+#: Stiffness and damping of the spring between the carts, whose mass is 1 kg.
 STIFFNESS, DAMPING = 1.0, 0.05
 PULL = np.array([-STIFFNESS, -DAMPING, STIFFNESS, DAMPING])
 PAIR = np.array([[0.0, 1.0, 0.0, 0.0], PULL, [0.0, 0.0, 0.0, 1.0], -PULL])
 FORCES = {'both': np.array([[0.0], [1.0], [0.0], [1.0]]), 'one': np.eye(4)[:, [1]]}
 READINGS = {'both': np.array([[0.5, 0.0, 0.5, 0.0]]), 'one': np.eye(4)[[0]]}
-#: x_1 - x_2, of each pair.
+#: Row that selects x_1 - x_2 of each pair from the state.
 DISTANCE = {'both': np.eye(8)[0] - np.eye(8)[2], 'one': np.eye(8)[4] - np.eye(8)[6]}
-#: Apart by 1 m, at rest: what the Gramian's input shall reach, in these times.
+#: Target of the Gramian's input, 1 m apart and at rest, and the times in which to reach it.
 APART, TIMES = np.array([0.5, 0.0, -0.5, 0.0]), (2.0, 4.0, 10.0)
 DENSITY, FIRST = 1e-3, 0.5
 SYSTEM = linear(
@@ -54,9 +54,9 @@ def study(size: float = 1.0) -> Findings:
     remaps = {'controller': {'estimate': 'ground_truth'}}
     with StudyRun(SYSTEM, only=calm, nodes=nodes, remaps=remaps) as run:
         run.advance(SECONDS)
-        found = run.trajectory()
-    checks = [*_input_checks(found), *_sensor_checks(found), *_energy_checks()]
-    return Findings(checks, lambda path: _draw(found, path))
+        trajectory = run.trajectory()
+    checks = [*_input_checks(trajectory), *_sensor_checks(trajectory), *_energy_checks()]
+    return Findings(checks, lambda path: _draw(trajectory, path))
 
 
 def _step() -> Transition:
@@ -67,8 +67,8 @@ def _input_checks(run: Trajectory) -> list[Check]:
     """Compare the distance with its free motion, and with the controlled one."""
     step = _step()
     closed = step.F - step.G @ feedback(build(SYSTEM)).gain
-    free = _moved(step.F, run.truth[0], len(run.truth)) @ DISTANCE['both']
-    held = _moved(closed, run.truth[0], len(run.truth)) @ DISTANCE['one']
+    free = _propagate(step.F, run.truth[0], len(run.truth)) @ DISTANCE['both']
+    held = _propagate(closed, run.truth[0], len(run.truth)) @ DISTANCE['one']
     stuck = uncontrollable_modes(PAIR, FORCES['both'])
     asked = [-1.0, -1.5, -2.0, -2.5]
     try:
@@ -90,14 +90,14 @@ def _input_checks(run: Trajectory) -> list[Check]:
 
 
 def _sensor_checks(run: Trajectory) -> list[Check]:
-    """Compare the variance of the distance with one that never had a reading."""
+    """Compare the variance of the distance with its variance without a sensor."""
     step = _step()
-    alone = _alone(step, len(run.time))
-    found = {name: _variance(run, name) for name in DISTANCE}
-    share = float(found['one'][-1] / alone[-1])
+    alone = _variance_without_sensor(step, len(run.time))
+    variances = {name: _variance(run, name) for name in DISTANCE}
+    share = float(variances['one'][-1] / alone[-1])
     return [
         close('sensor of the middle: P of the distance, off', 'm^2', 0.0,
-              _largest(found['both'] - alone), ROUNDING),
+              _largest(variances['both'] - alone), ROUNDING),
         between('sensor of one: P / P without a sensor', '', 0.0, share, 0.05),
     ]  # fmt: skip
 
@@ -107,16 +107,16 @@ def _variance(run: Trajectory, name: str) -> Array:
     return np.asarray(np.einsum('i,kij,j->k', d, run.covariance, d))
 
 
-def _alone(step: Transition, steps: int) -> Array:
+def _variance_without_sensor(step: Transition, steps: int) -> Array:
     """Return the variance (N,) of the distance with no sensor: P <- F P F' + Q."""
-    P, d, found = FIRST**2 * np.eye(8), DISTANCE['both'], []
+    P, d, variances = FIRST**2 * np.eye(8), DISTANCE['both'], []
     for _ in range(steps):
-        found.append(d @ P @ d)
+        variances.append(d @ P @ d)
         P = step.F @ P @ step.F.T + step.Q
-    return np.array(found)
+    return np.array(variances)
 
 
-def _moved(F: Array, x: Array, steps: int) -> Array:
+def _propagate(F: Array, x: Array, steps: int) -> Array:
     """Return the states (N, n) of x' = F x."""
     states = [x]
     for _ in range(steps - 1):
@@ -151,7 +151,7 @@ def _one() -> LinearSystem:
 
 
 def _energy_checks() -> list[Check]:
-    """Drive the plant with the inputs of the Gramian: it arrives, at the price of x'W^-1 x."""
+    """Compare end and energy, x'W^-1 x, of the plant with the inputs of the Gramian."""
     system, checks = _one(), []
     for seconds in TIMES:
         inputs, price = reaching(system.sampled(DT), APART, round(seconds / DT))
@@ -176,7 +176,7 @@ def _draw(run: Trajectory, path: Path) -> None:
             seen = 'the middle' if name == 'both' else 'one cart'
             sigma.semilogy(run.time, np.sqrt(_variance(run, name)), color=colour,
                            label=f'sensor of {seen}')  # fmt: skip
-        alone = np.sqrt(_alone(_step(), len(run.time)))
+        alone = np.sqrt(_variance_without_sensor(_step(), len(run.time)))
         sigma.semilogy(run.time, alone, ':', color=TRUTH, lw=2.0, label='without a sensor')
         distance.set(title='Distance of the carts', ylabel='x₁ - x₂ [m]', xlabel='time [s]')
         distance.legend(loc='upper right', fontsize=8)

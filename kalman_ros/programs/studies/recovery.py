@@ -30,9 +30,9 @@ from .stability_boundary import stability_boundary
 from .study_run import StudyRun
 
 RATE = 25.0
-#: The q of the runs.
+#: Values of q in the runs.
 ASSUMED = (10.0, 100.0)
-#: The weight of (x, u) that selects the square of the input.
+#: Weight of (x, u) that selects the square of the input.
 INPUT = np.diag([0.0, 0.0, 1.0])
 
 
@@ -42,16 +42,16 @@ def study(size: float = 1.0) -> Findings:
     for q in ASSUMED:
         upper = margins(_loop(q)).upper_gain.value
         with StudyRun(system(STRENGTH, SMALL, RATE), only=_assumed(q, SMALL), nodes=NODES) as run:
-            found, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.3, 16.0)
+            boundary, _ = stability_boundary(run, 'actuator_gain', 1.0, 1.3, 16.0)
         # of the margin beyond 1; the search stops within 0.3 %
         name = f'q = {q:g}: gain margin'
-        checks.append(close(name, '', upper, found, 0.05 * (upper - 1.0)))
-        checks += _measured(q, max(40.0, 100.0 * size))
+        checks.append(close(name, '', upper, boundary, 0.05 * (upper - 1.0)))
+        checks += _measure(q, max(40.0, 100.0 * size))
     return Findings(checks, lambda path: _draw(checks, path))
 
 
 def _assumed(q: float, scale: float = 1.0) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the estimator alone: W + q^2 B B'."""
+    """Return the parameters of the estimator only: the assumed noise W + q^2 B B'."""
     W = scale**2 * (STRENGTH * ONES + q**2 * B @ B.T)
     return {'estimator': {'model_parameters.noise_density': W.ravel().tolist()}}
 
@@ -68,14 +68,14 @@ def _loop(q: float) -> StateSpace:
     return lqg_loop(_real(), believed=_believed(q))
 
 
-def _measured(q: float, seconds: float) -> list[Check]:
+def _measure(q: float, seconds: float) -> list[Check]:
     """Compare cost and input over topics with theory; the bounds are their scatter."""
     parameters = {**system(STRENGTH, rate=RATE), 'initial_state': [0.0, 0.0]}
     settled = theory(_real()).settling_time
     with StudyRun(parameters, only=_assumed(q), nodes=NODES) as run:
         run.advance(settled + seconds)
-        found = run.trajectory()
-    z = np.hstack((found.truth, found.input))[found.time >= settled]
+        trajectory = run.trajectory()
+    z = np.hstack((trajectory.truth, trajectory.input))[trajectory.time >= settled]
     checks = []
     cost = RATE * price(_real()).weight
     for name, unit, weight in (('cost', '1/s', cost), ('RMS of the input', '', INPUT)):

@@ -24,10 +24,10 @@ from .study_run import StudyRun
 from .systems import linear
 
 DT, STEPS = 0.1, 30
-#: p dt of each cart, and up to which they are looked at with the delay.
+#: p dt of each cart, and the largest one that is evaluated with the delay.
 GAINS = np.array([0.15, 0.25, 0.5, 0.9, 1.0, 1.1, 1.5, 1.95, 2.05])
 LATE_GAINS = 1.1
-#: The process noise, and the least state, in m, in which a pole can be seen beside it.
+#: Process noise, and the smallest state in m in which a pole can be seen beside it.
 TINY, VISIBLE = 1e-12, 1e-7
 
 
@@ -57,8 +57,8 @@ def study(size: float = 1.0) -> Findings:
         run.trigger('plant/reset')
         run.advance((STEPS + 1) * DT)
         late = run.trajectory().truth[len(prompt) :]
-    found = {'prompt': _prompt(prompt), 'late': _late(late)}
-    return Findings(_checks(found), lambda path: _draw(found, path))
+    carts = {'prompt': _prompt(prompt), 'late': _late(late)}
+    return Findings(_checks(carts), lambda path: _draw(carts, path))
 
 
 def _prompt(states: Array) -> Carts:
@@ -87,27 +87,27 @@ def late_pole(gains: Array) -> Array:
     return np.asarray(np.abs(0.5 + 0.5 * root))
 
 
-def _checks(found: dict[str, Carts]) -> list[Check]:
+def _checks(carts: dict[str, Carts]) -> list[Check]:
     checks = [
         close(f'pole at p dt = {gain:g}', '', 1.0 - gain, float(z), 1e-6)
-        for gain, z in zip(GAINS, found['prompt'].poles)
+        for gain, z in zip(GAINS, carts['prompt'].poles)
     ]
-    once = found['prompt'].states[1:, list(GAINS).index(1.0)]
+    once = carts['prompt'].states[1:, list(GAINS).index(1.0)]
     checks.append(close('left after one sample at p dt = 1', 'm', 0.0, float(once[0]), 1e-9))
-    for gain, z in zip(GAINS, found['late'].poles):
+    for gain, z in zip(GAINS, carts['late'].poles):
         if gain <= LATE_GAINS:
             expected = float(late_pole(gain))
             checks.append(close(f'late: size at p dt = {gain:g}', '', expected, float(z), 1e-4))
     return checks
 
 
-def _draw(found: dict[str, Carts], path: Path) -> None:
+def _draw(carts: dict[str, Carts], path: Path) -> None:
     from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, figure_with, shades
 
     with figure_with(path, 1, 2, (9.0, 3.4)) as (_, ((states, poles),)):
         shown = (0.25, 1.0, 1.5, 2.05)
         for gain, colour in zip(shown, shades(len(shown))):
-            x = found['prompt'].states[:16, list(GAINS).index(gain)]
+            x = carts['prompt'].states[:16, list(GAINS).index(gain)]
             states.plot(DT * np.arange(len(x)), x, '.-', color=colour, label=f'{gain:g}', lw=1.0)
         states.set(title='A cart, its input without delay', ylabel='x [m]', xlabel='time [s]',
                    xlim=(-0.05, 1.95))  # fmt: skip
@@ -115,9 +115,9 @@ def _draw(found: dict[str, Carts], path: Path) -> None:
         fine = np.linspace(0.0, 2.2, 200)
         poles.plot(fine, np.exp(-fine), ':', color=TRUTH, label='wanted: exp(-p dt)')
         poles.plot(fine, np.abs(1.0 - fine), color=ESTIMATE, label='no delay: |1 - p dt|')
-        poles.plot(GAINS, np.abs(found['prompt'].poles), 'o', color=ESTIMATE, ms=4)
+        poles.plot(GAINS, np.abs(carts['prompt'].poles), 'o', color=ESTIMATE, ms=4)
         poles.plot(fine, late_pole(fine), color=INPUT, label='a sample late')
-        poles.plot(GAINS, found['late'].poles, 's', color=INPUT, ms=4)
+        poles.plot(GAINS, carts['late'].poles, 's', color=INPUT, ms=4)
         poles.axhline(1.0, color=READING, lw=0.8)
         poles.set(title='What a sample leaves (marks: measured)', ylabel='size of the pole in z',
                   xlabel='p dt', ylim=(0.0, 1.5))  # fmt: skip

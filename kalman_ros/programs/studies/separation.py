@@ -52,12 +52,12 @@ def study(size: float = 1.0) -> Findings:
     ]  # fmt: skip
     for name, topic in _SOURCES.items():
         checks += _regulator(name, topic, seconds)
-    found, predicted = _all_poles()
-    for pole, nearest in zip(predicted, found):
+    recorded, predicted = _all_poles()
+    for pole, nearest in zip(predicted, recorded):
         distance = abs(pole - nearest) / abs(pole)
         label = f'(c) pole at {pole:.3g}, off by'.replace('+0j', '').replace('-0j', '')
         checks.append(close(label, '', 0.0, distance, 1e-3))
-    return Findings(checks, lambda path: _draw(soft, stiff, found, predicted, path))
+    return Findings(checks, lambda path: _draw(soft, stiff, recorded, predicted, path))
 
 
 def _loop(seconds: float, overrides: dict[str, Any], **options: Any) -> Trajectory:
@@ -91,12 +91,12 @@ def _regulator(name: str, topic: str | None, seconds: float) -> list[Check]:
     x, e = loop.truth, loop.truth - believed
     exact = np.hstack((step.F - step.G @ K, step.G @ K))
     used = 2 if name == 'truth' else 4  # the truth has no error
-    found = fit(np.hstack((x, e))[:-1, :used], x[1:])
-    distance = found.distance(exact[:, :used], step.Q) / (2 * used)
+    fitted = fit(np.hstack((x, e))[:-1, :used], x[1:])
+    distance = fitted.distance(exact[:, :used], step.Q) / (2 * used)
     low, high = chi_square_bounds(1.0, 1.0 / used, MISS)
     dt = 1.0 / scenario.rate
     pole = continuous_poles(eigenvalues(exact[:, :2]), dt)[0]
-    measured = continuous_poles(found.poles, dt)
+    measured = continuous_poles(fitted.poles, dt)
     nearest = complex(measured[np.argmin(np.abs(measured - pole))])
     passed = bool(low <= distance <= high)
     return [
@@ -106,7 +106,7 @@ def _regulator(name: str, topic: str | None, seconds: float) -> list[Check]:
 
 
 def _all_poles() -> tuple[ComplexArray, ComplexArray]:
-    """Return the poles of the recorded loop in 1/s, each beside the predicted one, in order."""
+    """Return the poles of the recorded loop and the predicted poles, in 1/s, both sorted."""
     overrides = {
         **_NO_NOISE, 'filter': 'luenberger', 'observer_poles': [-6.0, -9.0],
         'initial_estimate': [0.3, -0.5],
@@ -115,7 +115,7 @@ def _all_poles() -> tuple[ComplexArray, ComplexArray]:
         run.advance(1.5)
         loop, scenario = run.trajectory(), run.scenario
     z = np.hstack((loop.truth, loop.truth - loop.estimate))
-    found = fit(z[:-1], z[1:])
+    identified = fit(z[:-1], z[1:])
     observer = build_filter('luenberger', scenario.plan, {'observer_poles': [-6.0, -9.0]})
     assert isinstance(observer, FixedGainObserver)
     step = scenario.model.transition(*scenario.model.equilibrium, 1.0 / scenario.rate)
@@ -125,7 +125,7 @@ def _all_poles() -> tuple[ComplexArray, ComplexArray]:
         error = (np.eye(2) - observer.gains[name] @ C) @ error
     closed = block_diag(step.F - step.G @ feedback(scenario).gain, error)
     dt = 1.0 / scenario.rate
-    exact, fitted = eigenvalues(closed), eigenvalues(found.matrix)
+    exact, fitted = eigenvalues(closed), eigenvalues(identified.matrix)
     return _sorted(continuous_poles(fitted, dt)), _sorted(continuous_poles(exact, dt))
 
 
@@ -134,7 +134,11 @@ def _sorted(poles: ComplexArray) -> ComplexArray:
 
 
 def _draw(
-    soft: Trajectory, stiff: Trajectory, found: ComplexArray, predicted: ComplexArray, path: Path
+    soft: Trajectory,
+    stiff: Trajectory,
+    recorded: ComplexArray,
+    predicted: ComplexArray,
+    path: Path,
 ) -> None:
     from kalman_ros.report.style import ESTIMATE, INPUT, READING, TRUTH, figure_with
 
@@ -149,7 +153,7 @@ def _draw(
         axes[0, 1].set(title='... one and the same error', ylabel='x - estimate [m]',
                        xlabel='time [s]', xlim=(0, 8))  # fmt: skip
         axes[0, 2].plot(predicted.real, predicted.imag, 'x', color=TRUTH, ms=9, label='predicted')
-        axes[0, 2].plot(found.real, found.imag, 'o', mfc='none', color=ESTIMATE, ms=9,
+        axes[0, 2].plot(recorded.real, recorded.imag, 'o', mfc='none', color=ESTIMATE, ms=9,
                         label='in the recorded loop')  # fmt: skip
         axes[0, 2].axvline(0.0, color=READING, lw=0.8)
         axes[0, 2].set(title='Poles of the whole loop', xlabel='real [1/s]', ylabel='imag [1/s]',

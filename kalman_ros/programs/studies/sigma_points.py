@@ -29,13 +29,13 @@ STD = np.array([0.02, np.radians(15.0)])
 BELIEF = Gaussian(MEAN, np.diag(STD**2))
 POLAR = Space(('r', 'theta'), ('m', 'rad'), angles=('theta',))
 STILL = LinearSystem(np.zeros((2, 2)), np.zeros((2, 0)), np.zeros(2), POLAR, Space((), ()))
-#: The noise of the place itself: none that counts.
+#: Standard deviation of the place as a reading, which is negligible.
 NOISE = 1e-9
 CLOUD = 200_000
 
 
 class Place(Sensor):
-    """x = r cos(theta), y = r sin(theta)."""
+    """Sensor of the place x = r cos(theta), y = r sin(theta)."""
 
     output = Space(('x', 'y'), ('m', 'm'))
     covariance = NOISE**2 * np.eye(2)
@@ -58,7 +58,7 @@ def exact(belief: Gaussian) -> Gaussian:
 
 @dataclass(frozen=True)
 class Guess:
-    """What a filter makes of the place: its name, and its Gaussian."""
+    """Prediction of the place by a filter: the filter's name, and the Gaussian."""
 
     name: str
     place: Gaussian
@@ -74,15 +74,15 @@ def study(size: float = 1.0) -> Findings:
 
 
 def predictions(belief: Gaussian) -> list[Guess]:
-    """Return the place by each filter: what it expects of a reading is y less its innovation."""
-    found = []
+    """Return the place by each filter: the prediction of a reading y is y less its innovation."""
+    guesses = []
     for name, filter in (
         ('EKF', ExtendedKalmanFilter(STILL)),
         ('UKF', UnscentedKalmanFilter(STILL)),
     ):
         update = filter.correct(belief, np.zeros(2), Place())
-        found.append(Guess(name, Gaussian(-update.innovation, update.innovation_covariance)))
-    return found
+        guesses.append(Guess(name, Gaussian(-update.innovation, update.innovation_covariance)))
+    return guesses
 
 
 def _cloud_checks(cloud: Array) -> list[Check]:
@@ -90,7 +90,7 @@ def _cloud_checks(cloud: Array) -> list[Check]:
     known, n = exact(BELIEF), len(cloud)
     deviation = known.std / np.sqrt(n)
     x, y = cloud.mean(axis=0)
-    # of a squared deviation the scatter is measured, since y is far from normal
+    # the scatter of a squared deviation is measured, since y is far from normal
     squares = (cloud[:, 1] - known.mean[1]) ** 2
     scatter = SIGMAS * float(squares.std() / np.sqrt(n))
     return [
@@ -101,7 +101,7 @@ def _cloud_checks(cloud: Array) -> list[Check]:
 
 
 def _guess_checks(guesses: Sequence[Guess]) -> list[Check]:
-    """Compare the filters with what their formulas give, and with the closed form."""
+    """Compare the filters with their formulas, and with the closed form."""
     known, s = exact(BELIEF), STD[1]
     # the tangent of an arc has the height of its top; of five points two are sqrt(3) sigma aside
     tops = {'EKF': 1.0, 'UKF': (2.0 + np.cos(np.sqrt(3.0) * s)) / 3.0}
@@ -140,12 +140,12 @@ def _draw(cloud: Array, guesses: Sequence[Guess], path: Path) -> None:
                     label='sigma points')  # fmt: skip
         places.set(title='A range and an uncertain bearing', xlabel='x [m]', ylabel='y [m]')
         places.legend(loc='lower center', fontsize=7)
-        found = [(exact(belief), predictions(belief)) for belief in beliefs]
-        known = np.array([[each.mean[1], each.std[1]] for each, _ in found])
+        pairs = [(exact(belief), predictions(belief)) for belief in beliefs]
+        known = np.array([[moments.mean[1], moments.std[1]] for moments, _ in pairs])
         for index, axis in enumerate((means, sigmas)):
             axis.plot(np.degrees(spreads), known[:, index], color=TRUTH, lw=2.4, label='true')
             for k, name in enumerate(colours):
-                values = [(p[k].place.mean[1], p[k].place.std[1])[index] for _, p in found]
+                values = [(p[k].place.mean[1], p[k].place.std[1])[index] for _, p in pairs]
                 axis.plot(np.degrees(spreads), values, '--', color=colours[name], label=name)
             axis.axvline(np.degrees(STD[1]), color=READING, lw=0.8, ls=':')
             axis.set_xlabel('sigma of the bearing [deg]')

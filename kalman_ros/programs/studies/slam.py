@@ -26,9 +26,9 @@ from .study_run import StudyRun
 
 LANDMARKS, DT, LAP = 4, 0.1, 40.0
 RADIUS, TURN = 10.0, 2.0 * np.pi / LAP
-#: Of the robot's velocity, in m^2/s^3, and of a reading in m.
+#: Density of the robot's velocity noise in m^2/s^3, and noise of a reading in m.
 DENSITY, NOISE = 2e-2, 0.3
-#: Nothing is known of a landmark; the robot's first place is the origin of the map.
+#: Initial standard deviations: a landmark is unknown, and the robot starts at the origin.
 UNKNOWN, ORIGIN = 50.0, 1e-3
 PLACES = RADIUS * np.array([[0.7, 1.3], [1.3, 2.0], [0.4, 2.6], [-0.4, 0.9]])
 ROUNDING = 1e-9
@@ -47,7 +47,7 @@ def robot() -> LinearSystem:
 
 
 MODEL = robot
-#: The readings of each landmark: its place relative to the robot.
+#: Measurement matrix of each landmark, whose place is read relative to the robot.
 SEEN = [
     np.hstack((-np.eye(2), np.zeros((2, 2 + 2 * k)), np.eye(2), np.zeros((2, 6 - 2 * k))))
     for k in range(LANDMARKS)
@@ -57,7 +57,7 @@ SEEN = [
 def system() -> dict[str, Any]:
     """Return the parameters; the plant shows one landmark at a time."""
     names = [f'landmark{k}' for k in range(LANDMARKS)]
-    each = {
+    options = {
         f'{name}.{key}': value
         for name, C in zip(names, SEEN)
         for key, value in {
@@ -72,7 +72,7 @@ def system() -> dict[str, Any]:
     }
     start = [0.0, 0.0, RADIUS * TURN, 0.0]
     return {
-        'model': f'{__name__}:robot', 'rate': 1.0 / DT, 'sensors': names, **each,
+        'model': f'{__name__}:robot', 'rate': 1.0 / DT, 'sensors': names, **options,
         'initial_state': [*start, *PLACES.ravel().tolist()],
         'initial_estimate': [0.0, 0.0, start[2] + 0.08, -0.06, *[0.0] * (2 * LANDMARKS)],
         'initial_std': [ORIGIN, ORIGIN, 0.1, 0.1, *[UNKNOWN] * (2 * LANDMARKS)],
@@ -82,14 +82,14 @@ def system() -> dict[str, Any]:
 
 
 def study(size: float = 1.0) -> Findings:
-    """Drive one lap and a quarter, which is the least that closes the loop."""
+    """Drive one lap and a quarter, the least that closes the loop."""
     with StudyRun(system(), nodes=('estimator', 'plant'), seed=4) as run:
         for quarter in range(LANDMARKS + 1):
             for k in range(LANDMARKS):
                 run.set_parameter(f'landmark{k}.enabled', k == quarter % LANDMARKS)
             run.advance(LAP / LANDMARKS)
-        found = run.trajectory()
-    return Findings(_checks(found), lambda path: _draw(found, path))
+        trajectory = run.trajectory()
+    return Findings(_checks(trajectory), lambda path: _draw(trajectory, path))
 
 
 def position_std(covariance: Array, at: int) -> Array:
@@ -98,19 +98,19 @@ def position_std(covariance: Array, at: int) -> Array:
 
 
 def _theory(run: Trajectory) -> Array:
-    """Return the covariance (N, n, n) by the recursion, with the readings that were published."""
+    """Return the covariance (N, n, n) by the recursion, with the published readings."""
     step = robot().sampled(DT)
     seen: dict[int, list[Array]] = {}
     for C, series in zip(SEEN, run.readings.values()):
         for time in series.time:
             seen.setdefault(round(time / DT), []).append(C)
-    P, R, found = np.diag(np.square(system()['initial_std'])), NOISE**2 * np.eye(2), []
+    P, R, covariances = np.diag(np.square(system()['initial_std'])), NOISE**2 * np.eye(2), []
     for k in range(len(run.time)):
         P = step.F @ P @ step.F.T + step.Q if k else P
         for C in seen.get(k, []):
             _, P = updated(P, Readings(C, R))
-        found.append(P)
-    return np.array(found)
+        covariances.append(P)
+    return np.array(covariances)
 
 
 def _checks(run: Trajectory) -> list[Check]:

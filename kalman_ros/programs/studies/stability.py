@@ -30,16 +30,16 @@ def study(size: float = 1.0) -> Findings:
     )  # fmt: skip
     with StudyRun(system) as run:
         run.advance(8.0 * max(size, 0.25))
-        found = run.trajectory()
+        trajectory = run.trajectory()
     checks = []
     for index, (name, rate) in enumerate(RATES.items()):
-        slope = np.polyfit(found.time, np.log(np.abs(found.truth[:, index])), 1)[0]
+        slope = np.polyfit(trajectory.time, np.log(np.abs(trajectory.truth[:, index])), 1)[0]
         checks.append(close(f'rate of the mode that {name}', '1/s', rate, float(slope), 1e-3))
-    fates = sorted((mode.pole.real, mode.fate) for mode in modes(A))
-    predicted = [fate for _, fate in fates]
+    outcomes = sorted((mode.pole.real, mode.fate) for mode in modes(A))
+    predicted = [outcome for _, outcome in outcomes]
     agree = float(predicted == list(RATES))
     checks.append(close('modes classified as they went / 3', '', 1.0, agree, 0.0))
-    return Findings(checks, lambda path: _draw(found, path))
+    return Findings(checks, lambda path: _draw(trajectory, path))
 
 
 def _draw(run: Trajectory, path: Path) -> None:

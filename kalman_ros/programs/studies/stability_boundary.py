@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the stability boundary of a running loop with one parameter of its plant."""
+"""Search for the stability boundary of a running loop in one parameter of its plant."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from std_srvs.srv import Trigger
 from kalman_ros.core import Array
 from kalman_ros.harness import Run
 
-#: The relative accuracy of the boundary.
+#: Relative accuracy of the boundary.
 PRECISION = 3e-3
-#: The most steps of a search: a loop that is stable beyond has no boundary in practice.
+#: Largest number of steps: a loop that is stable beyond has no boundary in practice.
 _MOST_RUNGS = 20
 
 
@@ -26,11 +26,11 @@ class Trial:
     Parameters
     ----------
     value
-        Of the parameter.
+        Value of the parameter.
     time, size
-        Since the start (N,) in seconds, and the norm of the state (N,).
+        Seconds since the start (N,), and norm of the state (N,).
     rate
-        The growth of its slowest mode, in 1/s.
+        Growth of the slowest mode, in 1/s.
     """
 
     value: float
@@ -46,9 +46,9 @@ def trial(run: Run, parameter: str, value: float, seconds: float) -> Trial:
         _reset(run, node)
     dt, start = 1.0 / run.scenario.rate, run.elapsed
     run.advance(seconds)
-    found = run.trajectory()
-    new = found.time > start + 0.5 * dt
-    time, states = found.time[new] - start, found.truth[new]
+    trajectory = run.trajectory()
+    new = trajectory.time > start + 0.5 * dt
+    time, states = trajectory.time[new] - start, trajectory.truth[new]
     return Trial(
         value, time, np.linalg.norm(states, axis=1), _rate(states[len(states) // 2 :], dt)
     )
@@ -65,7 +65,7 @@ def stability_boundary(
     Raises
     ------
     RuntimeError
-        If the loop grows from the start, or never does.
+        If the loop grows from the start, or at no value.
     """
     trials: list[Trial] = []
 
@@ -77,7 +77,7 @@ def stability_boundary(
     rung = next((index for index, value in enumerate(ladder) if rate(value) >= 0.0), 0)
     if not rung:
         raise RuntimeError(f'{parameter}: no boundary from {start:g} to {trials[-1].value:g}')
-    known = {found.value: found.rate for found in trials}
+    known = {result.value: result.rate for result in trials}
     low, high = ladder[rung - 1], ladder[rung]
     return root(lambda value: known.get(value) or rate(value), low, high), trials
 

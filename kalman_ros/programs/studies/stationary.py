@@ -15,9 +15,9 @@ from kalman_ros.core import Array, Transition
 
 from . import mean_square
 
-#: The probability that a correct system leaves the bounds of one check.
+#: Probability that a correct system leaves the bounds of one check.
 MISS = 1e-5
-#: The same as a distance, in standard deviations of a normal variable.
+#: The same probability as a distance, in standard deviations of a normal variable.
 SIGMAS = 4.4
 
 
@@ -47,7 +47,7 @@ class Stationary:
         return Expectation(float(np.trace(weight @ self.covariance)), float(np.sqrt(variance)))
 
     def rms(self, name: str, unit: str, index: int, values: Array) -> Check:
-        """Return the comparison of the RMS of recorded ``values`` (N,) with that of z[index]."""
+        """Compare the RMS of recorded ``values`` (N,) with the RMS of z[index]."""
         weight = np.zeros_like(self.matrix)
         weight[index, index] = 1.0
         expected, square = self.average(weight, len(values)), float(np.mean(values**2))

@@ -11,7 +11,7 @@ from kalman_ros.harness import Run
 
 
 class Ran(NamedTuple):
-    """What a run was of; ``filter`` is '' without an estimator, ``seconds`` are simulated."""
+    """Description of a run; ``filter`` is '' without an estimator, ``seconds`` are simulated."""
 
     model: str
     filter: str
@@ -48,13 +48,13 @@ class StudyRun(Run):
 
 def taken() -> list[Ran]:
     """Return the runs since the last call."""
-    found = _done[:]
+    runs = _done[:]
     _done.clear()
-    return found
+    return runs
 
 
 def described(runs: Iterable[Ran]) -> str:
-    """Return the runs in a line: models, filters, seeds, number and durations; '' for none."""
+    """Describe the runs in a line: models, filters, seeds, number and durations; '' for none."""
     ran = list(runs)
     if not ran:
         return ''

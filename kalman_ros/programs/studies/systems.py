@@ -29,7 +29,7 @@ def linear(
     Parameters
     ----------
     states
-        Their names, with their units.
+        Names of the states, with their units.
     A, B, C
         Matrices (n, n), (n, m) and (k, n).
     W
@@ -37,7 +37,7 @@ def linear(
     noise
         Standard deviations of v (k,).
     others
-        Any further parameters; a double underscore stands for a dot.
+        Further parameters; a double underscore stands for a dot.
     """
     names, (n, m), k = list(states), np.shape(B), len(noise)
     inputs = [f'u{index}' for index in range(m)]
@@ -87,9 +87,9 @@ def cart(density: Sequence[float], noise: float, rate: float, **others: Any) -> 
     noise
         Standard deviation of the reading, in metres.
     rate
-        Of the loop and the readings, in Hz.
+        Rate of the loop and of the readings, in Hz.
     others
-        As of `linear`.
+        Further parameters, as for `linear`.
     """
     return carts(1, density, noise, rate, **others)
 
@@ -98,16 +98,16 @@ def carts(
     count: int, density: Sequence[float], noise: float, rate: float, **others: Any
 ) -> dict[str, Any]:
     """Return several independent carts; see `cart`."""
-    each = np.eye(count)
+    identity = np.eye(count)
     states = {
         f'{name}{index}': unit for index in range(count) for name, unit in CART_STATES.items()
     }
     return linear(
         states,
-        np.kron(each, [[0.0, 1.0], [0.0, 0.0]]),
-        np.kron(each, [[0.0], [1.0]]),
+        np.kron(identity, [[0.0, 1.0], [0.0, 0.0]]),
+        np.kron(identity, [[0.0], [1.0]]),
         [*density] * count,
-        np.kron(each, CART_READING),
+        np.kron(identity, CART_READING),
         [noise] * count,
         rate=rate,
         reading__rate=rate,

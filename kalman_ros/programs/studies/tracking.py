@@ -32,9 +32,9 @@ from . import Findings, between, close
 from .study_run import StudyRun
 
 SPEED, ACCELERATION, AHEAD = 1.0, 1.0, 0.6
-#: By how much a right angle is cut, in metres.
+#: Distance in metres by which a right angle is cut.
 ROUNDING = 0.01
-#: The time after the end of a path.
+#: Seconds that a run continues after the end of a path.
 AFTER = 1.0
 SYSTEM: dict[str, Any] = {
     'model': 'diff_drive', 'model_parameters.command_time': 0.2,
@@ -61,8 +61,8 @@ PATHS: dict[str, Array] = {
     'circle': 1.5 * np.column_stack((np.sin(_TURN), 1.0 - np.cos(_TURN))),
     'line': np.array([[0.0, 0.0], [6.0, 0.0]]),
 }
-#: The largest allowed ratio of the errors. On a circle and a line pure pursuit makes little error,
-#: and that of the estimate is in both.
+#: Largest allowed ratio of the errors. On a circle and a line pure pursuit has little error, and
+#: both errors include that of the estimate.
 MOST = {'corner': 0.5, 'figure of eight': 0.5, 'spline': 0.5, 'circle': 1.0, 'line': 1.0}
 
 

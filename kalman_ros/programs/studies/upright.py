@@ -54,21 +54,25 @@ class Descent:
 
 
 def study(size: float = 1.0) -> Findings:
-    """Run for 30 s with each cost, and for less where the study is short."""
+    """Run for 30 s with each cost, or less at a smaller size."""
     duration = max(10.0, DURATION * size)
-    found = {name: _run(weights, duration) for name, weights in WEIGHTS.items()}
+    descents = {name: _run(weights, duration) for name, weights in WEIGHTS.items()}
     checks = []
-    for name, run in found.items():
-        for what in PLACES:
-            numbers = run.expected[what], run.lasted(what), run.tolerance[what]
-            checks.append(close(f'{what} lasts, {name}', 's', *numbers))
-    upright, deep = found.values()
+    for name, run in descents.items():
+        for displacement in PLACES:
+            numbers = (
+                run.expected[displacement],
+                run.lasted(displacement),
+                run.tolerance[displacement],
+            )
+            checks.append(close(f'{displacement} lasts, {name}', 's', *numbers))
+    upright, deep = descents.values()
     gains = deep.lasted('pitch') / upright.lasted('pitch')
     losses = upright.lasted('depth') / deep.lasted('depth')
     checks.append(between('pitch lasts longer with depth first', '', 2.0, gains, np.inf))
     checks.append(between('depth lasts longer with upright first', '', 2.0, losses, np.inf))
     data = {'weights': dict(WEIGHTS), 'start': START.tolist()}
-    return Findings(checks, lambda path: _draw(found, path), data)
+    return Findings(checks, lambda path: _draw(descents, path), data)
 
 
 def _values(weights: list[float]) -> dict[str, Any]:
@@ -88,9 +92,9 @@ def _run(weights: list[float], duration: float) -> Descent:
     values = _values(weights)
     with StudyRun(values, remaps={'controller': {'estimate': 'ground_truth'}}) as run:
         run.advance(duration)
-        found = run.trajectory()
-    expected, tolerance = _theory(build(values), len(found.truth))
-    return Descent(found.truth, found.input, expected, tolerance)
+        trajectory = run.trajectory()
+    expected, tolerance = _theory(build(values), len(trajectory.truth))
+    return Descent(trajectory.truth, trajectory.input, expected, tolerance)
 
 
 def _theory(scenario: Scenario, steps: int) -> tuple[dict[str, float], dict[str, float]]:
@@ -107,11 +111,11 @@ def _theory(scenario: Scenario, steps: int) -> tuple[dict[str, float], dict[str,
     return expected, tolerance
 
 
-def _draw(found: Mapping[str, Descent], path: Path) -> None:
+def _draw(descents: Mapping[str, Descent], path: Path) -> None:
     from kalman_ros.report.style import ESTIMATE, INPUT, picture
 
     with picture(path, 1, 3, (9.0, 2.6)) as (_, ((depth, pitch, thrust),)):
-        for (name, run), colour in zip(found.items(), (ESTIMATE, INPUT)):
+        for (name, run), colour in zip(descents.items(), (ESTIMATE, INPUT)):
             time = np.arange(len(run.truth)) * DT
             depth.plot(time, run.truth[:, 1], color=colour, label=name)
             pitch.plot(time, run.truth[:, 2], color=colour, label=name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a loop at each point of a grid of parameters."""
+"""Outcomes of a loop at the points of a grid of parameters."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ class Point:
     Parameters
     ----------
     values
-        Of the parameters.
+        Values of the parameters.
     refused
-        Why there is no loop there; empty if there is one.
+        Reason why there is no loop at the point; empty if there is a loop.
     cost, cost_error
-        The mean cost per second, and its standard error; NaN without an input.
+        Mean cost per second, and its standard error; NaN without an input.
     rms, claimed
-        The root mean square error of each state, and what the estimator claimed.
+        Root mean square error of each state, and the error that the estimator claims.
     anees, anees_bounds
-        The average normalised error squared, and where that of a consistent filter is.
+        Average normalised error squared, and its bounds for a consistent filter.
     lost
-        The share of the runs that are lost.
+        Share of the runs that are lost.
     limited
-        The share of the steps in which a limit changed the input.
+        Share of the steps in which a limit changed the input.
     theory_cost, theory_rms
-        Of a loop whose plant is as believed, in steady state; None without a theory.
+        Cost and errors in steady state of a plant as believed; None without a theory.
     """
 
     values: tuple[float, ...]
@@ -70,7 +70,7 @@ class Point:
 
     def json(self, ranges: Sequence[Range], states: Sequence[str]) -> dict[str, Any]:
         """Return the point for ``summary.json``."""
-        at = {each.label: value for each, value in zip(ranges, self.values)}
+        at = {swept.label: value for swept, value in zip(ranges, self.values)}
         if self.refused:
             return {'at': at, 'refused': self.refused}
         return {
@@ -82,7 +82,7 @@ class Point:
             'claimed': dict(zip(states, map(plain, self.claimed))),
             'theory_rms': self.theory_rms and dict(zip(states, self.theory_rms)),
             'anees': plain(self.anees),
-            'anees_bounds': [plain(each) for each in self.anees_bounds],
+            'anees_bounds': [plain(bound) for bound in self.anees_bounds],
             'lost': self.lost,
             'limited': self.limited,
         }
@@ -95,13 +95,14 @@ class Grid:
     Parameters
     ----------
     plant, believed
-        The parameters of the plant, and of estimator and controller.
+        Parameters of the plant, and of estimator and controller.
     ranges
-        What is swept, one or two.
+        Swept parameters, one or two.
     seeds
-        Of the runs at each point, the same at all.
+        Seeds of the runs, the same at each point.
     seconds, after
-        Of each run, and of its start that averages omit; by default the settling time in theory.
+        Duration of a run, and of its start that averages omit: by default the theoretical
+        settling time.
     """
 
     plant: Mapping[str, Any]
@@ -113,8 +114,8 @@ class Grid:
 
     @property
     def points(self) -> list[tuple[float, ...]]:
-        """The values at each point; the last range varies fastest."""
-        return list(product(*(each.values for each in self.ranges)))
+        """Values at each point; the last range varies fastest."""
+        return list(product(*(swept.values for swept in self.ranges)))
 
     def loop(self, values: tuple[float, ...]) -> tuple[Loop, dict[str, Any]]:
         """Return the loop at a point, without its law, and the controller's parameters.
@@ -125,11 +126,11 @@ class Grid:
             If a parameter is unknown or wrong.
         """
         plant, believed = dict(self.plant), dict(self.believed)
-        for each, value in zip(self.ranges, values):
-            if each.plant and each.name not in LIMITS:
-                plant = each.set_in(plant, value)
-            if each.believed or each.name in LIMITS:
-                believed = each.set_in(believed, value)
+        for swept, value in zip(self.ranges, values):
+            if swept.plant and swept.name not in LIMITS:
+                plant = swept.set_in(plant, value)
+            if swept.believed or swept.name in LIMITS:
+                believed = swept.set_in(believed, value)
         real = scenario.build(plant)
         faults = PlantFaults.from_values(real.timed, real.model.input.size, plant)
         return Loop(
@@ -138,42 +139,42 @@ class Grid:
 
     def __call__(self, values: tuple[float, ...]) -> Point:
         """Return the outcome at a point."""
-        loop, own = self.loop(values)
+        loop, parameters = self.loop(values)
         believed = loop.believed
         try:
-            law = _law(believed, own) if believed.model.input.size else None
+            law = _law(believed, parameters) if believed.model.input.size else None
         except DesignError as error:
             return Point(values, str(error))
-        found = ensemble(replace(loop, answer=law), law, self.seeds, after=self.after)
+        result = ensemble(replace(loop, answer=law), law, self.seeds, after=self.after)
         theory = (None, None) if loop.faults else self._theory(believed)
         return Point(
             values,
             '',
-            found.cost,
-            found.cost_error,
-            tuple(found.rms.tolist()),
-            tuple(found.std.tolist()),
-            found.anees,
-            found.anees_bounds,
-            found.lost_share,
-            float(found.outcomes.limited.mean()),
+            result.cost,
+            result.cost_error,
+            tuple(result.rms.tolist()),
+            tuple(result.std.tolist()),
+            result.anees,
+            result.anees_bounds,
+            result.lost_share,
+            float(result.outcomes.limited.mean()),
             *theory,
         )
 
     @property
     def as_believed(self) -> bool:
-        """Whether the plant is the one that the estimator believes in, at every point."""
+        """Whether the plant is as estimator and controller believe, at every point."""
         known = scenario.options(self.believed)
         same = all(self.plant.get(name) == self.believed.get(name) for name in known)
-        return same and all(each.plant == each.believed for each in self.ranges)
+        return same and all(swept.plant == swept.believed for swept in self.ranges)
 
     def _theory(self, believed: Scenario) -> tuple[float | None, tuple[float, ...] | None]:
         if not self.as_believed or not believed.law or not filter_class(believed.filter).optimal:
             return None, None
         try:
-            found = checks.theory(believed)
-            variances = found.loop.posterior.diagonal(axis1=1, axis2=2).mean(axis=0)
-            return float(found.expected_cost), tuple(np.sqrt(variances).tolist())
+            theory = checks.theory(believed)
+            variances = theory.loop.posterior.diagonal(axis1=1, axis2=2).mean(axis=0)
+            return float(theory.expected_cost), tuple(np.sqrt(variances).tolist())
         except (ValueError, np.linalg.LinAlgError):
             return None, None
 

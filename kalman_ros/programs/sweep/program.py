@@ -27,7 +27,7 @@ from kalman_ros.simulation.spread import spread
 from .grid import Grid, Point
 from .ranges import parsed
 
-#: Why a sweep has not all of its points that somebody stopped.
+#: Reason for missing points, if a person interrupted the sweep.
 INTERRUPTED = 'interrupted'
 
 
@@ -72,7 +72,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def grid_of(options: argparse.Namespace, path: Path) -> Grid:
-    """Return the grid that the options ask for, each of its points checked.
+    """Return the grid of the options, after a check of each of its points.
 
     Raises
     ------
@@ -88,8 +88,8 @@ def grid_of(options: argparse.Namespace, path: Path) -> Grid:
         raise ValueError(f'after: expected 0 to {options.seconds:g} s, got {options.after:g}')
     if len(options.over) > 2:
         raise ValueError(f'over: expected one or two parameters, got {len(options.over)}')
-    ranges = [parsed(each) for each in options.over]
-    if len({(each.name, each.index) for each in ranges}) < len(ranges):
+    ranges = [parsed(text) for text in options.over]
+    if len({(item.name, item.index) for item in ranges}) < len(ranges):
         raise ValueError(f'over: expected two parameters, got {options.over[0]} twice')
     changes = overrides(options.parameters)
     plant = {**from_file(path, 'plant'), **changes}
@@ -103,26 +103,26 @@ def grid_of(options: argparse.Namespace, path: Path) -> Grid:
 
 
 def swept(grid: Grid, workers: int, dask: str, console: Console) -> tuple[dict[int, Point], str]:
-    """Return the outcomes at the points that are finished, and why others are not.
+    """Return the outcomes at the finished points, and the reason why other points are missing.
 
     Raises
     ------
     ValueError, KeyboardInterrupt
-        If none is finished.
+        If no point is finished.
     """
-    found: dict[int, Point] = {}
+    outcomes: dict[int, Point] = {}
     columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn())
     try:
         with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
             task = bar.add_task('points', total=len(grid.points))
             for index, point in spread(grid, grid.points, workers, dask):
-                found[index] = point
+                outcomes[index] = point
                 bar.advance(task)
     except (ValueError, KeyboardInterrupt) as error:
-        if not found:
+        if not outcomes:
             raise
-        return found, str(error) or INTERRUPTED
-    return found, ''
+        return outcomes, str(error) or INTERRUPTED
+    return outcomes, ''
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -133,13 +133,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         path = shipped.file(options.scenario)
         grid = grid_of(options, path)
         folder = ready(options.out or Path('out') / path.stem / 'sweep')
-        found, stopped = swept(grid, options.workers, options.dask, console)
+        outcomes, stopped = swept(grid, options.workers, options.dask, console)
     except (ValueError, OSError) as error:
         refuse('sweep', error)
 
     from . import pictures, tables  # matplotlib loads while nothing waits
 
-    points = [found[index] for index in sorted(found)]
+    points = [outcomes[index] for index in sorted(outcomes)]
     state = scenario.build(grid.believed).model.state
     console.print(tables.sweep_table(grid.ranges, state.names, points))
     _explain(console, points, grid)
@@ -155,8 +155,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     drawn = ''
     if any(point.rms for point in points):
-        # a map has a place for what is missing
-        all_points = [found.get(k, Point(values)) for k, values in enumerate(grid.points)]
+        # a map has a cell for each point, finished or not
+        all_points = [outcomes.get(k, Point(values)) for k, values in enumerate(grid.points)]
         pictures.sweep_picture(grid.ranges, state, all_points, folder / 'sweep.png')
         drawn = ', sweep.png'
     console.print(f'In {folder}: summary.json{drawn}')
@@ -167,7 +167,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _explain(console: Console, points: Sequence[Point], grid: Grid) -> None:
-    """Print what the columns are, and what is unusual."""
+    """Print the meaning of the columns, and of the points that are unusual."""
     console.print(
         f'\n{len(grid.seeds)} runs of {grid.seconds:g} s at each point, with the same noise at '
         'all. The last columns are RMS errors of the estimate; lost runs are not in the averages.'

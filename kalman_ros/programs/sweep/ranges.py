@@ -14,7 +14,7 @@ import numpy as np
 from kalman_ros.core import refuse_unknown
 from kalman_ros.simulation.faults.plant_faults import plant_options
 
-#: Whose parameter it is: the plant's, the believed one of estimator and controller, or both.
+#: Prefixes of a parameter of the plant only, and of estimator and controller only.
 PLANT, ESTIMATOR = 'plant.', 'estimator.'
 #: Limits of the actuators, which are not part of a scenario.
 LIMITS = ('input_limit', 'input_rate_limit')
@@ -33,17 +33,17 @@ class Range:
     Parameters
     ----------
     label
-        As it was typed.
+        Text before the equals sign, as it was typed.
     name
-        Of the parameter, without the prefix.
+        Name of the parameter, without a prefix.
     index
-        Which number of a list is meant; None for all.
+        Index of the swept number in a list; None for all numbers.
     plant, believed
-        Whether the plant has it, and the estimator and the controller.
+        Whether the plant has the parameter, and whether estimator and controller have it.
     log
         Whether the values are evenly spaced in their logarithm.
     values
-        From the lowest to the highest.
+        Values from the lowest to the highest.
     """
 
     label: str
@@ -55,12 +55,12 @@ class Range:
     values: tuple[float, ...]
 
     def set_in(self, values: Mapping[str, Any], value: float) -> dict[str, Any]:
-        """Return parameters in which this one has a value.
+        """Return parameters in which the swept one has a value.
 
         Raises
         ------
         ValueError
-            If there is no such parameter, or it is no number.
+            If there is no such parameter, or it has no numbers.
         """
         known = plant_options(values)
         refuse_unknown([self.name], {*known, *LIMITS}, 'parameter')
@@ -86,34 +86,34 @@ class Range:
 
 
 def _words(values: list[Any]) -> bool:
-    return any(isinstance(each, str) for each in values)
+    return any(isinstance(value, str) for value in values)
 
 
-def parsed(given: str) -> Range:
+def parsed(text: str) -> Range:
     """Return the range that a person typed.
 
     Raises
     ------
     ValueError
-        If it has another form; the message shows the expected one.
+        If the text has another form; the message shows the expected one.
     """
-    match = _PATTERN.fullmatch(given)
+    match = _PATTERN.fullmatch(text)
     if match is None:
-        raise ValueError(f"over: expected {_FORM}, got '{given}'")
-    low, high = (_number(match[each], given) for each in ('low', 'high'))
+        raise ValueError(f"over: expected {_FORM}, got '{text}'")
+    low, high = (_number(match[end], text) for end in ('low', 'high'))
     scale, count = match['scale'], int(match['count'])
     if scale not in ('log', 'lin'):
-        raise ValueError(f"over: expected log or lin, got '{scale}' in '{given}'")
+        raise ValueError(f"over: expected log or lin, got '{scale}' in '{text}'")
     if not low < high:
-        raise ValueError(f"over: expected a low end below the high one, got '{given}'")
+        raise ValueError(f"over: expected a low end below the high one, got '{text}'")
     if scale == 'log' and low <= 0.0:
-        raise ValueError(f"over: a log range begins above 0; use lin, got '{given}'")
+        raise ValueError(f"over: a log range begins above 0; use lin, got '{text}'")
     if not 2 <= count <= _MOST:
-        raise ValueError(f"over: expected 2 to {_MOST} values, got {count} in '{given}'")
+        raise ValueError(f"over: expected 2 to {_MOST} values, got {count} in '{text}'")
     space = np.geomspace if scale == 'log' else np.linspace
-    label = given.partition('=')[0]
+    label = text.partition('=')[0]
     name = match['name']
-    whose = next((each for each in (PLANT, ESTIMATOR) if name.startswith(each)), '')
+    whose = next((prefix for prefix in (PLANT, ESTIMATOR) if name.startswith(prefix)), '')
     return Range(
         label,
         name.removeprefix(whose),
@@ -125,11 +125,11 @@ def parsed(given: str) -> Range:
     )
 
 
-def _number(text: str, given: str) -> float:
+def _number(text: str, whole: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = float('nan')
     if not isfinite(value):
-        raise ValueError(f"over: expected {_FORM}, and '{text}' is no number, in '{given}'")
+        raise ValueError(f"over: expected {_FORM}, and '{text}' is no number, in '{whole}'")
     return value

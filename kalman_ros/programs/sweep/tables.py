@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of a sweep: a point a line."""
+"""The table of a sweep, with one line for each point."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kalman_ros.report.run_tables import plain_table
 from .grid import Point
 from .ranges import Range
 
-#: Columns of numbers that fit 80 characters.
+#: Number of numeric columns that fit into 80 characters.
 _MOST = 7
 
 
@@ -23,7 +23,7 @@ def sweep_table(ranges: Sequence[Range], states: Sequence[str], points: Sequence
     with_theory = any(point.theory_cost is not None for point in points)
     columns = ['cost'] * controlled + ['theory'] * with_theory + ['ANEES', 'lost']
     shown = states[: max(1, _MOST + 1 - len(ranges) - len(columns))]
-    table = plain_table('', (*(each.label.split('.')[-1] for each in ranges[1:]), *columns))
+    table = plain_table('', (*(swept.label.split('.')[-1] for swept in ranges[1:]), *columns))
     table.columns[0].header = ranges[0].label.split('.')[-1]
     table.columns[0].justify = 'right'
     for name in shown:

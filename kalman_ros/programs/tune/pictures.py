@@ -13,26 +13,28 @@ from kalman_ros.analysis.tuning.profiles import Profile
 from kalman_ros.core import Array
 from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, READING, figure_with, picture
 
-#: The drop of the log-likelihood at the ends of a 95 % interval.
+#: Drop of the log-likelihood at the ends of a 95 % interval.
 _DROP = -1.92
-#: NIS are drawn as means of as many pieces of the recording.
+#: Number of pieces of the recording; the mean NIS of each piece is drawn.
 _PIECES = 60
 
 
-def draw_profiles(found: Sequence[Profile], path: Path) -> None:
-    """Draw how the likelihood falls beside each fitted value."""
-    columns = min(3, len(found))
-    rows = -(-len(found) // columns)
+def draw_profiles(profiles: Sequence[Profile], path: Path) -> None:
+    """Draw the likelihood around each fitted value."""
+    columns = min(3, len(profiles))
+    rows = -(-len(profiles) // columns)
     with figure_with(path, rows, columns, (3.2 * columns, 2.4 * rows)) as (_, axes):
-        for axis in axes.flat[len(found) :]:
+        for axis in axes.flat[len(profiles) :]:
             axis.set_axis_off()
-        for axis, each in zip(axes.flat, found):
-            axis.plot(each.value, each.expected, color=BOUND, lw=1.0, label='by its interval')
-            axis.plot(each.value, each.drop, '.-', color=ESTIMATE, label='log-likelihood')
+        for axis, profile in zip(axes.flat, profiles):
+            axis.plot(
+                profile.value, profile.expected, color=BOUND, lw=1.0, label='by its interval'
+            )
+            axis.plot(profile.value, profile.drop, '.-', color=ESTIMATE, label='log-likelihood')
             axis.axhline(_DROP, color=READING, lw=0.8, ls='--', label='95 %')
             axis.set_ylim(-6.0, 0.5)
-            axis.set_title(each.name.removeprefix('model_parameters.'))
-            axis.set_xlabel(f'[{each.unit}]' if each.unit else '')
+            axis.set_title(profile.name.removeprefix('model_parameters.'))
+            axis.set_xlabel(f'[{profile.unit}]' if profile.unit else '')
         axes.flat[0].legend(fontsize=7, loc='lower center')
 
 
@@ -53,7 +55,7 @@ def draw_nis(before: Judgement, after: Judgement, held_from: float | None, path:
 
 
 def _pieces(sensor: SensorJudgement) -> tuple[Array, Array]:
-    """Return times and means of a NIS in pieces."""
+    """Return the times and the mean NIS of the pieces of a recording."""
     count = min(_PIECES, max(1, len(sensor.time) // 5))
     parts = np.array_split(np.arange(len(sensor.time)), count)
     times = np.array([sensor.time[part].mean() for part in parts if len(part)])

@@ -31,7 +31,7 @@ from kalman_ros.scenario.parameter_files import from_file, overrides
 from . import tables
 from .recorded_likelihood import Recorded, load
 
-#: Plants at random on the edge of the 95 % region, whose margins are compared.
+#: Number of random plants on the edge of the 95 % region, whose margins are compared.
 _PLANTS = 20
 
 
@@ -76,23 +76,23 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def pairs(option: str, given: Sequence[str], between: str) -> dict[str, tuple[float, float]]:
+def pairs(option: str, texts: Sequence[str], between: str) -> dict[str, tuple[float, float]]:
     """Return NAME=A..B arguments by name; ValueError if one is malformed."""
-    found = {}
-    for text in given:
+    values = {}
+    for text in texts:
         name, _, rest = text.partition('=')
         first, _, second = rest.partition(between)
         try:
-            found[name] = float(first), float(second)
+            values[name] = float(first), float(second)
         except ValueError:
             raise ValueError(
                 f"{option}: expected NAME=NUMBER{between}NUMBER, got '{text}'"
             ) from None
-    return found
+    return values
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Fit, print, draw; exit 1 if the fit does not explain what was held out."""
+    """Fit, print and draw; exit with 1 if the fit does not explain the readings held out."""
     options, console = arguments(argv), Console(highlight=False)
     try:
         if not 0.0 <= options.hold_out < 1.0:
@@ -110,31 +110,31 @@ def main(argv: Sequence[str] | None = None) -> None:
                 options.hold_out,
             )  # fmt: skip
 
-            def report(what: str, share: float) -> None:
-                bar.update(task, description=what, total=1.0, completed=share)
+            def report(text: str, share: float) -> None:
+                bar.update(task, description=text, total=1.0, completed=share)
 
-            found = fit(recorded.likelihood, report)
+            fitted = fit(recorded.likelihood, report)
             results = Results()
-            if found.complete:
+            if fitted.complete:
                 bar.update(task, description='judging', total=None)
                 try:
-                    results = _results(recorded, found, options, changes)
+                    results = _results(recorded, fitted, options, changes)
                 except KeyboardInterrupt:
-                    found = replace(found, stopped=INTERRUPTED)
+                    fitted = replace(fitted, stopped=INTERRUPTED)
     except (ValueError, OSError) as error:
         refuse('tune', error)
 
     from . import pictures  # matplotlib is slow to load
 
-    _show(console, recorded, found, results)
-    pasted = tables.pasted(found, recorded.named)
-    lines = tables.yaml_lines(pasted, found, recorded.named)
+    _show(console, recorded, fitted, results)
+    pasted = tables.pasted(fitted, recorded.named)
+    lines = tables.yaml_lines(pasted, fitted, recorded.named)
     if lines:
         console.print('\n[bold]For the parameter file[/]')
         console.print('\n'.join(lines), markup=False, soft_wrap=True)
-    for sentence in tables.beside(found):
+    for sentence in tables.beside(fitted):
         console.print(sentence, markup=False)
-    (folder / 'fitted.yaml').write_text(tables.parameter_file(lines, found))
+    (folder / 'fitted.yaml').write_text(tables.parameter_file(lines, fitted))
     names = ['summary.json', 'fitted.yaml']
     if results.profiles:
         pictures.draw_profiles(results.profiles, folder / 'profiles.png')
@@ -142,17 +142,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     if results.everything is not None and results.everything[1].sensors:
         pictures.draw_nis(*results.everything, _held_from(recorded), folder / 'nis.png')
         names.append('nis.png')
-    record = tables.summary(found, results.held, pasted, results.margins, recorded.notes)
+    record = tables.summary(fitted, results.held, pasted, results.margins, recorded.notes)
     (folder / 'summary.json').write_text(json.dumps(record, indent=2) + '\n')
     console.print(f'\nIn {folder}: {", ".join(names)}', style='dim')
-    passed, sentence = tables.verdict(found, results.held)
+    passed, sentence = tables.verdict(fitted, results.held)
     console.print(sentence)
-    sys.exit(128 + signal.SIGINT if found.interrupted else 0 if passed else 1)
+    sys.exit(128 + signal.SIGINT if fitted.interrupted else 0 if passed else 1)
 
 
 @dataclass(frozen=True)
 class Results:
-    """What is computed of a complete fit: judgements before and after it, profiles, margins."""
+    """Results of a complete fit: judgements before and after it, profiles and margins."""
 
     everything: tuple[Judgement, Judgement] | None = None
     held: tuple[Judgement, Judgement] | None = None
@@ -162,14 +162,14 @@ class Results:
 
 
 def _results(
-    recorded: Recorded, found: Fit, options: argparse.Namespace, changes: dict[str, Any]
+    recorded: Recorded, fitted: Fit, options: argparse.Namespace, changes: dict[str, Any]
 ) -> Results:
-    starts = {each.name: each.start for each in found.parameters}
+    starts = {parameter.name: parameter.start for parameter in fitted.parameters}
     after = [None, recorded.likelihood.until] if options.hold_out else [None]
-    both = (judge(recorded.likelihood, values, *after) for values in (starts, found.values))
+    both = (judge(recorded.likelihood, values, *after) for values in (starts, fitted.values))
     everything, *held = zip(*both)
-    shapes = profiles(recorded.likelihood, found)
-    worst, why = _margins(options.params_file, changes, recorded, found)
+    shapes = profiles(recorded.likelihood, fitted)
+    worst, why = _margins(options.params_file, changes, recorded, fitted)
     return Results(everything, held[0] if held else None, shapes, worst, why)
 
 
@@ -179,7 +179,7 @@ def _bar(console: Console) -> Progress:
 
 
 def _held_from(recorded: Recorded) -> float | None:
-    """Return when the part that was held out begins, in seconds; None if there is none."""
+    """Return the time in seconds at which the part held out begins; None without such a part."""
     likelihood = recorded.likelihood
     if likelihood.until is None:
         return None
@@ -187,31 +187,32 @@ def _held_from(recorded: Recorded) -> float | None:
 
 
 def _margins(
-    file: Path | None, changes: dict[str, Any], recorded: Recorded, found: Fit
+    file: Path | None, changes: dict[str, Any], recorded: Recorded, fitted: Fit
 ) -> tuple[list[RobustMargins], str]:
-    """Return the margins of the fitted design, or why there are none."""
+    """Return the margins of the fitted design, or the reason why there are none."""
     named = recorded.named
     if not named.scenario.model.input.size:
         return [], ''
     path = shipped.file(file or models.DEFAULT)
     values = {'model': models.DEFAULT, **from_file(path, 'estimator', 'controller')}
     try:
-        fitted: Scenario = build({**values, **changes, **named.changes(found.values)})
+        design: Scenario = build({**values, **changes, **named.changes(fitted.values)})
         plants: list[Dynamics] = [
-            named.candidate(each).model for each in sampled(recorded.likelihood, found, _PLANTS)
+            named.candidate(values).model
+            for values in sampled(recorded.likelihood, fitted, _PLANTS)
         ]
-        return robust_margins(fitted, plants), ''
+        return robust_margins(design, plants), ''
     except (ValueError, DesignError) as error:
         return [], f'No design for the fitted model: {error}'
 
 
-def _show(console: Console, recorded: Recorded, found: Fit, results: Results) -> None:
-    """Print what was found."""
+def _show(console: Console, recorded: Recorded, fitted: Fit, results: Results) -> None:
+    """Print the fit, the readings held out and the margins."""
     for note in recorded.notes:
         console.print(f'Note: {note}', markup=False)
-    console.print(tables.parameters_table(found))
+    console.print(tables.parameters_table(fitted))
     console.print()
-    for sentence in tables.sentences(found):
+    for sentence in tables.sentences(fitted):
         console.print(sentence, markup=False)
     if results.held is not None and results.held[1].sensors:
         console.print('\n[bold]The readings held out[/]')
@@ -219,11 +220,11 @@ def _show(console: Console, recorded: Recorded, found: Fit, results: Results) ->
     if results.margins:
         console.print('\n[bold]Margins of the design for the fitted model[/]')
         console.print(tables.margins_table(results.margins))
-        for each in results.margins:
-            if each.unstable:
+        for margins in results.margins:
+            if margins.unstable:
                 console.print(
-                    f'[yellow]Warning:[/] {each.unstable} of {each.count} plants inside the '
-                    f'intervals are unstable in the loop of {each.input}.'
+                    f'[yellow]Warning:[/] {margins.unstable} of {margins.count} plants inside the '
+                    f'intervals are unstable in the loop of {margins.input}.'
                 )
     elif results.no_margins:
         console.print(results.no_margins, markup=False)

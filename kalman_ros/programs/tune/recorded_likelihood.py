@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a bag and a parameter file to a likelihood."""
+"""The likelihood of a bag with a parameter file."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
-#: With fewer numbers for each parameter nothing is fitted.
+#: Fewest numbers for each fitted parameter.
 _LEAST = 5
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording to fit to.
+    """A recording for a fit.
 
     Parameters
     ----------
     likelihood
-        Of the first part.
+        Likelihood of the readings that are not held out.
     named
-        The parameters by name, those to fit chosen.
+        Parameters by name, with the choice of those to fit.
     notes
-        Sentences on what should be known of it.
+        Sentences on properties of the recording that affect the fit.
     """
 
     likelihood: Likelihood
@@ -61,7 +61,7 @@ def load(
     Raises
     ------
     ValueError
-        If a parameter is wrong, or the bag has too little.
+        If a parameter is wrong, or the bag has too few readings.
     """
     file = shipped.file(params or models.DEFAULT)
     values = {'model': models.DEFAULT, **from_file(file, 'estimator'), **changes}
@@ -84,10 +84,10 @@ def load(
 
 
 def _observations(replayed: Replayed, named: NamedParameters) -> Observations:
-    own = named.configured_noise()
+    configured = named.configured_noise()
     readings = {
         name: _readings(
-            replayed.sensors[name], configured=name in own, taken=not source.signal.zero
+            replayed.sensors[name], configured=name in configured, taken=not source.signal.zero
         )
         for name, source in named.scenario.enabled.items()
         if name in replayed.sensors
@@ -99,7 +99,7 @@ def _observations(replayed: Replayed, named: NamedParameters) -> Observations:
 
 
 def _readings(sensor: SensorReplay, *, configured: bool, taken: bool) -> Readings:
-    """Return the readings by stamp, each stamp once, that a filter can take."""
+    """Return the readings that a filter can take, by stamp, each stamp once."""
     use: Any = np.isfinite(sensor.stamp) & np.isfinite(sensor.value).all(axis=1)
     if not configured:
         use &= _definite(sensor.covariance)
@@ -112,7 +112,7 @@ def _readings(sensor: SensorReplay, *, configured: bool, taken: bool) -> Reading
 
 
 def _definite(covariance: Array) -> Any:
-    """Return which covariances (N, k, k) are finite and positive definite (N,)."""
+    """Return the mask (N,) of covariances (N, k, k) that are finite and positive definite."""
     finite: Any = np.isfinite(covariance).all(axis=(1, 2))
     lowest = np.linalg.eigvalsh(np.where(finite[:, None, None], covariance, 0.0))
     positive: Any = lowest.min(axis=1, initial=np.inf) > 0.0
@@ -131,8 +131,8 @@ def _notes(
                 f'The messages of {name} have a covariance; the fitted noise replaces it '
                 '(covariance_from: configuration).'
             )
-    for name, each in observations.readings.items():
-        if not len(each.stamp):
+    for name, series in observations.readings.items():
+        if not len(series.stamp):
             yield f'{name} has no reading that can be used.'
     u = observations.input
     if named.scenario.model.input.size and not (u != u[:1]).any():

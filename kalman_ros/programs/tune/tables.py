@@ -17,7 +17,7 @@ from kalman_ros.analysis.tuning.robust_margins import RobustMargins
 from kalman_ros.report.run_tables import plain_table
 from kalman_ros.scenario.parameter_text import yaml_value
 
-#: Correlations that are mentioned.
+#: Absolute correlation above which a pair of parameters is mentioned.
 _NOTABLE = 0.8
 
 
@@ -25,20 +25,23 @@ def parameters_table(fit: Fit) -> Table:
     """Return the parameters with their start, value and interval."""
     table = plain_table('', ('start', 'fitted', '95 % interval'))
     table.columns[0].no_wrap, table.columns[0].overflow = False, 'fold'
-    for each in fit.parameters:
-        name = f'{each.name} \\[{each.unit}]' if each.unit else each.name
+    for parameter in fit.parameters:
+        name = f'{parameter.name} \\[{parameter.unit}]' if parameter.unit else parameter.name
         value, interval = '', '[yellow]not determined[/]'
-        if each.determined:
-            value, interval = f'{each.value:.4g}', f'{each.low:.4g} to {each.high:.4g}'
-        table.add_row(name, f'{each.start:.4g}', value, interval)
+        if parameter.determined:
+            value, interval = (
+                f'{parameter.value:.4g}',
+                f'{parameter.low:.4g} to {parameter.high:.4g}',
+            )
+        table.add_row(name, f'{parameter.start:.4g}', value, interval)
     return table
 
 
 def sentences(fit: Fit) -> Iterator[str]:
-    """Yield why parameters are not determined, which go together, and the likelihoods."""
-    for each in fit.parameters:
-        if not each.determined:
-            yield f'{each.name}: {each.reason}.'
+    """Yield the undetermined parameters, the correlated ones, the likelihoods and convergence."""
+    for parameter in fit.parameters:
+        if not parameter.determined:
+            yield f'{parameter.name}: {parameter.reason}.'
     for i, one in enumerate(fit.parameters):
         for j in range(i):
             r = float(fit.correlation[i, j])
@@ -61,43 +64,53 @@ def sentences(fit: Fit) -> Iterator[str]:
 def judgement_table(before: Judgement, after: Judgement) -> Table:
     """Return NIS and whiteness of each sensor before and after the fit."""
     table = plain_table('', ('NIS before', 'after', 'allowed', 'whiteness', 'allowed', ''))
-    for name, each in after.sensors.items():
+    for name, sensor in after.sensors.items():
         old = before.sensors.get(name)
-        low, high = each.nis_bounds
-        verdict = '[green]ok[/]' if each.consistent else '[bold red]FAILS[/]'
+        low, high = sensor.nis_bounds
+        verdict = '[green]ok[/]' if sensor.consistent else '[bold red]FAILS[/]'
         table.add_row(
-            name, '' if old is None else f'{old.nis:.3g}', f'{each.nis:.3g}',
-            f'{low:.3g} to {high:.3g}', f'{each.whiteness:+.2f}', f'+-{each.white_bound:.2f}',
-            verdict if each.judged else 'too few',
+            name, '' if old is None else f'{old.nis:.3g}', f'{sensor.nis:.3g}',
+            f'{low:.3g} to {high:.3g}', f'{sensor.whiteness:+.2f}', f'+-{sensor.white_bound:.2f}',
+            verdict if sensor.judged else 'too few',
         )  # fmt: skip
     return table
 
 
-def margins_table(found: Sequence[RobustMargins]) -> Table:
-    """Return the margins of each input, fitted and worst."""
+def margins_table(results: Sequence[RobustMargins]) -> Table:
+    """Return the margins of each input: those of the fitted model, and the worst."""
     table = plain_table('', ('of the fitted model', 'worst in the intervals'))
-    for each in found:
-        fitted = each.fitted
+    for result in results:
+        fitted = result.fitted
         lag = fitted.lag.value * 57.29577951308232
-        for name, own, worst, unit in (
-            ('upper gain', fitted.upper_gain.value, each.upper_gain, ''),
-            ('phase', lag, each.lag, ' deg'),
-            ('delay', fitted.delay.value, each.delay, ' s'),
+        for name, value, worst, unit in (
+            ('upper gain', fitted.upper_gain.value, result.upper_gain, ''),
+            ('phase', lag, result.lag, ' deg'),
+            ('delay', fitted.delay.value, result.delay, ' s'),
         ):
-            table.add_row(f'{name} at {each.input}', f'{own:.3g}{unit}', f'{worst:.3g}{unit}')
+            table.add_row(f'{name} at {result.input}', f'{value:.3g}{unit}', f'{worst:.3g}{unit}')
     return table
 
 
 def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
-    """Return the parameters to paste, to four digits, without those that stayed as they are.
+    """Return the parameters to paste, to four digits, without those that did not change.
 
-    Nothing is pasted of a fit that determines nothing.
+    The result is empty if the fit determines nothing.
     """
-    if not any(each.determined for each in fit.parameters):
+    if not any(parameter.determined for parameter in fit.parameters):
         return {}
-    stayed = {named.parameter(each.name) for each in fit.parameters if each.value == each.start}
-    stayed -= {named.parameter(each.name) for each in fit.parameters if each.value != each.start}
-    changes = named.changes({each.name: float(f'{each.value:.4g}') for each in fit.parameters})
+    stayed = {
+        named.parameter(parameter.name)
+        for parameter in fit.parameters
+        if parameter.value == parameter.start
+    }
+    stayed -= {
+        named.parameter(parameter.name)
+        for parameter in fit.parameters
+        if parameter.value != parameter.start
+    }
+    changes = named.changes(
+        {parameter.name: float(f'{parameter.value:.4g}') for parameter in fit.parameters}
+    )
     pasted = {name: value for name, value in changes.items() if name not in stayed}
     for name in [name for name in pasted if name.endswith('.covariance_from')]:
         if name.replace('.covariance_from', '.noise') not in pasted:
@@ -106,19 +119,21 @@ def pasted(fit: Fit, named: NamedParameters) -> dict[str, Any]:
 
 
 def beside(fit: Fit) -> Iterator[str]:
-    """Yield what to do about fitted values for which the estimator has no parameter."""
-    for each in fit.parameters:
-        if not each.determined or 'bias' not in each.name.split('.'):
+    """Yield how to correct fitted biases, for which the estimator has no parameter."""
+    for fitted in fit.parameters:
+        if not fitted.determined or 'bias' not in fitted.name.split('.'):
             continue
         yield (
-            f'{each.name}: readings are too large by {each.value:.4g} {each.unit}'.rstrip()
+            f'{fitted.name}: readings are too large by {fitted.value:.4g} {fitted.unit}'.rstrip()
             + '; correct it where it arises, for the estimator has no parameter for it.'
         )
 
 
 def yaml_lines(changes: Mapping[str, Any], fit: Fit, named: NamedParameters) -> list[str]:
     """Return the lines of a parameter file with these parameters."""
-    open_ones = {named.parameter(each.name) for each in fit.parameters if not each.determined}
+    open_ones = {
+        named.parameter(parameter.name) for parameter in fit.parameters if not parameter.determined
+    }
     return [
         f'{name}: {yaml_value(value)}'
         + ('   # not determined: one choice of many' if name in open_ones else '')
@@ -135,13 +150,13 @@ def parameter_file(lines: Sequence[str], fit: Fit) -> str:
 
 
 def _unfinished(fit: Fit) -> str:
-    """Return why a fit is not one that converged."""
+    """Return why a fit did not converge."""
     return 'interrupted' if fit.interrupted else f'not converged, {fit.stopped}'
 
 
 def verdict(fit: Fit, held: tuple[Judgement, Judgement] | None) -> tuple[bool, str]:
-    """Return whether the fit can be used, and the verdict."""
-    known = sum(each.determined for each in fit.parameters)
+    """Return whether the fit can be used, and the verdict as text."""
+    known = sum(parameter.determined for parameter in fit.parameters)
     count = f'{known} of {len(fit.parameters)} parameters determined'
     if not fit.converged:
         return False, f'[bold red]FAIL, {count}:[/] {_unfinished(fit)}'
@@ -155,7 +170,9 @@ def verdict(fit: Fit, held: tuple[Judgement, Judgement] | None) -> tuple[bool, s
         return True, f'[green]PASS, {count}:[/] {change}, too few of any sensor to judge NIS'
     if held[1].consistent:
         return True, f'[green]PASS, {count}:[/] {change}, NIS and whiteness as they should be'
-    failed = [n for n, each in held[1].sensors.items() if each.judged and not each.consistent]
+    failed = [
+        n for n, sensor in held[1].sensors.items() if sensor.judged and not sensor.consistent
+    ]
     return False, (
         f'[bold red]FAIL, {count}:[/] {change}, but the innovations of '
         f'{", ".join(failed) or "every sensor"} are not as they should be: intervals are too '
@@ -180,20 +197,20 @@ def summary(
         'stopped': fit.stopped,
         'held out': None if held is None else {
             when: {
-                'log likelihood': _plain(each.log_likelihood),
-                'consistent': each.consistent,
+                'log likelihood': _plain(judgement.log_likelihood),
+                'consistent': judgement.consistent,
                 'sensors': {
                     name: {'nis': _plain(s.nis), 'nis bounds': list(s.nis_bounds),
                            'whiteness': _plain(s.whiteness), 'whiteness bound': s.white_bound}
-                    for name, s in each.sensors.items()
+                    for name, s in judgement.sensors.items()
                 },
             }
-            for when, each in zip(('before', 'after'), held)
+            for when, judgement in zip(('before', 'after'), held)
         },
         'margins': [
-            {'input': each.input, 'upper gain': _plain(each.upper_gain), 'lag': _plain(each.lag),
-             'delay': _plain(each.delay), 'unstable': each.unstable, 'plants': each.count}
-            for each in worst
+            {'input': loop.input, 'upper gain': _plain(loop.upper_gain), 'lag': _plain(loop.lag),
+             'delay': _plain(loop.delay), 'unstable': loop.unstable, 'plants': loop.count}
+            for loop in worst
         ],
         'change': dict(changes),
         'notes': list(notes),
@@ -201,7 +218,7 @@ def summary(
 
 
 def _plain(value: Any) -> Any:
-    """Return a number for JSON: one that is not finite as null."""
+    """Return a value for JSON, with null for a number that is not finite."""
     if isinstance(value, float):
         return float(value) if isfinite(value) else None
     return value

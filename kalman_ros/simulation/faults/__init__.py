@@ -14,7 +14,7 @@ from .fault import Fault, Window, window
 from .transit import BurstLoss, Delay, Dropout, Duplication, Jitter, Reordering
 from .values import Bias, Drift, Freeze, NotANumber, Outliers, RandomWalk
 
-#: In the order in which they act: first on the values, then on the transport. A new one needs
+#: Faults in the order in which they act: first on the values, then on the transport. A new one
 #: only a class and its name here.
 FAULTS: tuple[type[Fault], ...] = (
     Bias,
@@ -31,14 +31,14 @@ FAULTS: tuple[type[Fault], ...] = (
     Duplication,
 )
 
-#: By the class.
+#: Options of each fault, by its class.
 _OPTIONS = {kind: options_of(kind) for kind in FAULTS}
 _WINDOW = options_of(window)
 
 
 def fault_options() -> tuple[Option, ...]:
     """Return the options of all sensor faults, without the sensor's name."""
-    return (*_WINDOW, *(option for found in _OPTIONS.values() for option in found))
+    return (*_WINDOW, *(option for options in _OPTIONS.values() for option in options))
 
 
 def options_of_sensors(names: Iterable[str]) -> Iterator[Option]:
@@ -58,20 +58,20 @@ def settings_of_sensors(
     ValueError
         If the faults of a sensor are invalid; the message names the option.
     """
-    found = {}
+    settings = {}
     for name, timed in sensors.items():
-        found[name] = {o.name: values[f'{name}.{o.name}'] for o in fault_options()}
+        settings[name] = {o.name: values[f'{name}.{o.name}'] for o in fault_options()}
         try:
-            check(timed, found[name])
+            check(timed, settings[name])
         except ValueError as error:
             raise ValueError(f'{name}.{error}') from None
-    return found
+    return settings
 
 
 def settings_of(kind: type[Fault], values: Mapping[str, Value]) -> dict[str, Value] | None:
     """Return the settings of one fault; None if it is off."""
-    found = {option.name: values.get(option.name, option.default) for option in _OPTIONS[kind]}
-    return found if np.any(next(iter(found.values()))) else None
+    settings = {option.name: values.get(option.name, option.default) for option in _OPTIONS[kind]}
+    return settings if np.any(next(iter(settings.values()))) else None
 
 
 def window_of(values: Mapping[str, Any]) -> Window:

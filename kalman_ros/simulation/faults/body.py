@@ -93,11 +93,11 @@ class BodyFaults:
         #: The faults that are on, with their settings.
         self.on = [f'{name}: {value}' for name, value in set_to.items() if np.any(value)]
         self._loss = set_to.pop('actuator_loss')
-        each = {name: one_each(name, value, size) for name, value in set_to.items()}
-        self._dead = each['actuator_dead_zone']
-        self._constant = each['disturbance_constant']
-        self._amplitude = each['disturbance_amplitude']
-        self._density = each['disturbance_noise']
+        expanded = {name: one_each(name, value, size) for name, value in set_to.items()}
+        self._dead = expanded['actuator_dead_zone']
+        self._constant = expanded['disturbance_constant']
+        self._amplitude = expanded['disturbance_amplitude']
+        self._density = expanded['disturbance_noise']
         self._omega = 2.0 * pi * options.disturbance_frequency
         self._window = window(options.fault_window)
 

@@ -20,13 +20,13 @@ class Reading(NamedTuple):
     Parameters
     ----------
     time
-        When it was taken, in plant time.
+        Plant time at which it was taken.
     stamp
-        The stamp of its message.
+        Stamp of its message.
     values
-        The values (k,).
+        Values (k,).
     arrivals
-        When each copy arrives, in plant time; empty if it is lost.
+        Plant times at which its copies arrive; empty if it is lost.
     """
 
     time: int
@@ -69,7 +69,7 @@ class Fault(ABC):
 
 @dataclass(frozen=True)
 class Window:
-    """When faults act: from ``start`` up to, but not at, ``end``, in seconds."""
+    """Window in which faults act: from ``start`` up to, but not at, ``end``, in seconds."""
 
     start: float
     end: float
@@ -89,7 +89,7 @@ def window(
         ),
     ] = (0.0, inf),
 ) -> Window:
-    """Return when faults act; ValueError if the window is invalid."""
+    """Return the window in which faults act; ValueError if it is invalid."""
     if len(fault_window) != 2 or not fault_window[0] < fault_window[1]:
         raise ValueError(f'fault_window: expected a start before an end, got {[*fault_window]}')
     return Window(*fault_window)

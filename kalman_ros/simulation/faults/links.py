@@ -17,7 +17,7 @@ from kalman_ros.simulation.noise import stream
 from . import FAULTS, settings_of, window_of
 from .fault import Fault, Reading
 
-#: A reading due up to this many nanoseconds after a step arrives at it: times are rounded.
+#: Nanoseconds after a step up to which a reading arrives at the step, since times are rounded.
 _ROUNDING = 1000
 
 
@@ -47,13 +47,13 @@ class Link:
 
     @property
     def faults(self) -> Iterator[str]:
-        """The faults that are on, with their settings."""
+        """Faults that are on, with their settings."""
         for settings in self._settings.values():
             name, value = next(iter(settings.items()))
             yield f'{self._name}.{name}: {value}'
 
     def configure(self, timed: TimedSensor, values: Mapping[str, Value]) -> None:
-        """Replace the faults; one with unchanged settings continues."""
+        """Replace the faults; a fault with unchanged settings continues."""
         self._wrap, self._window = timed.sensor.output.wrap, window_of(values)
         for kind in FAULTS:
             settings = settings_of(kind, values)
@@ -95,12 +95,12 @@ class Links:
     Parameters
     ----------
     seed
-        Of all noise.
+        Seed of all noise.
     """
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
-        #: The number of readings that arrived, by sensor.
+        #: Number of readings that arrived, by sensor.
         self.arrived: Counter[str] = Counter()
         self.reset()
 
@@ -120,7 +120,7 @@ class Links:
 
     @property
     def faults(self) -> list[str]:
-        """The faults that are on."""
+        """Faults that are on."""
         return [fault for link in self._links.values() for fault in link.faults]
 
     def __call__(self, time: int, stamp: int, readings: Mapping[str, Array]) -> list[Arrival]:
@@ -129,11 +129,11 @@ class Links:
         Parameters
         ----------
         time
-            Of the step, in nanoseconds since the plant started.
+            Time of the step, in nanoseconds since the plant started.
         stamp
-            The stamp of their messages.
+            Stamp of the messages.
         readings
-            The readings taken at this step, by sensor.
+            Readings taken at this step, by sensor.
         """
         if time != self._at:
             self._at, self._arrivals = time, list(self._arriving(time, stamp, readings))

@@ -16,7 +16,7 @@ from .body import BodyFaults, BodyOptions
 from .links import Links
 from .transit import Delay, Jitter, Reordering
 
-#: Those after which a reading may arrive at a later step.
+#: Faults after which a reading may arrive at a later step.
 _LATE = (Delay, Jitter, Reordering)
 
 
@@ -26,13 +26,13 @@ class PlantFaults:
     Parameters
     ----------
     sensors
-        Its sensors, by name.
+        Sensors of the plant, by name.
     size
-        The number of its inputs, m.
+        Number of its inputs m.
     body
-        The options of body and actuator.
+        Options of body and actuator.
     settings
-        The options of the sensors' faults, as ``SENSOR.option``; all of them.
+        Options of the sensors' faults, as ``SENSOR.option``; all of them.
 
     Raises
     ------
@@ -48,11 +48,11 @@ class PlantFaults:
         settings: Mapping[str, Value],
     ) -> None:
         self._timed = dict(sensors)
-        #: The options of the faults of each sensor, by its name.
+        #: Options of the faults of each sensor, by its name.
         self.sensors = settings_of_sensors(sensors, settings)
-        #: The faults at the input.
+        #: Faults at the input.
         self.body = BodyFaults(body, size)
-        #: The factor of each input (m,) before it acts, and its delay in seconds.
+        #: Factor of each input (m,) before it acts, and its delay in seconds.
         self.gain = one_each('actuator_gain', body.actuator_gain, size)
         self.delay = body.actuator_delay
 
@@ -60,13 +60,13 @@ class PlantFaults:
     def from_values(
         sensors: Mapping[str, TimedSensor], size: int, values: Mapping[str, Value]
     ) -> PlantFaults:
-        """Return the faults set by parameters, among which others may be."""
+        """Return the faults set by parameters, which may contain other parameters, too."""
         known = {option.name: option for option in fault_options(sensors)}
-        found = {
+        settings = {
             name: option.check(values.get(name, option.default)) for name, option in known.items()
         }
-        body = {option.name: found.pop(option.name) for option in options_of(BodyOptions)}
-        return PlantFaults(sensors, size, build_with(BodyOptions, body), found)
+        body = {option.name: settings.pop(option.name) for option in options_of(BodyOptions)}
+        return PlantFaults(sensors, size, build_with(BodyOptions, body), settings)
 
     def __str__(self) -> str:
         links = Links(0)
@@ -86,7 +86,7 @@ class PlantFaults:
 
     @property
     def late(self) -> bool:
-        """Whether readings may arrive at a later step than that at which they are taken."""
+        """Whether readings may arrive at a later step than the one at which they are taken."""
         return any(kind in _LATE for name in self.sensors for kind in self._on(name))
 
     def disturbs(self, sensor: str) -> bool:
@@ -106,9 +106,9 @@ def plant_options(values: Mapping[str, Any]) -> dict[str, Option]:
     ValueError
         If the model, a sensor or a kind is unknown.
     """
-    found = options(values)
-    sensors = sensor_names(values.get('sensors', found['sensors'].default))
-    return {**found, **{option.name: option for option in fault_options(sensors)}}
+    known = options(values)
+    sensors = sensor_names(values.get('sensors', known['sensors'].default))
+    return {**known, **{option.name: option for option in fault_options(sensors)}}
 
 
 def fault_options(sensors: Iterable[str]) -> Iterator[Option]:

@@ -118,7 +118,7 @@ class Outliers(Fault):
 
 @dataclass
 class Freeze(Fault):
-    """Stuck at the first value, with new stamps."""
+    """Readings stuck at the first value, with new stamps."""
 
     freeze: Annotated[
         bool, About('stuck at the value read when this begins, with new stamps', live=True)
@@ -129,7 +129,7 @@ class Freeze(Fault):
         self._stuck: Array | None = None
 
     def __call__(self, reading: Reading) -> Reading:
-        """Return the reading with the value of the first."""
+        """Return the reading with the value of the first reading."""
         if self._stuck is None:
             self._stuck = reading.values
         return reading._replace(values=self._stuck)
