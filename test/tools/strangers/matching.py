@@ -30,8 +30,9 @@ NAMES = {
     'quantised': ('quantised',), 'scale 0': ('scale', 'unrelated'),
     'process noise': ('process noise too small', 'process noise too large'),
 }  # fmt: skip
-#: The same for faults of the input.
-INPUT_NAMES = {'scale': ('input gain',), 'delay': ('input delay',), 'sign': ('input sign',)}
+#: The same for faults of the input. A command that is recorded late acts before its stamp, and
+#: 'input delay' is the opposite: a command that acts after its stamp.
+INPUT_NAMES = {'scale': ('input gain',), 'sign': ('input sign',)}
 #: Kinds of faults whose size is what a finding estimates.
 SIZED = ('scale', 'units', 'bias', 'drift', 'delay', 'parameter', 'noise')
 #: Largest relative error of the factor of a unit.
