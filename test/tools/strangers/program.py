@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes recordings: ``./dev strangers``."""
+"""Writes recordings, and scores the doctor on them: ``./dev strangers``."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from kalman_ros.core import refuse_unknown
 from kalman_ros.programs.refusal import refuse
 
 from .recordings import RECORDINGS, write
+from .score import score
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Write the recordings with these names, or all, a folder each."""
+    """Write the recordings with these names, or all, a folder each; or score the doctor."""
     parser = argparse.ArgumentParser(
         prog='strangers', description='Write recordings whose faults are known.'
     )
@@ -24,9 +25,19 @@ def main(argv: Sequence[str] | None = None) -> None:
         help='for a folder each (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument('--list', action='store_true', help='print the truths, and write nothing')
+    parser.add_argument(
+        '--score', action='store_true', help='run the doctor on the recordings in --out, and judge'
+    )
+    parser.add_argument(
+        '--limit', type=float, default=300.0, metavar='S',
+        help='for one run of the doctor (default: %(default)g)',
+    )  # fmt: skip
     options = parser.parse_args(argv)
     try:
         refuse_unknown(options.names, RECORDINGS, 'recording')
+        if options.score:
+            score(options.names or [*RECORDINGS], options.out, options.limit)
+            return
         for name in options.names or RECORDINGS:
             if options.list:
                 print(f'{name:28}  {RECORDINGS[name].truth}')

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rules by which a finding of the doctor names the fault of a recording.
+
+A finding is right if its kind is one of `NAMES` for the kind of the fault, and its subject is the
+same sensor, input or parameter. If the fault concerns one coordinate, a finding of a coordinate
+must be of this one. A unit must have the right factor within 5 %, and noise the right direction.
+What the table calls alike is right too, except 'scale and bias', of which one finding names a
+half. A finding whose 'same as' has the right kind and subject is tied. An interval is two of the
+printed standard deviations, or the range that is printed; each must contain the size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from re import findall, search
+from typing import Any
+
+from .recordings import Recording
+
+Finding = Mapping[str, Any]
+#: Kinds of findings that name a kind of fault. No finding names the kinds that are not here.
+NAMES = {
+    'scale': ('scale',), 'units': ('unit', 'scale'), 'sign': ('sign',), 'bias': ('bias',),
+    'drift': ('drift',), 'mounting': ('rotated',), 'frame': ('rotated',),
+    'axes': ('swapped', 'rotated'), 'delay': ('stamps late',), 'frozen': ('frozen',),
+    'outliers': ('outliers',), 'disturbed': ('outliers', 'random walk'),
+    'coloured noise': ('random walk',), 'losses': ('losses', 'losses in bursts'),
+    'stamps': ('stamps duplicated', 'stamps backward', 'stamps late', 'stamps early', 'jitter'),
+    'noise': ('noise too small', 'noise too large'), 'parameter': ('parameter',),
+    'quantised': ('quantised',), 'scale 0': ('scale', 'unrelated'),
+    'process noise': ('process noise too small', 'process noise too large'),
+}  # fmt: skip
+#: The same for faults of the input. A command that is recorded late acts before its stamp, and
+#: 'input delay' is the opposite: a command that acts after its stamp.
+INPUT_NAMES = {'scale': ('input gain',), 'sign': ('input sign',)}
+#: Kinds of faults whose size is what a finding estimates.
+SIZED = ('scale', 'units', 'bias', 'drift', 'delay', 'parameter', 'noise')
+#: Largest relative error of the factor of a unit.
+_WITHIN = 0.05
+_NUMBER = r'([-+]?\d+\.?\d*(?:e[-+]\d+)?)'
+
+
+def meanings(recording: Recording) -> list[tuple[str, str]]:
+    """Return the kind and the subject of a fault, and of what is alike."""
+    pairs = [(recording.kind, recording.subject)]
+    if recording.alike:
+        kind, _, subject = recording.alike.partition(' of ')
+        if kind.startswith('parameter '):
+            kind, subject = kind.split(' ', 1)
+        pairs.append((kind, subject or recording.subject))
+    return pairs
+
+
+def is_meant(kind: str, subject: str, fault: str, concerned: str) -> bool:
+    """Return whether a kind and a subject of a finding name a fault and what it concerns."""
+    if concerned == 'input':
+        return kind in INPUT_NAMES.get(fault, ())
+    if kind not in NAMES.get(fault, ()):
+        return False
+    words = concerned.replace(',', ' ').split()
+    if fault == 'parameter':
+        return subject in words
+    sensor, _, coordinate = subject.partition('.')
+    if fault == 'process noise' or concerned == 'all':
+        return True
+    return sensor == words[0] and (len(words) == 1 or coordinate in ('', words[1]))
+
+
+def is_right(finding: Finding, recording: Recording) -> bool:
+    """Return whether a finding itself names the fault of a recording, or what is alike."""
+    kind, subject = finding['kind'], finding['subject']
+    pairs = [pair for pair in meanings(recording) if is_meant(kind, subject, *pair)]
+    if not pairs:
+        return False
+    if recording.kind == 'noise' and pairs[0][0] == 'noise':
+        return bool(kind.endswith('small') == (recording.size > 1.0))
+    if kind == 'unit':
+        factor = search(rf'multiplied by {_NUMBER}', finding['sentence'])
+        return factor is not None and abs(float(factor[1]) * recording.size - 1.0) < _WITHIN
+    return True
+
+
+def is_tied(finding: Finding, recording: Recording) -> bool:
+    """Return whether a finding says that the fault of a recording fits as well."""
+    others = ({'kind': kind, 'subject': subject} for kind, subject in finding['same as'])
+    return any(is_right({**other, 'sentence': ''}, recording) for other in others)
+
+
+def interval(finding: Finding, recording: Recording) -> str:
+    """Return whether the interval of a right finding has the size of the fault; '' without one."""
+    fault, size = recording.kind, recording.size
+    meant = is_meant(finding['kind'], finding['subject'], fault, recording.subject)
+    if fault not in SIZED or not meant:
+        return ''
+    text = finding['sentence']
+    ranges = [(float(a), float(b)) for a, b in findall(rf'\({_NUMBER} to {_NUMBER}, 95', text)]
+    for middle, std in findall(rf'{_NUMBER} \+- {_NUMBER}', text):
+        ranges.append((abs(float(middle)) - 2.0 * float(std), abs(float(middle)) + 2 * float(std)))
+    if fault in ('scale', 'units') or (fault == 'noise' and size < 1.0):
+        size = 1.0 / size
+    size = abs(size)
+    return ('in' if all(a <= size <= b for a, b in ranges) else 'out') if ranges else ''
