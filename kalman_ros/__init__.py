@@ -4,7 +4,7 @@
 ``import kalman_ros as kr`` offers the names below to notebooks and scripts; no ROS is needed for
 any but `Run` and `replay`. Names load lazily, so the import itself takes no time.
 
-- gains: `lqr`, `dlqr`, `lqe`, `dlqe`, `place`, `margins`, `discretize`
+- gains: `lqr`, `dlqr`, `lqe`, `dlqe`, `place`, `margins`, `discretize`; `mpc` keeps limits
 - models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
   `DiscreteModel`, `Sensor`; `Space` names coordinates
 - estimation: `filter`, `smooth`, `consistency`, `Gaussian`; `tune` fits parameters

@@ -32,7 +32,7 @@ NAMES = {
         'autostart enabled estimate_timeout frame future_tolerance heartbeat_timeout idle_input '
         'input_limit input_rate_limit learn_layouts lockstep max_message_size max_std '
         'path_acceleration path_speed path_tolerance predict_latency realtime_priority '
-        'reference_timeout resume transition_time'
+        'reference_timeout resume solve_timeout transition_time'
     ),
     'monitor': 'autostart confidence learn_layouts max_message_size monitor_window',
     'markers': 'autostart frame learn_layouts marker_rate max_message_size track_length',
@@ -42,9 +42,12 @@ NAMES = {
         'sound_level speed_of_sound'
     ),
     'laws': (
-        'input_cost integral_cost law regulator_frequencies regulator_poles state_cost tracked'
+        'horizon input_cost integral_cost law moves regulator_frequencies regulator_poles '
+        'state_cost state_price tracked'
     ),
 }
+#: How names of limits of states begin, before that of the state.
+STATE_LIMIT = 'state_limit.'
 #: Names of the faults of each sensor, in the plant: `SENSOR.NAME`.
 FAULTS = (
     'bias burst_length burst_loss delay drift dropout duplication fault_window freeze jitter nan '
@@ -63,6 +66,8 @@ def known(
     accepted = {
         name for kind, names in NAMES.items() for name in names.split() if driven or kind != 'laws'
     }
+    if driven:
+        accepted |= {name for name in parameters if name.startswith(STATE_LIMIT)}
     accepted |= {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
     if any(name not in accepted and name not in options for name in parameters):
         accepted |= {option.name for kind in FILTERS for option in filter_options(kind)}
