@@ -11,7 +11,7 @@ the limit (conditional integration: K. Astrom and T. Hagglund, Advanced PID Cont
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, inf
 
 import numpy as np
@@ -98,6 +98,8 @@ class Regulator:
         self._integral: Array = np.zeros(len(feedback.tracked))
         self._last: tuple[Array, Array] | None = None
         self._jump: Array = np.zeros(len(feedback.gain))
+        #: The last input without what limits added to it.
+        self._base: Array | None = None
         self._begun = False
 
     @property
@@ -166,20 +168,22 @@ class Regulator:
         """Let the input go on from its last value."""
         if self._last is not None:
             x, u = self._last
-            self._jump = u - self._wanted(x)
+            reached = u if self._predictor is None or self._base is None else self._base
+            self._jump = reached - self._by_gain(x)
 
     def follow(self, x: Array, u: Array) -> None:
         """Set the current input to ``u`` (m,); the next ones continue from it."""
         self._integral = np.zeros(len(self._feedback.tracked))
-        self._jump = u - self._wanted(x)
-        self._last = x, u
+        self._jump = u - self._by_gain(x)
+        self._last, self._base = (x, u), None
 
     def propose(self, x: Array, dt: float) -> Array:
         """Return the input (m,) for a state (n,) ``dt`` seconds after the last one."""
         if self._motion is not None:
             self._advance(self._motion, dt)
         self._jump = self._jump * (exp(-dt / self._blend) if self._blend > 0.0 else 0.0)
-        return self._wanted(x) + self._jump
+        self._base = u = self._by_gain(x) + self._jump
+        return u if self._predictor is None else u + self._correction(self._predictor, x, u)
 
     def _advance(self, motion: Motion, dt: float) -> None:
         """Move the aim along the motion; the last one of a motion is held."""
@@ -194,22 +198,30 @@ class Regulator:
         self._integrate(x, wanted - u, dt)
         self._last = x, u
 
-    def _wanted(self, x: Array) -> Array:
+    def _by_gain(self, x: Array) -> Array:
         state, input, gain = self._aim
         error = self._space.subtract(x, state)
         feedback = self._feedback
         u: Array = input - times(feedback.gain if gain is None else gain, error)
-        if self._predictor is not None and (self._motion is not None or feedback.gain.any()):
-            before = np.broadcast_to(input, u.shape) if self._last is None else self._last[1]
-            u = u + self._predictor.correction(error, self._ahead(self._predictor.steps), before)
         return u - times(feedback.integral_gain, self._integral) if feedback.tracked else u
 
+    def _correction(self, predictor: Predictor, x: Array, u: Array) -> Array:
+        """Return what the limits add to an input (m,)."""
+        if self._motion is None and not self._feedback.gain.any():
+            return np.zeros_like(u)  # it is not regulated at rest
+        error = self._space.subtract(x, self._aim.state)
+        before = np.zeros_like(u) if self._last is None else self._last[1]
+        return predictor.correction(error, self._ahead(predictor.steps), before)
+
     def _ahead(self, steps: int) -> Motion:
-        """Return the reference from now on."""
+        """Return the reference from now on, with the jump that decays as part of its input."""
         if self._motion is None:
             state, input, _ = self._aim
-            return Motion(self._space, 0.0, state[np.newaxis], input[np.newaxis])
-        return self._motion.ahead(self._elapsed, steps)
+            ahead = Motion(self._space, 0.0, state[np.newaxis], input[np.newaxis])
+        else:
+            ahead = self._motion.ahead(self._elapsed, steps)
+        alone = self._jump.ndim == 1 and self._jump.any()
+        return replace(ahead, inputs=ahead.inputs + self._jump) if alone else ahead
 
     def _integrate(self, x: Array, excess: Array, dt: float) -> None:
         feedback = self._feedback

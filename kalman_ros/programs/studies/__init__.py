@@ -43,6 +43,7 @@ STUDIES = (
     'one_bearing',
     'slam',
     'tracking',
+    'constraints',
 )
 
 
