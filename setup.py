@@ -29,6 +29,7 @@ setup(
         'docs': ['sphinx', 'myst-parser'],
         'bags': ['rosbags'],
         'compiled': ['casadi>=3.7'],
+        'limits': ['daqp>=0.11'],
         'dask': ['distributed'],
         'live': ['websockets>=13'],
         'view': ['foxglove-sdk>=0.30'],

@@ -40,6 +40,13 @@ def _notes(report: DesignReport) -> Iterator[str]:
             f'from {where}.'
         )
         yield from _path_notes(report)
+    prediction = report.regulator and report.regulator.feedback.prediction
+    if prediction:
+        seconds = prediction.steps * prediction.dt
+        yield (
+            f'Limits are predicted {seconds:.3g} s ahead. Margins and the least cost hold where '
+            'no limit acts.'
+        )
     kind = filter_class(report.scenario.filter)
     if not (kind.optimal or kind.mixture):
         name = report.scenario.filter

@@ -349,13 +349,16 @@ class Predictor:
     ) -> Array:
         """Return v_0 (m,) of a loop."""
         b = self._bounds(program, error, before, ahead)
-        if b.min(initial=0.0) >= 0.0:
+        if b.min(initial=0.0) >= 0.0 or not np.isfinite(b).all():
             memory.z, memory.active, memory.age = None, (), 0
             return np.zeros(len(before))
         self.limited += 1
         deadline = monotonic() + self._budget
         try:
-            shortest = program.problem.solve(b, self._shifted(memory.active), deadline)
+            with np.errstate(over='ignore', invalid='ignore'):
+                shortest = program.problem.solve(b, self._shifted(memory.active), deadline)
+            if not np.isfinite(shortest.z).all():
+                raise InfeasibleError('no plan is finite')
             memory.z, memory.active, memory.age = shortest.z, shortest.active, 0
         except LateError:
             self.late += 1

@@ -87,7 +87,7 @@ def test_limits_that_contradict_each_other_are_infeasible(compiled):
 def test_limits_that_depend_on_each_other_are_solved(compiled):
     A = np.array([[1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
     found = LeastDistance(A, np.zeros(4), compiled=compiled).solve(np.array([-1.0, -2.0, -4, 1.0]))
-    np.testing.assert_allclose(found.z, [-2.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(found.z, [-2.0, 0.0], atol=1e-8)
 
 
 def test_after_the_deadline_there_is_no_solution():

@@ -58,3 +58,12 @@ def test_a_wide_sheet_is_continued_below():
     assert text.count('-1.234e+05') == 20 and text.count('first') > 1
     long = Sheet(['x' * 70], [('value', ['-1.234e+05'])])
     assert '-1.234e+05' in printed([('Long', long)], 40)
+
+
+def test_margins_are_said_to_hold_where_no_predicted_limit_acts():
+    said = [
+        ' '.join(notes(report(scenario.build({'model': 'mass_spring_damper', 'law': law}))))
+        for law in ('lqr', 'mpc')
+    ]
+    assert 'Limits are predicted 2 s ahead. Margins and the least cost hold' in said[1]
+    assert 'Limits are predicted' not in said[0]

@@ -26,6 +26,7 @@ from .benchmark import Benchmark
 #: The groups of benchmarks, by their modules.
 GROUPS = {
     'filters': 'filters',
+    'limits': 'limits',
     'monte_carlo': 'ensembles',
     'estimator': 'relay',
     'real_time': 'real_time',
