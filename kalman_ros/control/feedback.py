@@ -122,6 +122,11 @@ class Regulator:
         """Seconds since the motion began."""
         return self._elapsed
 
+    @property
+    def input(self) -> Array:
+        """The last input (m,); that of the target before the first."""
+        return self._aim.input if self._last is None else self._last[1]
+
     def hold(self, state: Array, input: Array) -> None:
         """Hold a state (n,) with an input (m,) from now on; a motion ends without a jump."""
         moving, self._motion = self._motion, None
@@ -209,6 +214,9 @@ class Regulator:
         """Return what the limits add to an input (m,)."""
         if self._motion is None and not self._feedback.gain.any():
             return np.zeros_like(u)  # it is not regulated at rest
+        moving = self._motion
+        if moving is not None and moving.gains is not None and moving.differences is None:
+            return np.zeros_like(u)  # how differences from it move is not known
         error = self._space.subtract(x, self._aim.state)
         before = np.zeros_like(u) if self._last is None else self._last[1]
         return predictor.correction(error, self._ahead(predictor.steps), before)

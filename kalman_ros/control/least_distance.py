@@ -169,7 +169,8 @@ class _Daqp:
     def __init__(self, A: Array, softness: Array) -> None:
         soft = softness > 0.0
         squares = np.sum(A * A, axis=1)
-        self._softness = float((softness[soft] / squares[soft]).min()) if soft.any() else 1.0
+        felt = soft & (squares > 0.0)
+        self._softness = float((softness[felt] / squares[felt]).min()) if felt.any() else 1.0
         zero = np.zeros(len(A))
         zero[soft] = np.sqrt(np.maximum(softness[soft] / self._softness - squares[soft], 0.0))
         self._A = np.ascontiguousarray(np.column_stack((zero, A)))

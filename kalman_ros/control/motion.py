@@ -88,14 +88,14 @@ class Motion:
         """Times of the states in seconds (N + 1,)."""
         return np.asarray(np.arange(len(self.states)) * self.dt)
 
-    def moving(self, seconds: float) -> tuple[Array, Array]:
-        """Return the state (n,) at the step at or before a time, and its rate of change (n,)."""
+    def moving(self, seconds: float) -> tuple[Array, Array, Array]:
+        """Return the state (n,) at the step at or before a time, its rate, and the input (m,)."""
         last = len(self.states) - 1
         step = min(max(int(seconds / self.dt + _AT_A_STEP), 0), last)
         if step == last:
-            return self.states[last], np.zeros(self.space.size)
+            return self.states[last], np.zeros(self.space.size), self.inputs[last]
         change = self.space.subtract(self.states[step + 1], self.states[step])
-        return self.states[step], change / self.dt
+        return self.states[step], change / self.dt, self.inputs[max(step - 1, 0)]
 
     def ahead(self, seconds: float, steps: int) -> Motion:
         """Return the motion of some ``steps`` from a time on; it rests after its end."""

@@ -28,6 +28,8 @@ from .time_varying import Linearization, linearized_along
 _FIRST, _LAST = 1e2, 1e12
 #: The weight of a difference from the state at which a motion ends, relative to these.
 _HELD = 1e8
+#: The weight of leaving the input of before at the start of a motion, relative to that of inputs.
+_LEFT = 30.0
 #: Ten times the weight is of use where differences fall to this share, or where the inputs still
 #: count: they grow by this factor, or cost this share of the cost of the differences.
 _NEARER, _GROWN, _COUNTED = 0.5, 7.0, 0.5
@@ -77,6 +79,8 @@ class ReferenceMotion:
         needs, as columns (n, r) and (m, r).
     joining
         Seconds in which it comes to the reference from where it starts; there it may be away.
+    input
+        Input (m,) before it starts, from which it leaves slowly while it joins; None for any.
     """
 
     dt: float
@@ -88,6 +92,7 @@ class ReferenceMotion:
     guess: Array | None = None
     resting: tuple[Array, Array] | None = None
     joining: float = 0.0
+    input: Array | None = None
 
     @property
     def joined(self) -> Array:
@@ -204,7 +209,12 @@ class _Problem:
         if reference.end is not None:
             self._q[-1] = 0.0
             self._Q_end = _end_weight(_HELD * followed * diagonal, reference.resting)
-        self._R = weights.input
+        self._R = np.tile(weights.input, (len(reference.values) - 1, 1, 1))
+        self._u_wanted: Array = np.tile(self.rest_input, (len(self._R), 1))
+        if reference.input is not None:
+            fading = (1.0 - reference.joined[:-1])[:, np.newaxis]
+            self._u_wanted += fading * (reference.input - self.rest_input)
+            self._R *= (1.0 + _LEFT * fading**6)[..., np.newaxis]
         self._wanted = self._wanted_states()
         self._scale = np.maximum(1.0, np.abs(self._wanted).max(axis=0))
 
@@ -266,9 +276,9 @@ class _Problem:
     def costs(self, states: Array, inputs: Array) -> tuple[float, float]:
         """Return the cost of the differences and that of the inputs."""
         e = self._space.subtract(states, self._wanted)
-        w = inputs - self.rest_input
+        w = inputs - self._u_wanted
         tracking = float(np.sum(self._q * e * e)) + float(e[-1] @ self._Q_end @ e[-1])
-        return 0.5 * tracking, 0.5 * float(np.einsum('ki,ij,kj', w, self._R, w))
+        return 0.5 * tracking, 0.5 * float(np.einsum('ki,kij,kj', w, self._R, w))
 
     def gaps(self, states: Array, inputs: Array) -> Array:
         """Return by how much each step misses the next state (N, n)."""
@@ -301,7 +311,7 @@ class _Problem:
         off = self._space.subtract(states, self._wanted)
         e = self._q * off
         e[-1] = self._Q_end @ off[-1]
-        r = (inputs - self.rest_input).dot(self._R)
+        r = np.einsum('ki,kij->kj', inputs - self._u_wanted, self._R)
         K, k, S, s = self._backward(steps, d, e, r, (1.0 + damping) * self._R)
         dx = np.empty_like(states)
         held = self._reference.start is not None
@@ -320,7 +330,7 @@ class _Problem:
         """Return gains K (N, m, n) and k (N, m), and the cost-to-go, S (N + 1, n, n) and s.
 
         ``d`` are the gaps, ``e`` and ``r`` the gradients of the cost by states and inputs, and
-        ``R`` is the weight of changes of the inputs.
+        ``R`` are the weights of changes of the inputs (N, m, m).
         """
         N, (n, m) = len(steps.F), steps.G.shape[1:]
         K, k = np.empty((N, m, n)), np.empty((N, m))
@@ -332,7 +342,7 @@ class _Problem:
             GS = G.T.dot(S[i + 1])
             ahead = S[i + 1].dot(d[i]) + s[i + 1]
             L = GS.dot(F)
-            both = np.linalg.solve(R + GS.dot(G), np.column_stack((L, G.T.dot(ahead) + r[i])))
+            both = np.linalg.solve(R[i] + GS.dot(G), np.column_stack((L, G.T.dot(ahead) + r[i])))
             K[i], k[i] = both[:, :n], both[:, n]
             S[i] = symmetric(np.diag(q[i]) + F.T.dot(S[i + 1]).dot(F) - L.T.dot(K[i]))
             s[i] = e[i] + F.T.dot(ahead) - L.T.dot(k[i])

@@ -374,11 +374,22 @@ class Predictor:
         """Return what z may add in each row."""
         inputs = np.broadcast_to(ahead.inputs[: self.steps], (self.steps, len(before)))
         changes = np.diff(inputs, axis=0, prepend=before[np.newaxis])
-        states = ahead.states if len(ahead.states) == 1 else ahead.states[1:]
+        states = self._turned(ahead.states if len(ahead.states) == 1 else ahead.states[1:], ahead)
         offsets = inputs, changes, states
         return np.concatenate(
             [side.bounds(error, offset) for side, offset in zip(program.sides, offsets)]
         )
+
+    def _turned(self, states: Array, ahead: Motion) -> Array:
+        """Return states whose angles are the nearest to the middle of their limits."""
+        for index in ahead.space.indices(ahead.space.angles):
+            middle = 0.5 * (self._prediction.low[index] + self._prediction.high[index])
+            if np.isfinite(middle):
+                states = states.copy()
+                angle = np.unwrap(states[:, index])
+                turns = np.round((middle - angle[0]) / (2.0 * np.pi))
+                states[:, index] = angle + 2.0 * np.pi * turns
+        return states
 
     def plan(self, error: Array, ahead: Motion) -> tuple[Array, Array]:
         """Return the planned states (N + 1, n) and inputs (N, m) from an error (n,) on."""

@@ -66,7 +66,7 @@ def known(
     accepted = {
         name for kind, names in NAMES.items() for name in names.split() if driven or kind != 'laws'
     }
-    if driven:
+    if driven and 'law' not in options:  # who has the law checks the names of states
         accepted |= {name for name in parameters if name.startswith(STATE_LIMIT)}
     accepted |= {f'{sensor}.{name}' for sensor in sensors for name in FAULTS.split()}
     if any(name not in accepted and name not in options for name in parameters):

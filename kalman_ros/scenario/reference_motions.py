@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import ceil
 from typing import NamedTuple
 
@@ -26,18 +27,25 @@ _STILL = 1e-6
 _TURNING, _ALIGNED = 1.0, 0.1
 #: A path that begins within this angle of the velocity is joined without a stop before it.
 _AHEAD = 1.0
-#: A robot that moves beside a path, or is close to it, joins it in this many times its distance.
-_JOINED = 4.0
+#: How far ahead that is looked at, in seconds.
+_LOOKED = 0.5
+#: A robot that moves beside a path, or is close to it, joins it in this many times its distance;
+#: at rest, if it is closer than the second number (m).
+_JOINED, _BESIDE = 4.0, 0.1
 
 #: Seconds in which what moves already comes to the path or the values.
 _JOINING = 1.0
 
 
 class Beginning(NamedTuple):
-    """A state (n,) at which a motion begins, and its rate of change (n,) there."""
+    """A state (n,) at which a motion begins, and its rate of change (n,) there.
+
+    ``input`` (m,) is that of before, which a motion that is joined leaves slowly; None for any.
+    """
 
     state: Array
     rate: Array
+    input: Array | None = None
 
 
 def along_path(
@@ -91,13 +99,23 @@ def along_path(
     if times is not None:
         _check_times(times, dt)
         positions = interpolated(times, used, dt, first=velocity)
+    elif beginning is None:
+        positions = timed_path(used, speed, acceleration, rounding, dt, MOST_STEPS)
     else:
-        first_speed = 0.0
-        if beginning is not None:
-            at = beginning.state[list(coordinates)]
-            used, yaw = _joined(used, yaw, at, velocity, acceleration, rounding)
-            first_speed = float(np.linalg.norm(velocity))
-        positions = timed_path(used, speed, acceleration, rounding, dt, MOST_STEPS, first_speed)
+        at = beginning.state[list(coordinates)]
+        place, off = _nearest_place(used, at, 2.0 * np.linalg.norm(used[0] - at) + rounding)
+        if velocity.any() and not _leads_on(used, place, off, at, velocity, acceleration):
+            braked = _braked(scenario, coordinates, beginning, acceleration)
+            rest = Beginning(braked.states[-1], np.zeros_like(beginning.rate))
+            then = along_path(
+                scenario, points, speed, acceleration, yaw, times, rounding, rest
+            )  # fmt: skip
+            return braked.before(then, beginning, coordinates)
+        first = float(np.linalg.norm(velocity))
+        used, yaw = _joined(used, yaw, at, place + _ahead(off, first))
+        positions = timed_path(used, speed, acceleration, rounding, dt, MOST_STEPS, first)
+        if first:
+            positions = _begun(positions, at, velocity, dt)
     hints = {}
     if 'yaw' in body.index and len(axes) > 1:
         heading = headings(positions) if yaw is None else _headings_at(used, yaw, positions)
@@ -110,41 +128,101 @@ def along_path(
         for k in (0, -1)
     )
     assert start is not None and end is not None
-    first = start.state if beginning is None else beginning.state
+    begun = start.state if beginning is None else beginning.state
     joining = _JOINING if velocity.any() else 0.0
-    return ReferenceMotion(dt, coordinates, positions, hints, first, end, joining=joining)
+    before = beginning.input if beginning is not None and joining else None
+    return ReferenceMotion(
+        dt, coordinates, positions, hints, begun, end, joining=joining, input=before
+    )
+
+
+def _leads_on(
+    points: Array, place: float, off: float, at: Array, velocity: Array, acceleration: float
+) -> bool:
+    """Return whether a path leads on from a place on it, long enough to stop at its end."""
+    s, speed = _distances(points), float(np.linalg.norm(velocity))
+    place += _ahead(off, speed)
+    if s[-1] - place < 0.5 * speed * speed / acceleration:
+        return False
+    ahead = _at_distance(points, s, place + _LOOKED * speed) - at
+    return bool(ahead @ velocity >= np.cos(_AHEAD) * speed * np.linalg.norm(ahead))
+
+
+class _Braked(NamedTuple):
+    """Positions (N, d) from a velocity to rest in a straight line, and the states (2, n) then."""
+
+    positions: Array
+    states: Array
+
+    def before(
+        self, then: ReferenceMotion, beginning: Beginning, coordinates: Sequence[int]
+    ) -> ReferenceMotion:
+        """Return the reference of this, and then of another that begins at rest."""
+        count = len(self.positions)
+        hints = {
+            index: np.append(np.full(count, float(beginning.state[index])), values)
+            for index, values in then.hints.items()
+        }
+        return replace(
+            then,
+            values=np.vstack((self.positions, then.values)),
+            hints=hints,
+            start=beginning.state,
+            joining=_JOINING,
+            input=beginning.input,
+        )
+
+
+def _braked(
+    scenario: Scenario, coordinates: Sequence[int], beginning: Beginning, acceleration: float
+) -> _Braked:
+    """Return how a motion comes to rest in a straight line."""
+    dt, index = 1.0 / scenario.rate, list(coordinates)
+    velocity, at = beginning.rate[index], beginning.state[index]
+    duration = float(np.linalg.norm(velocity)) / acceleration
+    t = np.arange(0.0, duration, dt)[:, np.newaxis]
+    positions = at + velocity * (t - 0.5 * t * t / max(duration, dt))
+    stop = at + 0.5 * velocity * duration
+    heading = body_of(scenario.model.state, scenario.state).index.get('yaw')
+    hints = {} if heading is None else {heading: float(beginning.state[heading])}
+    rest = _resting(scenario, coordinates, stop, hints)
+    assert rest is not None
+    return _Braked(positions, np.array([beginning.state, rest.state]))
+
+
+def _begun(positions: Array, at: Array, velocity: Array, dt: float) -> Array:
+    """Return positions that begin at a place with a velocity (d,), and soon are as before.
+
+    A polynomial takes the differences away within `_JOINING`, at first without an acceleration.
+    """
+    count = min(round(_JOINING / dt), len(positions) - 1)
+    s = (np.arange(count) / count)[:, np.newaxis]
+    off = at - positions[0]
+    faster = velocity - (positions[1] - positions[0]) / dt
+    moved: Array = positions.copy()
+    moved[:count] += off * (1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s * s))
+    moved[:count] += faster * count * dt * (s - s**3 * (6.0 - 8.0 * s + 3.0 * s * s))
+    return moved
+
+
+def _ahead(off: float, speed: float) -> float:
+    """Return how far ahead a path is joined from a distance beside it."""
+    if speed:
+        return min(_JOINED * off, 2.0 * _JOINING * speed)
+    return _JOINED * off if off <= _BESIDE else 0.0
 
 
 def _joined(
-    points: Array,
-    yaw: Array | None,
-    at: Array,
-    velocity: Array,
-    acceleration: float,
-    rounding: float,
+    points: Array, yaw: Array | None, at: Array, place: float
 ) -> tuple[Array, Array | None]:
-    """Return a path from a position (d,) with a velocity (d,) on, and the headings along it."""
-    gap = float(np.linalg.norm(points[0] - at))
-    place, off = _nearest_place(points, at, 2.0 * gap + rounding)
-    speed = float(np.linalg.norm(velocity))
+    """Return a path from a position (d,) to a place of it and on, and the headings along it."""
     s = _distances(points)
-    start = [at]
-    back = _JOINED * off if speed > 0.0 or off <= rounding else 0.0
-    if speed > 0.0:
-        ahead = _at_distance(points, s, place + max(back, rounding)) - at
-        along = float(ahead @ velocity) / speed
-        if along < np.cos(_AHEAD) * np.linalg.norm(ahead):
-            start.append(at + velocity * (0.5 * speed / acceleration))  # where it can stop
-            back = 0.0
-    place += back
     left = s > place
     left[-1] = True
-    first = _at_distance(points, s, place)
-    joined = np.vstack((*start, first, points[left]))
+    joined = np.vstack((at, _at_distance(points, s, place), points[left]))
     if yaw is not None:
         yaw = np.unwrap(yaw)
-        there = np.interp(place, s, yaw)
-        yaw = np.concatenate((np.full(len(start) + 1, there), yaw[left]))
+        yaw = np.concatenate((np.full(2, np.interp(place, s, yaw)), yaw[left]))
     return joined, yaw
 
 
@@ -282,11 +360,15 @@ def in_time(
         begun = _with(rest, given, curve[0]) if start is None else start.state
     else:
         begun = None if start is None else start.state
-    free = None if end is None else resting(scenario, [*given, *hints])
+    if end is None:
+        last = ', '.join(f'{state.names[i]} {value:.3g}' for i, value in zip(given, curve[-1]))
+        raise ValueError(f'it does not end at rest: no input holds {last} there')
+    free = resting(scenario, [*given, *hints])
     joining = _JOINING if beginning is not None and beginning.rate.any() else 0.0
     return ReferenceMotion(
-        dt, tuple(coordinates), curve, hints, begun, end, resting=free, joining=joining
-    )
+        dt, tuple(coordinates), curve, hints, begun, end, resting=free, joining=joining,
+        input=beginning.input if beginning is not None and joining else None,
+    )  # fmt: skip
 
 
 def _with(state: Array, coordinates: Sequence[int], values: Array) -> Array:

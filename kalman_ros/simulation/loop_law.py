@@ -17,6 +17,7 @@ from kalman_ros.control.tracking import FeedForward
 from kalman_ros.core import Array, ArrayLike, OperatingPoint, vector
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
+from kalman_ros.scenario.motions import with_law
 
 #: Reference: a state (n,), or some of its coordinates by name; a function of time that returns
 #: either; or a motion.
@@ -66,6 +67,7 @@ class Answer:
             model.state, law.feedback, model.equilibrium, limits=law.limits
         )
         self._limiter = Limiter(law.limits, np.zeros(model.input.size))
+        self._predicts = law.feedback.prediction is not None
         self._reference: Any = law.reference
         self._last: int | None = None
         self._held: Array | None = None
@@ -147,7 +149,8 @@ class Answer:
                 f'{dt:g} s, got one of ({", ".join(motion.space.names)}) in steps of '
                 f'{motion.dt:g} s'
             )
-        return motion
+        lacks = motion.differences is None and not model.is_linear
+        return with_law(self._scenario, motion) if lacks and self._predicts else motion
 
     @cached_property
     def _equilibria(self) -> FeedForward:

@@ -8,8 +8,8 @@ from kalman_ros.control.limiter import Limits
 from kalman_ros.core import DesignError
 from kalman_ros.scenario import build
 from kalman_ros.scenario.motions import motion_of, moving_point
-from kalman_ros.scenario.reference_motions import along_path, in_time
-from kalman_ros.scenario.regulator import feedback, steered
+from kalman_ros.scenario.reference_motions import Beginning, along_path, in_time
+from kalman_ros.scenario.regulator import feedback, limits, steered
 
 ROBOT = {'model': 'diff_drive', 'model_parameters.command_time': 0.2}
 CORNER = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0]])
@@ -85,10 +85,11 @@ def test_at_its_end_the_regulator_is_the_law_to_the_last_bit():
 def test_what_no_input_follows_is_refused_with_state_and_time():
     scenario = build({'model': 'cart_pole'})
     times = np.array([0.0, 1.0, 2.0])
-    lean = in_time(scenario, [0, 2], times, np.array([[0.0, 0.0], [0.0, 0.4], [0.0, 0.4]]))
+    leaning = np.array([[0.0, 0.0], [0.0, 0.4], [0.0, 0.0]])
+    lean = in_time(scenario, [0, 2], times, leaning)
     with pytest.raises(ValueError, match=r'theta is \S+ rad away|fails at \w+, \S+ s'):
         motion_of(scenario, lean)
-    jump = in_time(scenario, [0, 1], times, np.array([[0.0, 1.0], [0.0, 1.0], [0.0, 1.0]]))
+    jump = in_time(scenario, [0, 1], times, np.array([[0.0, 1.0], [0.0, 1.0], [0.0, 0.0]]))
     with pytest.raises(
         ValueError, match='no input follows it|does not (begin|end) where|fails at'
     ):
@@ -103,15 +104,15 @@ def test_inputs_beyond_their_limits_are_refused_with_the_time(factor, refused):
     rate = np.abs(np.diff(inputs[:-1], axis=0)).max(axis=0) * scenario.rate
     largest = np.abs(inputs).max(axis=0)
     none = np.full(2, np.inf)
-    for limits, name in (
+    for given, name in (
         (Limits(factor * largest, none), 'input_limit'),
         (Limits(none, factor * rate), 'input_rate_limit'),
     ):
         if refused:
             with pytest.raises(ValueError, match=rf'at \S+ s, more than the {name} of'):
-                motion_of(scenario, reference, limits)
+                motion_of(scenario, reference, given)
         else:
-            motion_of(scenario, reference, limits)
+            motion_of(scenario, reference, given)
 
 
 def test_a_motion_may_be_as_far_away_as_the_tolerance_says():
@@ -201,3 +202,53 @@ def test_a_moving_robot_on_wheels_is_steered_with_the_gain_of_its_speed():
     assert not moving.gains[-1].any()
     still = moving_point(scenario, np.array([0.0, 0.0, 0.0, 0.0, 0.2]), None, 0.5)
     assert not still.gains.any()
+
+
+def cruising(speed=0.5):
+    """Return a robot on its way along the x axis, after two metres."""
+    scenario = robot()
+    path = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
+    motion = motion_of(scenario, along_path(scenario, path, speed, 0.5))
+    return scenario, motion, Beginning(*motion.moving(4.0)), motion.at(4.0).input
+
+
+@pytest.mark.parametrize(
+    ('path', 'longest'),
+    [
+        ([[0.0, 0.0], [5.0, 0.0]], 8.0),  # the same
+        ([[1.0, 0.05], [5.0, 0.05]], 8.0),  # beside it
+        ([[1.75, 0.0], [-1.0, 0.0]], 14.0),  # back
+        ([[1.75, 0.0], [1.75, 2.0]], 12.0),  # at right angles
+        ([[1.0, 0.0], [1.3, 0.0]], 12.0),  # ends behind the robot
+        ([[1.75, 0.0], [1.8, 0.0]], 9.0),  # ends too soon
+    ],
+)
+def test_a_new_path_is_planned_from_where_the_robot_is_as_fast_as_it_is(path, longest):
+    scenario, _, begin, before = cruising()
+    points = np.column_stack((np.array(path), np.zeros(len(path))))
+    reference = along_path(scenario, points, 0.5, 0.5, beginning=begin)
+    motion = motion_of(scenario, reference, limits(scenario, [1.0, 3.0]))
+    np.testing.assert_allclose(motion.states[0], begin.state)
+    assert np.abs(motion.inputs[0] - before)[0] < 0.25
+    assert np.abs(motion.inputs[:, 0]).max() < 0.85
+    assert motion.duration < longest
+    np.testing.assert_allclose(motion.states[-1, :2], path[-1], atol=1e-6)
+
+
+def test_a_path_that_is_planned_again_while_it_speeds_up_or_brakes_needs_no_other_input():
+    scenario, motion, _, _ = cruising()
+    path = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
+    for seconds in (0.1, 0.4, 0.8, 10.2, 10.6):
+        begin = Beginning(*motion.moving(seconds))
+        again = motion_of(scenario, along_path(scenario, path, 0.5, 0.5, beginning=begin))
+        off = np.abs(again.inputs[:30] - motion.inputs[round(seconds * 100) :][:30])
+        assert off[:, 0].max() < 0.2, seconds
+
+
+def test_what_does_not_end_at_rest_is_refused():
+    scenario = build({'model': 'cart_pole'})
+    times, x = np.array([0.0, 2.0]), np.array([[0.0], [0.3]])
+    with pytest.raises(ValueError, match=r'it does not end at rest: no input holds x 0\.3'):
+        in_time(scenario, [0], times, x, np.array([[0.0], [0.5]]))
+    with pytest.raises(ValueError, match=r'it does not end at rest: no input holds v 0\.3'):
+        in_time(scenario, [1], times, x)

@@ -119,7 +119,7 @@ def test_a_new_path_in_the_middle_is_followed_without_a_jump():
         run.advance(6.0)
         followed = run.trajectory()
     around = slice(195, 206)
-    assert np.abs(np.diff(followed.input[around], axis=0)).max() < 0.3
+    assert np.abs(np.diff(followed.input[around], axis=0)).max() < 0.6
     np.testing.assert_allclose(followed.truth[-1, :2], [2.0, 0.1], atol=0.15)
 
 
@@ -134,7 +134,7 @@ def test_a_path_that_a_planner_publishes_again_and_again_does_not_slow_the_robot
     speeds = followed.truth[150:450, 2]
     assert speeds.min() > 0.35 and speeds.max() < 0.65
     assert np.abs(np.diff(followed.input, axis=0)).max() < 0.5
-    assert followed.truth[-1, 0] > 2.6
+    assert followed.truth[-1, 0] > 2.4
 
 
 def test_the_example_of_the_page_follows_its_path():
@@ -158,3 +158,30 @@ def test_a_path_that_begins_elsewhere_is_reached_first():
         followed = run.trajectory()
     np.testing.assert_allclose(followed.truth[-1, :2], [2.0, 2.0], atol=0.15)
     assert np.linalg.norm(followed.truth[:, :2] - [0.0, 2.0], axis=1).min() < 0.15
+
+
+@pytest.mark.parametrize('rate', [1, 5])
+def test_masses_that_get_their_path_again_and_again_do_not_run_away(rate):
+    line = [(0.0, 0.0), (3.0, 0.0)]
+    with Run('mass_spring_damper_2d', {'initial_state': [0.0] * 4}, seed=1) as run:
+        paths = publisher_of(run, Path, 'reference/path')
+        for _ in range(8 * rate):
+            send(run, paths, path(line))
+            run.advance(1.0 / rate)
+        followed = run.trajectory()
+    assert np.abs(followed.truth[:, 0]).max() < 3.6
+    assert np.abs(followed.input).max() < 20.0
+    assert followed.truth[-1, 0] > 2.0
+
+
+def test_a_cart_pole_that_gets_its_trajectory_again_and_again_stands():
+    with Run('cart_pole', {'initial_state': [0.0] * 4}, seed=1) as run:
+        trajectories = publisher_of(run, JointTrajectory, 'reference/trajectory')
+        for k in range(20):
+            left = max(3.0 - 0.1 * k, 0.5)
+            send(run, trajectories, trajectory(['x'], [[0.3]], [left]))
+            run.advance(0.1)
+        run.advance(2.0)
+        followed = run.trajectory()
+    assert np.abs(followed.truth[:, 2]).max() < 0.4
+    np.testing.assert_allclose(followed.truth[-1, 0], 0.3, atol=0.1)

@@ -30,6 +30,8 @@ PATH, TRAJECTORY = 'reference/path', 'reference/trajectory'
 _NEAR = 4.0
 #: The motion that is followed is kept for this many times as long as the last planning took.
 _LEAD, _LONGEST_LEAD = 1.5, 1.0
+#: What moves at less than this share of the speed of paths is at rest.
+_SLOW = 0.1
 #: The most characters of a frame that are logged.
 _SHOWN = 60
 
@@ -46,7 +48,7 @@ class _Wanted(NamedTuple):
     reference: Callable[[Beginning | None], ReferenceMotion]
 
 
-class _Planned(NamedTuple):
+class Planned(NamedTuple):
     """A motion, and the time at which it begins in the one that is followed; None: at once."""
 
     motion: Motion
@@ -79,35 +81,51 @@ class MotionReader:
         self._warn = Throttle(node.get_logger().warning)
         #: What was asked for last, until it is planned.
         self._wanted: _Wanted | None = None
+        #: The scenario and the options that plans depend on.
+        self._asked: tuple[object, tuple[object, ...]] = None, ()
+        #: Whether the motion that is followed has the gains of other weights.
+        self._stale = False
 
     def adopt(self, scenario: Scenario, options: ControllerOptions, limits: Limits) -> None:
         """Plan for another scenario, or with other options, from now on."""
+        asked = (
+            options.path_speed, options.path_acceleration, options.path_tolerance,
+            limits.magnitude.tolist(), limits.rate.tolist(),
+        )  # fmt: skip
+        same = scenario is self._asked[0] and asked == self._asked[1]
         self._scenario, self._options, self._limits = scenario, options, limits
-        if self._wanted is not None:
-            self._jobs.forget()
+        self._asked = scenario, asked
+        if self._wanted is not None and not same:
             self._plan(self._wanted)
 
     def listen(self) -> None:
         """Subscribe."""
-        self._jobs: NewestJob[_Planned] = NewestJob(waits=self._options.lockstep)
-        self._planned: _Planned | None = None
+        self._jobs: NewestJob[Planned] = NewestJob(waits=self._options.lockstep)
+        self._planned: Planned | None = None
         self._waited = False
         if body_of(self._scenario.model.state, self._scenario.state).position:
             self._subscribe(PATH, 'nav_msgs/Path', self._path)
         self._subscribe(TRAJECTORY, 'trajectory_msgs/JointTrajectory', self._trajectory)
 
     def regain(self, motion: Motion, scenario: Scenario) -> None:
-        """Compute the gains of a motion again, for other weights, unless another is planned."""
-        if self._wanted is None:
-            self._jobs.start(lambda: lambda _: _Planned(motions.with_law(scenario, motion), 0.0))
+        """Compute the gains of a motion again, for other weights.
+
+        If another is planned, it gets them in its place; one that is being planned has them.
+        """
+        self._stale = self._wanted is not None
+        if not self._stale:
+            source, self._planned = self._planned or Planned(motion, 0.0), None
+            self._jobs.start(
+                lambda: lambda _: source._replace(motion=motions.with_law(scenario, source.motion))
+            )
 
     def forget(self) -> None:
         """Forget what is planned, or being planned."""
         self._jobs.forget()
         self._planned = self._wanted = None
 
-    def take(self) -> tuple[Motion, float] | None:
-        """Return a motion to follow, once, when it is planned, and from what time in it on."""
+    def take(self) -> Planned | None:
+        """Return a motion to follow, once, when it is planned."""
         self.poll(acts=True)
         planned, self._planned = self._planned, None
         if planned is None:
@@ -115,8 +133,7 @@ class MotionReader:
         if self._waited and self._planned_for is not None:  # it may be elsewhere by now
             self._plan(self._planned_for)
             return self.take() if self._options.lockstep else None
-        since = planned.since
-        return planned.motion, 0.0 if since is None else self._regulator.elapsed - since
+        return planned
 
     def poll(self, *, acts: bool) -> None:
         """Receive what is planned; an error is logged instead.
@@ -135,6 +152,8 @@ class MotionReader:
         if isinstance(result, Exception):
             topic = '' if wanted is None else f'{wanted.topic}: '
             self._warn(f'{topic}{result}; what was held stays')
+            if self._stale and self._regulator.motion is not None:
+                self.regain(self._regulator.motion, self._scenario)
         else:
             self._planned, self._planned_for, self._waited = result, wanted, not acts
 
@@ -158,16 +177,16 @@ class MotionReader:
         if self._options.lockstep:
             self.poll(acts=True)
 
-    def _job(self, wanted: _Wanted) -> Job[_Planned]:
+    def _job(self, wanted: _Wanted) -> Job[Planned]:
         """Return what plans the wanted motion from now on."""
         scenario, limits = self._scenario, self._limits
         tolerance = self._options.path_tolerance
         beginning, kept, since = self._beginning(wanted.coordinates)
 
-        def job(interrupt: Callable[[], None]) -> _Planned:
+        def job(interrupt: Callable[[], None]) -> Planned:
             reference = wanted.reference(beginning)
             motion = motions.motion_of(scenario, reference, limits, tolerance, interrupt)
-            return _Planned(motion if kept is None else kept.then(motion), since)
+            return Planned(motion if kept is None else kept.then(motion), since)
 
         return job
 
@@ -189,10 +208,19 @@ class MotionReader:
         motion, now = regulator.motion, regulator.elapsed
         if motion is None or not near:
             is_held = near and regulator.feedback.gain.any()
-            return Beginning(aim if is_held else here, rest), None, None
+            return Beginning(aim, rest) if is_held else self._moving(here), None, None
         lead = 0.0 if self._options.lockstep else min(_LEAD * self._jobs.took, _LONGEST_LEAD)
         kept = motion.part(now, now + lead)
         return Beginning(*motion.moving(now + lead)), kept, now
+
+    def _moving(self, here: Array) -> Beginning:
+        """Return an estimate (n,) and how it changes, by the model; at rest if it is slow."""
+        model = self._scenario.model
+        rate = model.time_derivative(here, self._regulator.input)
+        places = [*body_of(model.state, self._scenario.state).index.values()]
+        slow = float(np.linalg.norm(rate[places])) < _SLOW * self._options.path_speed
+        last = self._regulator.input
+        return Beginning(here, np.zeros(model.state.size) if slow else rate, last)
 
     def _path(self, topic: str, message: Any) -> _Wanted:
         """Return what a ``nav_msgs/Path`` asks for."""

@@ -16,7 +16,7 @@ Job = Callable[[Callable[[], None]], T]
 
 #: Seconds after which a thread passes the interpreter on: the loop must not wait for longer.
 _SWITCH = 0.0005
-#: A job that takes longer, in seconds, is given up for a newer one.
+#: A job that takes longer, in seconds, is given up for a newer one, but not two in a row.
 _PATIENCE = 2.0
 
 
@@ -53,6 +53,7 @@ class NewestJob(Generic[T]):
         return self._took
 
     _took = 0.0
+    _gave_up = False
 
     def start(self, prepare: Callable[[], Job[T]]) -> None:
         """Do a job in place of those that wait; ``prepare`` returns it when it is next."""
@@ -73,6 +74,7 @@ class NewestJob(Generic[T]):
             return None
         self._running = None
         self._took = running.took
+        self._gave_up = isinstance(running.outcome, ObsoleteError) and not running.forgotten
         if running.forgotten or isinstance(running.outcome, ObsoleteError):
             self._proceed()
             return None
@@ -81,7 +83,7 @@ class NewestJob(Generic[T]):
     def _proceed(self) -> None:
         """Start the next job, if none runs."""
         if self._running is not None:
-            if self._next is not None:
+            if self._next is not None and not self._gave_up:  # not one after the other
                 self._running.hurried = True
             return
         if self._next is None:

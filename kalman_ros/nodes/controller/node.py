@@ -189,7 +189,10 @@ class ControllerNode(runtime.ScenarioNode):
             return
         planned = self._motions.take()
         if planned is not None:
-            self._regulator.follow_motion(*planned)
+            since = planned.since
+            begun = 0.0 if since is None else max(self._regulator.elapsed - since, 0.0)
+            # what goes on from the motion before has no jump
+            self._regulator.follow_motion(planned.motion, begun, smooth=since is None)
         wanted = self._regulator.propose(x, dt)
         if is_finite(wanted):
             self._regulator.applied(x, wanted, self._output.command(time, wanted), dt)
