@@ -21,8 +21,10 @@ Finding = Mapping[str, Any]
 #: Kinds of findings that name a kind of fault. No finding names the kinds that are not here.
 NAMES = {
     'scale': ('scale',), 'units': ('unit', 'scale'), 'sign': ('sign',), 'bias': ('bias',),
-    'drift': ('drift',), 'mounting': ('rotated',), 'frame': ('rotated',),
-    'axes': ('swapped', 'rotated'), 'delay': ('stamps late',), 'frozen': ('frozen',),
+    'drift': ('drift',), 'random walk': ('random walk',),
+    'mounting': ('rotated',), 'frame': ('rotated',),
+    'axes': ('swapped', 'rotated'), 'delay': ('stamps late',),
+    'clock offset': ('stamps early', 'stamps late'), 'frozen': ('frozen',),
     'outliers': ('outliers',), 'disturbed': ('outliers', 'random walk'),
     'coloured noise': ('random walk',), 'losses': ('losses', 'losses in bursts'),
     'stamps': ('stamps duplicated', 'stamps backward', 'stamps late', 'stamps early', 'jitter'),
@@ -32,7 +34,7 @@ NAMES = {
 }  # fmt: skip
 #: The same for faults of the input. A command that is recorded late acts before its stamp, and
 #: 'input delay' is the opposite: a command that acts after its stamp.
-INPUT_NAMES = {'scale': ('input gain',), 'sign': ('input sign',)}
+INPUT_NAMES = {'scale': ('input gain',), 'sign': ('input sign',), 'input delay': ('input delay',)}
 #: Kinds of faults whose size is what a finding estimates.
 SIZED = ('scale', 'units', 'bias', 'drift', 'delay', 'parameter', 'noise')
 #: Largest relative error of the factor of a unit.
@@ -43,8 +45,8 @@ _NUMBER = r'([-+]?\d+\.?\d*(?:e[-+]\d+)?)'
 def meanings(recording: Recording) -> list[tuple[str, str]]:
     """Return the kind and the subject of a fault, and of what is alike."""
     pairs = [(recording.kind, recording.subject)]
-    if recording.alike:
-        kind, _, subject = recording.alike.partition(' of ')
+    for alike in recording.alike.split('; ') if recording.alike else ():
+        kind, _, subject = alike.partition(' of ')
         if kind.startswith('parameter '):
             kind, subject = kind.split(' ', 1)
         pairs.append((kind, subject or recording.subject))
