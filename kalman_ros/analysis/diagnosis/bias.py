@@ -33,7 +33,8 @@ class Course:
     """The course of an offset over the B pieces of a recording, and its gain.
 
     ``kind`` is 'constant', 'step', 'ramp' or 'walk', ``values`` (B,) has an offset for each piece,
-    and ``began`` is the piece in which a step begins.
+    and ``began`` is the piece in which a step begins. ``dues`` is by how much the gain of a
+    correction by these values exceeds that of the kind: a path is chosen among many.
     """
 
     kind: str
@@ -41,6 +42,7 @@ class Course:
     gain: float
     fit: Fit | None = None
     began: int = 0
+    dues: float = 0.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -134,7 +136,8 @@ def _likeliest_walk(responses: Responses, columns: Sequence[int]) -> Course:
     best = int(np.argmax(gains))
     q = scale * _INTENSITIES[best]
     path = root @ (vectors @ (q * projected / (1.0 + q * values)))
-    return Course('walk', path, gains[best])
+    corrected = float(2.0 * path @ g - path @ M @ path)
+    return Course('walk', path, gains[best], dues=max(corrected - gains[best], 0.0))
 
 
 def _finding(case: Examination, name: str, courses: dict[int, Course], limits: Array) -> Finding:
@@ -164,9 +167,15 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         kind, name,
         f'readings of {name} are off: {words}. No parameter takes a bias away: calibrate it, or '
         'add it to the states of the model.',
-        gain**0.5, gain=gain,
+        gain**0.5, gain=gain, dues=sum(course.dues for course in courses.values()),
+        parameters=sum(_numbers(course) for course in courses.values()),
         figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
     )  # fmt: skip
+
+
+def _numbers(course: Course) -> int:
+    """Return how many numbers are fitted: a size, and when a step begins."""
+    return 2 if course.kind == 'step' else 1
 
 
 def _describe(course: Course, limits: Array) -> str:

@@ -2,10 +2,12 @@
 """Diagnosis of a recording by forward selection of faults.
 
 The first findings are those that stamps and values show without a filter. Each further finding is
-the hypothesis whose correction reduces -2 log likelihood most, or the simpler one if two explain
-nearly the same. The fault is corrected, and the search is repeated until the remaining misfit is
-chance. Thus a delay is found before the noise that would hide it, and the consequences of a fault
-vanish once the fault is corrected.
+the hypothesis with the largest gain: the reduction of -2 log likelihood by its correction, after a
+new pass of the filter, less log N for each number that it fits (G. Schwarz, Estimating the
+Dimension of a Model, Annals of Statistics 6(2), 1978). All kinds of faults are counted alike; a
+random walk is a single number, its intensity, integrated over its path. The fault is corrected,
+and the search is repeated until the remaining misfit is chance. Thus a delay is found before the
+noise that would hide it, and the consequences of a fault vanish once the fault is corrected.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
 
@@ -53,19 +56,10 @@ FITTED: Sequence[Detector] = (
     units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
     inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
 )  # fmt: skip
-#: Weights that favour simple causes: the gain of a kind is multiplied by its weight, or increased
-#: by `_MOST_FAVOUR` if that is less.
-SIMPLER = {
-    'unit': 1.1, 'sign': 1.1, 'swapped': 1.1, 'rotated': 1.05,
-    'outliers': 1.1, 'bias': 1.02, 'noise too small': 0.9, 'noise too large': 0.9,
-    'process noise too small': 0.85, 'process noise too large': 0.85,
-    'parameter': 0.9, 'scale': 0.25, 'input gain': 1.02, 'input sign': 1.1,
-}  # fmt: skip
-#: Largest increase of a weighted gain: for a lost filter, a share of any gain exceeds the
-#: difference between two causes.
-_MOST_FAVOUR = 3000.0
 #: Largest numbers of rounds, of findings that are tried in a round, and of those of one kind.
 _ROUNDS, _TRIED, _ALIKE = 6, 5, 2
+#: How often the size of a finding is fitted again.
+_REFINED = 3
 #: A finding is tried if its predicted gain is at least this share of the best gain. The second
 #: share applies to reliable predictions: the filter is not lost, and the gain is above `_SURE`.
 _CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
@@ -98,10 +92,12 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
     """
     before = misfit(evidence)
     progress('stamps, rates and values')
-    findings, case = _find_without_filter(evidence)
+    plain, case = _find_without_filter(evidence)
+    findings = [finding for finding in plain if not finding.note]
+    remarks = tuple(finding for finding in plain if finding.note)
     if not case.passage.events:
-        return Diagnosis(_rank(findings), (), before, before)
-    notes = tuple(unobserved_states.find(case))
+        return Diagnosis(_rank(findings), remarks, before, before)
+    notes = (*remarks, *unobserved_states.find(case))
     findings += gates.find(case)
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}')
@@ -144,10 +140,15 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
     """Return the finding that explains most, with its actual gain, and the corrected case."""
     count = sum(len(e) for e in case.passage.whitened)
     threshold = max(CHANCE, _RELEVANT * count)
-    promised = [finding for detector in FITTED for finding in detector(case)]
-    promised.sort(key=_weighted_gain, reverse=True)
+    dimension = log(max(count, 2))
+    promised = [
+        replace(finding, gain=finding.gain - dimension * finding.parameters)
+        for detector in FITTED
+        for finding in detector(case)
+    ]
+    promised.sort(key=_gain, reverse=True)
     tried: list[tuple[Finding, Examination]] = []
-    sure = bool(promised) and _weighted_gain(promised[0]) > _SURE and not gross.lost(case)
+    sure = bool(promised) and promised[0].gain > _SURE and not gross.lost(case)
     share = _CLOSER if sure else _CLOSE
     # findings of filter passes come first: for a lost filter, regressions predict arbitrary gains
     from_passes = gross.find(case)
@@ -155,25 +156,55 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
     for finding in [*from_passes, *_limit_kinds(others)][:_TRIED]:
         if finding.gain <= threshold or not _is_new(finding, known):
             continue
-        best = max((_weighted_gain(other) for other, _ in tried), default=0.0)
-        if finding not in from_passes and _weighted_gain(finding) < share * best:
+        best = max((other.gain for other, _ in tried), default=0.0)
+        if finding not in from_passes and finding.gain < share * best:
             break
         after = Examination(finding.mended(), known=finding.passage) if finding.mended else case
         try:
             gain = explained(case.passage, after.passage) - finding.dues
+            gain -= dimension * finding.parameters
         except np.linalg.LinAlgError:
             continue
         if gain > threshold:
             tried.append((replace(finding, gain=gain), after))
     if not tried:
         return None
-    finding, after = max(tried, key=lambda pair: _weighted_gain(pair[0]))
+    finding, after = max(tried, key=lambda pair: pair[0].gain)
+    finding, after = _refine(case, finding, after, dimension)
     equivalent = [
         (other.kind, other.subject)
         for other, _ in tried
         if other.gain > 0.85 * finding.gain and not same(other, finding)
     ]
     return replace(finding, same_as=(*finding.same_as, *equivalent)), after
+
+
+def _refine(
+    case: Examination, finding: Finding, after: Examination, dimension: float
+) -> tuple[Finding, Examination]:
+    """Return a finding with a better size, and the case corrected by it.
+
+    The size is that of a linearisation. It is fitted again about the corrected case, as long as
+    the gain grows (Newton's method).
+    """
+    for _ in range(_REFINED):
+        better = finding.again and finding.again(after)
+        if not better or better.mended is None:
+            break
+        try:
+            nearer = Examination(better.mended())
+            gain = explained(case.passage, nearer.passage) - better.dues
+        except (ValueError, np.linalg.LinAlgError):
+            break
+        gain -= dimension * better.parameters
+        if gain <= finding.gain:
+            break
+        finding, after = replace(better, gain=gain, same_as=finding.same_as), nearer
+    return finding, after
+
+
+def _gain(finding: Finding) -> float:
+    return finding.gain
 
 
 def _limit_kinds(findings: Sequence[Finding]) -> list[Finding]:
@@ -185,11 +216,6 @@ def _limit_kinds(findings: Sequence[Finding]) -> list[Finding]:
         if seen[finding.kind] <= _ALIKE:
             kept.append(finding)
     return kept
-
-
-def _weighted_gain(finding: Finding) -> float:
-    favoured = finding.gain * SIMPLER.get(finding.kind, 1.0)
-    return min(favoured, finding.gain + _MOST_FAVOUR)
 
 
 def _prove(evidence: Evidence, finding: Finding) -> Finding:
@@ -210,4 +236,4 @@ def _rank(findings: Sequence[Finding]) -> tuple[Finding, ...]:
         replace(finding, share=max(0.0, finding.gain) / total if total > 0.0 else 0.0)
         for finding in findings
     ]
-    return tuple(sorted(shared, key=lambda f: (not f.silent, -_weighted_gain(f))))
+    return tuple(sorted(shared, key=lambda f: (not f.silent, -f.gain)))

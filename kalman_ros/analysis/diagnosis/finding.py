@@ -65,6 +65,13 @@ class Finding:
         Whether a sensor has no usable reading, so that no likelihood measures its effect.
     dues
         Cost of the correction in -2 log likelihood, in addition to the misfit after it.
+    parameters
+        The number of fitted numbers; each costs the logarithm of the number of values read.
+    note
+        Whether it is no fault, so that the recording may be in order.
+    again
+        Function that returns the finding with another size, from the examination after its
+        correction; None if there is nothing left to correct.
     mended
         Function that returns the corrected evidence, for the search for further faults; None if
         the evidence needs no correction.
@@ -84,5 +91,8 @@ class Finding:
     same_as: tuple[tuple[str, str], ...] = ()
     silent: bool = False
     dues: float = 0.0
+    parameters: float = 1.0
+    note: bool = False
+    again: Callable[[Any], Finding | None] | None = field(default=None, repr=False, compare=False)
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
     passage: Passage | None = field(default=None, repr=False, compare=False)

@@ -166,6 +166,8 @@ def _find_disturbances(case: Examination) -> list[Finding]:
             'input that the model does not have.',
             gain**0.5,
             gain=gain,
+            dues=sum(course.dues for course in courses.values()),
+            parameters=len(courses),
             figure=Figure('What adds to the input', 'time [s]', 'input', curves),
             mended=lambda: mended,
         )

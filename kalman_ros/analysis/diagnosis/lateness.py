@@ -16,10 +16,14 @@ from kalman_ros.estimators.outcome import Outcome
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
+from .responses import Fit
 from .stamps import latency, picture, slope
 
 #: Delays and jitter below this duration (s) are harmless.
 _HARMLESS = 0.02
+#: Stamps are wrong by more than the first time (s), and by less than the second or a share of the
+#: recording.
+_EARLIEST, _LATEST, _SHARE = 0.002, 1.0, 0.1
 
 
 def find(case: Examination) -> list[Finding]:
@@ -67,29 +71,45 @@ def hidden(case: Examination) -> list[Finding]:
     for name, record in case.evidence.sensors.items():
         for column in case.responses.columns('stamp', name):
             fit = case.responses.alone(column)
-            tau = float(fit.size[0])
-            if fit.gain < CHANCE or not 0.002 < abs(tau) < 1.0:
+            most = max(_LATEST, _SHARE * case.evidence.duration)
+            if fit.gain < CHANCE or not _EARLIEST < abs(float(fit.size[0])) < most:
                 continue
-            option = f'{name}.stamp_offset'
             rate = slope(record.received, latency(record))
             if abs(rate) > 1e-3:
                 continue
-            findings.append(
-                Finding(
-                    'stamps late' if tau < 0.0 else 'stamps early',
-                    name,
-                    f'readings of {name} fit the state {abs(tau):.3g} +- {fit.std[0]:.1g} s '
-                    f'{"before" if tau < 0.0 else "after"} their stamps: they are stamped '
-                    f'{"on receipt, not when they are taken" if tau < 0 else "too early"}. Stamp '
-                    'them when they are taken, or set the offset.',
-                    fit.gain**0.5,
-                    {option: round(float(case.evidence.parameters.get(option, 0.0)) + tau, 4)},
-                    gain=fit.gain,
-                    figure=picture(name, record, 'latency'),
-                    mended=partial(_shift_stamps, case.evidence, name, tau),
-                )
-            )
+            findings.append(_shifted(case.evidence, name, 0.0, fit))
     return findings
+
+
+def _shifted(evidence: Evidence, name: str, before: float, fit: Fit) -> Finding:
+    """Return the finding that stamps are wrong by a fitted time beyond ``before`` seconds."""
+    tau, option, record = (
+        before + float(fit.size[0]),
+        f'{name}.stamp_offset',
+        evidence.sensors[name],
+    )
+
+    def again(after: Examination) -> Finding | None:
+        column = after.responses.columns('stamp', name)
+        more = after.responses.alone(column[0]) if column else None
+        if more is None or abs(float(more.size[0])) < 2.0 * float(more.std[0]):
+            return None
+        return _shifted(evidence, name, tau, more)
+
+    return Finding(
+        'stamps late' if tau < 0.0 else 'stamps early',
+        name,
+        f'readings of {name} fit the state {abs(tau):.3g} +- {fit.std[0]:.1g} s '
+        f'{"before" if tau < 0.0 else "after"} their stamps: they are stamped '
+        f'{"on receipt, not when they are taken" if tau < 0 else "too early"}. Stamp '
+        'them when they are taken, or set the offset.',
+        fit.gain**0.5,
+        {option: round(float(evidence.parameters.get(option, 0.0)) + tau, 4)},
+        gain=fit.gain,
+        figure=picture(name, record, 'latency'),
+        mended=partial(_shift_stamps, evidence, name, tau),
+        again=again,
+    )
 
 
 def _shift_stamps(evidence: Evidence, name: str, tau: float) -> Evidence:

@@ -59,5 +59,5 @@ def _sensor_findings(
                 kind, name,
                 f'the covariance in {mask.sum()} of {len(record)} messages of {name} {flaw}. Take '
                 f'it from the configuration, {name}.noise, until its driver fills it in.',
-                inf, change, mended=lambda: mended,
+                inf, change, mended=lambda: mended, note=mask is zero,
             )  # fmt: skip

@@ -27,7 +27,9 @@ def find(case: Examination) -> list[Finding]:
                 sentence = f'no reading of {name} was received.'
                 findings.append(Finding('no readings', name, sentence, inf, silent=True))
             continue
-        findings += [*_find_invalid(name, record), *_find_losses(name, record, rate)]
+        findings += _find_invalid(name, record)
+        is_declared = f'{name}.rate' in case.evidence.parameters
+        findings += _find_losses(name, record, rate, is_declared=is_declared)
     return findings
 
 
@@ -44,7 +46,9 @@ def _find_invalid(name: str, record: SensorRecord) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _find_losses(name: str, record: SensorRecord, declared: float) -> Iterator[Finding]:
+def _find_losses(
+    name: str, record: SensorRecord, declared: float, *, is_declared: bool
+) -> Iterator[Finding]:
     stamps = np.unique(np.round(record.stamp[record.stamped], 6))
     gaps = np.diff(stamps)
     if len(gaps) < 5:
@@ -54,7 +58,7 @@ def _find_losses(name: str, record: SensorRecord, declared: float) -> Iterator[F
         yield Finding(
             'rate', name,
             f'{name} is read {1.0 / gap:.4g} times a second, where {name}.rate is {declared:g}.',
-            inf, {f'{name}.rate': float(f'{1.0 / gap:.3g}')},
+            inf, {f'{name}.rate': float(f'{1.0 / gap:.3g}')}, note=not is_declared,
         )  # fmt: skip
     missing = np.round(gaps / gap).astype(int) - 1
     lost = int(missing[missing > 0].sum())

@@ -23,6 +23,8 @@ from .passage import explained, passage, usable
 _AHEAD, _BEHIND = 0.005, 0.02
 #: A drift of a clock over the recording by less than this time (s) is harmless.
 _DRIFTED = 0.005
+#: Stamps may be rounded to one of these times (s), which matters above a share of their distance.
+_GRIDS, _COARSE, _ENOUGH = (1.0, 0.1, 0.05, 0.02, 0.01, 0.005, 0.001), 0.05, 20
 
 
 def find(case: Examination) -> Iterator[Finding]:
@@ -32,6 +34,7 @@ def find(case: Examination) -> Iterator[Finding]:
             yield from _find_zero(case.evidence, name, record)
             yield from _find_duplicates(case, name, record)
             yield from _find_backward(case, name, record)
+            yield from _find_rounded(name, record)
             yield from _find_clock_error(case, name, record)
 
 
@@ -107,6 +110,31 @@ def _find_backward(case: Examination, name: str, record: SensorRecord) -> Iterat
             'takes them in their place while they are within its window.',
             inf, figure=picture(name, record, 'latency'), **_selection(case, name, record, order)
         )  # fmt: skip
+
+
+def _find_rounded(name: str, record: SensorRecord) -> Iterator[Finding]:
+    """Yield a finding if stamps are multiples of a time, while the receipt is more regular."""
+    stamps = np.unique(np.round(record.stamp[record.stamped], 6))
+    gaps, received = np.diff(stamps), np.diff(record.received)
+    if len(gaps) < _ENOUGH:
+        return
+    for grid in _GRIDS:
+        off = np.abs(stamps / grid - np.round(stamps / grid)) * grid
+        if off.max() > 1e-6:
+            continue
+        usual = float(np.median(gaps))
+        spread, of_receipt = (
+            float(np.std(x[x < 1.7 * usual])) for x in (gaps, received) if len(x)
+        )
+        if grid > _COARSE * usual and spread > 2.0 * of_receipt:
+            yield Finding(
+                'stamps rounded', name,
+                f'stamps of {name} are multiples of {grid:g} s, while they are received every '
+                f'{usual:.3g} s, regular to {of_receipt:.1g} s: they are rounded. Stamp them with '
+                'all digits of the clock.',
+                inf, figure=picture(name, record, 'stamps that are rounded'),
+            )  # fmt: skip
+        return
 
 
 def _selection(case: Examination, name: str, record: SensorRecord, rows: Any) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from kalman_ros.sensors import options
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
+from .responses import Fit
 
 _LENGTH, _SPEED, _ANGLE, _TURN = ('m',), ('m/s',), ('rad', 'rad/s'), ('rad/s',)
 _DEGREES, _ACCELERATION = ('deg', 'deg/s'), ('m/s^2',)
@@ -43,27 +44,34 @@ UNITS: dict[float, tuple[str, tuple[str, ...]]] = {
 _EXPLAINED = 0.5
 #: Two factors are equal if their relative difference is below the first number. A factor that
 #: differs from 1 by less than the second number is no finding.
-_CLOSE, _RELEVANT = 0.05, 0.05
+_CLOSE, _RELEVANT = 0.05, 0.01
 
 
 def find(case: Examination) -> list[Finding]:
     """Return the sensors and coordinates that fit after a multiplication by a factor."""
     findings = []
     for name in case.evidence.sensors:
-        for group in groups(case.evidence.scenario.sensors[name].sensor.output):
-            by_coordinate = [case.responses.columns('mix', name, str(i), str(i)) for i in group]
-            if not all(by_coordinate):
+        output = case.evidence.scenario.sensors[name].sensor.output
+        whole = tuple(range(output.size))
+        for group in dict.fromkeys((*groups(output), whole)):
+            fit = _fit(case, name, group)
+            if fit is None:
                 continue
-            basis = np.ones((len(group), 1))
-            fit = case.responses.fit(
-                basis, [column for columns in by_coordinate for column in columns]
-            )
             factor, std = 1.0 - float(fit.size[0]), float(fit.std[0])
             relevant = abs(factor - 1.0) > max(_RELEVANT, 4.0 * std)
             if fit.gain > CHANCE * _inflation(case, name) and relevant:
                 factor, std = _likeliest_factor(case, name, group, factor, std)
                 findings.append(scaled(case, name, group, factor, std, fit.gain))
     return findings
+
+
+def _fit(case: Examination, name: str, group: Sequence[int]) -> Fit | None:
+    """Return the fit of by how much a group of coordinates is too large, as a share."""
+    by_coordinate = [case.responses.columns('mix', name, str(i), str(i)) for i in group]
+    if not all(by_coordinate):
+        return None
+    together = [column for columns in by_coordinate for column in columns]
+    return case.responses.fit(np.ones((len(group), 1)), together)
 
 
 def groups(space: Space) -> list[tuple[int, ...]]:
@@ -160,11 +168,20 @@ def scaled(
         Curve('as read', times, record.value[:, index], 'dots'),
         Curve(f'times {factor:.4g}', times, factor * record.value[:, index], 'line'),
     )
+
+    def again(after: Examination) -> Finding | None:
+        fit = _fit(after, name, group)
+        if fit is None or not abs(float(fit.size[0])) > 2.0 * float(fit.std[0]):
+            return None
+        nearer = factor * (1.0 - float(fit.size[0]))
+        return scaled(case, name, group, nearer, factor * float(fit.std[0]), gain)
+
     return Finding(
         kind, label, f'readings of {label} fit the model once multiplied by {factor:.4g}{cause}.',
         gain**0.5, mixing(evidence, name, M), gain=max(gain, exact_gain), dues=dues,
         figure=Figure(f'{label}: scale', 'time [s]', space.names[index], curves),
         mended=lambda: mixed(evidence, name, M),
+        again=again if kind == 'scale' else None,
     )  # fmt: skip
 
 

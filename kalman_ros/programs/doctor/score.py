@@ -90,7 +90,8 @@ def row(fault: str, injected: Sequence[Case], seconds: float, seed: int) -> Row:
         injection = injection + other.injection
     evidence = recorded(scenario, injection, seconds, seed)
     begin = time.process_time()
-    findings = diagnose(evidence).findings
+    diagnosis = diagnose(evidence)
+    findings = (*diagnosis.findings, *diagnosis.notes)
     spent = time.process_time() - begin
     ranks, tied = [], False
     for case in injected:

@@ -21,18 +21,27 @@ Finding = Mapping[str, Any]
 #: Kinds of findings that name a kind of fault. No finding names the kinds that are not here.
 NAMES = {
     'scale': ('scale',), 'units': ('unit', 'scale'), 'sign': ('sign',), 'bias': ('bias',),
-    'drift': ('drift',), 'mounting': ('rotated',), 'frame': ('rotated',),
-    'axes': ('swapped', 'rotated'), 'delay': ('stamps late',), 'frozen': ('frozen',),
+    'drift': ('drift',), 'random walk': ('random walk',),
+    'mounting': ('rotated',), 'frame': ('rotated',),
+    'axes': ('swapped', 'rotated'), 'delay': ('stamps late',),
+    'clock offset': ('stamps early', 'stamps late', 'clock offset'), 'frozen': ('frozen',),
+    'clock drift': ('clock drift',), 'initial state': ('first belief too narrow',),
     'outliers': ('outliers',), 'disturbed': ('outliers', 'random walk'),
     'coloured noise': ('random walk',), 'losses': ('losses', 'losses in bursts'),
-    'stamps': ('stamps duplicated', 'stamps backward', 'stamps late', 'stamps early', 'jitter'),
+    'stamps': ('stamps duplicated', 'stamps backward', 'stamps late', 'stamps early', 'jitter',
+               'stamps rounded'),
     'noise': ('noise too small', 'noise too large'), 'parameter': ('parameter',),
     'quantised': ('quantised',), 'scale 0': ('scale', 'unrelated'),
     'process noise': ('process noise too small', 'process noise too large'),
 }  # fmt: skip
 #: The same for faults of the input. A command that is recorded late acts before its stamp, and
 #: 'input delay' is the opposite: a command that acts after its stamp.
-INPUT_NAMES = {'scale': ('input gain',), 'sign': ('input sign',)}
+INPUT_NAMES = {
+    'scale': ('input gain',),
+    'sign': ('input sign',),
+    'input delay': ('input delay',),
+    'dead zone': ('dead zone',),
+}
 #: Kinds of faults whose size is what a finding estimates.
 SIZED = ('scale', 'units', 'bias', 'drift', 'delay', 'parameter', 'noise')
 #: Largest relative error of the factor of a unit.
@@ -43,8 +52,8 @@ _NUMBER = r'([-+]?\d+\.?\d*(?:e[-+]\d+)?)'
 def meanings(recording: Recording) -> list[tuple[str, str]]:
     """Return the kind and the subject of a fault, and of what is alike."""
     pairs = [(recording.kind, recording.subject)]
-    if recording.alike:
-        kind, _, subject = recording.alike.partition(' of ')
+    for alike in recording.alike.split('; ') if recording.alike else ():
+        kind, _, subject = alike.partition(' of ')
         if kind.startswith('parameter '):
             kind, subject = kind.split(' ', 1)
         pairs.append((kind, subject or recording.subject))

@@ -10,8 +10,8 @@ from pathlib import Path
 from kalman_ros.core import refuse_unknown
 from kalman_ros.programs.refusal import refuse
 
-from .recordings import RECORDINGS, write
 from .score import score
+from .sets import SETS, write
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -24,6 +24,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         '--out', type=Path, default=Path('out/strangers'), metavar='DIR',
         help='for a folder each (default: %(default)s)',
     )  # fmt: skip
+    parser.add_argument(
+        '--set', choices=[*SETS], default='first', help='of recordings (default: %(default)s)'
+    )
     parser.add_argument('--list', action='store_true', help='print the truths, and write nothing')
     parser.add_argument(
         '--score', action='store_true', help='run the doctor on the recordings in --out, and judge'
@@ -33,14 +36,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         help='for one run of the doctor (default: %(default)g)',
     )  # fmt: skip
     options = parser.parse_args(argv)
+    chosen = SETS[options.set]
     try:
-        refuse_unknown(options.names, RECORDINGS, 'recording')
+        refuse_unknown(options.names, chosen, 'recording')
         if options.score:
-            score(options.names or [*RECORDINGS], options.out, options.limit)
+            score(options.names or [*chosen], options.out, options.limit)
             return
-        for name in options.names or RECORDINGS:
+        for name in options.names or chosen:
             if options.list:
-                print(f'{name:28}  {RECORDINGS[name].truth}')
+                print(f'{name:28}  {chosen[name].truth}')
             else:
                 write(name, options.out / name)
                 print(options.out / name, flush=True)

@@ -37,8 +37,8 @@ from .faults import (
     turned,
     uneven,
 )
-from .messages import write_recording
-from .systems import SYSTEMS
+from .messages import FORMS, Form, write_recording
+from .systems import SYSTEMS, System
 
 DEGREE = radians(1.0)
 _TURN, _ACCELERATION = {'columns': slice(0, 3)}, {'columns': slice(3, 6)}
@@ -60,7 +60,8 @@ class Recording:
     fault
         What is done to the readings.
     alike
-        What the readings cannot tell from it, in words; 'clean' if nothing shows it at all.
+        What the readings cannot tell from it, in words, or several such separated by '; ';
+        'clean' if nothing shows it at all.
     physics, edits
         True parameters that differ from those of the file; replacements in the file.
     """
@@ -257,16 +258,39 @@ RECORDINGS = {recording.name: recording for recording in TABLE}
 def write(name: str, folder: str | Path) -> None:
     """Write ``recording.mcap`` and ``robot.yaml`` of a recording into a new or an empty folder."""
     recording = RECORDINGS[name]
-    system = SYSTEMS[recording.system]
+    write_files(recording, SYSTEMS[recording.system], folder)
+
+
+def write_files(
+    recording: Recording,
+    system: System,
+    folder: str | Path,
+    forms: Mapping[str, tuple[str, Form]] = FORMS,
+) -> None:
+    """Simulate a recording of a system, and write its two files."""
     rng = np.random.default_rng(recording.seed)
     readings = system.simulate(rng, {**system.physics, **recording.physics})
     recording.fault(readings, rng)
+    parameters = edited(recording, system)
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    write_recording(place / 'recording.mcap', readings, forms)
+    (place / 'robot.yaml').write_text(parameters)
+
+
+def edited(recording: Recording, system: System) -> str:
+    """Return the parameter file of a system with the replacements of a recording.
+
+    Raises
+    ------
+    ValueError
+        If the file does not contain a text that is replaced.
+    """
     parameters = system.parameters
     for declared, other in recording.edits.items():
         if declared not in parameters:
-            raise ValueError(f"{name}: expected '{declared}' in the file of {system.name}")
+            raise ValueError(
+                f"{recording.name}: expected '{declared}' in the file of {system.name}"
+            )
         parameters = parameters.replace(declared, other)
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
-    write_recording(place / 'recording.mcap', readings)
-    (place / 'robot.yaml').write_text(parameters)
+    return parameters

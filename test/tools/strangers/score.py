@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from .matching import Finding, interval, is_right, is_tied
-from .recordings import RECORDINGS, write
+from .sets import RECORDINGS, write
 
 #: Kinds of findings that are remarks.
 REMARKS = ('rate', 'covariance zero')

@@ -25,10 +25,13 @@ class System:
         Returns its readings without a fault, by a generator and the parameters of the world.
     physics
         The true parameters that a recording may change; as here, they are those of the file.
+    robots
+        The folder of its parameter file.
     """
 
     simulate: Callable[[np.random.Generator, dict[str, float]], Readings]
     physics: dict[str, float] = field(default_factory=dict)
+    robots: Path = _ROBOTS
 
     @property
     def name(self) -> str:
@@ -38,7 +41,7 @@ class System:
     @property
     def parameters(self) -> str:
         """The text of its parameter file."""
-        return (_ROBOTS / f'{self.name}.yaml').read_text()
+        return (self.robots / f'{self.name}.yaml').read_text()
 
 
 _ALL = (

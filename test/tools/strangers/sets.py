@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sets of recordings. A name is unique among all sets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from . import recordings
+from .recordings import Recording
+from .second import recordings as second
+
+#: The recordings of each set, by name.
+SETS: dict[str, dict[str, Recording]] = {
+    'first': recordings.RECORDINGS,
+    'second': second.RECORDINGS,
+}
+#: The recordings of all sets.
+RECORDINGS: dict[str, Recording] = recordings.RECORDINGS | second.RECORDINGS
+
+
+def write(name: str, folder: str | Path) -> None:
+    """Write the two files of a recording of any set into a new or an empty folder."""
+    (second if name in second.RECORDINGS else recordings).write(name, folder)
