@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kalman_ros.analysis.diagnosis import gross
+from kalman_ros.analysis.diagnosis import gross, stamps
 from kalman_ros.analysis.diagnosis.diagnose import diagnose
 from kalman_ros.analysis.diagnosis.evidence import misfit
 from kalman_ros.analysis.diagnosis.examination import Examination
@@ -17,6 +17,7 @@ from kalman_ros.programs.doctor.recordings import (
     stamps_of,
     values_of,
 )
+from kalman_ros.scenario import build
 
 pytestmark = pytest.mark.slow
 
@@ -116,7 +117,9 @@ def test_covariances_that_cannot_be_meant(value):
         R = np.full((len(readings.value), 1, 1), value)
         return replace(readings, covariance=R)
 
-    findings = found_in(Injection(edits={'position': edit}), seconds=6.0)
+    diagnosis = diagnose(recorded(SCENARIO, Injection(edits={'position': edit}), 6.0, 1))
+    # zero is how messages say that they do not know: no fault, since the configuration is taken
+    findings = diagnosis.notes if value == 0.0 else diagnosis.findings
     kind = {0.0: 'covariance zero', -1.0: 'covariance negative', 1e9: 'covariance absurd'}[value]
     assert kind in [finding.kind for finding in findings]
     change = next(finding.change for finding in findings if finding.kind == kind)
@@ -173,3 +176,28 @@ def test_a_vector_of_three_axes_that_is_turned_far_is_found_by_what_the_others_p
     words = found[0].sentence.partition('mount.rotation: [')[2].partition(']')[0]
     mount = np.array([float(each) for each in words.split(', ')])
     assert rotations.compose(rotations.from_euler(mount), turn) == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_rate_that_no_one_declared_is_a_note():
+    for declared in (True, False):
+        evidence = recorded(SCENARIO, None, 6.0, 1)
+        parameters = {k: v for k, v in evidence.parameters.items() if k != 'position.rate'}
+        if declared:
+            parameters['position.rate'] = 10.0
+        evidence = replace(
+            evidence, parameters=parameters, scenario=build({**parameters, 'position.rate': 10.0})
+        )
+        diagnosis = diagnose(evidence)
+        assert ('rate' in [finding.kind for finding in diagnosis.findings]) == declared
+        assert ('rate' in [note.kind for note in diagnosis.notes]) != declared
+
+
+def test_stamps_that_are_rounded_while_the_receipt_is_regular():
+    evidence = recorded(SCENARIO, None, 6.0, 1)
+    record = evidence.sensors['position']
+    every = 0.0333 * np.arange(len(record))
+    regular = replace(record, stamp=every, received=every + 0.004)
+    coarse = replace(regular, stamp=np.round(every, 2))
+    for sensor, expected in ((regular, []), (coarse, ['stamps rounded'])):
+        found = stamps.find(Examination(evidence.with_sensor('position', sensor), strict=False))
+        assert [finding.kind for finding in found if finding.kind == 'stamps rounded'] == expected

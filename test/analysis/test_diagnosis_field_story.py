@@ -60,9 +60,10 @@ def test_an_orientation_covariance_that_was_left_at_zero():
         N, k = readings.value.shape
         return replace(readings, covariance=np.zeros((N, k, k)))
 
-    names, found = findings('diff_drive', Injection(edits={'imu': zero}), seconds=5.0)
-    assert names[0] == ('covariance zero', 'imu')
-    assert found[0].change == {'imu.covariance_from': 'configuration'}
+    evidence = recorded('diff_drive', Injection(edits={'imu': zero}), 5.0, 1)
+    note = diagnose(evidence).notes[0]
+    assert (note.kind, note.subject) == ('covariance zero', 'imu')
+    assert note.change == {'imu.covariance_from': 'configuration'}
 
 
 def test_a_gate_that_rejected_a_third_of_good_fixes():
