@@ -382,9 +382,10 @@ class Predictor:
 
     def _turned(self, states: Array, ahead: Motion) -> Array:
         """Return states whose angles are the nearest to the middle of their limits."""
+        low, high = self._prediction.low, self._prediction.high
         for index in ahead.space.indices(ahead.space.angles):
-            middle = 0.5 * (self._prediction.low[index] + self._prediction.high[index])
-            if np.isfinite(middle):
+            if np.isfinite(low[index]) and np.isfinite(high[index]):
+                middle = 0.5 * (low[index] + high[index])
                 states = states.copy()
                 angle = np.unwrap(states[:, index])
                 turns = np.round((middle - angle[0]) / (2.0 * np.pi))

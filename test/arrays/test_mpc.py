@@ -157,3 +157,16 @@ def test_limits_of_states_are_a_section():
     assert limited.law_options['state_limit.x'] == [-1.0, 1.0]
     with pytest.raises(ValueError, match='state_limit'):
         kr.load('cart_pole', {'law': 'lqr', 'state_limit.x': [-1.0, 1.0]})
+
+
+def test_a_limit_of_an_angle_may_be_beyond_half_a_turn():
+    robot = {'model_parameters.command_time': 0.2, 'initial_state': [0.0, 0.0, 0.0, 3.0, 0.0],
+             'initial_estimate': [0.0, 0.0, 0.0, 3.0, 0.0], 'law': 'mpc',
+             'horizon': 0.5}  # fmt: skip
+    path = np.array([[0.0, 0.0], [-1.0, 0.0], [-2.0, -0.3]])
+    motion = kr.motion('diff_drive', robot, path=path)
+    runs = [
+        kr.simulate('diff_drive', {**robot, **limit}, seconds=4.0, reference=motion)
+        for limit in ({}, {'state_limit.psi': [2.0, 4.5]})
+    ]
+    np.testing.assert_allclose(runs[0].truth, runs[1].truth, atol=1e-6)
