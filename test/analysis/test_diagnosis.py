@@ -201,3 +201,13 @@ def test_stamps_that_are_rounded_while_the_receipt_is_regular():
     for sensor, expected in ((regular, []), (coarse, ['stamps rounded'])):
         found = stamps.find(Examination(evidence.with_sensor('position', sensor), strict=False))
         assert [finding.kind for finding in found if finding.kind == 'stamps rounded'] == expected
+
+
+def test_a_sensor_that_is_read_once_in_a_minute_is_compared_without_a_lag():
+    from kalman_ros.analysis.diagnosis.unrelated import _largest_correlation
+
+    evidence = recorded(SCENARIO, None, 6.0, 1)
+    record = evidence.sensors['position']
+    seldom = replace(record, stamp=60.0 * np.arange(len(record)))
+    y = np.sin(np.arange(len(record)))
+    assert _largest_correlation(seldom, y, y[:, np.newaxis]) == pytest.approx(1.0, abs=0.05)
