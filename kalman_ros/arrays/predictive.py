@@ -26,7 +26,7 @@ from .known_names import KnownNames
 
 
 class Plan(NamedTuple):
-    """What is planned from now on: times (N + 1,), states (N + 1, n) and inputs (N, m)."""
+    """A plan: times from its start (N + 1,), states (N + 1, n) and inputs (N, m)."""
 
     time: Array
     states: Array
@@ -104,7 +104,7 @@ class PredictiveControl(KnownNames):
 
     @property
     def plan(self) -> Plan:
-        """What was planned in the last step."""
+        """The plan of the last step."""
         assert self._answer.predictor is not None
         state, input = self._answer.target
         error = self._space.subtract(self._state, state)

@@ -148,7 +148,7 @@ class Regulator:
 
     @property
     def predictor(self) -> Predictor | None:
-        """What predicts the limits; None for a law that does not."""
+        """The predictor of limits; None for a law that does not predict them."""
         return self._predictor
 
     def _predictor_of(self, feedback: Feedback) -> Predictor | None:
@@ -181,6 +181,8 @@ class Regulator:
         self._integral = np.zeros(len(self._feedback.tracked))
         self._jump = u - self._by_gain(x)
         self._last, self._base = (x, u), None
+        if self._predictor is not None:
+            self._predictor.forget()
 
     def propose(self, x: Array, dt: float) -> Array:
         """Return the input (m,) for a state (n,) ``dt`` seconds after the last one."""

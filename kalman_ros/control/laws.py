@@ -28,7 +28,7 @@ from .predictive import predicted
 
 
 class Problem(NamedTuple):
-    """What a law is designed for: a system, the weights of its cost, the length of a step.
+    """A problem of design: a system, the weights of its cost, the length of a step.
 
     ``state_limits`` are [low, high] by the name of a state, ``regulator`` designs the sampled
     regulator.

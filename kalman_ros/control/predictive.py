@@ -157,7 +157,7 @@ def stretches(steps: int, moves: int) -> Array:
 
 
 class _Responses(NamedTuple):
-    """What follows from the error now and from z: x_{k+1} and u_k over the horizon."""
+    """States x_{k+1} and inputs u_k over the horizon, by the error now and by z."""
 
     states: Array
     states_by_z: Array
@@ -313,7 +313,7 @@ class Predictor:
         return self._prediction.steps
 
     def forget(self) -> None:
-        """Forget the last plan."""
+        """Forget the last plan, as after an input of another source."""
         self._memories = []
 
     def correction(self, error: Array, ahead: Motion, before: Array) -> Array:

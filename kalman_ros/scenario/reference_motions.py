@@ -106,7 +106,7 @@ def along_path(
         place, off = _nearest_place(used, at, 2.0 * np.linalg.norm(used[0] - at) + rounding)
         if velocity.any() and not _leads_on(used, place, off, at, velocity, acceleration):
             braked = _braked(scenario, coordinates, beginning, acceleration)
-            rest = Beginning(braked.states[-1], np.zeros_like(beginning.rate))
+            rest = Beginning(braked.rest, np.zeros_like(beginning.rate))
             then = along_path(
                 scenario, points, speed, acceleration, yaw, times, rounding, rest
             )  # fmt: skip
@@ -149,10 +149,10 @@ def _leads_on(
 
 
 class _Braked(NamedTuple):
-    """Positions (N, d) from a velocity to rest in a straight line, and the states (2, n) then."""
+    """Positions (N, d) from a velocity to rest in a straight line, and the state (n,) at rest."""
 
     positions: Array
-    states: Array
+    rest: Array
 
     def before(
         self, then: ReferenceMotion, beginning: Beginning, coordinates: Sequence[int]
@@ -187,7 +187,7 @@ def _braked(
     hints = {} if heading is None else {heading: float(beginning.state[heading])}
     rest = _resting(scenario, coordinates, stop, hints)
     assert rest is not None
-    return _Braked(positions, np.array([beginning.state, rest.state]))
+    return _Braked(positions, rest.state)
 
 
 def _begun(positions: Array, at: Array, velocity: Array, dt: float) -> Array:

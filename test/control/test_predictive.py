@@ -179,6 +179,17 @@ def test_where_there_is_no_time_the_last_plan_goes_on():
     assert control.late == 1
 
 
+def test_after_another_input_the_last_plan_does_not_go_on():
+    design = dlqr(F, G, PRICE)
+    feedback = Feedback(design.gain, np.empty((1, 0)), (), design.poles, prediction())
+    x, rest = np.array([2.0, 0.0]), (np.zeros(2), np.zeros(1))
+    regulator = Regulator(SPACE, feedback, rest, limits=input_limits(0.5))
+    regulator.propose(x, 0.1)
+    regulator.follow(x, np.zeros(1))
+    _never_in_time(regulator.predictor)
+    np.testing.assert_allclose(regulator.propose(x, 0.1), -design.gain @ x)
+
+
 def _never_in_time(control):
     def solve(*_):
         raise predictive.LateError('late')

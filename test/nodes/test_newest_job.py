@@ -71,6 +71,23 @@ def test_a_long_job_is_given_up_for_a_newer_one_and_not_without(monkeypatch):
         assert result_of(jobs) == ('second' if newer else 'first')
 
 
+def test_of_two_long_jobs_in_a_row_the_second_is_not_given_up(monkeypatch):
+    monkeypatch.setattr(newest_job, '_PATIENCE', 0.0)
+    jobs, (first, started, go) = NewestJob(waits=False), gated('first')
+    second, second_started, second_go = gated('second')
+    jobs.start(first)
+    assert started.wait(60.0)
+    jobs.start(second)
+    go.set()
+    end = monotonic() + 60.0
+    while not second_started.wait(0.001) and monotonic() < end:
+        assert jobs.take() is None  # the first was given up
+    jobs.start(lambda: lambda _: 'third')
+    second_go.set()
+    assert result_of(jobs) == 'second'
+    assert result_of(jobs) == 'third'
+
+
 def test_what_is_forgotten_has_no_result():
     jobs, (first, started, go) = NewestJob(waits=False), gated('first')
     jobs.start(first)

@@ -244,6 +244,24 @@ def taken(node, seconds=60.0):
     return None
 
 
+def test_a_path_is_planned_with_the_options_of_the_planning(pair):
+    from dataclasses import replace
+
+    from geometry_msgs.msg import PoseStamped
+    from nav_msgs.msg import Path
+
+    from kalman_ros.control.limiter import Limits
+
+    node = pair(ControllerNode).node
+    message = Path(poses=[PoseStamped(), PoseStamped()])
+    message.poses[1].pose.position.x = 1.0
+    wanted = node._motions._path('reference/path', message)
+    slow = len(wanted.reference(None).values)
+    faster = replace(node.options, path_speed=2.0, path_acceleration=4.0)
+    node._motions.adopt(node.scenario, faster, Limits.none(node.scenario.model.input.size))
+    assert len(wanted.reference(None).values) < 0.6 * slow
+
+
 def test_what_is_planned_while_it_does_not_act_is_planned_again_from_where_it_is(pair):
     from time import sleep
 

@@ -227,6 +227,9 @@ def test_a_new_path_is_planned_from_where_the_robot_is_as_fast_as_it_is(path, lo
     scenario, _, begin, before = cruising()
     points = np.column_stack((np.array(path), np.zeros(len(path))))
     reference = along_path(scenario, points, 0.5, 0.5, beginning=begin)
+    first, second = reference.values[:2]
+    np.testing.assert_allclose(first, begin.state[:2], atol=1e-9)
+    np.testing.assert_allclose((second - first) * scenario.rate, begin.rate[:2], atol=0.01)
     motion = motion_of(scenario, reference, limits(scenario, [1.0, 3.0]))
     np.testing.assert_allclose(motion.states[0], begin.state)
     assert np.abs(motion.inputs[0] - before)[0] < 0.25

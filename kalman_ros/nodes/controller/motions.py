@@ -26,18 +26,18 @@ from .options import ControllerOptions
 
 PATH, TRAJECTORY = 'reference/path', 'reference/trajectory'
 
-#: What is planned goes on from a motion if the estimate is within this many tolerances of it.
+#: A new motion goes on from the last one if the estimate is near: within four tolerances of it.
 _NEAR = 4.0
 #: The motion that is followed is kept for this many times as long as the last planning took.
 _LEAD, _LONGEST_LEAD = 1.5, 1.0
-#: What moves at less than this share of the speed of paths is at rest.
+#: A body that moves at less than this share of the speed of paths is at rest.
 _SLOW = 0.1
 #: The most characters of a frame that are logged.
 _SHOWN = 60
 
 
 class _Wanted(NamedTuple):
-    """What a message asks for.
+    """The motion that a message asks for.
 
     ``coordinates`` are the indices of those that it gives. ``reference`` returns the reference
     from a beginning on, which is None before the first estimate.
@@ -79,7 +79,7 @@ class MotionReader:
     ) -> None:
         self._node, self._regulator, self._frame, self._here = node, regulator, frame, here
         self._warn = Throttle(node.get_logger().warning)
-        #: What was asked for last, until it is planned.
+        #: The motion that was asked for last, until it is planned.
         self._wanted: _Wanted | None = None
         #: The scenario and the options that plans depend on.
         self._asked: tuple[object, tuple[object, ...]] = None, ()
@@ -217,10 +217,11 @@ class MotionReader:
         """Return an estimate (n,) and how it changes, by the model; at rest if it is slow."""
         model = self._scenario.model
         rate = model.time_derivative(here, self._regulator.input)
-        places = [*body_of(model.state, self._scenario.state).index.values()]
-        slow = float(np.linalg.norm(rate[places])) < _SLOW * self._options.path_speed
-        last = self._regulator.input
-        return Beginning(here, np.zeros(model.state.size) if slow else rate, last)
+        body = body_of(model.state, self._scenario.state)
+        speed = float(np.linalg.norm(rate[[body.index[axis] for axis in body.position]]))
+        if body.position and speed < _SLOW * self._options.path_speed:
+            rate = np.zeros(model.state.size)
+        return Beginning(here, rate, self._regulator.input)
 
     def _path(self, topic: str, message: Any) -> _Wanted:
         """Return what a ``nav_msgs/Path`` asks for."""
@@ -234,11 +235,11 @@ class MotionReader:
         points = points.reshape(-1, 3)
         yaw = _yaw([pose.orientation for pose in poses])
         times = _times([stamped.header.stamp for stamped in message.poses])
-        scenario, options = self._scenario, self._options
-        body = body_of(scenario.model.state, scenario.state)
+        body = body_of(self._scenario.model.state, self._scenario.state)
         coordinates = [body.index[axis] for axis in body.position]
 
         def reference(beginning: Beginning | None) -> ReferenceMotion:
+            scenario, options = self._scenario, self._options  # those of the planning
             if beginning is not None and times is not None and len(points):
                 first = points[0, ['xyz'.index(axis) for axis in body.position]]
                 self._check_start(coordinates, first, beginning)

@@ -41,6 +41,7 @@ class NewestJob(Generic[T]):
         self._waits = waits
         self._next: Callable[[], Job[T]] | None = None
         self._running: _Running[T] | None = None
+        self._took, self._gave_up = 0.0, False
 
     @property
     def is_waiting(self) -> bool:
@@ -51,9 +52,6 @@ class NewestJob(Generic[T]):
     def took(self) -> float:
         """Return how long the job whose result was taken last has taken, in seconds."""
         return self._took
-
-    _took = 0.0
-    _gave_up = False
 
     def start(self, prepare: Callable[[], Job[T]]) -> None:
         """Do a job in place of those that wait; ``prepare`` returns it when it is next."""

@@ -31,7 +31,7 @@ TRACK, LEAN, FORCE = 1.0, 0.4, 10.0
 SECONDS, RUNS = 5.0, 100
 #: A pole that leans further has fallen.
 FALLEN = 0.5 * np.pi
-#: What noise and the price of a limit leave beyond it, in rad.
+#: Excess over the limit of the lean that noise and its price leave, in rad.
 SLACK = 0.05
 _BEGINS = [0.8, 0.0, 0.0, 0.0]
 SYSTEM: dict[str, Any] = {
