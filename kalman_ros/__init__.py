@@ -4,14 +4,15 @@
 ``import kalman_ros as kr`` offers the names below to notebooks and scripts; no ROS is needed for
 any but `Run` and `replay`. Names load lazily, so the import itself takes no time.
 
-- gains: `lqr`, `dlqr`, `lqe`, `dlqe`, `place`, `margins`, `discretize`; `mpc` keeps limits
+- gains: `lqr`, `dlqr`, `lqe`, `dlqe`, `place`, `margins`, `discretize`; `mpc` keeps limits,
+  `loop_shaping` is robust
 - models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
   `DiscreteModel`, `Sensor`; `Space` names coordinates
 - estimation: `filter`, `smooth`, `consistency`, `Gaussian`; `tune` fits parameters
 - a loop of your own: `KalmanFilter`, `ExtendedKalmanFilter`, `UnscentedKalmanFilter`,
   `OnlineEstimator`, `Regulator`, `Correction`; `compile` makes a model fast
-- whole loops: `make_scenario`, `load`, `design`, `simulate`, `monte_carlo` for many runs at once,
-  and `Run`, on the real nodes; `motion` follows a path
+- whole loops: `make_scenario`, `load`, `design`, `worst_case`, `simulate`, `monte_carlo` for many
+  runs at once, and `Run`, on the real nodes; `motion` follows a path
 - recordings: `replay`
 """
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from .arrays.gains import lqr as lqr
     from .arrays.gains import margins as margins
     from .arrays.gains import place as place
+    from .arrays.loop_shaping import loop_shaping as loop_shaping
     from .arrays.many_runs import monte_carlo as monte_carlo
     from .arrays.moving import motion as motion
     from .arrays.observers import dlqe as dlqe
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
     from .arrays.stepwise import ExtendedKalmanFilter as ExtendedKalmanFilter
     from .arrays.stepwise import KalmanFilter as KalmanFilter
     from .arrays.stepwise import UnscentedKalmanFilter as UnscentedKalmanFilter
+    from .arrays.worst_case import worst_case as worst_case
     from .bags.replay import replay as replay
     from .core import DesignError as DesignError
     from .core import DiscreteModel as DiscreteModel
@@ -65,6 +68,7 @@ _WHERE = {
     'arrays.filtering': ('filter', 'smooth'),
     'arrays.fitting': ('tune',),
     'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),
+    'arrays.loop_shaping': ('loop_shaping',),
     'arrays.many_runs': ('monte_carlo',),
     'arrays.moving': ('motion',),
     'arrays.observers': ('dlqe', 'lqe'),
@@ -74,6 +78,7 @@ _WHERE = {
     'arrays.scenarios': ('load', 'make_scenario'),
     'arrays.simulating': ('simulate',),
     'arrays.stepwise': ('ExtendedKalmanFilter', 'KalmanFilter', 'UnscentedKalmanFilter'),
+    'arrays.worst_case': ('worst_case',),
     'bags.replay': ('replay',),
     'core': ('DesignError', 'DiscreteModel', 'Gaussian', 'Model', 'Sensor', 'Space'),
     'estimators.filter': ('Correction',),
@@ -85,6 +90,7 @@ _ELSEWHERE = {
     'UKF': 'UnscentedKalmanFilter',
     'rts_smoother': 'smooth',
     'acker': 'place',
+    'ncfsyn': 'loop_shaping',
     'c2d': 'discretize',
     'cont2discrete': 'discretize',
     'ss': 'continuous_model',

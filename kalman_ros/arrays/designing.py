@@ -24,10 +24,21 @@ from .text import WIDTH
 
 @dataclass(frozen=True, repr=False)
 class Design(KnownNames):
-    """A design that prints as ``./dev design`` does; its numbers are in ``report``."""
+    """A design that prints as ``./dev design`` does; its numbers are in ``report``.
+
+    Parameters
+    ----------
+    report
+        All numbers.
+    delay
+        Seconds between a reading and the resulting input.
+    parameters
+        Parameters of the scenario; None if it was built of objects.
+    """
 
     report: DesignReport
     delay: float
+    parameters: Mapping[str, Any] | None = None
 
     @property
     def warnings(self) -> list[str]:
@@ -93,9 +104,9 @@ def design(
     DesignError
         If the input cannot stabilise the model, or no sensor observes a growing mode.
     """
+    parameters = None
     if not isinstance(scenario, Scenario):
-        scenario = scenarios.build(
-            values_of(scenario, {} if overrides is None else overrides, *BELIEVED)
-        )
+        parameters = values_of(scenario, {} if overrides is None else overrides, *BELIEVED)
+        scenario = scenarios.build(parameters)
     delay = number('delay', delay, 'a number of seconds')
-    return Design(report(scenario, delay), delay)
+    return Design(report(scenario, delay), delay, parameters)

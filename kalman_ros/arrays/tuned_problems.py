@@ -73,7 +73,7 @@ class FunctionProblem:
         filter: str,
     ) -> None:
         self._function, self._initial, self._filter = function, initial, filter.lower()
-        known = _defaults(function)
+        known = defaults(function)
         if isinstance(starts, Mapping):
             known.update({name: number(name, value) for name, value in starts.items()})
             names = list(starts)
@@ -160,7 +160,7 @@ def _plan(model: Any, sensors: Mapping[str, Any]) -> Plan:
     return Plan(model, {name: TimedSensor(each, 1.0) for name, each in sensors.items()}, 1.0)
 
 
-def _defaults(function: Callable[..., Any]) -> dict[str, float]:
+def defaults(function: Callable[..., Any]) -> dict[str, float]:
     """Return the arguments of a function that have a number as their default."""
     found = {}
     for name, each in inspect.signature(function).parameters.items():

@@ -153,10 +153,10 @@ def margins(loop: StateSpace) -> Margins:
     lead, lag, delay = _phases(bent, loop.dt)
     T = bent.closed()
     # S - T = 1 - 2 T and S = 1 - T
-    peak, worst = _peak(StateSpace(T.A, T.B, -2.0 * T.C, 1.0 - 2.0 * T.D))
-    disk = DiskMargin.of_peak(peak, frequency(worst, loop.dt))
-    peak, nearest = _peak(StateSpace(T.A, T.B, -T.C, 1.0 - T.D))
-    distance = Margin(1.0 / peak if peak else inf, frequency(nearest, loop.dt))
+    most, worst = peak(StateSpace(T.A, T.B, -2.0 * T.C, 1.0 - 2.0 * T.D))
+    disk = DiskMargin.of_peak(most, frequency(worst, loop.dt))
+    most, nearest = peak(StateSpace(T.A, T.B, -T.C, 1.0 - T.D))
+    distance = Margin(1.0 / most if most else inf, frequency(nearest, loop.dt))
     return Margins(lower, upper, lead, lag, delay, disk, distance)
 
 
@@ -213,7 +213,7 @@ def _least(found: dict[float, float]) -> Margin:
     return min((Margin(value, w) for w, value in found.items()), key=_value, default=Margin(inf))
 
 
-def _peak(M: StateSpace) -> tuple[float, float]:
+def peak(M: StateSpace) -> tuple[float, float]:
     """Return max|M| of a stable continuous scalar system, and where.
 
     Every part of the axis on which |M| exceeds a level lies between two neighbouring frequencies
@@ -227,17 +227,17 @@ def _peak(M: StateSpace) -> tuple[float, float]:
         return np.abs(M.response(w)[:, 0, 0])
 
     starts = np.abs(np.concatenate(([0.0], M.poles, M.poles.imag)))
-    at, peak = _highest(sizes, starts)
-    if abs(M.D[0, 0]) >= peak:
-        at, peak = inf, abs(float(M.D[0, 0]))
+    at, most = _highest(sizes, starts)
+    if abs(M.D[0, 0]) >= most:
+        at, most = inf, abs(float(M.D[0, 0]))
     while True:
-        level = peak * (1.0 + _PEAK)
+        level = most * (1.0 + _PEAK)
         ends = np.sort(np.concatenate((starts[starts > 0.0], level_candidates(M, level))))
         ends = np.concatenate((0.5 * ends[:1], ends, 2.0 * ends[-1:]))
         highest = _highest(sizes, np.sqrt(ends[:-1] * ends[1:]))
         if not highest[1] > level:
-            return peak, at
-        at, peak = highest
+            return most, at
+        at, most = highest
 
 
 def _highest(sizes: Callable[[Array], Array], w: Array) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from rich.console import Console
 from kalman_ros import models, scenario
 from kalman_ros.analysis import design_theory, design_warnings
 from kalman_ros.analysis import path as paths
+from kalman_ros.analysis.worst_case import WorstCases, named_plants, worst_cases
 from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.known_parameters import refuse_unknown_parameters
 from kalman_ros.programs.refusal import refuse
@@ -50,6 +51,11 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '(default: those of its demo, if that is not too many steps)',
     )  # fmt: skip
     parser.add_argument(
+        '--within', action='append', default=[], metavar='NAME=LOW..HIGH',
+        help='bound cost and margins while a parameter of the plant is anywhere in an interval; '
+        'up to three times; actuator_gain is a factor of all inputs',
+    )  # fmt: skip
+    parser.add_argument(
         '--matrices', action='store_true', help='print A, B, C, F, G, Q, R, K, L and P, too'
     )
     parser.add_argument(
@@ -70,6 +76,36 @@ def believed(path: Path, changes: dict[str, Any]) -> Scenario:
     values = {**from_file(path, 'estimator', 'controller'), **changes}
     refuse_unknown_parameters(values)
     return scenario.build(values)
+
+
+def intervals(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Return low and high ends by name.
+
+    Raises
+    ------
+    ValueError
+        If a text has another form.
+    """
+    ends = {}
+    for text in texts:
+        name, _, pair = text.partition('=')
+        try:
+            low, high = map(float, pair.split('..'))
+        except ValueError:
+            raise ValueError(f"within: expected NAME=LOW..HIGH, got '{text}'") from None
+        ends[name] = (low, high)
+    return ends
+
+
+def robustness(
+    path: Path, changes: dict[str, Any], texts: Sequence[str], built: Scenario
+) -> WorstCases | None:
+    """Return the worst case over the intervals that a person typed, if any."""
+    ends = intervals(texts)
+    if not ends:
+        return None
+    values = {'model': models.DEFAULT, **from_file(path, 'estimator', 'controller'), **changes}
+    return worst_cases(built, *named_plants(values, ends))
 
 
 def walk(path: Path, changes: dict[str, Any], seconds: float | None) -> tuple[float, Scenario]:
@@ -120,6 +156,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         unchecked = check_wiring(built)
         followed = walk(path, changes, options.duration)
         report = design_theory.report(built, options.delay or 0.0, *followed)
+        worst = robustness(path, changes, options.within, built)
         folder = ready(options.out or Path('out') / path.stem / 'design')
     except (ValueError, RuntimeError, OSError) as error:
         refuse('design', error)
@@ -132,6 +169,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         design_tables,
         sheet,
         style,
+        worst_case_table,
     )
 
     law = f', law {built.law}' if built.law else ''
@@ -144,6 +182,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     console.print()
     for sentence in (*design_tables.closing(report, demo.time_unit), *notes, *unchecked):
         console.print(sentence, markup=False)
+    if worst is not None:
+        title = f'Worst case over {worst_case_table.over(worst)}'
+        sheet.show(console, [(title, worst_case_table.table(worst))])
+        console.print()
+        for sentence in worst_case_table.sentences(worst):
+            console.print(sentence, markup=False)
     for sentence in warnings:
         console.print(f'[yellow]Warning:[/] {sentence}')
     summary = {'scenario': path.stem, **design_json.design_json(report, notes, warnings)}

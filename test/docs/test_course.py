@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from kalman_ros.live.adjustments import Adjustments
+from kalman_ros.programs import design
 from kalman_ros.programs.studies import STUDIES
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import overrides
@@ -45,6 +46,11 @@ def test_its_commands_exist(chapter):
     for name, arguments in found:
         if name == 'study':
             assert set(arguments) <= set(STUDIES) and arguments
+            continue
+        if name == 'design':
+            options = design.arguments(arguments)
+            assert shipped.file(options.scenario)
+            assert design.intervals(options.within)
             continue
         assert name == 'live'
         scenario, *options = arguments

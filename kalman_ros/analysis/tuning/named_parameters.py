@@ -133,12 +133,12 @@ class NamedParameters:
         inside = {full.partition(f'.{name}.')[0] for full in self._places if f'.{name}.' in full}
         if len(ends) + len(inside) > 1:
             matches = [*ends, *(f'{prefix}.{name}' for prefix in sorted(inside))]
-            raise ValueError(f"fit: '{name}' may be {' or '.join(matches)}; write one of them")
+            raise ValueError(f"'{name}' may be {' or '.join(matches)}; write one of them")
         if inside:
             return self._resolve(f'{inside.pop()}.{name}')
         if not ends:
             last = {full.rpartition('.')[2] for full in self._places}
-            refuse_unknown([name], [*self._places, *sorted(last)], 'parameter to fit')
+            refuse_unknown([name], [*self._places, *sorted(last)], 'parameter')
         return ends
 
     def parameter(self, name: str) -> str:

@@ -38,6 +38,7 @@ STUDIES = (
     'phase',
     'doyle',
     'recovery',
+    'robust',
     'sampling',
     'sigma_points',
     'one_bearing',

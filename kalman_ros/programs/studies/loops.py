@@ -63,12 +63,12 @@ def growth(loop: StateSpace) -> float:
 
 
 def average(
-    scenario: Scenario, weight: Array, steps: int, believed: Scenario | None = None
+    scenario: Scenario, weight: Array, steps: int, control: StateSpace | None = None
 ) -> Expectation:
     """Return the expected mean of z'M z, z = (x, u), over steps in steady state.
 
-    Unlike `LqgLoop.average` it applies to an estimator that assumes other noise, which is not
-    optimal. The noise of the reading counts as a state, since it acts directly on the input.
+    Unlike `LqgLoop.average` it applies to any controller, such as one that assumes other noise.
+    The noise of the reading counts as a state, since it acts directly on the input.
 
     Parameters
     ----------
@@ -78,12 +78,12 @@ def average(
         M (n + m, n + m).
     steps
         Number of steps in the average.
-    believed
-        The system assumed by the estimator, if different.
+    control
+        From the readings to -u; by default the LQG controller of the scenario.
     """
     step, readings = _system(scenario).sampled(1.0 / scenario.rate), _readings(scenario)
     F, G, C = step.F, step.G, readings.C
-    H = controller(scenario, believed)
+    H = controller(scenario) if control is None else control
     n, h, k = len(F), len(H.A), len(C)
     outputs = np.block([[np.eye(n), np.zeros((n, h + k))], [-H.D @ C, -H.C, -H.D]])
     u = outputs[n:]

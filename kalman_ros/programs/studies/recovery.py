@@ -25,7 +25,7 @@ from kalman_ros.scenario.regulator import price
 
 from . import Findings, close, mean_square
 from .doyle import NODES, ONES, SMALL, STRENGTH, A, B, C, system
-from .loops import average, lqg_loop, lqr_loop
+from .loops import average, controller, lqg_loop, lqr_loop
 from .stability_boundary import stability_boundary
 from .study_run import StudyRun
 
@@ -68,6 +68,10 @@ def _loop(q: float) -> StateSpace:
     return lqg_loop(_real(), believed=_believed(q))
 
 
+def _input_rms(q: float) -> float:
+    return float(np.sqrt(average(_real(), INPUT, 1, controller(_real(), _believed(q))).mean))
+
+
 def _measure(q: float, seconds: float) -> list[Check]:
     """Compare cost and input over topics with theory; the bounds are their scatter."""
     parameters = {**system(STRENGTH, rate=RATE), 'initial_state': [0.0, 0.0]}
@@ -79,7 +83,7 @@ def _measure(q: float, seconds: float) -> list[Check]:
     checks = []
     cost = RATE * price(_real()).weight
     for name, unit, weight in (('cost', '1/s', cost), ('RMS of the input', '', INPUT)):
-        expected = average(_real(), weight, len(z), _believed(q))
+        expected = average(_real(), weight, len(z), controller(_real(), _believed(q)))
         value = float(np.mean(np.einsum('ki,ij,kj->k', z, weight, z)))
         checks.append(mean_square(f'q = {q:g}: {name}', unit, expected, value, root=not unit))
     return checks
@@ -109,7 +113,7 @@ def _draw(checks: Sequence[Check], path: Path) -> None:
         gain.set_title('The margin recovers')
         noise.plot(
             strengths,
-            [np.sqrt(average(_real(), INPUT, 1, _believed(q)).mean) for q in strengths.tolist()],
+            [_input_rms(q) for q in strengths.tolist()],
             color=ESTIMATE,
         )
         noise.set_ylabel('RMS of the input (log)')

@@ -50,7 +50,7 @@ def trial(run: Run, parameter: str, value: float, seconds: float) -> Trial:
     new = trajectory.time > start + 0.5 * dt
     time, states = trajectory.time[new] - start, trajectory.truth[new]
     return Trial(
-        value, time, np.linalg.norm(states, axis=1), _rate(states[len(states) // 2 :], dt)
+        value, time, np.linalg.norm(states, axis=1), growth_rate(states[len(states) // 2 :], dt)
     )
 
 
@@ -95,7 +95,7 @@ def _reset(run: Run, node: str) -> None:
     run.node.destroy_client(client)
 
 
-def _rate(states: Array, dt: float) -> float:
+def growth_rate(states: Array, dt: float) -> float:
     """Return the growth of the slowest pair of modes, once it is all that is left.
 
     Every coordinate then obeys x'' = a x' + b x from step to step with the same a and b. Every

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``design --within``: the worst case on the terminal."""
+
+from __future__ import annotations
+
+import pytest
+
+from kalman_ros.programs import design
+
+
+def test_worst_case_is_printed(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setenv('COLUMNS', '80')
+    design.main(['mass_spring_damper', '--within', 'mass=0.8..1.25', '--out', str(tmp_path)])
+    text = capsys.readouterr().out
+    assert 'Worst case over mass 0.8 to 1.25' in text
+    assert 'Structured singular value' in text
+    assert all(len(line) <= 80 for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    ('within', 'message'),
+    [
+        ('mass', "within: expected NAME=LOW..HIGH, got 'mass'"),
+        ('mass=1', 'within: expected'),
+        ('mass=a..b', 'within: expected'),
+        ('mass=1..2..3', 'within: expected'),
+        ('mas=0.5..2', "unknown parameter 'mas'; did you mean 'mass'"),
+        ('mass=2..3', 'expected low < high about its value 1'),
+    ],
+)
+def test_wrong_interval_is_one_line(within, message, tmp_path, capsys) -> None:
+    with pytest.raises(SystemExit) as error:
+        design.main(['mass_spring_damper', '--within', within, '--out', str(tmp_path)])
+    assert error.value.code == 2
+    text = capsys.readouterr().err
+    assert message in text
+    assert len(text.splitlines()) == 1
