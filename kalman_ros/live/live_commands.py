@@ -16,6 +16,8 @@ from kalman_ros.harness import NodeError
 from .adjustments import Adjustments
 from .board import Board
 from .controls import Control
+from .drawn_path import DrawnPath, described, points_of
+from .limits import limited
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
 from .page_command import Command
@@ -70,12 +72,16 @@ class LiveCommands:
         self.carried: dict[str, dict[str, Any]] | None = None
         #: Whether a parameter has changed since this attribute was reset.
         self.changed = False
+        #: Path that was drawn last.
+        self.path = DrawnPath(lambda key: nodes.reported('controller', key))
         self._push_end: float | None = None
         self._command_time: float | None = None
         self._handlers: dict[str, Callable[[Mapping[str, Any], float], None]] = {
             'set': self._set,
             'choose': self._choose,
             'poles': self._poles,
+            'limit': self._limit,
+            'path': self._path,
             'push': self._push,
             'reset': self._reset,
             'pause': self._pause,
@@ -185,18 +191,39 @@ class LiveCommands:
         else:
             self._reconfigure('controller', {'law': 'placement', **values})
 
+    def _limit(self, command: Mapping[str, Any], arrival: float) -> None:
+        """Move a limit of an input or of a state; without a value, there is none."""
+        of, name, side = (str(command.get(key, '')) for key in ('of', 'name', 'side'))
+        value = command.get('value')
+        number = None if value is None else float(value)
+        values = limited(self._adjustments, of, name, side, number)
+        self._command_time = None
+        self._apply({'controller': values})
+        self._command_time = arrival
+
+    def _path(self, command: Mapping[str, Any], _: float) -> None:
+        """Send a path to the controller, which plans its motion."""
+        reason = described(self._adjustments)['reason']
+        if reason:
+            raise ValueError(f'path: {reason}')
+        points = command.get('points') or []
+        path = points_of(self._nodes.scenario, points)
+        self.path.draw(points)
+        self._nodes.follow(path)
+
     def _push(self, command: Mapping[str, Any], _: float) -> None:
-        """Disturb an input for a short time."""
+        """Disturb an input, or all inputs by their ``shares``, for a short time."""
         size = self._nodes.scenario.model.input.size
         if not size:
             raise ValueError('push: the model has no input')
         index, share = command.get('input', 0), float(command.get('share', 1.0))
-        if type(index) is not int or index not in range(size) or not abs(share) <= _MOST:
+        shares = command.get('shares')
+        if shares is None and type(index) is int and index in range(size):
+            shares = [share if k == index else 0.0 for k in range(size)]
+        if shares is None or len(shares) != size or not all(map(_is_share, shares)):
             expected = f'the number of an input, and a share up to {_MOST:g}'
             raise ValueError(f'push: expected {expected}')
-        disturbance = np.zeros(size)
-        disturbance[index] = share * self._scale
-        self._nodes.push(disturbance)
+        self._nodes.push(np.array(shares, dtype=float) * self._scale)
         self._push_end = self._push_clock() + _PUSH
 
     def _reset(self, command: Mapping[str, Any], arrival: float) -> None:
@@ -254,6 +281,10 @@ class LiveCommands:
     def _restart(self, _: Mapping[str, Any], __: float) -> None:
         """Restart the nodes from the initial state."""
         self.carried, self.restart = None, True
+
+
+def _is_share(value: Any) -> bool:
+    return type(value) in (int, float) and abs(value) <= _MOST
 
 
 def _is_pole(pair: Any) -> bool:

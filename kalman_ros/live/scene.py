@@ -13,6 +13,7 @@ from kalman_ros.scenario.regulator import feedback
 
 from .adjustments import Adjustments
 from .controls import Control
+from .drawn_path import described
 
 
 def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, Any]:
@@ -35,6 +36,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
         'length': _length(adjustments),
         'equilibrium': plant.model.equilibrium.state.tolist(),
         'force': force_scale(adjustments),
+        'path': described(adjustments),
         'controls': [control.described() for control in controls.values()],
         'choices': {
             'filter': list(FILTERS),

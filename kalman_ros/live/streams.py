@@ -15,7 +15,7 @@ from kalman_ros.core import Array, is_finite
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
 
-#: Largest number of rows of one stream in a frame.
+#: Largest number of rows of one stream in the usual period of a frame.
 _MOST = 12
 #: Time constant in seconds of the average of the recent cost.
 _RECENT = 10.0
@@ -40,6 +40,7 @@ class Streams:
         self._origin: int | None = None
         self._beliefs: deque[Sample] = deque()
         self._covariances: deque[Array] = deque()
+        self._most = _MOST
         self._input: Array = scenario.model.equilibrium.input
         #: Newest belief and truth.
         self.estimate: tuple[Array, Array] | None = None
@@ -68,6 +69,7 @@ class Streams:
         believed: Scenario,
         weight: Array | None,
         fixed: Mapping[str, list[float]],
+        periods: int = 1,
     ) -> dict[str, Any] | None:
         """Return a frame of the new samples; None without new samples.
 
@@ -81,7 +83,10 @@ class Streams:
             Weight of the cost of a sample (n + m, n + m); None without a cost.
         fixed
             Gain of each sensor, row by row, for a filter with fixed gains.
+        periods
+            Number of usual periods since the last frame; a late frame has as many more rows.
         """
+        self._most = _MOST * max(periods, 1)
         truths = samples['ground_truth']
         if self._origin is None:
             stamps = [truth.time for truth in truths if truth.time is not None]
@@ -146,7 +151,7 @@ class Streams:
             std = np.sqrt(np.maximum(P.diagonal(), 0.0))
             row = np.concatenate((belief.values, std, (np.trace(P),)))
             rows.append([self._time(belief), *_numbers(row)])
-        return _thin(rows)
+        return _thin(rows, self._most)
 
     def _readings(self, samples: Mapping[str, Sequence[Sample]]) -> dict[str, Any]:
         sources = self._scenario.sensors.items()
@@ -193,7 +198,8 @@ class Streams:
         return _numbers((self._sum / max(self._count, 1), self._recent))
 
     def _rows(self, samples: Sequence[Sample]) -> list[Any]:
-        return _thin([[self._time(sample), *_numbers(sample.values)] for sample in samples])
+        rows = [[self._time(sample), *_numbers(sample.values)] for sample in samples]
+        return _thin(rows, self._most)
 
     def _time(self, sample: Sample) -> float | None:
         if sample.time is None or self._origin is None:
@@ -201,11 +207,11 @@ class Streams:
         return round((sample.time - self._origin) * 1e-9, 4)
 
 
-def _thin(rows: list[Any]) -> list[Any]:
-    """Return at most a few evenly spaced rows, including the last row."""
-    if len(rows) <= _MOST:
+def _thin(rows: list[Any], most: int) -> list[Any]:
+    """Return at most ``most`` evenly spaced rows, including the last row."""
+    if len(rows) <= most:
         return rows
-    step = -(-len(rows) // _MOST)
+    step = -(-len(rows) // most)
     return rows[::-1][::step][::-1]
 
 
