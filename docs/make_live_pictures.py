@@ -41,7 +41,8 @@ def main() -> None:
         with Chromium(*SIZE) as page:
             page.open(f'http://127.0.0.1:{port}/')
             page.until('Number.parseFloat(document.getElementById("clock")?.textContent) > 8', 120)
-            page.until('document.querySelector("#pole-list .pole") && !loops.hidden', 120)
+            page.click('[data-task=push]')
+            page.until('document.querySelector("#pushes button")', 120)
             page.click('#pushes button')
             page.run('window.scrollTo(0, 0)')
             time.sleep(2.0)

@@ -206,7 +206,8 @@ def _path_controls(adjustments: Adjustments) -> Iterator[Control]:
     if described(adjustments)['reason']:
         return
     for name in ('path_speed', 'path_acceleration', 'path_tolerance'):
-        about, value = adjustments.known('controller')[name].about, adjustments.value('controller', name)
+        about = adjustments.known('controller')[name].about
+        value = adjustments.value('controller', name)
         yield Control(
             ('controller',), name, None, 'Path', name.removeprefix('path_'), about.unit,
             about.description, '', *_range(value, about, _PATH_REACH),

@@ -74,6 +74,8 @@ class LiveCommands:
         self.changed = False
         #: Path that was drawn last.
         self.path = DrawnPath(lambda key: nodes.reported('controller', key))
+        #: Number of steps whose prediction is shown.
+        self._steps = 1
         self._push_end: float | None = None
         self._command_time: float | None = None
         self._handlers: dict[str, Callable[[Mapping[str, Any], float], None]] = {
@@ -233,6 +235,9 @@ class LiveCommands:
             return
         self._nodes.trigger('plant/reset')
         self._nodes.trigger('estimator/reset')
+        if self._adjustments.driven:
+            self._nodes.trigger('controller/reset')  # ends a motion
+            self.path.draw([])
         self._streams.restart_cost()
 
     def _pause(self, _: Mapping[str, Any], __: float) -> None:
@@ -248,7 +253,10 @@ class LiveCommands:
             self._nodes.run_until(FOREVER)
 
     def _step(self, command: Mapping[str, Any], arrival: float) -> None:
-        """Show the prediction of the next step, or take the step if that is already shown."""
+        """Show the prediction of the next step, or take the step if that is already shown.
+
+        With the name of a sensor as ``reading``, it leads to the next reading of that sensor.
+        """
         pace, streams = self.pace, self._streams
         if not pace.lockstep:
             self._mode({'lockstep': True, 'paused': True}, arrival)
@@ -256,12 +264,23 @@ class LiveCommands:
         pace.paused = True
         if not pace.predicted and streams.estimate is not None:
             believed = self._adjustments.scenario('estimator')
-            self._board.add({'prior': streams.prior(believed)})
+            self._steps = self._steps_to_reading(str(command.get('reading', '')))
+            self._board.add({'prior': streams.prior(believed, self._steps)})
             pace.predicted = True
             return
+        steps = self._steps if pace.predicted else 1
         pace.predicted = False
-        # half a step later than the next step, so that rounding cannot add another step
-        self._nodes.run_until(max(streams.elapsed, 0.0) + 1.5 / self._nodes.scenario.rate)
+        # half a step later than the last step, so that rounding cannot add another step
+        target = max(streams.elapsed, 0.0) + (steps + 0.5) / self._nodes.scenario.rate
+        self._nodes.run_until(target)
+
+    def _steps_to_reading(self, sensor: str) -> int:
+        """Return the number of steps to the next reading of a sensor, 1 if there is none."""
+        if sensor not in self._adjustments.sensors:
+            return 1
+        return self._streams.steps_to_reading(
+            sensor, self._adjustments.value('plant', f'{sensor}.rate')
+        )
 
     def _mode(self, command: Mapping[str, Any], _: float) -> None:
         """Change between real time and lockstep; the nodes restart from the current state."""

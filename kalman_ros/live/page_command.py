@@ -21,7 +21,8 @@ COMMANDS: dict[str, dict[str, type | tuple[type, ...]]] = {
     'limit': {'of': str, 'name': str, 'side': str, 'value': _NUMBER},
     'mode': {'lockstep': bool, 'paused': bool},
     'speed': {'value': _NUMBER},
-    **{do: {} for do in ('reset', 'pause', 'resume', 'step', 'restart')},
+    'step': {'reading': str},
+    **{do: {} for do in ('reset', 'pause', 'resume', 'restart')},
 }
 #: Largest magnitude of the integers that JavaScript represents exactly.
 _EXACT = 2**53

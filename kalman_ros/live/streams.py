@@ -17,6 +17,8 @@ from kalman_ros.scenario import Scenario
 
 #: Largest number of rows of one stream in the usual period of a frame.
 _MOST = 12
+#: Largest number of steps that are predicted.
+_MOST_STEPS = 1000
 #: Time constant in seconds of the average of the recent cost.
 _RECENT = 10.0
 
@@ -41,6 +43,8 @@ class Streams:
         self._beliefs: deque[Sample] = deque()
         self._covariances: deque[Array] = deque()
         self._most = _MOST
+        #: Time of the newest reading of each sensor.
+        self._read: dict[str, float] = {}
         self._input: Array = scenario.model.equilibrium.input
         #: Newest belief and truth.
         self.estimate: tuple[Array, Array] | None = None
@@ -117,15 +121,23 @@ class Streams:
             frame['cost'] = self._cost(truths, weight)
         return frame or None
 
-    def prior(self, believed: Scenario) -> dict[str, Any]:
-        """Predict the newest belief by one step: x' = f(x, u), P' = F P F' + Q."""
+    def prior(self, believed: Scenario, steps: int = 1) -> dict[str, Any]:
+        """Predict the newest belief by ``steps``, each x' = f(x, u), P' = F P F' + Q."""
         if self.estimate is None:
             return {}
         x, P = self.estimate
-        step = believed.model.linearized_step(x, self._input, 1.0 / believed.rate)
-        predicted = step.F @ P @ step.F.T + step.Q
-        std = np.sqrt(np.maximum(predicted.diagonal(), 0.0))
-        return {'x': _numbers(step.state), 'std': _numbers(std), 'P': _numbers(predicted.ravel())}
+        for _ in range(steps):
+            step = believed.model.linearized_step(x, self._input, 1.0 / believed.rate)
+            x, P = step.state, step.F @ P @ step.F.T + step.Q
+        std = np.sqrt(np.maximum(P.diagonal(), 0.0))
+        return {'x': _numbers(x), 'std': _numbers(std), 'P': _numbers(P.ravel())}
+
+    def steps_to_reading(self, sensor: str, sensor_rate: float) -> int:
+        """Return the number of steps to the next expected reading of a sensor, at least 1."""
+        if sensor not in self._read:
+            return 1
+        wait = self._read[sensor] + 1.0 / sensor_rate - self.elapsed
+        return min(max(round(wait * self._scenario.rate), 1), _MOST_STEPS)
 
     def carried(self) -> dict[str, dict[str, Any]]:
         """Return the parameters with which restarted nodes continue from the current state."""
@@ -158,6 +170,13 @@ class Streams:
         rows_by_sensor = {
             name: self._rows(samples[source.signal.topic]) for name, source in sources
         }
+        self._read.update(
+            {
+                name: rows[-1][0]
+                for name, rows in rows_by_sensor.items()
+                if rows and rows[-1][0] is not None
+            }
+        )
         return {name: rows for name, rows in rows_by_sensor.items() if rows}
 
     def _innovations(self, samples: Mapping[str, Sequence[Sample]]) -> dict[str, Any]:

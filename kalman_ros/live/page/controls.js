@@ -44,7 +44,8 @@ export class Controls {
   row(control, before = '') {
     const row = element('div', { className: `control ${control.role}`, title: control.about });
     const unit = control.unit ? ` [${control.unit}]` : '';
-    row.append(element('span', { textContent: `${before}${control.title}${unit}` }), element('span', { className: 'role', textContent: control.role }));
+    const title = element('span', {}, element('span', { className: 'group', textContent: before }), `${control.title}${unit}`);
+    row.append(title, element('span', { className: 'role', textContent: control.role }));
     row.dataset.key = control.key;
     row.append(...(control.low === null ? this.toggle(control) : this.slider(control)));
     return row;

@@ -4,13 +4,14 @@
 import { Controls } from './controls.js';
 import { hasLimits, limitOf, setLimit } from './limits.js';
 import { $, element, page } from './page.js';
-import { pathWords, sendShape, SHAPES } from './path.js';
+import { pathHint, sendShape, SHAPES } from './path.js';
 import { short } from './plots.js';
 import { mainStates } from './saying.js';
 import { send } from './socket.js';
+import { drawStep, isPredicted, shownSensor, stepNumbers } from './update.js';
 
 const ROWS = 4;  // handles of a task, at most
-export const drawer = { effects: [], controls: null };
+export const drawer = { effects: [], controls: null, tell: () => {} };
 let renewed = () => {};  // what shows values again
 
 // A button; where there is a reason, it is disabled and says why.
@@ -37,7 +38,7 @@ const TASKS = {
   path: {
     says: true,  // why its handles are disabled
     reason: () => page.scene.path.reason,
-    words: pathWords,
+    words: pathHint,
     build: (place) => {
       place.append(element('div', { className: 'transport' }, 'or send a ', ...Object.keys(SHAPES).map((name) => button(name, () => sendShape(name), page.scene.path.reason, `a path from here: ${name}`))));
       list(place, keys(/^controller\/path_/, 2));
@@ -68,6 +69,13 @@ const TASKS = {
     words: () => 'What the sensor does (actual), and what the filter computes with (believed).',
     build: (place) => list(place, [...keys(new RegExp(`/${firstSensor()}\\.noise/0$`), 2), ...keys(/^(estimator|plant|controller)\/model_parameters\..*noise/, 2)]),
     effects: () => [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`],
+  },
+  update: {
+    reason: () => '',
+    words: () => (isPredicted() ? 'Predicted: the ellipse has moved by the model and grown by Q. Now update.'
+      : 'One step: the ellipse grows (prediction), the reading comes with its own, both multiply.'),
+    build: buildStep,
+    effects: () => [drawStep],
   },
   faults: {
     reason: () => '',
@@ -112,6 +120,16 @@ function buildLimits(place) {
   if (page.limits.reason && !noInput()) place.append(button('use law: mpc', () => send({ do: 'choose', what: 'law', value: 'mpc' })));
   renewed = () => { for (const { field, show } of fields) if (document.activeElement !== field) show(); };
   renewed();
+}
+
+function buildStep(place) {
+  const act = button('', () => send({ do: 'step', reading: shownSensor() }), '', 'to the next reading'), numbers = element('div', { id: 'numbers' });
+  place.append(element('div', { className: 'transport' }, act), numbers);
+  drawer.tell = () => {
+    act.textContent = isPredicted() ? 'update' : page.status.lockstep ? 'predict' : 'predict: stop, and go step by step';
+    const lines = stepNumbers();
+    if (numbers.textContent !== lines.join('')) numbers.replaceChildren(...lines.map((textContent) => element('p', { textContent })));
+  };
 }
 
 function buildPushes(place) {
@@ -163,6 +181,7 @@ export function open(name) {
     tab.tabIndex = tab.dataset.task === name ? 0 : -1;
   }
   drawer.controls = null;
+  drawer.tell = () => {};
   renewed = () => {};
   $('handles').replaceChildren();
   const task = TASKS[name], reason = task.reason();
@@ -189,4 +208,5 @@ export function drawerWords() {
   if (!task) return;
   const words = task.reason() && !task.says ? `There is nothing to move: ${task.reason()}.` : task.words();
   if ($('words').textContent !== words) $('words').textContent = words;
+  drawer.tell();
 }

@@ -14,6 +14,7 @@ import { saying } from './saying.js';
 import { answered, connect, forget, Newest, send } from './socket.js';
 import { drawSystem } from './system.js';
 import { traces } from './traces.js';
+import { noticeStep } from './update.js';
 
 const HELP = { reset: 'reset', pause: 'continue' };  // what the button beside the sentence says
 let plots = [], effects = [];
@@ -25,7 +26,7 @@ function receive(message) {
   for (const frame of message.frames) {
     if (frame.answer) show(frame.answer);
     else if (frame.latency) $('latency').textContent = `slider to input ${Math.round(frame.latency.ms)} ms`;
-    else add(frame);
+    else { noticeStep(frame); add(frame); }
   }
 }
 
@@ -184,8 +185,10 @@ function buildPlots() {
 // the effects of the task that is open
 page.renew = () => {
   $('effects').replaceChildren();
-  effects = drawer.effects.map((name) => plots.find((trace) => trace.name === name)).filter(Boolean)
-    .map(({ make }) => ({ make, canvas: canvasIn($('effects')) }));
+  // a plot by its name, or a function that draws and returns whether it still moves
+  const made = drawer.effects.map((effect) => (effect instanceof Function ? { move: effect } : plots.find(({ name }) => name === effect)));
+  effects = made.filter(Boolean).map((effect) => ({ ...effect, canvas: canvasIn($('effects')) }));
+  for (const { move, canvas } of effects) canvas.classList.toggle('large', Boolean(move));
   markUnstable();
 };
 
@@ -202,7 +205,10 @@ function draw(time) {
   $('path-legend').hidden = !page.path.points?.length;
   $('limit-legend').hidden = !$('system').grips?.length;
   drawSystem($('system'), page.scene);
-  for (const { canvas, make } of effects) plot(canvas, make());
+  for (const { canvas, make, move } of effects) {
+    if (!move) plot(canvas, make());
+    else if (move(canvas)) page.dirty = true;
+  }
   if ($('all-plots').open) for (const { canvas, make } of plots) plot(canvas, make());
   if (time - said > 400) { said = time; say(); }
   if (!$('theory').open) return;

@@ -116,12 +116,18 @@ export function drawPath(pen, X, Y) {
 // progress and refusal in words
 export function pathWords() {
   const { state, reason, progress, remaining } = page.path, left = remaining ? `, ${Number(remaining).toFixed(2)} m remain` : '';
-  if (page.scene.path.reason) return `No path can be drawn: ${page.scene.path.reason}.`;
   if (state === 'planning') return 'The controller plans the motion …';
   if (state === 'refused') return `The path is refused: ${reason.replace(/^reference\/path: /, '')}.`;
   if (state === 'following') return `On the path: ${progress}${left}.`;
-  if (state === 'ended') return `The motion has ended${away()}.`;
-  return 'Draw a path on the map, with the mouse or a finger.';
+  return state === 'ended' ? `The motion has ended${away()}.` : '';
+}
+
+// what a person can do
+export function pathHint() {
+  const { reason } = page.scene.path;
+  if (reason) return `No path can be drawn: ${reason}.`;
+  const goes = page.path.state === 'following' ? ' another' : ' a';
+  return `Draw${goes} path on the map, with the mouse or a finger${goes === ' a' ? '' : ': the robot goes on from where it is'}.`;
 }
 
 function away() {

@@ -10,6 +10,8 @@ import { short } from './plots.js';
 const RECENT = 2;      // seconds over which an error is averaged
 const FALLEN = 1.3;    // radians at which no force brings the pole up again
 const TOO_SURE = 2;    // the error beyond this many times the 2σ is too large to be chance
+const SHOWN = 6000;    // milliseconds for which the end of a motion is told
+const ended = { state: '', at: 0 };
 const DEGREE = Math.PI / 180;
 
 // a length or another quantity with a unit that suits its size
@@ -67,7 +69,9 @@ export function saying() {
   if (error && error.wrong > TOO_SURE * error.believed) {
     return { text: `The filter is too sure: it believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`, help: 'reset' };
   }
-  if (!scene.path.reason && ['planning', 'refused', 'following'].includes(path.state)) return { text: pathWords(), help: '' };
+  const recent = path.state === 'ended' && performance.now() - ended.at < SHOWN;
+  if (path.state !== ended.state) Object.assign(ended, { state: path.state, at: performance.now() });
+  if (!scene.path.reason && (recent || ['planning', 'refused', 'following'].includes(path.state))) return { text: pathWords(), help: '' };
   const held = scene.input.names.length ? actingSentence() : '';
   if (held) return { text: held, help: '' };
   if (error) return { text: `The filter believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`, help: '' };

@@ -76,7 +76,7 @@ const DRAW = {
     pen.beginPath(); pen.arc(x, y, 9, 0, 7); pen.stroke();
     crosses(pen, scene, X, Y, 'x', 'y');
     arrow(pen, x, y, reach(scene, seen.input[0]), -reach(scene, seen.input[1]));
-    magnified(pen, w, seen, scale, 'x', 'y');
+    magnified(pen, w, h, seen, scale, 'x', 'y', canvas.body);
     rule(pen, X, w, h, scale);
   },
 
@@ -133,8 +133,8 @@ const DRAW = {
   submersible(pen, w, h, scene, seen, canvas) {
     const { truth } = seen;
     if (!truth) return;
-    if (!drawing.points) along.x = truth.x;
-    const centre = along.x, scale = w / 9, X = (x) => w / 2 + (x - centre) * scale, Y = (z) => h * 0.12 - z * scale * 0.9;
+    if (!drawing.points) middle.x = truth.x;
+    const centre = middle.x, scale = w / 9, X = (x) => w / 2 + (x - centre) * scale, Y = (z) => h * 0.12 - z * scale * 0.9;
     viewed(canvas, X, Y);
     drawPath(pen, X, Y);
     stroke(pen, 'estimate', 2, 'dotted');
@@ -157,7 +157,7 @@ const DRAW = {
     push(-38, along, down, surge);
     push(26, down, -along, fore);
     push(-26, down, -along, aft);
-    magnified(pen, w, seen, scale, 'x', 'z');
+    magnified(pen, w, h, seen, scale, 'x', 'z', canvas.body);
     rule(pen, X, w, h, scale, centre);
   },
 
@@ -193,7 +193,7 @@ const DRAW = {
     stroke(pen, 'ink', 2.5);
     pen.beginPath(); pen.moveTo(12, 0); pen.lineTo(-8, 7); pen.lineTo(-4, 0); pen.lineTo(-8, -7); pen.closePath(); pen.stroke();
     pen.restore();
-    magnified(pen, w, seen, view.scale, 'x', 'y');
+    magnified(pen, w, h, seen, view.scale, 'x', 'y', canvas.body);
   },
 
   bars(pen, w, h, scene, seen) {
@@ -242,7 +242,7 @@ function places(pen, scene, X, Y, far) {
 
 // what of the plane is shown: the recent tracks, the sensors, and an ellipse that is not larger
 const shown = { x: 0, y: 0, scale: 0, run: -1 };
-const along = { x: 0 };
+const middle = { x: 0 };
 
 function frame(scene, seen, w, h) {
   if (drawing.points) return shown;
