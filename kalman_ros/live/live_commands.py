@@ -28,6 +28,8 @@ from .streams import Streams
 _PUSH, _MOST = 0.2, 10.0
 #: Largest real or imaginary part of a pole, in 1/s.
 _FASTEST = 1e9
+#: Largest magnitude of a state to which the plant is carried.
+_FAR = 1e6
 #: Node that owns each parameter that can be chosen.
 _OWNERS = {'filter': 'estimator', 'law': 'controller'}
 
@@ -72,6 +74,8 @@ class LiveCommands:
         self.carried: dict[str, dict[str, Any]] | None = None
         #: Whether a parameter has changed since this attribute was reset.
         self.changed = False
+        #: Whether the plant starts elsewhere than at its initial state after a reset.
+        self._is_carried = False
         #: Path that was drawn last.
         self.path = DrawnPath(lambda key: nodes.reported('controller', key))
         #: Number of steps whose prediction is shown.
@@ -82,6 +86,7 @@ class LiveCommands:
             'set': self._set,
             'choose': self._choose,
             'poles': self._poles,
+            'carry': self._carry,
             'limit': self._limit,
             'path': self._path,
             'push': self._push,
@@ -228,12 +233,33 @@ class LiveCommands:
         self._nodes.push(np.array(shares, dtype=float) * self._scale)
         self._push_end = self._push_clock() + _PUSH
 
+    def _carry(self, command: Mapping[str, Any], _: float) -> None:
+        """Carry the plant to other values of some states, of which no other node is told."""
+        names, values = command.get('names') or [], command.get('values') or []
+        state, truth = self._nodes.scenario.model.state, self._streams.truth
+        if self.pace.lockstep:
+            raise ValueError('carry: expected real time, since lockstep begins at its first step')
+        if truth is None or not np.isfinite(truth).all():
+            raise ValueError('carry: the plant has published no finite state')
+        known = all(isinstance(name, str) and name in state.names for name in names)
+        if not names or not known or len(values) != len(names) or not all(map(_is_place, values)):
+            raise ValueError(f'carry: expected names of states and finite numbers up to {_FAR:g}')
+        place = truth.copy()
+        place[[state.names.index(name) for name in names]] = values
+        self._nodes.reconfigure('plant', {'initial_state': place.tolist()})
+        self._is_carried = True
+
     def _reset(self, command: Mapping[str, Any], arrival: float) -> None:
         """Reset the loop to the initial state and belief of the file."""
         if self.carried is not None:
             self._restart(command, arrival)
             return
-        self._nodes.trigger('plant/reset')
+        if self._is_carried:
+            start = self._adjustments.value('plant', 'initial_state')
+            self._nodes.reconfigure('plant', {'initial_state': start})
+            self._is_carried = False
+        else:
+            self._nodes.trigger('plant/reset')
         self._nodes.trigger('estimator/reset')
         if self._adjustments.driven:
             self._nodes.trigger('controller/reset')  # ends a motion
@@ -300,6 +326,10 @@ class LiveCommands:
     def _restart(self, _: Mapping[str, Any], __: float) -> None:
         """Restart the nodes from the initial state."""
         self.carried, self.restart = None, True
+
+
+def _is_place(value: Any) -> bool:
+    return type(value) in (int, float) and abs(value) <= _FAR
 
 
 def _is_share(value: Any) -> bool:

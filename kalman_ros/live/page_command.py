@@ -18,6 +18,7 @@ COMMANDS: dict[str, dict[str, type | tuple[type, ...]]] = {
     'poles': {'of': str, 'poles': list},
     'push': {'input': int, 'share': _NUMBER, 'shares': list},
     'path': {'points': list},
+    'carry': {'names': list, 'values': list},
     'limit': {'of': str, 'name': str, 'side': str, 'value': _NUMBER},
     'mode': {'lockstep': bool, 'paused': bool},
     'speed': {'value': _NUMBER},

@@ -7,6 +7,7 @@ import string
 from math import inf
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy')
@@ -51,9 +52,9 @@ def opened(name, **parameters):
         board=Board(),
         controls=controls(adjustments),
     )
+    streams = Streams(scenario)
     found.commands = LiveCommands(
-        found.nodes, Streams(scenario), adjustments, found.controls, Pace.usual(adjustments),
-        found.board,
+        found.nodes, streams, adjustments, found.controls, Pace.usual(adjustments), found.board,
     )  # fmt: skip
 
     def send(text):
@@ -64,6 +65,7 @@ def opened(name, **parameters):
         return json.loads(found.board._frames[-1])['answer']
 
     found.send = send
+    found.streams = streams
     return found
 
 
@@ -89,6 +91,7 @@ def opened(name, **parameters):
         ('{"do": "push", "shares": [1, 2], "n": 1}', 'push: expected the number of an input'),
         ('{"do": "push", "shares": [true], "n": 1}', 'push: expected the number of an input'),
         ('{"do": "path", "points": [[0, 0], [1, 1]], "n": 1}', 'no position in a plane'),
+        ('{"do": "carry", "names": ["x"], "values": [1], "n": 1}', 'has published no finite'),
         ('{"do": "limit", "of": "state", "name": "x", "n": 1}', 'law: lqr keeps no limits'),
         ('{"do": "limit", "of": "input", "name": "x", "n": 1}', 'limit: expected the name of'),
         ('{"do": "limit", "of": "input", "name": "f", "value": 1e999, "n": 1}', 'value cannot'),
@@ -188,6 +191,59 @@ def test_a_path_of_a_submersible_is_in_depth():
     page = opened('submersible')
     page.send('{"do": "path", "points": [[0, -1], [1, -2]]}')
     assert page.nodes.calls[-1][1].tolist() == [[0.0, 0.0, -1.0], [1.0, 0.0, -2.0]]
+
+
+def test_a_pull_disturbs_all_inputs():
+    page = opened('mass_spring_damper_2d')
+    assert page.send('{"do": "push", "shares": [1, -0.5]}')['error'] == ''
+    name, pushed = page.nodes.calls[-1]
+    assert name == 'push' and pushed[1] == -0.5 * pushed[0] != 0.0
+
+
+def test_the_plant_is_carried_away_and_a_reset_brings_it_back():
+    page = opened('mass_spring_damper')
+    page.streams.truth = np.array([0.1, 0.2])
+    assert page.send('{"do": "carry", "names": ["x"], "values": [2]}')['error'] == ''
+    assert page.nodes.calls == [('reconfigure', 'plant', {'initial_state': [2.0, 0.2]})]
+    page.send('{"do": "reset"}')
+    start = page.adjustments.value('plant', 'initial_state')
+    assert page.nodes.calls[1] == ('reconfigure', 'plant', {'initial_state': start})
+    page.nodes.calls.clear()
+    page.send('{"do": "reset"}')
+    assert page.nodes.calls[0] == ('trigger', 'plant/reset')
+
+
+@pytest.mark.parametrize(
+    'fields',
+    [
+        '"names": ["y"], "values": [1]', '"names": ["x"], "values": [1, 2]',
+        '"names": [["x"]], "values": [1]', '"names": ["x"], "values": [1e7]',
+        '"names": ["x"], "values": [true]', '"names": [], "values": []',
+    ],
+)  # fmt: skip
+def test_the_plant_is_carried_to_finite_states_alone(fields):
+    page = opened('mass_spring_damper')
+    page.streams.truth = np.array([0.1, 0.2])
+    assert 'expected names of states' in page.send(f'{{"do": "carry", {fields}}}')['error']
+    page.commands.pace.lockstep = True
+    answer = page.send('{"do": "carry", "names": ["x"], "values": [2]}')
+    assert 'expected real time' in answer['error']
+    assert page.nodes.calls == []
+
+
+def test_a_step_leads_to_the_next_reading_of_a_sensor():
+    page = opened('mass_spring_damper')
+    page.commands.pace.lockstep = True
+    page.streams.estimate = np.zeros(2), np.eye(2)
+    page.send('{"do": "step", "reading": "position"}')  # none has been read yet: one step
+    page.send('{"do": "step", "reading": "position"}')
+    assert page.nodes.calls == [('run_until', 0.015)]
+    page.streams._read['position'], page.streams._origin = 0.1, 0
+    page.streams._last = 130_000_000
+    page.send('{"do": "step", "reading": "position"}')
+    page.send('{"do": "step", "reading": "position"}')
+    rate = page.adjustments.value('plant', 'position.rate')
+    assert page.nodes.calls[-1] == ('run_until', pytest.approx(0.1 + 1.0 / rate + 0.005))
 
 
 def test_a_number_that_ros_cannot_read_is_zero():

@@ -2,6 +2,7 @@
 // The drawer beside the system: a few tasks, each with its handles and the two effects they have.
 
 import { Controls } from './controls.js';
+import { grab, noGrab } from './grab.js';
 import { hasLimits, limitOf, setLimit } from './limits.js';
 import { $, element, page } from './page.js';
 import { pathHint, sendShape, SHAPES } from './path.js';
@@ -84,10 +85,14 @@ const TASKS = {
     effects: () => [`innovation ${firstSensor()} ${page.scene.sensors[firstSensor()].names[0]}`, `state ${mainStates()[0]}`],
   },
   push: {
-    reason: noInput,
-    words: () => 'Pull at the system with the mouse or a finger, or push an input for 0.2 s.',
+    reason: () => (noInput() && page.scene.drawing.kind === 'bars' ? noInput() : ''),
+    words: () => {
+      if (noGrab()) return `With the mouse, nothing: ${noGrab()}.`;
+      return grab.carries ? 'Drag the system elsewhere: the estimator is not told.'
+        : 'Pull at the system with the mouse or a finger, or push an input for 0.2 s.';
+    },
     build: buildPushes,
-    effects: loopEffects,
+    effects: () => (noInput() ? [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`] : loopEffects()),
   },
 };
 
@@ -133,14 +138,19 @@ function buildStep(place) {
 }
 
 function buildPushes(place) {
-  const row = element('div', { className: 'transport', id: 'pushes' });
-  const names = page.scene.input.names;
+  const row = element('div', { className: 'transport', id: 'pushes' }), names = page.scene.input.names;
+  const choice = element('select', { id: 'grab' }, new Option('pulls (a force)', 'pull'), new Option('carries away', 'carry'));
+  if (noInput()) Object.assign(choice.options[0], { disabled: true, title: noInput() });
+  grab.carries = grab.carries || Boolean(noInput());
+  choice.value = grab.carries ? 'carry' : 'pull';
+  choice.addEventListener('change', () => { grab.carries = choice.value === 'carry'; page.dirty = true; });
+  place.append(element('label', { className: 'speed' }, 'the mouse ', choice));
   for (const [input, name] of names.entries()) {
     for (const sign of [1, -1]) row.append(button(`push ${name} ${sign > 0 ? '+' : '−'}`, () => push(input, sign), '', !input && sign > 0 ? 'p' : ''));
   }
   const strength = element('input', { type: 'range', id: 'strength', min: -1.5, max: 0.5, step: 0.05, value: push.strength });
   strength.addEventListener('input', () => { push.strength = Number(strength.value); });
-  place.append(row, element('label', { className: 'speed' }, 'strength of a push ', strength));
+  if (names.length) place.append(row, element('label', { className: 'speed' }, 'strength of a push ', strength));
 }
 
 export function push(input, sign) {

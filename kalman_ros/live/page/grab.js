@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pulling at the system with the mouse or a finger: a disturbance for as long as it is held.
+// Pulling at the system with the mouse or a finger, a disturbance for as long as it is held; or
+// carrying it away, which the estimator does not know.
 
 import { last } from './data.js';
 import { page } from './page.js';
@@ -28,7 +29,17 @@ const PULL = {
   },
 };
 
-export const canPull = () => page.scene.input.names.length > 0 && page.scene.drawing.kind in PULL;
+export const grab = { carries: false };
+
+// why the system cannot be pulled, or carried away; '' where it can
+export function noGrab() {
+  if (grab.carries) {
+    if (page.scene.drawing.kind === 'bars') return 'the picture has no place';
+    return page.status.lockstep ? 'it is carried away in real time alone' : '';
+  }
+  if (!page.scene.input.names.length) return 'the model has no input';
+  return page.scene.drawing.kind in PULL ? '' : 'the picture has no body: push an input';
+}
 
 export function grabSystem(canvas) {
   const newest = new Newest(send);
@@ -46,16 +57,24 @@ export function grabSystem(canvas) {
   };
   const free = () => { clearInterval(timer); canvas.pull = null; page.dirty = true; };
   canvas.addEventListener('pointerdown', (event) => {
-    if (page.task !== 'push' || !canPull() || !canvas.body || event.button) return;
+    if (page.task !== 'push' || noGrab() || !canvas.body || event.button) return;
     canvas.setPointerCapture(event.pointerId);
+    canvas.carries = grab.carries;
     at(event);
+    if (grab.carries) return;
     pull();
     timer = setInterval(pull, PERIOD);
   });
   canvas.addEventListener('pointermove', (event) => { if (canvas.pull) at(event); });
-  canvas.addEventListener('pointerup', free);
+  canvas.addEventListener('pointerup', () => {
+    if (canvas.pull && canvas.carries && canvas.place) {
+      const [names, values] = canvas.place(...canvas.pull);
+      send({ do: 'carry', names, values });
+    }
+    free();
+  });
   canvas.addEventListener('pointercancel', free);
   canvas.addEventListener('touchstart', (event) => {
-    if (page.task === 'push' && page.scene && canPull()) event.preventDefault();
+    if (page.task === 'push' && page.scene && !noGrab()) event.preventDefault();
   }, { passive: false });
 }

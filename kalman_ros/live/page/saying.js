@@ -17,7 +17,7 @@ const DEGREE = Math.PI / 180;
 // a length or another quantity with a unit that suits its size
 export function quantity(value, unit) {
   if (unit === 'm' && Math.abs(value) < 0.01) return `${short(1e3 * value, 2)} mm`;
-  if (unit === 'm' && Math.abs(value) < 1) return `${short(100 * value, 2)} cm`;
+  if (unit === 'm' && Math.abs(value) < 0.95) return `${short(100 * value, 2)} cm`;
   if (unit === 'rad') return `${short(value / DEGREE, 2)}°`;
   return `${short(value, 2)} ${unit}`.trim();
 }

@@ -27,6 +27,7 @@ function viewed(canvas, X, Y) {
   const along = (place) => { const zero = place(0), one = place(1) - zero; return (pixel) => (pixel - zero) / one; };
   const [x, y] = [along(X), along(Y)];
   canvas.view = { X, Y, world: (px, py) => [x(px), y(py)] };
+  canvas.place = (px, py) => [page.scene.path.names, canvas.view.world(px, py)];
 }
 
 const DRAW = {
@@ -38,6 +39,7 @@ const DRAW = {
     const { truth } = seen;
     if (!truth) return;
     canvas.body = [X(truth.x), y];
+    canvas.place = (px) => [['x'], [(px - w / 2) / scale]];
     spring(pen, 12, y, X(truth.x) - size / 2, y);
     stroke(pen, 'ink', 3);
     pen.strokeRect(X(truth.x) - size / 2, y - size / 2, size, size);
@@ -94,6 +96,7 @@ const DRAW = {
       pen.beginPath(); pen.moveTo(X(x), ground - 8); pen.lineTo(X(x) - long * Math.sin(theta), ground - 8 - long * Math.cos(theta)); pen.stroke();
     };
     canvas.body = [X(truth.x), ground + 5];
+    canvas.place = (px) => [['x'], [centre + (px - w / 2) / scale]];
     pole(truth.x, truth.theta, 'ink', 4);
     beliefs(pen, seen, (belief, look, dash) => {
       const d = Math.min(Math.PI, TWO_SIGMA * deviation(belief, 'theta')), x = X(belief.x.x), a = -Math.PI / 2 - belief.x.theta;
@@ -124,6 +127,7 @@ const DRAW = {
       hand(belief.x.theta, look, 2, dash);
     });
     canvas.body = [x + r * Math.cos(truth.theta), y - r * Math.sin(truth.theta)];
+    canvas.place = (px, py) => [['theta'], [Math.atan2(y - py, px - x)]];
     hand(truth.theta, 'ink', 4);
     arrow(pen, 24, h - 16, 0, -Math.abs(reach(scene, seen.input[0])));
     pen.fillStyle = colour('soft');
@@ -273,9 +277,10 @@ export function drawSystem(canvas, scene) {
   area.pen.textAlign = 'left';
   area.pen.textBaseline = 'alphabetic';
   canvas.grips = [];
+  canvas.place = null;
   DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene), canvas);
   if (canvas.pull && canvas.body) {
     const [x, y] = canvas.body, [px, py] = canvas.pull;
-    arrow(area.pen, x, y, px - x, py - y, 'path');
+    arrow(area.pen, x, y, px - x, py - y, canvas.carries ? 'bad' : 'path');
   }
 }

@@ -8,8 +8,9 @@ import { page } from './page.js';
 import { colour, prepare, short, stroke } from './plots.js';
 
 const LASTS = 400;    // milliseconds of an animation
-const ROOM = 1.5;     // of the largest ellipse
-const step = { phase: '', since: 0, before: null, prior: null, after: null, time: null, view: null };
+const ROOM = 1.4;     // of the largest ellipse
+const FAR = 4;        // a reading is seen if it is at most this many ellipses away
+const step = { phase: '', since: 0, before: null, prior: null, after: null, time: null };
 
 // two coordinates of the state: those of a map, else those that are measured, else the first
 function axes() {
@@ -36,7 +37,7 @@ const current = () => (last('estimate') && data.P ? belief(last('estimate').slic
 
 // Notice the prediction of a step, and its update; called before a frame is added.
 export function noticeStep(frame) {
-  if (frame.prior?.x) Object.assign(step, { phase: 'predicted', since: performance.now(), before: current(), prior: belief(frame.prior.x, frame.prior.P), after: null, view: null });
+  if (frame.prior?.x) Object.assign(step, { phase: 'predicted', since: performance.now(), before: current(), prior: belief(frame.prior.x, frame.prior.P), after: null });
   if (frame.estimate && step.phase === 'predicted') {
     const row = frame.estimate.at(-1);
     Object.assign(step, { phase: 'updated', since: performance.now(), after: belief(row.slice(1), frame.P), time: row[0] });
@@ -71,8 +72,7 @@ export function drawStep(canvas) {
   const { pen, width: w, height: h } = area, from = step.phase === 'predicted' ? step.before ?? now : step.phase ? step.prior : now;
   const share = step.phase ? Math.min(1, (performance.now() - step.since) / LASTS) : 1;
   const seen = step.phase === 'predicted' ? [] : readings();
-  const view = step.view ?? fit([from, now], seen);
-  if (step.phase === 'predicted') step.view = view;
+  const view = fit([from, now], seen, w / h);
   const X = (x) => w / 2 + (x - view.centre[0]) / view.reach[0] * w / 2, Y = (y) => h / 2 - (y - view.centre[1]) / view.reach[1] * h / 2;
   cross(pen, w, h, names, view);
   const outline = ({ mean, P }, look, dash) => flat(pen, X, Y, mean, P, look, dash);
@@ -88,15 +88,20 @@ export function drawStep(canvas) {
   return share < 1;
 }
 
-// a view in which the ellipses, and as far as possible the readings, are seen; each axis has its scale
-function fit(beliefs, seen) {
-  const centre = beliefs.at(-1).mean, variance = ({ P }, axis) => P[axis ? 2 : 0];
+// A view in which the ellipses, and as far as possible the readings, are seen. Each axis has its
+// scale, unless both have the same unit.
+function fit(beliefs, seen, aspect) {
+  const centre = beliefs.at(-1).mean, variance = ({ P }, axis) => P[axis ? 2 : 0], { state } = page.scene;
   const reach = [0, 1].map((axis) => {
     const sizes = beliefs.map((each) => Math.abs(each.mean[axis] - centre[axis]) + TWO_SIGMA * Math.sqrt(Math.max(variance(each, axis), 0)));
-    const most = Math.max(...sizes), far = seen.filter((each) => each.mean[axis] !== null).map((each) => Math.abs(each.mean[axis] - centre[axis]));
-    return ROOM * Math.max(most, Math.min(6 * most, ...far.length ? [Math.max(...far)] : [0])) || 1;
+    const most = Math.max(...sizes), far = seen.filter((each) => each.mean[axis] !== null)
+      .map((each) => Math.abs(each.mean[axis] - centre[axis]) + TWO_SIGMA * each.std[axis] / ROOM);
+    return ROOM * Math.max(most, Math.min(FAR * most, Math.max(0, ...far))) || 1;
   });
-  return { centre, reach };
+  const [a, b] = axes().map((name) => state.units[state.names.indexOf(name)]);
+  if (a !== b) return { centre, reach };
+  const scale = Math.max(reach[0] / aspect, reach[1]);
+  return { centre, reach: [scale * aspect, scale] };
 }
 
 function flat(pen, X, Y, mean, P, look, dash) {
@@ -133,20 +138,25 @@ function cross(pen, w, h, names, view) {
   if (names[1]) pen.fillText(`${names[1]}: ±${short(view.reach[1], 2)} ${unit(names[1])}`, w / 2 + 4, 11);
 }
 
+// a mean with as many digits as its standard deviation
+function within(mean, std) {
+  const digits = std > 0 ? Math.min(Math.max(1 - Math.floor(Math.log10(std)), 0), 8) : 3;
+  return `${mean.toFixed(digits)} ± ${std.toFixed(digits)}`;
+}
+
 // what the step did to each coordinate, in numbers
 export function stepNumbers() {
   const { state, sensors } = page.scene, names = axes();
   if (!step.phase) return [];
   return names.map((name, axis) => {
-    const std = (one) => short(Math.sqrt(Math.max(one.P[axis ? 2 : 0], 0)), 2), parts = [];
-    const at = (one) => `${short(one.mean[axis], 4)} ± ${std(one)}`;
+    const parts = [], at = (one) => within(one.mean[axis], Math.sqrt(Math.max(one.P[axis ? 2 : 0], 0)));
     parts.push(`${name}: predicted ${at(step.prior)}`);
     if (step.phase === 'updated') {
       for (const { sensor, mean, std: noise, columns } of readings()) {
         if (mean[axis] === null) continue;
         const row = last(`gain ${sensor}`), m = sensors[sensor].names.length;
         const K = row?.[1 + state.names.indexOf(name) * m + columns[axis]];
-        parts.push(`read ${short(mean[axis], 4)} ± ${short(noise[axis], 2)}, gain ${short(K, 2)}`);
+        parts.push(`read ${within(mean[axis], noise[axis])}, gain ${short(K, 2)}`);
       }
       parts.push(`updated ${at(step.after)} ${state.units[state.names.indexOf(name)]}`);
     }
