@@ -62,7 +62,7 @@ def stroke(browser, *shares):
 
 def test_a_path_is_drawn_and_followed(robot):
     browser, loop = robot
-    assert browser.run('document.querySelector("#system").dataset.task') == 'path'
+    assert browser.run('document.querySelector("#system").dataset.open') == 'path'
     arc = [k / 20 * math.pi / 2 for k in range(21)]
     stroke(browser, *((0.5 + 0.2 * math.sin(a), 0.5 - 0.2 * (1 - math.cos(a))) for a in arc))
     path = loop.seen('path', lambda m: m['state'] == 'following')
@@ -93,7 +93,7 @@ def test_all_handles_of_a_robot_are_in_view_with_their_effects(robot):
 
 def test_the_walls_of_the_track_are_dragged(cart):
     browser, loop = cart
-    assert browser.run('document.querySelector("#system").dataset.task') == 'limits'
+    assert browser.run('document.querySelector("#system").dataset.open') == 'limits'
     left, top, width, height = browser.place('#system')
     scale, ground = min(width / 3, height / 1.9), top + 0.72 * height
 

@@ -197,7 +197,7 @@ export function open(name) {
   const task = TASKS[name], reason = task.reason();
   if (!reason || task.says) task.build($('handles'));
   drawer.effects = reason ? [`state ${mainStates()[0]}`] : task.effects();
-  $('system').dataset.task = name;
+  $('system').dataset.open = name;
   page.renew();
   page.dirty = true;
 }

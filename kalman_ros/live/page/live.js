@@ -65,13 +65,13 @@ const RECEIVE = {
     showValues();
   },
   values(message) {
-    const law = page.chosen.law;
+    const isFirst = page.version === undefined;
     page.values = message.values;
     page.chosen = message.chosen;
     page.limits = message.limits;
     page.version = message.version;
     markStale();
-    if (page.scene && law === undefined) buildDrawer();
+    if (page.scene && isFirst) buildDrawer();  // with the handles that matter for these values
     else showValues();
   },
   theory(message) {
