@@ -35,13 +35,8 @@ def main() -> None:
     if not program():
         sys.exit('make_live_pictures: it needs Chromium')
     port = '8643'
-    command = [
-        str(executables.executable('live')),
-        str(FOLDER / SCENARIO),
-        '--no-browser',
-        '--port',
-        port,
-    ]
+    command = [str(executables.executable('live')), str(FOLDER / SCENARIO)]
+    command += ['--no-browser', '--port', port]
     loop = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
     try:
         assert loop.stdout is not None
@@ -60,12 +55,11 @@ def main() -> None:
 
 
 def _animate(page: Chromium) -> None:
-    """Push the system, and write what it does."""
-    page.click('[data-task=push]')
+    """Start again, twice, and write what the system does."""
     frames = []
     for k in range(FRAMES):
-        if k in (3, 20):
-            page.run(f'document.querySelectorAll("#pushes button")[{int(k > 9)}].click()')
+        if k in (0, 20):
+            page.run('reset.click()')
         picture = page.run('document.getElementById("system").toDataURL()').partition(',')[2]
         frames.append(_decoded(picture))
         time.sleep(PERIOD)

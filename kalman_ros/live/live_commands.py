@@ -234,7 +234,7 @@ class LiveCommands:
         self._push_end = self._push_clock() + _PUSH
 
     def _carry(self, command: Mapping[str, Any], _: float) -> None:
-        """Carry the plant to other values of some states, of which no other node is told."""
+        """Carry the plant to other values of some states, which no other node knows."""
         names, values = command.get('names') or [], command.get('values') or []
         state, truth = self._nodes.scenario.model.state, self._streams.truth
         if self.pace.lockstep:

@@ -14,6 +14,7 @@ from kalman_ros.scenario.regulator import feedback
 from .adjustments import Adjustments
 from .controls import Control
 from .drawn_path import described
+from .limits import limits
 
 
 def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, Any]:
@@ -47,7 +48,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
 
 
 def force_scale(adjustments: Adjustments) -> float:
-    """Return the magnitude of an input that moves the system visibly."""
+    """Return the magnitude of an input that moves the system visibly, within its limit."""
     if not adjustments.driven:
         return 1.0
     scenario = adjustments.scenario('controller')
@@ -57,7 +58,8 @@ def force_scale(adjustments: Adjustments) -> float:
     except DesignError:
         return 1.0
     scale = abs(K @ model.state.subtract(start, model.equilibrium.state)).max()
-    return float(f'{scale:.2g}') if scale > 0.0 else 1.0
+    known = [limit for limit in limits(adjustments)['input'] if limit]
+    return float(f'{min(scale, *known, scale):.2g}') if scale > 0.0 else 1.0
 
 
 def _space(space: Space) -> dict[str, Any]:

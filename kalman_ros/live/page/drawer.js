@@ -74,7 +74,7 @@ const TASKS = {
   update: {
     reason: () => '',
     words: () => (isPredicted() ? 'Predicted: the ellipse has moved by the model and grown by Q. Now update.'
-      : 'One step: the ellipse grows (prediction), the reading comes with its own, both multiply.'),
+      : 'One step: the ellipse grows (prediction), the reading comes with another, both multiply.'),
     build: buildStep,
     effects: () => [drawStep],
   },
@@ -88,7 +88,7 @@ const TASKS = {
     reason: () => (noInput() && page.scene.drawing.kind === 'bars' ? noInput() : ''),
     words: () => {
       if (noGrab()) return `With the mouse, nothing: ${noGrab()}.`;
-      return grab.carries ? 'Drag the system elsewhere: the estimator is not told.'
+      return grab.carries ? 'Drag the system elsewhere: the estimator does not know.'
         : 'Pull at the system with the mouse or a finger, or push an input for 0.2 s.';
     },
     build: buildPushes,

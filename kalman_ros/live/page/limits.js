@@ -75,7 +75,8 @@ export function walls(pen, canvas, name, X, world, width, top, bottom) {
   for (const side of ['low', 'high']) {
     const value = limitOf('state', name, side), sign = side === 'low' ? -1 : 1;
     const edge = side === 'low' ? 10 : width - 10;
-    const free = value === null, x = free ? edge : Math.min(Math.max(X(value), 4), width - 4);
+    const free = value === null, x = free ? edge : X(value);
+    if (x < 0 || x > width) continue;  // not in the picture
     stroke(pen, 'bad', free ? 1.5 : 4, free ? 'dotted' : 'solid');
     pen.beginPath(); pen.moveTo(x, top); pen.lineTo(x, bottom); pen.stroke();
     if (!free) {
