@@ -25,7 +25,7 @@ def limits(adjustments: Adjustments) -> dict[str, Any]:
         return {'input': [], 'state': {}, 'reason': 'the model has no input'}
     law = str(adjustments.value('controller', 'law'))
     state: dict[str, list[float | None]] = {}
-    reason = f'law: {law} keeps no limits of states; choose {" or ".join(WITHIN_LIMITS)}'
+    reason = f'the law {law} keeps no limits of states, choose {" or ".join(WITHIN_LIMITS)}'
     if law in WITHIN_LIMITS:
         names = adjustments.scenario('controller').model.state.names
         state = {name: _finite(_of_state(adjustments, name)) for name in names}

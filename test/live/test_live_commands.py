@@ -92,7 +92,7 @@ def opened(name, **parameters):
         ('{"do": "push", "shares": [true], "n": 1}', 'push: expected the number of an input'),
         ('{"do": "path", "points": [[0, 0], [1, 1]], "n": 1}', 'no position in a plane'),
         ('{"do": "carry", "names": ["x"], "values": [1], "n": 1}', 'has published no finite'),
-        ('{"do": "limit", "of": "state", "name": "x", "n": 1}', 'law: lqr keeps no limits'),
+        ('{"do": "limit", "of": "state", "name": "x", "n": 1}', 'the law lqr keeps no limits'),
         ('{"do": "limit", "of": "input", "name": "x", "n": 1}', 'limit: expected the name of'),
         ('{"do": "limit", "of": "input", "name": "f", "value": 1e999, "n": 1}', 'value cannot'),
     ],

@@ -127,6 +127,7 @@ def test_a_tab_sees_the_loop_and_changes_it():
         after = page.seen(
             'theory', lambda m: m['regulator']['gain'] != before['regulator']['gain']
         )
+        page.seen('theory', lambda m: m['version'] == page.sections['values']['version'])
         gain = after['regulator']['gain'][0][0]
         shown = page.seen('status', lambda m: m['gain'] and f'{gain:.3f}' in m['gain'])
         assert shown['nodes']['controller']['message'] == 'running'

@@ -75,6 +75,27 @@ def test_a_path_is_drawn_and_followed(robot):
     browser.until(f'{text("#sentence")}.includes("from the end of the path")')
 
 
+def test_a_path_is_drawn_with_a_finger(robot):
+    browser, loop = robot
+    browser.resize(390, 844, mobile=True)
+    before = loop.sections['path']['points']
+    left, top, width, height = browser.place('#system')
+    scrolled = browser.run('scrollY')
+    for kind, share in (
+        ('Start', 0.5),
+        ('Move', 0.6),
+        ('Move', 0.7),
+        ('Move', 0.8),
+        ('End', None),
+    ):
+        place = {'x': left + (share or 0.0) * width, 'y': top + (1.1 - (share or 0.0)) * height}
+        touches = [] if share is None else [place]
+        browser.call('Input.dispatchTouchEvent', type=f'touch{kind}', touchPoints=touches)
+    loop.seen('path', lambda m: m['points'] and m['points'] != before)
+    assert browser.run('scrollY') == scrolled
+    browser.resize(1280, 800)
+
+
 def test_a_refused_path_is_told_with_the_reason(robot):
     browser, loop = robot
     number = 'div[data-key="controller/path_speed"] input[type=number]'

@@ -48,7 +48,7 @@ const TASKS = {
   },
   limits: {
     reason: noInput,
-    words: () => page.limits.reason && `Limits of states: ${page.limits.reason}. Drag the lines of the input.`
+    words: () => page.limits.reason && `States have no limits: ${page.limits.reason}. Drag those of the input.`
       || 'Drag the red lines and walls, or type a number; an empty field is no limit.',
     build: buildLimits,
     effects: () => {

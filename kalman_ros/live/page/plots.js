@@ -85,7 +85,8 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
   }
   for (const { rows, value, dot } of marks) if (dot) for (const row of recent(rows)) extend(scale(value(row)));
   for (const line of lines) if (!line.grip) extend(scale(line.value));
-  const near = lines.filter(({ grip, value }) => grip && value !== null && Math.abs(value - (low + high) / 2) <= FAR * (high - low));
+  const spread = high > low ? high - low : Infinity;
+  const near = lines.filter(({ grip, value }) => grip && value !== null && Math.abs(value - (low + high) / 2) <= FAR * spread);
   for (const line of near) extend(line.value);
   if (!(high > low)) { const middle = Number.isFinite(low) ? low : 0; low = middle - 0.5; high = middle + 0.5; }
   const pad = 0.06 * (high - low);
