@@ -177,3 +177,27 @@ def test_a_pull_by_the_mouse_moves_the_cart(cart):
 
 def test_all_handles_of_a_cart_are_in_view_with_their_effects(cart):
     all_tasks_are_in_view(cart[0])
+
+
+def test_a_step_of_the_filter_is_predicted_and_updated_with_its_gain(cart):
+    browser, loop = cart
+    browser.resize(1280, 800)
+    browser.click('[data-task=update]')
+    button = text('#handles button')
+    browser.until(f'{button}.startsWith("predict: stop")')
+    browser.click('#handles button')
+    loop.seen('status', lambda m: m['lockstep'] and m['paused'] and not m['message'])
+    browser.until(f'{button} === "predict"')
+    for _ in range(3):
+        loop.frames.clear()
+        browser.click('#handles button')
+        browser.until(f'{button} === "update"')
+        assert 'updated' not in browser.run(text('#numbers'))
+        browser.click('#handles button')
+        browser.until(f'{button} === "predict" && {text("#numbers")}.includes("updated")')
+    shown = text('#numbers')
+    numbers = '/x: predicted .*; read .*, gain 0.[0-9]+; updated .* m/'
+    browser.until(f'{numbers}.test({shown})')
+    assert browser.run(OUT_OF_VIEW) == []
+    browser.run('document.querySelector("#lockstep").click()')
+    loop.seen('status', lambda m: not m['lockstep'] and not m['message'])
