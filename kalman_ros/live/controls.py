@@ -184,7 +184,7 @@ def _cost_controls(adjustments: Adjustments) -> Iterator[Control]:
                 slider = (0.0, max(others), 'linear')
             about = 'weight in the cost that the gain minimises'
             yield Control(
-                ('controller', 'monitor'), name, index, 'Cost', f'of {space.names[index]}',
+                ('controller', 'monitor'), name, index, 'Cost', f'weight of {space.names[index]}',
                 '', about, '', *slider,
             )  # fmt: skip
 

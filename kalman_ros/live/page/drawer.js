@@ -179,7 +179,7 @@ export function buildDrawer() {
 }
 
 function first() {
-  if (!page.scene.path.reason && page.scene.drawing.kind === 'plane') return 'path';
+  if (!page.scene.path.reason && page.scene.drawing.heading) return 'path';  // a robot
   if (page.chosen.law === 'mpc') return 'limits';
   return noInput() ? 'filter' : 'regulator';
 }

@@ -23,10 +23,11 @@ export function limitOf(of, name, side) {
 
 export const hasLimits = (of, name) => (of === 'input' ? page.limits.input.length > 0 : name in page.limits.state);
 
-// lines of a plot, one for each side
+// lines of a plot, one for each side; where there is no limit, only while limits are the task
 export function limitLines(of, name) {
   if (!hasLimits(of, name)) return [];
-  return ['low', 'high'].map((side) => ({ value: limitOf(of, name, side), look: 'bad', dash: 'dashed', grip: { of, name, side } }));
+  return ['low', 'high'].map((side) => ({ value: limitOf(of, name, side), look: 'bad', dash: 'dashed', grip: { of, name, side } }))
+    .filter(({ value }) => value !== null || page.task === 'limits');
 }
 
 export function setLimit(grip, value, done) {
@@ -76,7 +77,7 @@ export function walls(pen, canvas, name, X, world, width, top, bottom) {
     const value = limitOf('state', name, side), sign = side === 'low' ? -1 : 1;
     const edge = side === 'low' ? 10 : width - 10;
     const free = value === null, x = free ? edge : X(value);
-    if (x < 0 || x > width) continue;  // not in the picture
+    if (x < 0 || x > width || (free && page.task !== 'limits')) continue;  // not in the picture
     stroke(pen, 'bad', free ? 1.5 : 4, free ? 'dotted' : 'solid');
     pen.beginPath(); pen.moveTo(x, top); pen.lineTo(x, bottom); pen.stroke();
     if (!free) {
