@@ -179,6 +179,17 @@ def test_all_handles_of_a_cart_are_in_view_with_their_effects(cart):
     all_tasks_are_in_view(cart[0])
 
 
+def test_a_fallen_pole_is_told_with_the_button_that_helps(cart):
+    browser, loop = cart
+    assert loop.do(do='carry', names=['theta'], values=[2.5])['error'] == ''
+    browser.until(f'{text("#sentence")}.startsWith("The pole has fallen")')
+    browser.until(f'!help.hidden && {text("#help")} === "reset"')
+    browser.click('#help')
+    browser.until(f'!{text("#sentence")}.startsWith("The pole has fallen")')
+    loop.frames.clear()
+    loop.until(lambda m: 'truth' in m and abs(m['truth'][-1][3]) < 0.5)
+
+
 def test_a_step_of_the_filter_is_predicted_and_updated_with_its_gain(cart):
     browser, loop = cart
     browser.resize(1280, 800)
