@@ -25,7 +25,9 @@ from chromium import Chromium, program
 
 FOLDER = Path(__file__).parent
 #: Of the picture; and of the animation, with its number of frames and seconds between them.
-SIZE, SMALL, FRAMES, PERIOD = (1400, 900), (480, 320), 40, 0.1
+SIZE, SMALL, FRAMES, PERIOD = (1280, 800), (480, 412), 40, 0.1
+#: A cart that starts beside the end of its track.
+SCENARIO = 'examples/cart_on_a_track.yaml'
 
 
 def main() -> None:
@@ -33,17 +35,17 @@ def main() -> None:
     if not program():
         sys.exit('make_live_pictures: it needs Chromium')
     port = '8643'
-    command = [str(executables.executable('live')), 'cart_pole', '--no-browser', '--port', port]
+    command = [str(executables.executable('live')), str(FOLDER / SCENARIO)]
+    command += ['--no-browser', '--port', port]
     loop = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
     try:
         assert loop.stdout is not None
         print(loop.stdout.readline(), end='')
         with Chromium(*SIZE) as page:
             page.open(f'http://127.0.0.1:{port}/')
-            page.until('Number.parseFloat(document.getElementById("clock")?.textContent) > 8', 120)
-            page.until('document.querySelector("#pole-list .pole") && !loops.hidden', 120)
-            page.click('#pushes button')
-            page.run('window.scrollTo(0, 0)')
+            page.until('Number.parseFloat(document.getElementById("clock")?.textContent) > 4', 120)
+            page.click('[data-task=limits]')
+            page.until('document.querySelectorAll("#effects canvas").length === 2', 120)
             time.sleep(2.0)
             (FOLDER / 'live.png').write_bytes(_small(page.picture(), SIZE, 64))
             _animate(page)
@@ -53,12 +55,11 @@ def main() -> None:
 
 
 def _animate(page: Chromium) -> None:
-    """Push the system, and write what it does."""
-    page.run('window.scrollTo(0, 0)')
+    """Start again, twice, and write what the system does."""
     frames = []
     for k in range(FRAMES):
-        if k in (3, 20):
-            page.run(f'document.querySelectorAll("#pushes button")[{int(k > 9)}].click()')
+        if k in (0, 20):
+            page.run('reset.click()')
         picture = page.run('document.getElementById("system").toDataURL()').partition(',')[2]
         frames.append(_decoded(picture))
         time.sleep(PERIOD)

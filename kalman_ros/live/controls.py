@@ -11,9 +11,12 @@ from typing import Any
 from kalman_ros.core import About, Space
 
 from .adjustments import BELIEVERS, Adjustments
+from .drawn_path import described
 
 #: The range of a slider of a positive number is from 1 / N to N times its initial value.
 _REACH = 100.0
+#: The same for paths.
+_PATH_REACH = 10.0
 #: Length of the longest list with sliders.
 _LONGEST = 12
 #: Nodes and role of each handle of a parameter, for the actual and for the believed value.
@@ -106,6 +109,7 @@ def controls(adjustments: Adjustments) -> dict[str, Control]:
     all_controls = [*_sensor_controls(adjustments), *_model_controls(adjustments)]
     if adjustments.driven:
         all_controls += [*_cost_controls(adjustments), *_actuator_controls(adjustments)]
+        all_controls += _path_controls(adjustments)
     all_controls += _fault_controls(adjustments)
     return {control.key: control for control in all_controls}
 
@@ -180,7 +184,7 @@ def _cost_controls(adjustments: Adjustments) -> Iterator[Control]:
                 slider = (0.0, max(others), 'linear')
             about = 'weight in the cost that the gain minimises'
             yield Control(
-                ('controller', 'monitor'), name, index, 'Cost', f'of {space.names[index]}',
+                ('controller', 'monitor'), name, index, 'Cost', f'weight of {space.names[index]}',
                 '', about, '', *slider,
             )  # fmt: skip
 
@@ -196,6 +200,18 @@ def _actuator_controls(adjustments: Adjustments) -> Iterator[Control]:
     for name, (index, unit, slider) in ranges.items():
         title, about = name.replace('_', ' '), known[name].about.description
         yield Control(('plant',), name, index, group, title, unit, about, '', *slider)
+
+
+def _path_controls(adjustments: Adjustments) -> Iterator[Control]:
+    if described(adjustments)['reason']:
+        return
+    for name in ('path_speed', 'path_acceleration', 'path_tolerance'):
+        about = adjustments.known('controller')[name].about
+        value = adjustments.value('controller', name)
+        yield Control(
+            ('controller',), name, None, 'Path', name.removeprefix('path_'), about.unit,
+            about.description, '', *_range(value, about, _PATH_REACH),
+        )  # fmt: skip
 
 
 def _fault_controls(adjustments: Adjustments) -> Iterator[Control]:
@@ -219,10 +235,10 @@ def _fault_controls(adjustments: Adjustments) -> Iterator[Control]:
             )  # fmt: skip
 
 
-def _range(value: float, about: About) -> tuple[float, float, str]:
+def _range(value: float, about: About, reach: float = _REACH) -> tuple[float, float, str]:
     """Return the range of a slider around a value, and the scale of the slider."""
     if value > 0.0:
-        low, high = value / _REACH, value * _REACH
+        low, high = value / reach, value * reach
         return max(_round(low), about.minimum), min(_round(high), about.maximum), 'log'
     size = _round(5.0 * abs(value)) or 1.0
     return max(-size, about.minimum), min(size, about.maximum), 'linear'

@@ -16,6 +16,8 @@ from kalman_ros.harness import NodeError
 from .adjustments import Adjustments
 from .board import Board
 from .controls import Control
+from .drawn_path import DrawnPath, described, points_of
+from .limits import limited
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
 from .page_command import Command
@@ -26,6 +28,8 @@ from .streams import Streams
 _PUSH, _MOST = 0.2, 10.0
 #: Largest real or imaginary part of a pole, in 1/s.
 _FASTEST = 1e9
+#: Largest magnitude of a state to which the plant is carried.
+_FAR = 1e6
 #: Node that owns each parameter that can be chosen.
 _OWNERS = {'filter': 'estimator', 'law': 'controller'}
 
@@ -70,12 +74,21 @@ class LiveCommands:
         self.carried: dict[str, dict[str, Any]] | None = None
         #: Whether a parameter has changed since this attribute was reset.
         self.changed = False
+        #: Whether the plant starts elsewhere than at its initial state after a reset.
+        self._is_carried = False
+        #: Path that was drawn last.
+        self.path = DrawnPath(lambda key: nodes.reported('controller', key))
+        #: Number of steps whose prediction is shown.
+        self._steps = 1
         self._push_end: float | None = None
         self._command_time: float | None = None
         self._handlers: dict[str, Callable[[Mapping[str, Any], float], None]] = {
             'set': self._set,
             'choose': self._choose,
             'poles': self._poles,
+            'carry': self._carry,
+            'limit': self._limit,
+            'path': self._path,
             'push': self._push,
             'reset': self._reset,
             'pause': self._pause,
@@ -185,27 +198,72 @@ class LiveCommands:
         else:
             self._reconfigure('controller', {'law': 'placement', **values})
 
+    def _limit(self, command: Mapping[str, Any], arrival: float) -> None:
+        """Move a limit of an input or of a state; without a value, there is none."""
+        of, name, side = (str(command.get(key, '')) for key in ('of', 'name', 'side'))
+        value = command.get('value')
+        number = None if value is None else float(value)
+        values = limited(self._adjustments, of, name, side, number)
+        self._command_time = None
+        self._apply({'controller': values})
+        self._command_time = arrival
+
+    def _path(self, command: Mapping[str, Any], _: float) -> None:
+        """Send a path to the controller, which plans its motion."""
+        reason = described(self._adjustments)['reason']
+        if reason:
+            raise ValueError(f'path: {reason}')
+        points = command.get('points') or []
+        path = points_of(self._nodes.scenario, points)
+        self.path.draw(points)
+        self._nodes.follow(path)
+
     def _push(self, command: Mapping[str, Any], _: float) -> None:
-        """Disturb an input for a short time."""
+        """Disturb an input, or all inputs by their ``shares``, for a short time."""
         size = self._nodes.scenario.model.input.size
         if not size:
             raise ValueError('push: the model has no input')
         index, share = command.get('input', 0), float(command.get('share', 1.0))
-        if type(index) is not int or index not in range(size) or not abs(share) <= _MOST:
+        shares = command.get('shares')
+        if shares is None and type(index) is int and index in range(size):
+            shares = [share if k == index else 0.0 for k in range(size)]
+        if shares is None or len(shares) != size or not all(map(_is_share, shares)):
             expected = f'the number of an input, and a share up to {_MOST:g}'
             raise ValueError(f'push: expected {expected}')
-        disturbance = np.zeros(size)
-        disturbance[index] = share * self._scale
-        self._nodes.push(disturbance)
+        self._nodes.push(np.array(shares, dtype=float) * self._scale)
         self._push_end = self._push_clock() + _PUSH
+
+    def _carry(self, command: Mapping[str, Any], _: float) -> None:
+        """Carry the plant to other values of some states, which no other node knows."""
+        names, values = command.get('names') or [], command.get('values') or []
+        state, truth = self._nodes.scenario.model.state, self._streams.truth
+        if self.pace.lockstep:
+            raise ValueError('carry: expected real time, since lockstep begins at its first step')
+        if truth is None or not np.isfinite(truth).all():
+            raise ValueError('carry: the plant has published no finite state')
+        known = all(isinstance(name, str) and name in state.names for name in names)
+        if not names or not known or len(values) != len(names) or not all(map(_is_place, values)):
+            raise ValueError(f'carry: expected names of states and finite numbers up to {_FAR:g}')
+        place = truth.copy()
+        place[[state.names.index(name) for name in names]] = values
+        self._nodes.reconfigure('plant', {'initial_state': place.tolist()})
+        self._is_carried = True
 
     def _reset(self, command: Mapping[str, Any], arrival: float) -> None:
         """Reset the loop to the initial state and belief of the file."""
         if self.carried is not None:
             self._restart(command, arrival)
             return
-        self._nodes.trigger('plant/reset')
+        if self._is_carried:
+            start = self._adjustments.value('plant', 'initial_state')
+            self._nodes.reconfigure('plant', {'initial_state': start})
+            self._is_carried = False
+        else:
+            self._nodes.trigger('plant/reset')
         self._nodes.trigger('estimator/reset')
+        if self._adjustments.driven:
+            self._nodes.trigger('controller/reset')  # ends a motion
+            self.path.draw([])
         self._streams.restart_cost()
 
     def _pause(self, _: Mapping[str, Any], __: float) -> None:
@@ -221,7 +279,10 @@ class LiveCommands:
             self._nodes.run_until(FOREVER)
 
     def _step(self, command: Mapping[str, Any], arrival: float) -> None:
-        """Show the prediction of the next step, or take the step if that is already shown."""
+        """Show the prediction of the next step, or take the step if that is already shown.
+
+        With the name of a sensor as ``reading``, it leads to the next reading of that sensor.
+        """
         pace, streams = self.pace, self._streams
         if not pace.lockstep:
             self._mode({'lockstep': True, 'paused': True}, arrival)
@@ -229,12 +290,23 @@ class LiveCommands:
         pace.paused = True
         if not pace.predicted and streams.estimate is not None:
             believed = self._adjustments.scenario('estimator')
-            self._board.add({'prior': streams.prior(believed)})
+            self._steps = self._steps_to_reading(str(command.get('reading', '')))
+            self._board.add({'prior': streams.prior(believed, self._steps)})
             pace.predicted = True
             return
+        steps = self._steps if pace.predicted else 1
         pace.predicted = False
-        # half a step later than the next step, so that rounding cannot add another step
-        self._nodes.run_until(max(streams.elapsed, 0.0) + 1.5 / self._nodes.scenario.rate)
+        # half a step later than the last step, so that rounding cannot add another step
+        target = max(streams.elapsed, 0.0) + (steps + 0.5) / self._nodes.scenario.rate
+        self._nodes.run_until(target)
+
+    def _steps_to_reading(self, sensor: str) -> int:
+        """Return the number of steps to the next reading of a sensor, 1 if there is none."""
+        if sensor not in self._adjustments.sensors:
+            return 1
+        return self._streams.steps_to_reading(
+            sensor, self._adjustments.value('plant', f'{sensor}.rate')
+        )
 
     def _mode(self, command: Mapping[str, Any], _: float) -> None:
         """Change between real time and lockstep; the nodes restart from the current state."""
@@ -254,6 +326,14 @@ class LiveCommands:
     def _restart(self, _: Mapping[str, Any], __: float) -> None:
         """Restart the nodes from the initial state."""
         self.carried, self.restart = None, True
+
+
+def _is_place(value: Any) -> bool:
+    return type(value) in (int, float) and abs(value) <= _FAR
+
+
+def _is_share(value: Any) -> bool:
+    return type(value) in (int, float) and abs(value) <= _MOST
 
 
 def _is_pole(pair: Any) -> bool:

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
+from math import ceil
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from time import monotonic
@@ -18,6 +20,7 @@ from kalman_ros.scenario.regulator import price
 from .adjustments import Adjustments
 from .board import Board
 from .controls import controls
+from .limits import limits
 from .live_commands import LiveCommands, answer
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
@@ -60,7 +63,8 @@ class LiveLoop:
         self._queue: SimpleQueue[tuple[Command, float]] = SimpleQueue()
         self._pace = Pace.usual(self._adjustments)
         self._continuation: dict[str, dict[str, Any]] | None = None
-        self._runs = 0
+        self._runs = self._changes = 0
+        self._frame_time = 0.0
         self._fixed_gains: dict[str, list[float]] = {}
         self._theory = TheoryWorker(self._on_theory)
 
@@ -122,31 +126,42 @@ class LiveLoop:
         self._board.put('scene', {**scene(self._adjustments, self._controls), 'run': self._runs})
         if not pace.paused or pace.lockstep:
             nodes.run_until(0.0 if pace.lockstep else FOREVER)
-        frame_time = status_time = change_time = 0.0
+        # on a timer, so that a command that waits for a node does not hold up the frames
+        frames = partial(self._publish_frame, nodes, streams, commands)
+        nodes.call_every(_FRAME, frames)
+        self._frame_time = monotonic()
+        status_time = change_time = 0.0
         while not commands.restart:
             nodes.spin_until(_FRAME, lambda: not self._queue.empty())
             for _ in range(self._queue.qsize()):
                 commands.carry_out(*self._queue.get())
                 status_time = 0.0
             now = monotonic()
-            if now - frame_time >= 0.9 * _FRAME:  # the wait may be slightly shorter
-                elapsed = min(now - frame_time, 4 * _FRAME)
-                target = pace.target(streams.elapsed, elapsed, 1.0 / nodes.scenario.rate)
-                if target is not None:
-                    nodes.run_until(target)
-                commands.end_push()
-                frame = streams.frame(nodes.take(), *self._evaluation, self._fixed_gains)
-                if frame is not None:
-                    self._board.add(frame)
-                frame_time = now
             if commands.changed and now - change_time >= _CHANGES:
                 commands.changed = False
                 self._publish_parameters()
                 change_time = now
             if now - status_time >= _STATUS:
                 self._report_status('', nodes)
+                self._board.put('path', commands.path.described())
                 status_time = now
         self._pace, self._continuation = commands.pace, commands.carried
+
+    def _publish_frame(self, nodes: LiveNodes, streams: Streams, commands: LiveCommands) -> None:
+        """Publish the samples since the last frame, and let the plant continue."""
+        now = monotonic()
+        elapsed, self._frame_time = now - self._frame_time, now
+        target = self._pace.target(
+            streams.elapsed, min(elapsed, 4 * _FRAME), 1.0 / nodes.scenario.rate
+        )
+        if target is not None:
+            nodes.run_until(target)
+        commands.end_push()
+        frame = streams.frame(
+            nodes.take(), *self._evaluation, self._fixed_gains, periods=ceil(elapsed / _FRAME)
+        )
+        if frame is not None:
+            self._board.add(frame)
 
     def _report_status(
         self, message: str, nodes: LiveNodes | None = None, *, failed: bool = False
@@ -160,6 +175,10 @@ class LiveLoop:
         if nodes is not None:
             report['missed'] = nodes.reported('plant', 'missed steps')
             report['gain'] = nodes.reported('controller', 'gain')
+            report['planned_within_limits'], report['answered'] = (
+                nodes.reported('controller', key)
+                for key in ('inputs planned within limits', 'estimates answered')
+            )
             report['nodes'] = {
                 name: {'level': int.from_bytes(status.level, 'big'), 'message': status.message}
                 for name, status in sorted(nodes.diagnostics.items())
@@ -189,7 +208,10 @@ class LiveLoop:
             adjustments.scenario('estimator'),
             weight,
         )
+        self._changes += 1
         self._board.put('values', {
+            'version': self._changes,
+            'limits': limits(adjustments),
             'values': {key: control.read(adjustments) for key, control in self._controls.items()},
             'chosen': {
                 'filter': adjustments.value('estimator', 'filter'),
@@ -199,4 +221,4 @@ class LiveLoop:
         self._board.put(
             'share', {'yaml': parameter_file(adjustments), 'name': adjustments.file.stem}
         )
-        self._theory.request(adjustments)
+        self._theory.request(adjustments, self._changes)

@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.srv import SetParameters
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -23,6 +25,7 @@ from kalman_ros.core import Array, Signal
 from kalman_ros.harness.launched_nodes import LaunchedNodes
 from kalman_ros.harness.node_set import NodeSet
 from kalman_ros.harness.recorder import QUEUE
+from kalman_ros.nodes.controller.motions import PATH
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
 
@@ -30,6 +33,8 @@ from kalman_ros.scenario import Scenario
 _MOST = 5000
 #: Interval in seconds of checks of the condition of `spin_until`.
 _LOOK = 0.01
+#: Number of paths that wait for the controller.
+_PATHS = 10
 #: Simulated time in seconds that is never reached.
 FOREVER = 1e9
 
@@ -73,8 +78,8 @@ class LiveNodes(LaunchedNodes):
         with self.starting():
             topics = [self._watch(topic, signal) for topic, signal in _signals(self.scenario)]
             self._push = self._create_disturbance()
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            self.node.create_timer(_LOOK, self._check_condition, clock=steady)
+            self._paths = self.node.create_publisher(PathMessage, PATH, _PATHS)
+            self.call_every(_LOOK, self._check_condition)
             self.launch(topics)
         return self
 
@@ -96,6 +101,11 @@ class LiveNodes(LaunchedNodes):
             return None
         write = WireWriter(codec_of(self.scenario.input))
         return write, self.node.create_publisher(write.message_type, 'disturbance', 10)
+
+    def call_every(self, seconds: float, callback: Callable[[], None]) -> None:
+        """Call a function at an interval in real time, also while a service is waited for."""
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.node.create_timer(seconds, callback, clock=steady)
 
     def take(self) -> dict[str, list[Sample]]:
         """Return the samples of each topic that were received since the last call."""
@@ -121,6 +131,15 @@ class LiveNodes(LaunchedNodes):
         if self._push is not None:
             write, publisher = self._push
             publisher.publish(write(self.node.get_clock().now().nanoseconds, disturbance))
+
+    def follow(self, points: Array) -> None:
+        """Publish a path through points (K, 3), in metres, for the controller to follow."""
+        path = PathMessage()
+        for x, y, z in points.tolist():
+            pose = PoseStamped()
+            pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = x, y, z
+            path.poses.append(pose)
+        self._paths.publish(path)
 
     def run_until(self, seconds: float) -> None:
         """Let the plant continue to a simulated time (s), without waiting for its response."""

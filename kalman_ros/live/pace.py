@@ -71,7 +71,7 @@ class Pace:
         Parameters
         ----------
         elapsed
-            Current simulated time in seconds.
+            Current simulated time in seconds; negative before the first step.
         seconds
             Real time in seconds since the last call.
         step
@@ -79,6 +79,7 @@ class Pace:
         """
         if not self.lockstep or self.paused:
             return None
+        elapsed = max(elapsed, 0.0)  # a negative target would pause a plant that has not begun
         limit = elapsed + max(_AHEAD * self.speed, _STEPS * step)
         self._target = min(max(self._target, elapsed) + seconds * self.speed, limit)
         return self._target

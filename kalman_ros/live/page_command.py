@@ -16,10 +16,14 @@ COMMANDS: dict[str, dict[str, type | tuple[type, ...]]] = {
     'set': {'key': str, 'value': (bool, int, float)},
     'choose': {'what': str, 'value': str},
     'poles': {'of': str, 'poles': list},
-    'push': {'input': int, 'share': _NUMBER},
+    'push': {'input': int, 'share': _NUMBER, 'shares': list},
+    'path': {'points': list},
+    'carry': {'names': list, 'values': list},
+    'limit': {'of': str, 'name': str, 'side': str, 'value': _NUMBER},
     'mode': {'lockstep': bool, 'paused': bool},
     'speed': {'value': _NUMBER},
-    **{do: {} for do in ('reset', 'pause', 'resume', 'step', 'restart')},
+    'step': {'reading': str},
+    **{do: {} for do in ('reset', 'pause', 'resume', 'restart')},
 }
 #: Largest magnitude of the integers that JavaScript represents exactly.
 _EXACT = 2**53

@@ -13,6 +13,8 @@ from kalman_ros.scenario.regulator import feedback
 
 from .adjustments import Adjustments
 from .controls import Control
+from .drawn_path import described
+from .limits import limits
 
 
 def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, Any]:
@@ -35,6 +37,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
         'length': _length(adjustments),
         'equilibrium': plant.model.equilibrium.state.tolist(),
         'force': force_scale(adjustments),
+        'path': described(adjustments),
         'controls': [control.described() for control in controls.values()],
         'choices': {
             'filter': list(FILTERS),
@@ -45,7 +48,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
 
 
 def force_scale(adjustments: Adjustments) -> float:
-    """Return the magnitude of an input that moves the system visibly."""
+    """Return the magnitude of an input that moves the system visibly, within its limit."""
     if not adjustments.driven:
         return 1.0
     scenario = adjustments.scenario('controller')
@@ -55,7 +58,8 @@ def force_scale(adjustments: Adjustments) -> float:
     except DesignError:
         return 1.0
     scale = abs(K @ model.state.subtract(start, model.equilibrium.state)).max()
-    return float(f'{scale:.2g}') if scale > 0.0 else 1.0
+    known = [limit for limit in limits(adjustments)['input'] if limit]
+    return float(f'{min(scale, *known, scale):.2g}') if scale > 0.0 else 1.0
 
 
 def _space(space: Space) -> dict[str, Any]:

@@ -15,8 +15,10 @@ from kalman_ros.core import Array, is_finite
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
 
-#: Largest number of rows of one stream in a frame.
+#: Largest number of rows of one stream in the usual period of a frame.
 _MOST = 12
+#: Largest number of steps that are predicted.
+_MOST_STEPS = 1000
 #: Time constant in seconds of the average of the recent cost.
 _RECENT = 10.0
 
@@ -40,6 +42,9 @@ class Streams:
         self._origin: int | None = None
         self._beliefs: deque[Sample] = deque()
         self._covariances: deque[Array] = deque()
+        self._most = _MOST
+        #: Time of the newest reading of each sensor.
+        self._read: dict[str, float] = {}
         self._input: Array = scenario.model.equilibrium.input
         #: Newest belief and truth.
         self.estimate: tuple[Array, Array] | None = None
@@ -68,6 +73,7 @@ class Streams:
         believed: Scenario,
         weight: Array | None,
         fixed: Mapping[str, list[float]],
+        periods: int = 1,
     ) -> dict[str, Any] | None:
         """Return a frame of the new samples; None without new samples.
 
@@ -81,7 +87,10 @@ class Streams:
             Weight of the cost of a sample (n + m, n + m); None without a cost.
         fixed
             Gain of each sensor, row by row, for a filter with fixed gains.
+        periods
+            Number of usual periods since the last frame; a late frame has as many more rows.
         """
+        self._most = _MOST * max(periods, 1)
         truths = samples['ground_truth']
         if self._origin is None:
             stamps = [truth.time for truth in truths if truth.time is not None]
@@ -112,15 +121,23 @@ class Streams:
             frame['cost'] = self._cost(truths, weight)
         return frame or None
 
-    def prior(self, believed: Scenario) -> dict[str, Any]:
-        """Predict the newest belief by one step: x' = f(x, u), P' = F P F' + Q."""
+    def prior(self, believed: Scenario, steps: int = 1) -> dict[str, Any]:
+        """Predict the newest belief by ``steps``, each x' = f(x, u), P' = F P F' + Q."""
         if self.estimate is None:
             return {}
         x, P = self.estimate
-        step = believed.model.linearized_step(x, self._input, 1.0 / believed.rate)
-        predicted = step.F @ P @ step.F.T + step.Q
-        std = np.sqrt(np.maximum(predicted.diagonal(), 0.0))
-        return {'x': _numbers(step.state), 'std': _numbers(std), 'P': _numbers(predicted.ravel())}
+        for _ in range(steps):
+            step = believed.model.linearized_step(x, self._input, 1.0 / believed.rate)
+            x, P = step.state, step.F @ P @ step.F.T + step.Q
+        std = np.sqrt(np.maximum(P.diagonal(), 0.0))
+        return {'x': _numbers(x), 'std': _numbers(std), 'P': _numbers(P.ravel())}
+
+    def steps_to_reading(self, sensor: str, sensor_rate: float) -> int:
+        """Return the number of steps to the next expected reading of a sensor, at least 1."""
+        if sensor not in self._read:
+            return 1
+        wait = self._read[sensor] + 1.0 / sensor_rate - self.elapsed
+        return min(max(round(wait * self._scenario.rate), 1), _MOST_STEPS)
 
     def carried(self) -> dict[str, dict[str, Any]]:
         """Return the parameters with which restarted nodes continue from the current state."""
@@ -146,13 +163,20 @@ class Streams:
             std = np.sqrt(np.maximum(P.diagonal(), 0.0))
             row = np.concatenate((belief.values, std, (np.trace(P),)))
             rows.append([self._time(belief), *_numbers(row)])
-        return _thin(rows)
+        return _thin(rows, self._most)
 
     def _readings(self, samples: Mapping[str, Sequence[Sample]]) -> dict[str, Any]:
         sources = self._scenario.sensors.items()
         rows_by_sensor = {
             name: self._rows(samples[source.signal.topic]) for name, source in sources
         }
+        self._read.update(
+            {
+                name: rows[-1][0]
+                for name, rows in rows_by_sensor.items()
+                if rows and rows[-1][0] is not None
+            }
+        )
         return {name: rows for name, rows in rows_by_sensor.items() if rows}
 
     def _innovations(self, samples: Mapping[str, Sequence[Sample]]) -> dict[str, Any]:
@@ -193,7 +217,8 @@ class Streams:
         return _numbers((self._sum / max(self._count, 1), self._recent))
 
     def _rows(self, samples: Sequence[Sample]) -> list[Any]:
-        return _thin([[self._time(sample), *_numbers(sample.values)] for sample in samples])
+        rows = [[self._time(sample), *_numbers(sample.values)] for sample in samples]
+        return _thin(rows, self._most)
 
     def _time(self, sample: Sample) -> float | None:
         if sample.time is None or self._origin is None:
@@ -201,11 +226,11 @@ class Streams:
         return round((sample.time - self._origin) * 1e-9, 4)
 
 
-def _thin(rows: list[Any]) -> list[Any]:
-    """Return at most a few evenly spaced rows, including the last row."""
-    if len(rows) <= _MOST:
+def _thin(rows: list[Any], most: int) -> list[Any]:
+    """Return at most ``most`` evenly spaced rows, including the last row."""
+    if len(rows) <= most:
         return rows
-    step = -(-len(rows) // _MOST)
+    step = -(-len(rows) // most)
     return rows[::-1][::step][::-1]
 
 

@@ -51,9 +51,10 @@ class TheoryWorker:
         self._process.terminate()
         self._process.wait()
 
-    def request(self, adjustments: Adjustments) -> None:
-        """Request the theory for the current parameters."""
+    def request(self, adjustments: Adjustments, version: int) -> None:
+        """Request the theory for the current parameters; the answer has their ``version``."""
         request = {
+            'version': version,
             'file': str(adjustments.file),
             'shared': adjustments.shared,
             'changes': adjustments.changes,
@@ -99,11 +100,12 @@ def main() -> None:
     """Answer requests from standard input, one per line, until its end."""
     os.nice(_NICE)
     for line in sys.stdin:
+        request = json.loads(line)
         try:
-            answer = _answer(json.loads(line))
+            answer = _answer(request)
         except (ValueError, ArithmeticError) as error:
             answer = {'notes': [str(error)]}
-        print(json.dumps(answer), flush=True)
+        print(json.dumps({**answer, 'version': request['version']}), flush=True)
 
 
 if __name__ == '__main__':

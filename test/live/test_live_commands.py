@@ -4,8 +4,10 @@
 import json
 import random
 import string
+from math import inf
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy')
@@ -14,6 +16,7 @@ from kalman_ros.harness import NodeError
 from kalman_ros.live.adjustments import Adjustments
 from kalman_ros.live.board import Board
 from kalman_ros.live.controls import controls
+from kalman_ros.live.limits import limits
 from kalman_ros.live.live_commands import LiveCommands
 from kalman_ros.live.pace import Pace
 from kalman_ros.live.page_command import COMMANDS, read_command
@@ -27,18 +30,31 @@ class Nodes:
     def __init__(self, scenario):
         self.scenario, self.calls = scenario, []
         self.processes = dict.fromkeys(('plant', 'estimator', 'controller', 'monitor'))
-        for name in ('set_parameters', 'reconfigure', 'push', 'trigger', 'run_until'):
+        self.reports = {}
+        for name in ('set_parameters', 'reconfigure', 'push', 'trigger', 'run_until', 'follow'):
             setattr(self, name, lambda *given, name=name: self.calls.append((name, *given)))
+
+    def reported(self, node, key):
+        return self.reports.get(f'{node}: {key}', '')
 
 
 @pytest.fixture
 def page():
-    adjustments = Adjustments(shipped.file('mass_spring_damper'), {})
+    return opened('mass_spring_damper')
+
+
+def opened(name, **parameters):
+    adjustments = Adjustments(shipped.file(name), parameters)
     scenario = adjustments.scenario('estimator')
-    found = SimpleNamespace(nodes=Nodes(scenario), board=Board(), controls=controls(adjustments))
+    found = SimpleNamespace(
+        adjustments=adjustments,
+        nodes=Nodes(scenario),
+        board=Board(),
+        controls=controls(adjustments),
+    )
+    streams = Streams(scenario)
     found.commands = LiveCommands(
-        found.nodes, Streams(scenario), adjustments, found.controls, Pace.usual(adjustments),
-        found.board,
+        found.nodes, streams, adjustments, found.controls, Pace.usual(adjustments), found.board,
     )  # fmt: skip
 
     def send(text):
@@ -49,6 +65,7 @@ def page():
         return json.loads(found.board._frames[-1])['answer']
 
     found.send = send
+    found.streams = streams
     return found
 
 
@@ -71,6 +88,13 @@ def page():
         ),
         ('{"do": "push", "share": 1e999, "n": 1}', 'push: share cannot be null'),
         ('{"do": "set", "key": "plant/__class__", "value": 1, "n": 1}', 'unknown control'),
+        ('{"do": "push", "shares": [1, 2], "n": 1}', 'push: expected the number of an input'),
+        ('{"do": "push", "shares": [true], "n": 1}', 'push: expected the number of an input'),
+        ('{"do": "path", "points": [[0, 0], [1, 1]], "n": 1}', 'no position in a plane'),
+        ('{"do": "carry", "names": ["x"], "values": [1], "n": 1}', 'has published no finite'),
+        ('{"do": "limit", "of": "state", "name": "x", "n": 1}', 'the law lqr keeps no limits'),
+        ('{"do": "limit", "of": "input", "name": "x", "n": 1}', 'limit: expected the name of'),
+        ('{"do": "limit", "of": "input", "name": "f", "value": 1e999, "n": 1}', 'value cannot'),
     ],
 )
 def test_a_wrong_command_is_answered_with_what_is_wrong(page, text, says):
@@ -103,6 +127,123 @@ def test_a_right_command_is_carried_out(page):
         'n': 7, 'error': '', 'ms': pytest.approx(0, abs=1e12),
     }  # fmt: skip
     assert {name for name, *_ in page.nodes.calls} == {'set_parameters'}
+
+
+def test_a_limit_is_dragged_and_removed():
+    page = opened('cart_pole', law='mpc')
+    for command, values in (
+        ({'of': 'input', 'name': 'f', 'value': -8}, {'input_limit': [8.0]}),
+        ({'of': 'state', 'name': 'x', 'side': 'low', 'value': -1}, {'state_limit.x': [-1.0, inf]}),
+        ({'of': 'state', 'name': 'x', 'side': 'high', 'value': 2}, {'state_limit.x': [-1.0, 2.0]}),
+        ({'of': 'state', 'name': 'x', 'side': 'low'}, {'state_limit.x': [-inf, 2.0]}),
+        ({'of': 'input', 'name': 'f'}, {'input_limit': [inf]}),
+    ):
+        assert page.send(json.dumps({'do': 'limit', 'n': 1, **command}))['error'] == ''
+        assert page.nodes.calls[-1] == ('set_parameters', values, 'controller')
+    crossed = {'do': 'limit', 'of': 'state', 'name': 'x', 'side': 'low', 'value': 2.5, 'n': 1}
+    assert 'expected low < high, got 2.5 and 2' in page.send(json.dumps(crossed))['error']
+    found = limits(page.adjustments)
+    assert found['input'] == [None] and found['reason'] == ''
+    assert found['state']['x'] == [None, 2.0] and found['state']['v'] == [None, None]
+
+
+def test_limits_of_states_need_a_law_that_predicts():
+    assert 'choose mpc' in limits(opened('cart_pole').adjustments)['reason']
+    assert limits(opened('diff_drive').adjustments)['reason'] == 'the model has no input'
+
+
+def test_a_drawn_path_is_sent_and_its_outcome_is_told():
+    page = opened('mass_spring_damper_2d')
+    controller, path = page.nodes.reports, page.commands.path
+    controller.update({'controller: motions planned': '3', 'controller: motions refused': '1'})
+    assert path.described()['state'] == ''
+    assert page.send('{"do": "path", "points": [[0, 0], [0.5, 1]], "n": 1}')['error'] == ''
+    name, points = page.nodes.calls[-1]
+    assert name == 'follow' and points.tolist() == [[0.0, 0.0, 0.0], [0.5, 1.0, 0.0]]
+    assert path.described()['state'] == 'planning'
+    controller.update({
+        'controller: motions refused': '2', 'controller: reason of the last refusal': 'too fast',
+    })  # fmt: skip
+    assert path.described()['state'] == 'refused'
+    assert path.described()['reason'] == 'too fast'
+    page.send('{"do": "path", "points": [[0, 0], [0.5, 1]], "n": 2}')
+    assert path.described()['state'] == 'planning'
+    controller.update({
+        'controller: motions planned': '4', 'controller: motion': '1.00 of 2.00 s',
+        'controller: remaining distance [m]': '0.5',
+    })  # fmt: skip
+    assert path.described()['state'] == 'following'
+    assert path.described()['remaining'] == '0.5'
+    del controller['controller: motion']
+    assert path.described()['state'] == 'ended'
+
+
+@pytest.mark.parametrize(
+    'points', ['[[0, 0]]', '[[0, 0], [1]]', '[[0, 0], [1, "1"]]', '[[0, 0], [1, 1e7]]', '[1, 2]']
+)
+def test_a_path_is_made_of_pairs(points):
+    page = opened('mass_spring_damper_2d')
+    assert 'expected 2 to 200 pairs' in page.send(f'{{"do": "path", "points": {points}}}')['error']
+    assert page.nodes.calls == []
+
+
+def test_a_path_of_a_submersible_is_in_depth():
+    page = opened('submersible')
+    page.send('{"do": "path", "points": [[0, -1], [1, -2]]}')
+    assert page.nodes.calls[-1][1].tolist() == [[0.0, 0.0, -1.0], [1.0, 0.0, -2.0]]
+
+
+def test_a_pull_disturbs_all_inputs():
+    page = opened('mass_spring_damper_2d')
+    assert page.send('{"do": "push", "shares": [1, -0.5]}')['error'] == ''
+    name, pushed = page.nodes.calls[-1]
+    assert name == 'push' and pushed[1] == -0.5 * pushed[0] != 0.0
+
+
+def test_the_plant_is_carried_away_and_a_reset_brings_it_back():
+    page = opened('mass_spring_damper')
+    page.streams.truth = np.array([0.1, 0.2])
+    assert page.send('{"do": "carry", "names": ["x"], "values": [2]}')['error'] == ''
+    assert page.nodes.calls == [('reconfigure', 'plant', {'initial_state': [2.0, 0.2]})]
+    page.send('{"do": "reset"}')
+    start = page.adjustments.value('plant', 'initial_state')
+    assert page.nodes.calls[1] == ('reconfigure', 'plant', {'initial_state': start})
+    page.nodes.calls.clear()
+    page.send('{"do": "reset"}')
+    assert page.nodes.calls[0] == ('trigger', 'plant/reset')
+
+
+@pytest.mark.parametrize(
+    'fields',
+    [
+        '"names": ["y"], "values": [1]', '"names": ["x"], "values": [1, 2]',
+        '"names": [["x"]], "values": [1]', '"names": ["x"], "values": [1e7]',
+        '"names": ["x"], "values": [true]', '"names": [], "values": []',
+    ],
+)  # fmt: skip
+def test_the_plant_is_carried_to_finite_states_alone(fields):
+    page = opened('mass_spring_damper')
+    page.streams.truth = np.array([0.1, 0.2])
+    assert 'expected names of states' in page.send(f'{{"do": "carry", {fields}}}')['error']
+    page.commands.pace.lockstep = True
+    answer = page.send('{"do": "carry", "names": ["x"], "values": [2]}')
+    assert 'expected real time' in answer['error']
+    assert page.nodes.calls == []
+
+
+def test_a_step_leads_to_the_next_reading_of_a_sensor():
+    page = opened('mass_spring_damper')
+    page.commands.pace.lockstep = True
+    page.streams.estimate = np.zeros(2), np.eye(2)
+    page.send('{"do": "step", "reading": "position"}')  # none has been read yet: one step
+    page.send('{"do": "step", "reading": "position"}')
+    assert page.nodes.calls == [('run_until', 0.015)]
+    page.streams._read['position'], page.streams._origin = 0.1, 0
+    page.streams._last = 130_000_000
+    page.send('{"do": "step", "reading": "position"}')
+    page.send('{"do": "step", "reading": "position"}')
+    rate = page.adjustments.value('plant', 'position.rate')
+    assert page.nodes.calls[-1] == ('run_until', pytest.approx(0.1 + 1.0 / rate + 0.005))
 
 
 def test_a_number_that_ros_cannot_read_is_zero():

@@ -81,6 +81,15 @@ class Page:
         self.tab.send(json.dumps({**command, 'n': self.count}))
         return self.until(lambda m: m.get('answer', {}).get('n') == self.count)['answer']
 
+    def node(self, name):
+        """Return the number of the process of a node."""
+        program = str(executables.executable(name))
+        children = subprocess.run(
+            ['pgrep', '-f', program, '-P', str(self.process.pid)], capture_output=True, text=True
+        ).stdout.split()
+        assert len(children) == 1
+        return int(children[0])
+
     def until_no_more(self, part, period=0.5, seconds=20):
         """Read messages until a period has no frame with a part."""
         end = time.monotonic() + seconds
@@ -118,6 +127,7 @@ def test_a_tab_sees_the_loop_and_changes_it():
         after = page.seen(
             'theory', lambda m: m['regulator']['gain'] != before['regulator']['gain']
         )
+        page.seen('theory', lambda m: m['version'] == page.sections['values']['version'])
         gain = after['regulator']['gain'][0][0]
         shown = page.seen('status', lambda m: m['gain'] and f'{gain:.3f}' in m['gain'])
         assert shown['nodes']['controller']['message'] == 'running'
@@ -197,6 +207,24 @@ def test_pause_poles_filter_and_single_steps():
         assert [round(100 * (b - a)) for a, b in pairwise(times)] == [1] * 5
 
 
+def test_frames_go_on_while_a_command_waits_for_a_node():
+    with Page('mass_spring_damper') as page:
+        first = page.until(lambda m: 'truth' in m and m['truth'][-1][0] > 1.0)['truth'][-1][0]
+        estimator = page.node('estimator')
+        change = {'do': 'set', 'key': 'estimator/position.noise/0', 'value': 0.1, 'n': 1}
+        os.kill(estimator, signal.SIGSTOP)
+        try:
+            page.frames.clear()
+            page.tab.send(json.dumps(change))
+            page.until(lambda m: 'truth' in m and m['truth'][-1][0] > first + 1.0)
+            assert not any('answer' in frame for frame in page.frames)
+        finally:
+            os.kill(estimator, signal.SIGCONT)
+        assert page.framed(lambda m: 'answer' in m)['answer']['error'] == ''
+        rows = [row[0] for frame in page.frames for row in frame.get('truth', ())]
+        assert max(b - a for a, b in pairwise(rows)) < 0.2
+
+
 @pytest.mark.parametrize('name', ['cart_pole', 'two_bearings', 'submersible', 'sound_tracker'])
 def test_a_scenario_moves(name):
     with Page(name) as page:
@@ -208,12 +236,7 @@ def test_a_scenario_moves(name):
 def test_a_node_that_dies_is_reported_and_started_again():
     with Page('mass_spring_damper') as page:
         page.until(lambda m: 'estimate' in m)
-        name = str(executables.executable('estimator'))
-        children = subprocess.run(
-            ['pgrep', '-f', name, '-P', str(page.process.pid)], capture_output=True, text=True
-        ).stdout.split()
-        assert len(children) == 1
-        os.kill(int(children[0]), signal.SIGKILL)
+        os.kill(page.node('estimator'), signal.SIGKILL)
         assert 'estimator died' in page.seen('status', lambda m: m['failed'])['message']
         page.tab.send('{"do": "restart"}')
         page.seen('scene', lambda m: m['run'] == 2)

@@ -42,6 +42,7 @@ def page():
         browser.open(f'http://127.0.0.1:{loop.port}/')
         browser.until('Number.parseFloat(document.querySelector("#clock")?.textContent) > 3')
         browser.until('document.querySelectorAll("#pole-list .pole").length >= 4')
+        browser.run('document.querySelectorAll("details").forEach(d => { d.open = true; })')
         yield browser, loop
         assert browser.errors == []
 
@@ -123,6 +124,7 @@ def test_buttons_and_keys_pause_push_and_reset(page):
     browser.run('document.activeElement.blur()')
     browser.key(' ')
     browser.until(f'!{text("#state")}.includes("paused")')
+    browser.click('[data-task=push]')
     for button in ('#pushes button', '#reset'):
         browser.click(button)
         assert loop.until(lambda m: 'answer' in m)['answer']['error'] == ''

@@ -60,6 +60,7 @@ def test_the_nodes_follow_a_path_as_the_simulation_does():
         run.refresh('controller')
         assert run.reported('controller', 'motion') == f'3.00 of {motion.duration:.2f} s'
         assert 0.5 < float(run.reported('controller', 'remaining distance [m]')) < 1.9
+        assert run.reported('controller', 'motions planned') == '1'
         run.advance(4.0)
         followed = run.trajectory()
     simulated = kr.simulate(ROBOT, seconds=7.0, seed=3, reference=motion)
@@ -93,6 +94,11 @@ def test_what_is_no_motion_is_refused_in_one_line_and_the_loop_goes_on():
             publisher.publish(message)
             run.wait(lambda: reason in log(), 60.0, lambda: f'no {reason}: {log()}')  # noqa: B023
         run.advance(0.5)
+        run.refresh('controller')
+        assert run.reported('controller', 'motions refused') == '9'
+        assert run.reported('controller', 'motions planned') == '0'
+        reason = run.reported('controller', 'reason of the last refusal')
+        assert reason == 'reference/trajectory: expected positions'
         assert not run.trajectory().input.any()
         assert 'Traceback' not in log()
 

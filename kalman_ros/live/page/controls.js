@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sliders and switches: at most one command of each is under way.
 
+import { element } from './page.js';
 import { short } from './plots.js';
+import { Newest } from './socket.js';
 
 const STEPS = 400;
-const OPEN = /^(Sensor|Cost|Plant input)/;
 
 export class Controls {
   constructor(place, send) {
@@ -14,45 +15,54 @@ export class Controls {
     this.values = {};
   }
 
-  build(scene) {
-    this.place.replaceChildren();
-    this.items.clear();
+  // all controls, folded by their groups
+  build(controls) {
+    this.clear();
     const groups = new Map();
-    for (const control of scene.controls) {
+    for (const control of controls) {
       if (!groups.has(control.group)) {
-        const group = document.createElement('details');
-        group.open = OPEN.test(control.group) && innerWidth > 700;
-        group.append(Object.assign(document.createElement('summary'), { textContent: control.group }));
+        const group = element('details', {}, element('summary', { textContent: control.group }));
         groups.set(control.group, group);
         this.place.append(group);
       }
-      groups.get(control.group).append(control.low === null ? this.toggle(control) : this.slider(control));
+      groups.get(control.group).append(this.row(control));
     }
   }
 
-  row(control) {
-    const row = Object.assign(document.createElement('div'), { className: `control ${control.role}`, title: control.about });
+  // a few controls, each with the name of its group
+  list(controls) {
+    this.clear();
+    for (const control of controls) this.place.append(this.row(control, `${control.group}: `));
+    this.show(this.values);
+  }
+
+  clear() {
+    this.place.replaceChildren();
+    this.items.clear();
+  }
+
+  row(control, before = '') {
+    const row = element('div', { className: `control ${control.role}`, title: control.about });
     const unit = control.unit ? ` [${control.unit}]` : '';
-    const title = Object.assign(document.createElement('span'), { textContent: `${control.title}${unit}` });
-    row.append(title, Object.assign(document.createElement('span'), { className: 'role', textContent: control.role }));
+    const title = element('span', {}, element('span', { className: 'group', textContent: before }), `${control.title}${unit}`);
+    row.append(title, element('span', { className: 'role', textContent: control.role }));
     row.dataset.key = control.key;
+    row.append(...(control.low === null ? this.toggle(control) : this.slider(control)));
     return row;
   }
 
   toggle(control) {
-    const row = this.row(control);
-    const box = Object.assign(document.createElement('input'), { type: 'checkbox' });
+    const box = element('input', { type: 'checkbox' });
     box.setAttribute('aria-label', `${control.group}: ${control.title}`);
     box.addEventListener('change', () => this.send({ do: 'set', key: control.key, value: box.checked }));
-    row.append(box);
     this.items.set(control.key, { control, show: (value) => { box.checked = value; } });
-    return row;
+    return [box];
   }
 
   slider(control) {
     const { low, high, scale } = control, log = scale === 'log';
-    const range = Object.assign(document.createElement('input'), { type: 'range', min: 0, max: STEPS, step: 1 });
-    const number = Object.assign(document.createElement('input'), { type: 'number', step: 'any' });
+    const range = element('input', { type: 'range', min: 0, max: STEPS, step: 1 });
+    const number = element('input', { type: 'number', step: 'any' });
     const name = `${control.group}: ${control.title} ${control.role}`.trim();
     range.setAttribute('aria-label', name);
     number.setAttribute('aria-label', `${name}, number`);
@@ -61,16 +71,10 @@ export class Controls {
       const share = range.value / STEPS;
       return Number((log ? low * (high / low) ** share : low + (high - low) * share).toPrecision(3));
     };
-    const item = { control, place, busy: false, next: null, held: false };
-    const change = (wanted) => {
-      if (item.busy) { item.next = wanted; return; }
-      item.busy = true;
-      this.send({ do: 'set', key: control.key, value: wanted }, () => {
-        item.busy = false;
-        if (item.next !== null) { const next = item.next; item.next = null; change(next); }
-        else if (control.key in this.values) item.show(this.values[control.key]);
-      });
-    };
+    const newest = new Newest(this.send), item = { control, place, held: false };
+    const change = (wanted) => newest.put({ do: 'set', key: control.key, value: wanted }, () => {
+      if (control.key in this.values) item.show(this.values[control.key]);
+    });
     range.addEventListener('input', () => {
       item.held = true;
       number.value = value();
@@ -80,17 +84,14 @@ export class Controls {
     range.addEventListener('change', () => { item.held = false; });
     number.addEventListener('change', () => { if (number.value !== '') change(Number(number.value)); });
     item.show = (current) => {
-      if (item.held || item.busy || document.activeElement === number) return;
+      if (item.held || newest.busy || document.activeElement === number) return;
       range.value = place(current);
       number.value = Number(current.toPrecision(4));
       range.setAttribute('aria-valuetext', `${short(current)} ${control.unit}`);
     };
-    item.ticks = Object.assign(document.createElement('span'), { className: 'track' });
-    item.ticks.append(range);
+    item.ticks = element('span', { className: 'track' }, range);
     this.items.set(control.key, item);
-    const row = this.row(control);
-    row.append(item.ticks, number);
-    return row;
+    return [item.ticks, number];
   }
 
   show(values) {
@@ -106,7 +107,7 @@ export class Controls {
     for (const value of values) {
       const share = item.place(value) / STEPS;
       if (!(share > 0 && share < 1)) continue;
-      const tick = Object.assign(document.createElement('i'), { className: 'tick', title: `unstable beyond ${short(value)}` });
+      const tick = element('i', { className: 'tick', title: `unstable beyond ${short(value)}` });
       tick.style.left = `calc(${100 * share}% + ${8 - 16 * share}px)`;
       item.ticks.append(tick);
     }

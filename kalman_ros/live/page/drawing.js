@@ -70,12 +70,13 @@ export function ellipse(pen, X, Y, belief, a, b, look, dash) {
 }
 
 // where the ellipse is too small to see: the same, magnified, in a corner
-export function magnified(pen, w, seen, scale, a, b) {
+export function magnified(pen, w, h, seen, scale, a, b, at) {
   const belief = seen.estimate;
   if (!belief || belief.x[a] === null) return;
   const off = Math.hypot(belief.x[a] - seen.truth[a], belief.x[b] - seen.truth[b]);
   const size = Math.max(off, TWO_SIGMA * Math.sqrt(Math.max(belief.P(a, a), belief.P(b, b), 1e-18)));
-  const r = 58, cx = w - r - 10, cy = r + 10, zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
+  // small on a phone, and away from what it magnifies
+  const r = Math.min(58, 0.19 * h), cx = at[0] > 0.6 * w ? r + 10 : w - r - 10, cy = at[1] < 0.4 * h ? h - r - 34 : r + 10, zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
   if (size * scale > 16) return;
   pen.save();
   pen.beginPath(); pen.arc(cx, cy, r, 0, 7); pen.fillStyle = colour('paper'); pen.fill();

@@ -1,67 +1,52 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page: one socket, what it brings, and what a person does.
+// The page: what the server sends, what is drawn, and what a person does.
 
 import { Controls } from './controls.js';
-import { add, clear, data, last } from './data.js';
+import { add, clear, data } from './data.js';
+import { buildDrawer, drawer, drawerWords, push, showDrawer } from './drawer.js';
+import { grabSystem } from './grab.js';
+import { countPlans, dragLimits } from './limits.js';
 import { drawBode, drawNyquist, marginText, PoleMap } from './maps.js';
+import { $, element, page } from './page.js';
+import { drawPaths } from './path.js';
 import { forgetColours, plot, short } from './plots.js';
+import { saying } from './saying.js';
+import { answered, connect, forget, Newest, send } from './socket.js';
 import { drawSystem } from './system.js';
+import { traces } from './traces.js';
+import { noticeStep } from './update.js';
 
-const $ = (id) => document.getElementById(id);
-const page = { scene: null, values: {}, chosen: {}, theory: {}, status: {}, share: {}, plots: [] };
-const waiting = new Map();
-const STEPS = 150;  // that a plot of single steps shows
-let socket = null, count = 0, dirty = true;
+const HELP = { reset: 'reset', pause: 'continue' };  // what the button beside the sentence says
+let plots = [], effects = [];
 
-// --- the socket --------------------------------------------------------------------------------
-function connect() {
-  socket = new WebSocket(`ws://${location.host}/socket`);
-  socket.onmessage = (event) => receive(JSON.parse(event.data));
-  socket.onclose = () => {
-    $('state').textContent = 'not connected';
-    waiting.forEach((done) => done());
-    waiting.clear();
-    setTimeout(connect, 1000);
-  };
-}
-
-function send(command, done = () => {}) {
-  if (socket?.readyState !== WebSocket.OPEN) { done(); return; }
-  const n = ++count;
-  waiting.set(n, done);
-  socket.send(JSON.stringify({ ...command, n: page.id * 1e6 + n }));
-}
-
-page.id = Math.floor(Math.random() * 1e6);
-
+// --- what the server sends ---------------------------------------------------------------------
 function receive(message) {
-  dirty = true;
-  if (message.kind === 'frames') {
-    for (const frame of message.frames) {
-      if (frame.answer) answered(frame.answer);
-      else if (frame.latency) $('latency').textContent = `slider to input ${Math.round(frame.latency.ms)} ms`;
-      else add(frame);
-    }
-    return;
+  page.dirty = true;
+  if (message.kind !== 'frames') { RECEIVE[message.kind]?.(message); return; }
+  for (const frame of message.frames) {
+    if (frame.answer) show(frame.answer);
+    else if (frame.latency) $('latency').textContent = `slider to input ${Math.round(frame.latency.ms)} ms`;
+    else { noticeStep(frame); add(frame); }
   }
-  RECEIVE[message.kind]?.(message);
 }
 
-function answered({ n, error }) {
-  if (n === null || Math.floor(n / 1e6) !== page.id) return;
-  notice(error);
-  const done = waiting.get(n % 1e6);
-  waiting.delete(n % 1e6);
-  done?.();
-  if (error) {
-    controls.show(page.values);
-    map.show(page.theory, page.scene?.linear);
-  }
+function show(answer) {
+  if (!answered(answer)) return;
+  notice(answer.error);
+  if (!answer.error) return;
+  showValues();
+  map.show(page.theory, page.scene?.linear);
 }
 
 function notice(text) {
   $('notice').textContent = text;
   $('notice').hidden = !text;
+}
+
+function showValues() {
+  controls.show(page.values);
+  showDrawer();
+  for (const select of $('choices').querySelectorAll('select')) select.value = page.chosen[select.name];
 }
 
 const RECEIVE = {
@@ -70,23 +55,29 @@ const RECEIVE = {
     data.unit = message.time;
     data.each = message.time.replace(/(?<=.)s$/, '');
     clear();
-    waiting.clear();
+    forget();
     $('name').textContent = document.title = message.name;
-    controls.build(message);
-    buildPushes();
+    $('input-legend').hidden = !message.input.names.length;
+    controls.build(message.controls);
     buildChoices();
     buildPlots();
-    controls.show(page.values);
+    buildDrawer();
+    showValues();
   },
   values(message) {
+    const isFirst = page.version === undefined;
     page.values = message.values;
     page.chosen = message.chosen;
-    controls.show(page.values);
-    for (const select of $('choices').querySelectorAll('select')) select.value = page.chosen[select.name];
+    page.limits = message.limits;
+    page.version = message.version;
+    markStale();
+    if (page.scene && isFirst) buildDrawer();  // with the handles that matter for these values
+    else showValues();
   },
   theory(message) {
     page.theory = message;
-    $('notes').replaceChildren(...message.notes.map((text) => Object.assign(document.createElement('li'), { textContent: text })));
+    markStale();
+    $('notes').replaceChildren(...message.notes.map((text) => element('li', { textContent: text })));
     const loops = message.loops ?? [];
     $('loops').hidden = !loops.length;
     const select = $('loop-input'), names = loops.map((loop) => loop.input);
@@ -98,45 +89,48 @@ const RECEIVE = {
     map.show(message, page.scene?.linear);
     $('estimator-legend').textContent = `○ estimator${page.scene?.linear ? ': drag' : ''}${message.estimator?.placed ? ', | as sampled' : ''}`;
     listPoles();
-    const margins = (loops[0]?.estimated ?? loops[0]?.known)?.margins;
-    controls.mark('plant/actuator_gain/0', margins ? [margins.lower_gain[0], margins.upper_gain[0]].filter(Boolean) : []);
-    const delay = margins?.delay[0];
-    controls.mark('plant/actuator_delay', delay ? [delay + (page.values['plant/actuator_delay'] ?? 0)] : []);
+    markUnstable();
   },
   share(message) { page.share = message; },
+  path(message) { page.path = message; },
   status(message) {
     page.status = message;
+    countPlans(message);
     const how = message.lockstep ? 'lockstep' : 'real time';
     $('state').textContent = message.message || `${how}${message.paused ? ', paused' : ''}${message.missed > 0 ? `, ${message.missed} steps late` : ''}`;
     if (message.failed) notice(`${message.message}. Press reset to start again.`);
     $('pause').textContent = message.paused ? 'continue' : 'pause';
     $('lockstep').checked = message.lockstep;
-    $('speed-label').hidden = !message.lockstep;
+    $('speed').disabled = !message.lockstep;
+    $('speed-label').title = message.lockstep ? '' : 'real time has one speed: choose lockstep';
     if (document.activeElement !== $('speed')) $('speed').value = Math.log10(message.speed);
-    $('speed-value').textContent = `× ${short(message.speed)}`;
+    $('speed-value').textContent = message.lockstep ? `× ${short(message.speed)}` : 'in lockstep alone';
     data.span = message.lockstep ? Math.max(message.paused ? 0.5 : 0, 10 * message.speed) : 10;
-    const facts = [];
-    for (const [name, { level, message: text }] of Object.entries(message.nodes)) {
-      facts.push(Object.assign(document.createElement('dt'), { textContent: name }));
-      facts.push(Object.assign(document.createElement('dd'), { textContent: text, className: ['', 'warn', 'error'][level] ?? '' }));
-    }
-    $('facts').replaceChildren(...facts);
+    $('facts').replaceChildren(...Object.entries(message.nodes).flatMap(([name, { level, message: text }]) => [
+      element('dt', { textContent: name }), element('dd', { textContent: text, className: ['', 'warn', 'error'][level] ?? '' }),
+    ]));
   },
 };
 
+// theory of values that have changed since is dimmed until the new one is there
+function markStale() {
+  const stale = page.theory.version !== undefined && page.theory.version < page.version;
+  $('theory').classList.toggle('stale', stale);
+  $('stale').hidden = !stale;
+}
+
+function markUnstable() {
+  const loop = page.theory.loops?.[0], margins = (loop?.estimated ?? loop?.known)?.margins, delay = margins?.delay[0];
+  for (const each of [controls, drawer.controls]) {
+    each?.mark('plant/actuator_gain/0', margins ? [margins.lower_gain[0], margins.upper_gain[0]].filter(Boolean) : []);
+    each?.mark('plant/actuator_delay', delay ? [delay + (page.values['plant/actuator_delay'] ?? 0)] : []);
+  }
+}
+
 // --- what depends on the scene -----------------------------------------------------------------
 const controls = new Controls($('controls'), send);
-const map = new PoleMap($('poles'), placePoles);
-let placing = false, nextPoles = null;
-
-function placePoles(of, poles) {
-  if (placing) { nextPoles = [of, poles.map((pole) => [...pole])]; return; }
-  placing = true;
-  send({ do: 'poles', of, poles }, () => {
-    placing = false;
-    if (nextPoles) { const next = nextPoles; nextPoles = null; placePoles(...next); }
-  });
-}
+const placing = new Newest(send);
+const map = new PoleMap($('poles'), (of, poles) => placing.put({ do: 'poles', of, poles: poles.map((pole) => [...pole]) }));
 
 function listPoles() {
   if ($('pole-list').contains(document.activeElement)) return;
@@ -144,10 +138,9 @@ function listPoles() {
   for (const [of, poles] of Object.entries(map.poles)) {
     poles.forEach(([re, im], index) => {
       if (im < 0) return;
-      const row = Object.assign(document.createElement('div'), { className: 'pole' });
       const numbers = [re, ...(im ? [im] : [])].map((value, part) => {
-        const input = Object.assign(document.createElement('input'), { type: 'number', step: 'any', value: Number(value.toPrecision(4)) });
-        input.disabled = !map.draggable.includes(of);
+        const input = element('input', { type: 'number', step: 'any', value: Number(value.toPrecision(4)), disabled: !map.draggable.includes(of) });
+        if (input.disabled) input.title = 'the filter of a nonlinear model has no poles to place';
         input.setAttribute('aria-label', `${of} pole ${index + 1}, ${part ? 'imaginary' : 'real'} part`);
         input.addEventListener('change', () => {
           const wanted = poles.map((pole) => [...pole]), old = wanted[index][1];
@@ -159,103 +152,66 @@ function listPoles() {
         });
         return input;
       });
-      row.append(of === 'regulator' ? '□ regulator' : '○ estimator', numbers[0], ...(numbers[1] ? ['± j', numbers[1]] : []), `1/${data.each}`);
-      rows.push(row);
+      rows.push(element('div', { className: 'pole' },
+        of === 'regulator' ? '□ regulator' : '○ estimator', numbers[0], ...(numbers[1] ? ['± j', numbers[1]] : []), `1/${data.each}`));
     });
   }
   $('pole-list').replaceChildren(...rows);
 }
 
-function buildPushes() {
-  const names = page.scene.input.names;
-  $('pushes').replaceChildren(...names.flatMap((name, input) => [1, -1].map((share) => {
-    const button = Object.assign(document.createElement('button'), { type: 'button', textContent: `push ${name} ${share > 0 ? '+' : '−'}` });
-    if (!input && share > 0) button.title = 'p';
-    button.addEventListener('click', () => push(input, share));
-    return button;
-  })));
-  $('strength-label').hidden = $('input-legend').hidden = !names.length;
-}
-
 function buildChoices() {
   $('choices').replaceChildren(...Object.entries(page.scene.choices).map(([what, list]) => {
-    const label = Object.assign(document.createElement('label'), { className: 'speed', textContent: `${what} ` });
-    const select = Object.assign(document.createElement('select'), { name: what });
-    select.append(...list.map((name) => new Option(name, name)));
+    const select = element('select', { name: what }, ...list.map((name) => new Option(name, name)));
     select.value = page.chosen[what];
     select.addEventListener('change', () => send({ do: 'choose', what, value: select.value }, () => { select.value = page.chosen[what]; }));
-    label.append(select);
-    return label;
+    return element('label', { className: 'speed' }, `${what} `, select);
   }));
+}
+
+function canvasIn(place) {
+  const canvas = element('canvas');
+  canvas.setAttribute('role', 'img');
+  dragLimits(canvas);
+  place.append(canvas);
+  return canvas;
 }
 
 function buildPlots() {
-  const { state, input, sensors, rate } = page.scene, n = state.names.length;
-  page.plots = [];
-  const build = (place, make) => {
-    const canvas = document.createElement('canvas');
-    canvas.setAttribute('role', 'img');
-    page.plots.push({ canvas, make });
-    $(place).append(canvas);
-  };
   for (const id of ['states', 'innovations', 'filter', 'cost']) $(id).replaceChildren();
-  state.names.forEach((name, k) => build('states', () => ({
-    title: `${name} [${state.units[k]}]`,
-    bands: [{ rows: data.rows.estimate, low: (r) => r[1 + k] - 2 * r[1 + n + k], high: (r) => r[1 + k] + 2 * r[1 + n + k], look: 'band' }],
-    marks: Object.entries(sensors).filter(([, s]) => s.names.includes(name)).map(([s, sensor]) => ({
-      rows: data.rows[`reading ${s}`], value: (r) => r[1 + sensor.names.indexOf(name)], look: 'reading',
-    })),
-    curves: [
-      { rows: data.rows.truth, value: (r) => r[1 + k], look: 'ink', width: 2, turns: state.angles.includes(name) },
-      { rows: data.rows.estimate, value: (r) => r[1 + k], look: 'estimate', dash: 'dashed', turns: state.angles.includes(name) },
-    ],
-  })));
-  input.names.forEach((name, k) => build('states', () => ({
-    title: `${name} [${input.units[k]}]`, curves: [{ rows: data.rows.input, value: (r) => r[1 + k], look: 'input' }],
-  })));
-  for (const [s, sensor] of Object.entries(sensors)) {
-    const m = sensor.names.length;
-    sensor.names.forEach((name, k) => build('innovations', () => ({
-      title: `${s}: ${name} [${sensor.units[k]}], with ±2σ`,
-      bands: [{ rows: data.rows[`innovation ${s}`], low: (r) => -2 * r[1 + m + k], high: (r) => 2 * r[1 + m + k], look: 'band' }],
-      marks: [{ rows: data.rows[`innovation ${s}`], value: (r) => r[1 + k], look: 'ink', dot: true }],
-    })));
-    build('innovations', () => ({
-      title: `NIS of ${s}: ${m} on average, 95 % below the dashes`,
-      marks: [{ rows: data.rows[`innovation ${s}`], value: (r) => r[1 + 2 * m], look: 'ink', dot: true }],
-      lines: [{ value: m, look: 'estimate' }, { value: [3.84, 5.99, 7.81, 9.49, 11.07, 12.59][m - 1] ?? m + 2.5 * Math.sqrt(2 * m), look: 'estimate', dash: 'dashed' }],
-    }));
-    build('filter', () => ({
-      title: `gain K of ${s}: ${state.names.join(', ')} by ${sensor.names.join(', ')}`,
-      curves: Array.from({ length: n * m }, (_, k) => ({ rows: data.rows[`gain ${s}`], value: (r) => r[1 + k], look: k % 2 ? 'ink' : 'estimate', dash: ['solid', 'dashed', 'dotted'][k % 3] })),
-    }));
-  }
-  build('filter', () => ({
-    title: 'trace of P', log: true, share: Math.min(1, STEPS / (rate * data.span)),
-    curves: [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate' }],
-    marks: rate * data.span < 800 ? [{ rows: data.rows.estimate, value: (r) => r[1 + 2 * n], look: 'estimate', dot: true }] : [],
-  }));
-  $('cost-title').hidden = !input.names.length;
-  if (input.names.length) build('cost', () => ({
-    title: `cost a second: recent ${short(last('cost')?.[2])}, mean ${short(last('cost')?.[1])}, least possible ${short(page.theory.optimum)} (dots)`,
-    log: true,
-    curves: [{ rows: data.rows.cost, value: (r) => r[2], look: 'input' }, { rows: data.rows.cost, value: (r) => r[1], look: 'ink', dash: 'dashed' }],
-    lines: page.theory.optimum > 0 ? [{ value: page.theory.optimum, look: 'estimate' }] : [],
-  }));
+  plots = traces(page.scene).map((trace) => ({ ...trace, canvas: canvasIn($(trace.section)) }));
+  $('cost-title').hidden = !page.scene.input.names.length;
 }
 
+// the effects of the task that is open
+page.renew = () => {
+  $('effects').replaceChildren();
+  // a plot by its name, or a function that draws and returns whether it still moves
+  const made = drawer.effects.map((effect) => (effect instanceof Function ? { move: effect } : plots.find(({ name }) => name === effect)));
+  effects = made.filter(Boolean).map((effect) => ({ ...effect, canvas: canvasIn($('effects')) }));
+  for (const { move, canvas } of effects) canvas.classList.toggle('large', Boolean(move));
+  markUnstable();
+};
+
 // --- drawing: at most 20 times a second --------------------------------------------------------
-let drawn = 0;
+let drawn = 0, said = 0;
 
 function draw(time) {
   requestAnimationFrame(draw);
-  if (!dirty || !page.scene || time - drawn < 45) return;
+  if (!page.dirty || !page.scene || time - drawn < 45) return;
   drawn = time;
-  dirty = false;
+  page.dirty = false;
   $('clock').textContent = `${data.now.toFixed(data.unit === 's' ? 2 : 0)} ${data.unit}`;
   $('prior-legend').hidden = !data.prior;
+  $('path-legend').hidden = !page.path.points?.length;
+  $('limit-legend').hidden = !$('system').grips?.length;
   drawSystem($('system'), page.scene);
-  for (const { canvas, make } of page.plots) plot(canvas, make());
+  for (const { canvas, make, move } of effects) {
+    if (!move) plot(canvas, make());
+    else if (move(canvas)) page.dirty = true;
+  }
+  if ($('all-plots').open) for (const { canvas, make } of plots) plot(canvas, make());
+  if (time - said > 400) { said = time; say(); }
+  if (!$('theory').open) return;
   if (!map.held) map.draw();
   const loop = (page.theory.loops ?? []).find((each) => each.input === $('loop-input').value);
   if (loop) {
@@ -265,13 +221,24 @@ function draw(time) {
   }
 }
 
+// a few times a second, so that it can be read
+function say() {
+  const { text, help } = saying();
+  if ($('sentence').textContent !== text) $('sentence').textContent = text;
+  $('help').hidden = !help;
+  $('help').textContent = HELP[help] ?? '';
+  $('help').dataset.act = help;
+  drawerWords();
+}
+
 // --- what a person does ------------------------------------------------------------------------
 const ACT = {
   pause: () => send({ do: page.status.paused ? 'resume' : 'pause' }),
   step: () => send({ do: 'step' }),
   reset: () => send({ do: page.status.failed ? 'restart' : 'reset' }),
   push: () => push(0, 1),
-  theme: () => theme(!document.documentElement.classList.contains('dark')),
+  theme: () => useTheme(!document.documentElement.classList.contains('dark')),
+  help: () => ACT[$('help').dataset.act]?.(),
   share: () => {
     const file = `${page.share.name}_live.yaml`;
     $('yaml').value = page.share.yaml;
@@ -280,28 +247,24 @@ const ACT = {
   },
 };
 
-function push(input, sign) {
-  send({ do: 'push', input, share: sign * 10 ** $('strength').value });
-}
-
-function theme(dark) {
+function useTheme(dark) {
   document.documentElement.classList.toggle('dark', dark);
   forgetColours();
-  dirty = true;
+  page.dirty = true;
 }
 
-for (const id of ['pause', 'step', 'reset', 'share', 'theme']) $(id).addEventListener('click', ACT[id]);
+for (const id of ['pause', 'step', 'reset', 'share', 'theme', 'help']) $(id).addEventListener('click', ACT[id]);
 $('lockstep').addEventListener('change', () => send({ do: 'mode', lockstep: $('lockstep').checked }));
 $('speed').addEventListener('input', () => send({ do: 'speed', value: Number((10 ** $('speed').value).toPrecision(2)) }));
 $('close').addEventListener('click', () => $('shared').close());
 $('copy').addEventListener('click', () => { $('yaml').select(); document.execCommand('copy'); });
 $('save').addEventListener('click', () => {
-  const link = Object.assign(document.createElement('a'), { download: `${page.share.name}_live.yaml` });
+  const link = element('a', { download: `${page.share.name}_live.yaml` });
   link.href = URL.createObjectURL(new Blob([page.share.yaml], { type: 'application/yaml' }));
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 });
-$('loop-input').addEventListener('change', () => { dirty = true; });
+$('loop-input').addEventListener('change', () => { page.dirty = true; });
 const KEYS = { ' ': 'pause', s: 'step', r: 'reset', p: 'push', t: 'theme' };
 addEventListener('keydown', (event) => {
   const busy = event.target.closest('input, select, textarea, button, summary, dialog');
@@ -309,12 +272,17 @@ addEventListener('keydown', (event) => {
   event.preventDefault();
   ACT[KEYS[event.key]]();
 });
-addEventListener('scroll', () => { dirty = true; }, { passive: true });
-addEventListener('resize', () => { dirty = true; });
+const redraw = () => { page.dirty = true; };
+addEventListener('scroll', redraw, { passive: true, capture: true });
+addEventListener('resize', redraw);
+document.addEventListener('toggle', redraw, true);
 const darkness = matchMedia('(prefers-color-scheme: dark)');
-darkness.addEventListener('change', () => theme(darkness.matches));
-theme(darkness.matches);
-// where the poles are on the map, in pixels: for tests
+darkness.addEventListener('change', () => useTheme(darkness.matches));
+useTheme(darkness.matches);
+dragLimits($('system'));
+drawPaths($('system'));
+grabSystem($('system'));
+// where poles and grips of limits are, in pixels: for tests
 window.livePoles = (of) => map.poles[of].map(([re, im]) => [map.X(re), map.Y(im)]);
-connect();
+connect(receive, () => { $('state').textContent = 'not connected'; });
 requestAnimationFrame(draw);

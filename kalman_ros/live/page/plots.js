@@ -56,7 +56,10 @@ export function stroke(pen, name, width = 1.5, dash = 'solid') {
   pen.setLineDash(DASHES[dash]);
 }
 
+const FAR = 3;  // a line with a grip is within the plot if it is at most this many ranges away
+
 // Draw one plot, of the last `share` of the span. `curves` have rows, a value (row) => number, and a look; a `band` has low and high.
+// A line with a `grip` can be dragged; its value is null where there is no limit.
 export function plot(canvas, { title, curves = [], bands = [], marks = [], lines = [], log = false, share = 1 }) {
   const area = prepare(canvas);
   if (!area) return;
@@ -81,10 +84,15 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
     for (const [, a, b] of points) if (b - a <= 4 * usual) { extend(a); extend(b); }
   }
   for (const { rows, value, dot } of marks) if (dot) for (const row of recent(rows)) extend(scale(value(row)));
-  for (const line of lines) extend(scale(line.value));
+  for (const line of lines) if (!line.grip) extend(scale(line.value));
+  const spread = high > low ? high - low : Infinity;
+  const near = lines.filter(({ grip, value }) => grip && value !== null && Math.abs(value - (low + high) / 2) <= FAR * spread);
+  for (const line of near) extend(line.value);
   if (!(high > low)) { const middle = Number.isFinite(low) ? low : 0; low = middle - 0.5; high = middle + 0.5; }
   const pad = 0.06 * (high - low);
   low -= pad; high += pad;
+  if (canvas.held) [low, high] = canvas.range;  // it does not change under the hand
+  canvas.range = [low, high];
   const X = (t) => left + (right - left) * (t - start) / (end - start || 1);
   const Y = (v) => bottom - (bottom - top) * (v - low) / (high - low);
   pen.fillStyle = colour('soft');
@@ -123,7 +131,8 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
     }
     pen.stroke();
   }
-  for (const { value, look, dash } of lines) {
+  for (const { value, look, dash, grip } of lines) {
+    if (grip) continue;
     stroke(pen, look, 1.2, dash ?? 'dotted');
     pen.beginPath(); pen.moveTo(left, Y(scale(value))); pen.lineTo(right, Y(scale(value))); pen.stroke();
   }
@@ -141,9 +150,38 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
     pen.stroke();
   }
   pen.restore();
+  canvas.grips = lines.filter((line) => line.grip).map((line) => {
+    const y = gripOf(pen, line, left, right, top, bottom, Y);
+    return {
+      hit: (px, py) => Math.abs(py - y) < (px > right - 70 ? 14 : 6) && px > left,
+      value: (px, py) => low + (high - low) * (bottom - py) / (bottom - top),
+      limit: line.grip,
+    };
+  });
   pen.setLineDash([]);
   pen.fillStyle = colour('ink');
   pen.textAlign = 'left';
   pen.textBaseline = 'top';
   pen.fillText(title, left, 1);
+}
+
+// Draw a line with its grip, at the edge of the plot where it is beyond; return its height.
+function gripOf(pen, { value, look, dash, grip }, left, right, top, bottom, Y) {
+  const free = value === null, up = grip.side === 'high';
+  const y = free ? (up ? top : bottom) : Math.min(Math.max(Y(value), top), bottom), beyond = !free && Math.abs(Y(value) - y) > 1;
+  stroke(pen, look, 1.6, free || beyond ? 'dotted' : dash);
+  pen.globalAlpha = free ? 0.35 : 1;
+  pen.beginPath(); pen.moveTo(left, y); pen.lineTo(right, y); pen.stroke();
+  pen.globalAlpha = 1;
+  const text = free ? 'no limit' : `${beyond ? (up ? '↑ ' : '↓ ') : ''}${short(value)}`, width = pen.measureText(text).width + 10;
+  pen.setLineDash([]);
+  pen.fillStyle = colour(free ? 'panel' : look);
+  pen.fillRect(right - width, y - 7, width, 14);
+  stroke(pen, look, 1);
+  pen.strokeRect(right - width, y - 7, width, 14);
+  pen.fillStyle = colour(free ? 'soft' : 'paper');
+  pen.textAlign = 'center';
+  pen.textBaseline = 'middle';
+  pen.fillText(text, right - width / 2, y);
+  return y;
 }

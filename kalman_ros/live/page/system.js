@@ -3,6 +3,9 @@
 
 import { data, last } from './data.js';
 import { arrow, beliefs, crosses, deviation, ellipse, FRESH, magnified, now, reach, rule, spring, TWO_SIGMA } from './drawing.js';
+import { walls } from './limits.js';
+import { page } from './page.js';
+import { drawing, drawPath, room } from './path.js';
 import { colour, prepare, short, stroke, ticks } from './plots.js';
 
 // metres from the middle to the edge: a little more than the recent motion, changing slowly
@@ -10,20 +13,33 @@ const zoomed = { run: -1, reach: 0 };
 
 function zoom(scene, names) {
   const at = names.map((name) => 1 + scene.state.names.indexOf(name));
+  if (drawing.points) return zoomed.reach;
   const rows = (data.rows.truth ?? []).slice(-400);
-  const goal = Math.max(0.3, 1.35 * Math.max(...rows.map((row) => Math.max(...at.map((k) => Math.abs(row[k]))))));
+  const drawn = page.task === 'path' ? 1 : 0.3, points = (page.path.points ?? []).flat().map(Math.abs);
+  const goal = Math.max(drawn, 1.1 * Math.max(0, ...points), 1.35 * Math.max(...rows.map((row) => Math.max(...at.map((k) => Math.abs(row[k]))))));
   zoomed.reach += (zoomed.run === scene.run ? 0.06 : 1) * (goal - zoomed.reach);
   zoomed.run = scene.run;
   return zoomed.reach;
 }
 
+// how the places of a drawing are found again: for what is drawn on it, or dragged
+function viewed(canvas, X, Y) {
+  const along = (place) => { const zero = place(0), one = place(1) - zero; return (pixel) => (pixel - zero) / one; };
+  const [x, y] = [along(X), along(Y)];
+  canvas.view = { X, Y, world: (px, py) => [x(px), y(py)] };
+  canvas.place = (px, py) => [page.scene.path.names, canvas.view.world(px, py)];
+}
+
 const DRAW = {
-  spring(pen, w, h, scene, seen) {
+  spring(pen, w, h, scene, seen, canvas) {
     const scale = w / 2 / zoom(scene, ['x']), X = (x) => w / 2 + x * scale, y = h * 0.55, size = 44;
+    walls(pen, canvas, 'x', X, (px) => (px - w / 2) / scale, w, y - 60, y + size / 2);
     stroke(pen, 'soft', 2);
     pen.beginPath(); pen.moveTo(12, y - 50); pen.lineTo(12, y + size / 2); pen.lineTo(w - 12, y + size / 2); pen.stroke();
     const { truth } = seen;
     if (!truth) return;
+    canvas.body = [X(truth.x), y];
+    canvas.place = (px) => [['x'], [(px - w / 2) / scale]];
     spring(pen, 12, y, X(truth.x) - size / 2, y);
     stroke(pen, 'ink', 3);
     pen.strokeRect(X(truth.x) - size / 2, y - size / 2, size, size);
@@ -47,35 +63,40 @@ const DRAW = {
     rule(pen, X, w, h, scale);
   },
 
-  springs(pen, w, h, scene, seen) {
+  springs(pen, w, h, scene, seen, canvas) {
     const scale = Math.min(w, h) / 2 / zoom(scene, ['x', 'y']), X = (x) => w / 2 + x * scale, Y = (y) => h / 2 - y * scale;
+    viewed(canvas, X, Y);
+    drawPath(pen, X, Y);
     const { truth } = seen;
     stroke(pen, 'soft', 2);
     pen.strokeRect(10, 10, w - 20, h - 20);
     if (!truth) return;
-    const [x, y] = [X(truth.x), Y(truth.y)];
+    const [x, y] = canvas.body = [X(truth.x), Y(truth.y)];
     for (const [a, b] of [[10, h / 2], [w - 10, h / 2], [w / 2, 10], [w / 2, h - 10]]) spring(pen, a, b, x, y);
     beliefs(pen, seen, (belief, look, dash) => ellipse(pen, X, Y, belief, 'x', 'y', look, dash));
     stroke(pen, 'ink', 3);
     pen.beginPath(); pen.arc(x, y, 9, 0, 7); pen.stroke();
     crosses(pen, scene, X, Y, 'x', 'y');
     arrow(pen, x, y, reach(scene, seen.input[0]), -reach(scene, seen.input[1]));
-    magnified(pen, w, seen, scale, 'x', 'y');
+    magnified(pen, w, h, seen, scale, 'x', 'y', canvas.body);
     rule(pen, X, w, h, scale);
   },
 
-  cart_pole(pen, w, h, scene, seen) {
+  cart_pole(pen, w, h, scene, seen, canvas) {
     const { truth } = seen;
     if (!truth) return;
     const scale = Math.min(w / 3, h / 1.9), ground = h * 0.72, long = 2 * scene.length * scale;
     const centre = Math.abs(truth.x) > 1.2 ? truth.x : 0, X = (x) => w / 2 + (x - centre) * scale;
     stroke(pen, 'soft', 2);
     pen.beginPath(); pen.moveTo(0, ground + 24); pen.lineTo(w, ground + 24); pen.stroke();
+    walls(pen, canvas, 'x', X, (px) => centre + (px - w / 2) / scale, w, ground - 40, ground + 24);
     const pole = (x, theta, look, width, dash) => {
       stroke(pen, look, width, dash);
       pen.strokeRect(X(x) - 32, ground - 8, 64, 26);
       pen.beginPath(); pen.moveTo(X(x), ground - 8); pen.lineTo(X(x) - long * Math.sin(theta), ground - 8 - long * Math.cos(theta)); pen.stroke();
     };
+    canvas.body = [X(truth.x), ground + 5];
+    canvas.place = (px) => [['x'], [centre + (px - w / 2) / scale]];
     pole(truth.x, truth.theta, 'ink', 4);
     beliefs(pen, seen, (belief, look, dash) => {
       const d = Math.min(Math.PI, TWO_SIGMA * deviation(belief, 'theta')), x = X(belief.x.x), a = -Math.PI / 2 - belief.x.theta;
@@ -90,7 +111,7 @@ const DRAW = {
     rule(pen, X, w, h, scale, centre);
   },
 
-  motor(pen, w, h, scene, seen) {
+  motor(pen, w, h, scene, seen, canvas) {
     const { truth } = seen, x = w / 2, y = h / 2, r = Math.min(w, h) * 0.36;
     stroke(pen, 'soft', 2);
     pen.beginPath(); pen.arc(x, y, r, 0, 7); pen.stroke();
@@ -105,16 +126,21 @@ const DRAW = {
       pen.beginPath(); pen.moveTo(x, y); pen.arc(x, y, r * 1.08, a - d, a + d); pen.fill();
       hand(belief.x.theta, look, 2, dash);
     });
+    canvas.body = [x + r * Math.cos(truth.theta), y - r * Math.sin(truth.theta)];
+    canvas.place = (px, py) => [['theta'], [Math.atan2(y - py, px - x)]];
     hand(truth.theta, 'ink', 4);
     arrow(pen, 24, h - 16, 0, -Math.abs(reach(scene, seen.input[0])));
     pen.fillStyle = colour('soft');
     pen.fillText(`${short(seen.input[0])} ${scene.input.units[0]}`, 36, h - 16);
   },
 
-  submersible(pen, w, h, scene, seen) {
+  submersible(pen, w, h, scene, seen, canvas) {
     const { truth } = seen;
     if (!truth) return;
-    const scale = w / 9, X = (x) => w / 2 + (x - truth.x) * scale, Y = (z) => h * 0.12 - z * scale * 0.9;
+    if (!drawing.points) middle.x = truth.x;
+    const centre = middle.x, scale = w / 9, X = (x) => w / 2 + (x - centre) * scale, Y = (z) => h * 0.12 - z * scale * 0.9;
+    viewed(canvas, X, Y);
+    drawPath(pen, X, Y);
     stroke(pen, 'estimate', 2, 'dotted');
     pen.beginPath(); pen.moveTo(0, Y(0)); pen.lineTo(w, Y(0)); pen.stroke();
     const body = (x, z, pitch, look, width, dash) => {
@@ -127,6 +153,7 @@ const DRAW = {
       ellipse(pen, X, (z) => Y(z), belief, 'x', 'z', look, dash);
       body(belief.x.x, belief.x.z, belief.x.pitch, look, 2, dash);
     });
+    canvas.body = [X(truth.x), Y(truth.z)];
     body(truth.x, truth.z, truth.pitch, 'ink', 3);
     const along = Math.cos(truth.pitch), down = Math.sin(truth.pitch), [surge, fore, aft] = seen.input;
     const at = (s) => [X(truth.x) + s * along, Y(truth.z) + s * down];
@@ -134,15 +161,16 @@ const DRAW = {
     push(-38, along, down, surge);
     push(26, down, -along, fore);
     push(-26, down, -along, aft);
-    magnified(pen, w, seen, scale, 'x', 'z');
-    rule(pen, X, w, h, scale, truth.x);
+    magnified(pen, w, h, seen, scale, 'x', 'z', canvas.body);
+    rule(pen, X, w, h, scale, centre);
   },
 
-  plane(pen, w, h, scene, seen) {
+  plane(pen, w, h, scene, seen, canvas) {
     const { truth } = seen;
     if (!truth) return;
     const view = frame(scene, seen, w, h);
     const X = (x) => w / 2 + (x - view.x) * view.scale, Y = (y) => h / 2 - (y - view.y) * view.scale;
+    viewed(canvas, X, Y);
     stroke(pen, 'line', 1);
     pen.fillStyle = colour('soft');
     for (const x of ticks(view.x - w / 2 / view.scale, view.x + w / 2 / view.scale, 6)) {
@@ -151,6 +179,7 @@ const DRAW = {
     for (const y of ticks(view.y - h / 2 / view.scale, view.y + h / 2 / view.scale, 5)) {
       pen.beginPath(); pen.moveTo(0, Y(y)); pen.lineTo(w, Y(y)); pen.stroke(); pen.fillText(`${short(y)} m`, 3, Y(y) - 3);
     }
+    drawPath(pen, X, Y);
     const i = 1 + scene.state.names.indexOf('x'), j = 1 + scene.state.names.indexOf('y');
     for (const [rows, look, dash] of [['estimate', 'estimate', 'dashed'], ['truth', 'ink', 'solid']]) {
       stroke(pen, look, 1.4, dash);
@@ -163,11 +192,12 @@ const DRAW = {
     crosses(pen, scene, X, Y, 'x', 'y');
     const heading = scene.drawing.heading;
     const a = heading ? truth[heading] : Math.atan2(truth.v_y ?? 0, truth.v_x ?? 1);
-    pen.save(); pen.translate(X(truth.x), Y(truth.y)); pen.rotate(-a);
+    canvas.body = [X(truth.x), Y(truth.y)];
+    pen.save(); pen.translate(...canvas.body); pen.rotate(-a);
     stroke(pen, 'ink', 2.5);
     pen.beginPath(); pen.moveTo(12, 0); pen.lineTo(-8, 7); pen.lineTo(-4, 0); pen.lineTo(-8, -7); pen.closePath(); pen.stroke();
     pen.restore();
-    magnified(pen, w, seen, view.scale, 'x', 'y');
+    magnified(pen, w, h, seen, view.scale, 'x', 'y', canvas.body);
   },
 
   bars(pen, w, h, scene, seen) {
@@ -216,11 +246,14 @@ function places(pen, scene, X, Y, far) {
 
 // what of the plane is shown: the recent tracks, the sensors, and an ellipse that is not larger
 const shown = { x: 0, y: 0, scale: 0, run: -1 };
+const middle = { x: 0 };
 
 function frame(scene, seen, w, h) {
+  if (drawing.points) return shown;
   const i = 1 + scene.state.names.indexOf('x'), j = 1 + scene.state.names.indexOf('y');
   const points = [...(data.rows.truth ?? []), ...(data.rows.estimate ?? [])].map((row) => [row[i], row[j]]);
   for (const sensor of Object.values(scene.sensors)) if (sensor.place) points.push(sensor.place);
+  points.push(...(page.path.points ?? []));
   const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
   const box = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
   if (seen.estimate) {
@@ -229,7 +262,8 @@ function frame(scene, seen, w, h) {
     box[0] = Math.min(box[0], x.x - dx); box[1] = Math.max(box[1], x.x + dx);
     box[2] = Math.min(box[2], x.y - dy); box[3] = Math.max(box[3], x.y + dy);
   }
-  const scale = 0.85 * Math.min(w / Math.max(box[1] - box[0], 1e-3), h / Math.max(box[3] - box[2], 1e-3));
+  const least = Math.max(room(), 1e-3);
+  const scale = 0.85 * Math.min(w / Math.max(box[1] - box[0], least), h / Math.max(box[3] - box[2], least / 2));
   const goal = { x: (box[0] + box[1]) / 2, y: (box[2] + box[3]) / 2, scale };
   const follow = shown.run === scene.run && shown.scale ? 0.08 : 1;
   for (const key of ['x', 'y', 'scale']) shown[key] += follow * (goal[key] - shown[key]);
@@ -242,5 +276,11 @@ export function drawSystem(canvas, scene) {
   if (!area) return;
   area.pen.textAlign = 'left';
   area.pen.textBaseline = 'alphabetic';
-  DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene));
+  canvas.grips = [];
+  canvas.place = null;
+  DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene), canvas);
+  if (canvas.pull && canvas.body) {
+    const [x, y] = canvas.body, [px, py] = canvas.pull;
+    arrow(area.pen, x, y, px - x, py - y, canvas.carries ? 'bad' : 'path');
+  }
 }

@@ -85,6 +85,9 @@ class MotionReader:
         self._asked: tuple[object, tuple[object, ...]] = None, ()
         #: Whether the motion that is followed has the gains of other weights.
         self._stale = False
+        #: Numbers of planned and refused references, and the reason of the last refusal.
+        self.planned = self.refused = 0
+        self.refusal = ''
 
     def adopt(self, scenario: Scenario, options: ControllerOptions, limits: Limits) -> None:
         """Plan for another scenario, or with other options, from now on."""
@@ -150,12 +153,22 @@ class MotionReader:
         if not self._jobs.is_waiting:
             self._wanted = None
         if isinstance(result, Exception):
-            topic = '' if wanted is None else f'{wanted.topic}: '
-            self._warn(f'{topic}{result}; what was held stays')
+            if wanted is None:
+                self._warn(f'{result}; what was held stays')
+            else:
+                self._refuse(wanted.topic, result)
             if self._stale and self._regulator.motion is not None:
                 self.regain(self._regulator.motion, self._scenario)
         else:
             self._planned, self._planned_for, self._waited = result, wanted, not acts
+            self.planned += wanted is not None
+            self._node.diagnostics.soon()
+
+    def _refuse(self, topic: str, reason: Exception) -> None:
+        """Log and report why a reference is refused."""
+        self.refused, self.refusal = self.refused + 1, f'{topic}: {reason}'
+        self._warn(f'{self.refusal}; what was held stays')
+        self._node.diagnostics.soon()
 
     def _subscribe(self, topic: str, kind: str, read: Callable[[str, Any], _Wanted]) -> None:
         message = message_type(kind)
@@ -164,7 +177,7 @@ class MotionReader:
             try:
                 wanted = read(topic, decode(data, message))
             except ValueError as error:
-                self._warn(f'{topic}: {error}; what was held stays')
+                self._refuse(topic, error)
                 return
             self._plan(wanted)
 

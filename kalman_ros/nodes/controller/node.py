@@ -375,6 +375,8 @@ class ControllerNode(runtime.ScenarioNode):
             'from arrival to publication, 50 / 90 / 99 % [ms]': str(self._latency),
             'age of estimates, 50 / 90 / 99 % [ms]': str(self._age),
             'law': self.scenario.law,
+            'motions planned': self._motions.planned,
+            'motions refused': self._motions.refused,
             'reference': np.array2string(target[0], precision=4),
             'gain': np.array2string(gains.gain, precision=4),
             'poles': np.array2string(gains.poles, precision=4),
@@ -390,6 +392,8 @@ class ControllerNode(runtime.ScenarioNode):
         if self._fault:
             return Level.ERROR, f'{self._fault}: {zero}', values
         values.update(self._progress())
+        if self._motions.refusal:
+            values['reason of the last refusal'] = self._motions.refusal
         if not self._stop.may_act:
             return Level.WARN, f'disabled: {zero}', values
         if not self._answered:

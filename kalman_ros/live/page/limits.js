@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// Limits of inputs and states: lines in the plots and walls in the picture, which are dragged.
+
+import { data } from './data.js';
+import { page } from './page.js';
+import { colour, short, stroke } from './plots.js';
+import { Newest, send } from './socket.js';
+
+const newest = new Newest(send);
+const WINDOW = 5;      // seconds of which the shares are told
+const NEAR = 0.01;     // a state is at a limit within this share of it
+let held = null;       // the limit that is dragged, with its value
+
+// the limit of an input or a state; null where there is none
+export function limitOf(of, name, side) {
+  if (held && held.of === of && held.name === name && (of === 'input' || held.side === side)) {
+    return of === 'input' && side === 'low' ? -held.value : held.value;
+  }
+  if (of === 'state') return page.limits.state[name]?.[side === 'low' ? 0 : 1] ?? null;
+  const most = page.limits.input[page.scene.input.names.indexOf(name)] ?? null;
+  return most === null || side === 'high' ? most : -most;
+}
+
+export const hasLimits = (of, name) => (of === 'input' ? page.limits.input.length > 0 : name in page.limits.state);
+
+// lines of a plot, one for each side; where there is no limit, only while limits are the task
+export function limitLines(of, name) {
+  if (!hasLimits(of, name)) return [];
+  return ['low', 'high'].map((side) => ({ value: limitOf(of, name, side), look: 'bad', dash: 'dashed', grip: { of, name, side } }))
+    .filter(({ value }) => value !== null || page.task === 'limits');
+}
+
+export function setLimit(grip, value, done) {
+  const number = value === null ? {} : { value: Number(value.toPrecision(3)) };
+  newest.put({ do: 'limit', ...grip, ...number }, done);
+}
+
+// Let a person drag the grips of a canvas: `canvas.grips` are renewed whenever it is drawn, each
+// with `hit(x, y)`, `value(x, y)` and its limit.
+export function dragLimits(canvas) {
+  const at = (event) => {
+    const box = canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  };
+  const under = (event) => (canvas.grips ?? []).find((grip) => grip.hit(...at(event)));
+  canvas.addEventListener('pointerdown', (event) => {
+    const grip = under(event);
+    if (!grip) return;
+    event.stopImmediatePropagation();
+    canvas.setPointerCapture(event.pointerId);
+    canvas.held = grip;
+    held = { ...grip.limit, value: grip.value(...at(event)) };
+  });
+  canvas.addEventListener('pointermove', (event) => {
+    if (!canvas.held) { canvas.classList.toggle('grip', Boolean(under(event))); return; }
+    const value = canvas.held.value(...at(event));
+    held = { ...canvas.held.limit, value: canvas.held.limit.of === 'input' ? Math.abs(value) : value };
+    page.dirty = true;
+    setLimit(canvas.held.limit, held.value);
+  });
+  const release = () => {
+    if (!canvas.held) return;
+    const { limit } = canvas.held, { value } = held;
+    canvas.held = null;
+    setLimit(limit, value, () => { held = null; page.dirty = true; });
+  };
+  canvas.addEventListener('pointerup', release);
+  canvas.addEventListener('pointercancel', release);
+  // a finger on a grip does not scroll
+  canvas.addEventListener('touchstart', (event) => { if (under(event.touches[0])) event.preventDefault(); }, { passive: false });
+}
+
+// walls at the limits of a position; where there is none, a grip at the edge
+export function walls(pen, canvas, name, X, world, width, top, bottom) {
+  if (!hasLimits('state', name)) return;
+  for (const side of ['low', 'high']) {
+    const value = limitOf('state', name, side), sign = side === 'low' ? -1 : 1;
+    const edge = side === 'low' ? 10 : width - 10;
+    const free = value === null, x = free ? edge : X(value);
+    if (x < 0 || x > width || (free && page.task !== 'limits')) continue;  // not in the picture
+    stroke(pen, 'bad', free ? 1.5 : 4, free ? 'dotted' : 'solid');
+    pen.beginPath(); pen.moveTo(x, top); pen.lineTo(x, bottom); pen.stroke();
+    if (!free) {
+      stroke(pen, 'bad', 1);
+      pen.beginPath();
+      for (let y = top; y < bottom; y += 9) { pen.moveTo(x, y + 9); pen.lineTo(x + 9 * sign, y); }
+      pen.stroke();
+    }
+    pen.fillStyle = colour('bad');
+    pen.textAlign = side === 'low' ? 'left' : 'right';
+    pen.fillText(free ? 'no limit: drag' : `${short(value)} m`, side === 'low' ? Math.max(x - 4, 2) : Math.min(x + 4, width - 2), top - 5);
+    pen.textAlign = 'left';
+    canvas.grips.push({
+      hit: (px, py) => Math.abs(px - x) < 16 && py > top - 20 && py < bottom + 20,
+      value: (px) => world(px), limit: { of: 'state', name, side },
+    });
+  }
+}
+
+const history = [];  // of what the controller counts: time, inputs planned within limits, answered
+
+export function countPlans(status) {
+  const planned = Number.parseInt(status.planned_within_limits, 10), answered = Number.parseInt(status.answered, 10);
+  if (!(answered >= 0) || !(planned >= 0)) { history.length = 0; return; }
+  if (history.length && history.at(-1)[1] > answered) history.length = 0;
+  history.push([performance.now(), answered, planned]);
+  while (history.length > 2 && history[1][0] < performance.now() - 1e3 * WINDOW) history.shift();
+}
+
+// Shares of the last seconds in which a limit acts: of each input, of each state, and in the plan.
+export function acting() {
+  const found = [], { state, input } = page.scene, since = data.now - WINDOW;
+  const share = (rows, test) => {
+    const recent = (rows ?? []).filter((row) => row[0] >= since);
+    return recent.length ? recent.filter(test).length / recent.length : 0;
+  };
+  input.names.forEach((name, k) => {
+    const most = limitOf('input', name, 'high');
+    if (most !== null) found.push({ of: 'input', name, share: share(data.rows.input, (row) => Math.abs(row[1 + k]) >= 0.999 * most) });
+  });
+  state.names.forEach((name, k) => {
+    const low = limitOf('state', name, 'low'), high = limitOf('state', name, 'high');
+    if (low === null && high === null) return;
+    const beyond = (x) => (low !== null && x <= low + NEAR * Math.abs(low)) || (high !== null && x >= high - NEAR * Math.abs(high));
+    found.push({ of: 'state', name, share: share(data.rows.truth, (row) => beyond(row[1 + k])) });
+  });
+  if (history.length > 1) {
+    const [, a, b] = history[0], [, c, d] = history.at(-1);
+    if (c > a) found.push({ of: 'plan', name: '', share: (d - b) / (c - a) });
+  }
+  return found;
+}
+
+const percent = (share) => `${Math.max(1, Math.round(100 * share))} % of the last ${WINDOW} s`;
+
+// one sentence on which limit acts most; '' where none does
+export function actingSentence() {
+  const all = acting(), of = (kind) => all.filter((each) => each.of === kind && each.share > 0.005).sort((a, b) => b.share - a.share)[0];
+  const input = of('input'), state = of('state'), plan = of('plan');
+  if (input) {
+    const which = page.scene.input.names.length > 1 ? `input ${input.name}` : 'input';
+    return `The regulator is held by the limit of the ${which}: ${percent(input.share)}.`;
+  }
+  if (state) return `The limit of ${state.name} holds the state: ${percent(state.share)}.`;
+  if (plan) return `A limit ahead shapes the input: ${percent(plan.share)}.`;
+  return '';
+}

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the page knows: the sections that the server sends, and the task that is open.
+
+export const $ = (id) => document.getElementById(id);
+
+export const page = {
+  scene: null,
+  values: {},    // of the controls, by key
+  chosen: {},    // filter and law
+  limits: { input: [], state: {}, reason: '' },
+  theory: {},
+  status: {},
+  path: { points: [], state: '' },
+  share: {},
+  task: '',      // the open one of the drawer
+  dirty: true,   // whether something has changed since it was drawn
+};
+
+// an element with properties and children
+export function element(tag, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+}

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// One sentence that says what is going on, from the numbers, and the button that helps.
+
+import { data, last } from './data.js';
+import { actingSentence } from './limits.js';
+import { page } from './page.js';
+import { pathWords } from './path.js';
+import { short } from './plots.js';
+
+const RECENT = 2;      // seconds over which an error is averaged
+const FALLEN = 1.3;    // radians at which no force brings the pole up again
+const TOO_SURE = 2;    // the error beyond this many times the 2σ is too large to be chance
+const SHOWN = 6000;    // milliseconds for which the end of a motion is told
+const ended = { state: '', at: 0 };
+const DEGREE = Math.PI / 180;
+
+// a length or another quantity with a unit that suits its size
+export function quantity(value, unit) {
+  if (unit === 'm' && Math.abs(value) < 0.01) return `${short(1e3 * value, 2)} mm`;
+  if (unit === 'm' && Math.abs(value) < 0.95) return `${short(100 * value, 2)} cm`;
+  if (unit === 'rad') return `${short(value / DEGREE, 2)}°`;
+  return `${short(value, 2)} ${unit}`.trim();
+}
+
+// the coordinates that the sentence is about: the place on a map, else the first that is measured
+export function mainStates() {
+  const { scene } = page, { names } = scene.state;
+  if (scene.path.names.length) return scene.path.names;
+  const measured = names.find((name) => Object.values(scene.sensors).some((sensor) => sensor.names.includes(name)));
+  return [measured ?? names[0]];
+}
+
+const turned = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
+
+// how wrong the estimate is, and how wrong it believes to be (2σ), in the recent past
+function errors() {
+  const { state } = page.scene, n = state.names.length, names = mainStates();
+  const truths = new Map((data.rows.truth ?? []).map((row) => [row[0], row]));
+  let squares = 0, variances = 0, count = 0;
+  for (const row of (data.rows.estimate ?? []).filter((each) => each[0] >= data.now - RECENT)) {
+    const truth = truths.get(row[0]);
+    if (!truth) continue;
+    count++;
+    for (const name of names) {
+      const k = state.names.indexOf(name), off = row[1 + k] - truth[1 + k];
+      squares += (state.angles.includes(name) ? turned(off) : off) ** 2;
+      variances += row[1 + n + k] ** 2;
+    }
+  }
+  if (!count) return null;
+  return { wrong: Math.sqrt(squares / count), believed: 2 * Math.sqrt(variances / count), unit: state.units[state.names.indexOf(names[0])] };
+}
+
+function fallen() {
+  if (page.scene.drawing.kind !== 'cart_pole') return false;
+  const truth = last('truth'), at = page.scene.state.names.indexOf('theta');
+  return Boolean(truth) && Math.abs(turned(truth[1 + at])) > FALLEN;
+}
+
+// The sentence, and the name of an action that helps, or ''.
+export function saying() {
+  const { status, scene, path } = page, { controller, plant } = status.nodes ?? {};
+  if (!last('truth')) return { text: status.message || 'The nodes start.', help: '' };
+  if (status.paused) return { text: 'The plant is paused.', help: 'pause' };
+  if (plant?.level === 2) return { text: `The plant: ${plant.message}.`, help: 'reset' };
+  if (controller?.level === 2) return { text: `The controller: ${controller.message}.`, help: 'reset' };
+  if (fallen()) return { text: 'The pole has fallen: no force that the regulator knows brings it up.', help: 'reset' };
+  const error = errors();
+  if (error && error.wrong > TOO_SURE * error.believed) {
+    return { text: `The filter is too sure: it believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`, help: 'reset' };
+  }
+  const recent = path.state === 'ended' && performance.now() - ended.at < SHOWN;
+  if (path.state !== ended.state) Object.assign(ended, { state: path.state, at: performance.now() });
+  if (!scene.path.reason && (recent || ['planning', 'refused', 'following'].includes(path.state))) return { text: pathWords(), help: '' };
+  const held = scene.input.names.length ? actingSentence() : '';
+  if (held) return { text: held, help: '' };
+  if (error) return { text: `The filter believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`, help: '' };
+  return { text: 'No estimate has been compared with the truth yet.', help: '' };
+}
