@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from kalman_ros.core import Array, DesignError, semidefinite
+from kalman_ros.linear.lyapunov import stationary_covariance
 from kalman_ros.linear.structure import describe, eigenvalues, is_stable, unstable
 
 from .lqr import Cost
@@ -54,10 +54,7 @@ class NoisyLoop:
         if not is_stable(self.A, sampled=self.sampled):
             growing = unstable(eigenvalues(self.A), sampled=self.sampled)
             raise DesignError(f'the loop is not stable: it has poles at {describe(growing)}')
-        if self.sampled:
-            covariance = solve_discrete_lyapunov(self.A, self.noise)
-        else:
-            covariance = solve_continuous_lyapunov(self.A, -self.noise)
+        covariance = stationary_covariance(self.A, self.noise, sampled=self.sampled)
         return float(np.einsum('ij,jk,ik', self.C, covariance, self.C)) + self.direct
 
 

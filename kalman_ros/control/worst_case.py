@@ -12,8 +12,8 @@ Inequalities in System and Control Theory, 1994, chapters 5 to 7). Without w the
 from x on is at most x'P x. Here M is the polynomial of second degree in each
 parameter through 3^d points of the box, and P is linear: that of the centre with its derivatives.
 Both sides are then polynomials, which lie in the hull of their Bernstein coefficients (J. Garloff,
-1986), and these are checked. The difference between M and its polynomial is of third order in
-the size of the box, and is neglected. A box without such a P is halved.
+1986), and these are checked. The difference between M and its polynomial is measured where that of
+a cubic is largest, and twice as much is allowed for. A box without such a P is halved.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ from itertools import product
 from math import comb, inf, isfinite
 
 import numpy as np
-from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
+from scipy.linalg import solve_discrete_are
 from scipy.optimize import brentq, minimize
 
 from kalman_ros.core import Array, DesignError
+from kalman_ros.linear.lyapunov import stationary_covariance
 from kalman_ros.linear.matrices import symmetric
 
 from .crossings import continuous
@@ -39,15 +40,20 @@ from .state_space import StateSpace
 #: The relative distance between the worst value that was found and the bound.
 GAP = 0.08
 #: The largest number of boxes that are looked at.
-_MOST_BOXES = 2000
+_MOST_BOXES = 1000
 #: The largest multiple of a box in which a stability limit is searched.
 MOST_TIMES = 4.0
 #: Iterations for a storage function, and how much larger than the differences it is made.
 _ITERATIONS, _MARGIN = 40, 1.05
+#: How often a stability limit is lowered until it can be proved.
+_ATTEMPTS = 6
 #: Share of the cost that is added so that a storage function proves stability, too.
 _FLOOR = 1e-3
 #: Weight of a state, in units of its reach, that no bound depends on.
 _TINY = 1e-7
+#: Where a cubic differs most from its parabola, as a part of half the side of a box, and how many
+#: times the difference there is allowed for.
+_LARGEST, _SAFETY = 3.0**-0.5, 2.0
 #: The degree in each parameter of M'P M, with M of second degree and P of first.
 _DEGREE = 5
 #: The part of the largest box with a loop in each corner that is searched.
@@ -118,10 +124,11 @@ class _Family(ABC):
         """Return the numbers (k,) that a bound depends on, smooth in the parameters."""
 
     @abstractmethod
-    def bound(self, grid: Array, level: float) -> float:
+    def bound(self, grid: Array, rest: Array, level: float) -> float:
         """Return a bound of the values in a box, inf if above ``level``.
 
-        Its matrices at the corners, the middles of the sides and the centre are (3, ..., 3, k).
+        Its matrices at the corners, the middles of the sides and the centre are (3, ..., 3, k),
+        and ``rest`` (K, k) is by how much others differ from the polynomial through these.
         """
 
 
@@ -144,18 +151,20 @@ class _Costs(_Family):
         assert loop.C.shape[1] == n
         return np.concatenate((loop.A.ravel(), loop.C.ravel(), loop.noise.ravel(), [loop.direct]))
 
-    def bound(self, grid: Array, level: float) -> float:
-        n = self._n
-        d = grid.ndim - 1
-        M = _square(grid[..., : -n * n - 1], n)
+    def bound(self, grid: Array, rest: Array, level: float) -> float:
+        n, d = self._n, grid.ndim - 1
+        M, M_rest = (_square(some[..., : -n * n - 1], n) for some in (grid, rest))
+        noise_rest = _square(rest[:, -n * n - 1 : -1], n)
         noise = _nodes(_square(grid[..., -n * n - 1 : -1], n), d)
         direct = _nodes(grid[..., -1], d)
         floor = _floor(_centre(M, d), noise.mean(axis=0))
 
         def cost(P: Array) -> float:
-            return float(_coefficients(np.einsum('kij,kji->k', P, noise) + direct, d).max())
+            most = _coefficients(np.einsum('kij,kji->k', P, noise) + direct, d).max()
+            left = np.einsum('ij,kji->k', P.mean(axis=0), noise_rest) + rest[:, -1]
+            return float(most + _SAFETY * np.abs(left).max(initial=0.0))
 
-        P = None if floor is None else _storage(M, inf, floor, lambda P: cost(P) <= level)
+        P = None if floor is None else _storage(M, M_rest, inf, floor, lambda P: cost(P) <= level)
         return inf if P is None else cost(P)
 
 
@@ -174,7 +183,7 @@ class _Peaks(_Family):
         self._n = len(loop.A)
         return np.asarray(np.block([[loop.A, loop.B], [loop.C, loop.D]])).ravel()
 
-    def bound(self, grid: Array, level: float) -> float:
+    def bound(self, grid: Array, rest: Array, level: float) -> float:
         n, M = self._n, _square(grid, self._n + 1)
         A, B = np.split(_centre(M, grid.ndim - 1)[:n], [n], axis=1)
         reach = _lyapunov(A.T, B @ B.T)
@@ -184,7 +193,7 @@ class _Peaks(_Family):
         spread = reach.diagonal().copy()
         spread[spread <= _TINY * spread.max()] = spread.max() or 1.0
         floor = np.diag(_TINY * level**2 / spread)
-        return inf if _storage(M, level, floor) is None else level
+        return inf if _storage(M, _square(rest, n + 1), level, floor) is None else level
 
 
 def worst_cost(loop: Callable[[Array], NoisyLoop], low: Array, high: Array) -> Bracket:
@@ -219,7 +228,7 @@ def stability_limit(
     most = _allowed(loop, at, len(nominal))
     refuted, point = _nearest_unstable(loop, at, len(nominal), most)
     proved, ones = most if refuted == inf else refuted, np.ones(len(nominal))
-    for _ in range(12):
+    for _ in range(_ATTEMPTS):
         if refuted != inf:
             proved /= 1.0 + GAP
         if _all_stable(loop, at(proved, -ones), at(proved, ones)):
@@ -248,7 +257,7 @@ def _largest(family: _Family, low: Array, high: Array) -> Bracket:
         middle = 0.5 * (first + last)
         if (value := family.value(middle)) > reached:
             reached, point = value, middle
-        least = family.bound(_grid(matrices, first, last), reached * (1.0 + GAP))
+        least = family.bound(*_matrices(matrices, first, last), reached * (1.0 + GAP))
         if isfinite(least):
             bound = max(bound, least)
         else:
@@ -275,11 +284,25 @@ def _climbed(family: _Family, low: Array, high: Array) -> tuple[float, Array]:
     return (value, at) if value > values[best] else (values[best], points[best])
 
 
-def _grid(matrices: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """Return the matrices (3, ..., 3, k) at the corners, middles of sides, and centre of a box."""
-    sides = zip(low, 0.5 * (low + high), high)
-    values = np.array([matrices(np.array(at)) for at in product(*sides)])
-    return values.reshape(*(3,) * len(low), -1)
+def _matrices(matrices: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the matrices of a box, and by how much others differ from their polynomial.
+
+    Returns
+    -------
+    grid
+        Matrices (3, ..., 3, k) at the corners, middles of the sides, and the centre.
+    rest
+        Differences (K, k) at the points at which that of a cubic is largest.
+    """
+    d, middle, half = len(low), 0.5 * (low + high), 0.5 * (high - low)
+    around = np.array(list(product((-1.0, 0.0, 1.0), repeat=d)))
+    grid, inner = (
+        np.array([matrices(middle + half * part * at) for at in around])
+        for part in (1.0, _LARGEST)
+    )
+    grid = grid.reshape(*(3,) * d, -1)
+    t = 0.5 + 0.5 * _LARGEST * np.array([-1.0, 0.0, 1.0])
+    return grid, inner - _along_axes(_quadratic(t), grid, d)
 
 
 def _halves(
@@ -300,7 +323,11 @@ def _halves(
 
 
 def _storage(
-    grid: Array, level: float, floor: Array, enough: Callable[[Array], bool] = lambda P: True
+    grid: Array,
+    rest: Array,
+    level: float,
+    floor: Array,
+    enough: Callable[[Array], bool] = lambda P: True,
 ) -> Array | None:
     """Return a storage function P of all loops of a box at its nodes (N, n, n).
 
@@ -311,6 +338,8 @@ def _storage(
     ----------
     grid
         [[A, B], [C, D]] (3, ..., 3, n + p, n + m); without B and D the level is infinite.
+    rest
+        What others in the box differ by from the polynomial of these (K, n + p, n + m).
     level
         g.
     floor
@@ -330,7 +359,8 @@ def _storage(
         at_nodes = P + np.tensordot(at, change, 1)
         if not enough(at_nodes):
             return None
-        excess = _excess(_coefficients(_form(M, at_nodes, floor, level), d), n)
+        margin = _margin(rest, P, level)
+        excess = _excess(_coefficients(_form(M, at_nodes, floor, level, margin), d), n)
         if excess is None:
             return None
         lacking = np.linalg.eigvalsh(_scaled(excess, P))[:, -1] > 0.0
@@ -340,14 +370,29 @@ def _storage(
     return None
 
 
-def _form(M: Array, P: Array, floor: Array, level: float) -> Array:
-    """Return M'diag(P, 1) M - diag(P - floor, level^2) (N, n + m, n + m)."""
+def _margin(rest: Array, P: Array, level: float) -> float:
+    """Return by which part of diag(P, level^2) the form may grow if M differs by twice ``rest``.
+
+    In units in which diag(P, 1) and diag(P, level^2) are the identity, M is at most 1 in norm.
+    """
+    n = len(P)
+    values, vectors = np.linalg.eigh(P)
+    root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
+    left, right = (vectors * root).T, vectors / root
+    rest = np.concatenate((left @ rest[:, :n], rest[:, n:]), axis=1)
+    rest = np.concatenate((rest[:, :, :n] @ right, rest[:, :, n:] / level), axis=2)
+    size = _SAFETY * float(np.linalg.norm(rest, 2, axis=(1, 2)).max(initial=0.0))
+    return 2.0 * size + size**2
+
+
+def _form(M: Array, P: Array, floor: Array, level: float, margin: float) -> Array:
+    """Return M'diag(P, 1) M - (1 - margin) diag(P, level^2) + diag(floor, 0) at nodes."""
     n = P.shape[1]
     weighted = np.concatenate((P @ M[:, :n], M[:, n:]), axis=1)
     form: Array = M.swapaxes(1, 2) @ weighted
-    form[:, :n, :n] += floor - P
+    form[:, :n, :n] += floor - (1.0 - margin) * P
     inputs = np.arange(n, form.shape[1])
-    form[:, inputs, inputs] -= level**2 if inputs.size else 0.0
+    form[:, inputs, inputs] -= (1.0 - margin) * level**2 if inputs.size else 0.0
     return form
 
 
@@ -382,8 +427,7 @@ def _lyapunov(A: Array, Q: Array) -> Array | None:
     """Return X = A'X A + Q; None if A is unstable, or nearly so."""
     if not np.abs(np.linalg.eigvals(A)).max(initial=0.0) < _STABLE:
         return None
-    solution: Array = symmetric(solve_discrete_lyapunov(A.T, Q))
-    return solution
+    return stationary_covariance(A.T, Q, sampled=True)
 
 
 def _solution(M: Array, level: float, added: Array) -> Array | None:
@@ -446,8 +490,12 @@ def _square(numbers: Array, columns: int) -> Array:
 def _nodes(grid: Array, d: int) -> Array:
     """Return at equidistant nodes (N, ...) the polynomial through the points of a grid."""
     t = np.linspace(0.0, 1.0, _DEGREE + 1)
-    basis = np.stack(((1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)), 1)
-    return _along_axes(basis, grid, d)
+    return _along_axes(_quadratic(t), grid, d)
+
+
+def _quadratic(t: Array) -> Array:
+    """Return the values at t (N,) of the polynomials that are 1 at one of 0, 1/2, 1 (N, 3)."""
+    return np.stack(((1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)), 1)
 
 
 def _coefficients(values: Array, d: int) -> Array:
@@ -507,7 +555,8 @@ def _all_stable(loop: Callable[[Array], NoisyLoop], low: Array, high: Array) -> 
         floor = _floor(middle.A, middle.noise)
         if floor is None:
             return False
-        if _storage(_square(_grid(matrices, first, last), n), inf, floor) is None:
+        grid, rest = (_square(some, n) for some in _matrices(matrices, first, last))
+        if _storage(grid, rest, inf, floor) is None:
             boxes += _halves(matrices, first, last)
     return False
 
