@@ -110,6 +110,9 @@ class DesignReport:
         Predicted errors from the initial belief on; along the path, if there is one.
     path
         Simulated path of a scenario that is not linear.
+    unlimited
+        How far each state may begin below and above the equilibrium (n, 2), the others at rest,
+        so that no limit of inputs or states acts; None without an input.
     """
 
     scenario: Scenario
@@ -123,6 +126,7 @@ class DesignReport:
     closed_loop: ClosedLoop | None
     prediction: Prediction
     path: Path | None
+    unlimited: Array | None = None
 
     @property
     def sensor_std(self) -> dict[str, float]:

@@ -14,6 +14,7 @@ from math import ceil, log
 import numpy as np
 
 from kalman_ros.control.feedback import Feedback
+from kalman_ros.control.limiter import Limits
 from kalman_ros.control.lqe import LqeDesign
 from kalman_ros.control.separation import LqgLoop
 from kalman_ros.control.stability import Mode, modes
@@ -30,6 +31,7 @@ from .design_report import ClosedLoop, DesignReport, Estimator, Prediction, Regu
 from .input_loops import even_estimator, input_loops, together
 from .observability import observability, stacked
 from .path import Path
+from .unlimited import unlimited_starts
 
 #: The largest number of steps for which the error is predicted.
 _MOST_STEPS = 6000
@@ -45,6 +47,7 @@ def report(
     delay: float = 0.0,
     duration: float | None = None,
     followed: Scenario | None = None,
+    limits: Limits | None = None,
 ) -> DesignReport:
     """Return the theory of a scenario whose input is delayed.
 
@@ -60,6 +63,8 @@ def report(
     followed
         Scenario that the path simulates, if its rate or its law differs from ``scenario`` for a
         long run; None for ``scenario``.
+    limits
+        Limits of the inputs; None for none.
 
     Raises
     ------
@@ -112,6 +117,9 @@ def report(
             else _predict_along_path(scenario, path)
         ),
         path=path,
+        unlimited=None
+        if law is None
+        else unlimited_starts(scenario, law, limits or Limits.none(model.input.size)),
     )
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import StringIO
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ from kalman_ros import scenario as scenarios
 from kalman_ros.analysis import design_warnings
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_theory import report
+from kalman_ros.control.limiter import LIMITS
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.regulator import limits
 
 from .accept import number
 from .estimates import _path
@@ -109,4 +112,8 @@ def design(
         parameters = values_of(scenario, {} if overrides is None else overrides, *BELIEVED)
         scenario = scenarios.build(parameters)
     delay = number('delay', delay, 'a number of seconds')
-    return Design(report(scenario, delay), delay, parameters)
+    values = parameters or {}
+    bounds = None
+    if scenario.model.input.size:
+        bounds = limits(scenario, *(values.get(name, inf) for name in LIMITS))
+    return Design(report(scenario, delay, limits=bounds), delay, parameters)

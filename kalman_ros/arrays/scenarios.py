@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros import scenario
+from kalman_ros.control.limiter import LIMITS
 from kalman_ros.core import (
     ArrayLike,
     Dynamics,
@@ -36,8 +37,6 @@ from .rows import sensors_of
 _NOWHERE = Signal('', '', ())
 #: The sections of a parameter file to read; later ones override.
 BELIEVED = ('estimator', 'controller')
-#: Parameters of the actuators, in addition to the scenario.
-LIMITS = ('input_limit', 'input_rate_limit')
 
 
 def load(

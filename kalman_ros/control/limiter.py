@@ -11,6 +11,9 @@ import numpy as np
 
 from kalman_ros.core import Array, ArrayLike, one_each
 
+#: Names of the limits, which are parameters of the controller and not of a scenario.
+LIMITS = ('input_limit', 'input_rate_limit')
+
 
 @dataclass(frozen=True)
 class Limits:

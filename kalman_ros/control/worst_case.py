@@ -249,7 +249,7 @@ def _largest(family: _Family, low: Array, high: Array) -> Bracket:
         return known[key]
 
     reached, point = _climbed(family, low, high)
-    bound, boxes = reached, [(low, high)]
+    bound, boxes, scale = reached, [(low, high)], _sizes(matrices, low, high)
     for _ in range(_MOST_BOXES):
         if not boxes or not isfinite(reached):
             break
@@ -261,7 +261,7 @@ def _largest(family: _Family, low: Array, high: Array) -> Bracket:
         if isfinite(least):
             bound = max(bound, least)
         else:
-            boxes += _halves(matrices, first, last)
+            boxes += _halves(matrices, first, last, scale)
     return Bracket(reached, max(bound, reached) if not boxes else inf, point)
 
 
@@ -305,17 +305,24 @@ def _matrices(matrices: Callable[[Array], Array], low: Array, high: Array) -> tu
     return grid, inner - _along_axes(_quadratic(t), grid, d)
 
 
+def _sizes(matrices: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Return the largest sizes (k,) of the numbers at the corners and the centre of a box."""
+    points = [np.array(at) for at in product(*zip(low, high))] + [0.5 * (low + high)]
+    return np.asarray(np.abs([matrices(at) for at in points]).max(axis=0) + 1e-300)
+
+
 def _halves(
-    matrices: Callable[[Array], Array], low: Array, high: Array
+    matrices: Callable[[Array], Array], low: Array, high: Array, scale: Array
 ) -> list[tuple[Array, Array]]:
-    """Return the halves of a box across the side along which its matrices change most."""
+    """Return the halves of a box across the side along which its matrices change most.
+
+    Numbers count in units of ``scale`` (k,), their sizes in the whole box.
+    """
     middle, change = 0.5 * (low + high), []
     for axis in range(len(low)):
         first, last = middle.copy(), middle.copy()
         first[axis], last[axis] = low[axis], high[axis]
-        difference = np.abs(matrices(last) - matrices(first))
-        scale = np.abs(matrices(middle)) + difference + 1e-300
-        change.append(float(np.linalg.norm(difference / scale)))
+        change.append(float(np.linalg.norm((matrices(last) - matrices(first)) / scale)))
     axis = int(np.argmax(change))
     below, above = high.copy(), low.copy()
     below[axis] = above[axis] = middle[axis]
@@ -375,10 +382,10 @@ def _margin(rest: Array, P: Array, level: float) -> float:
 
     In units in which diag(P, 1) and diag(P, level^2) are the identity, M is at most 1 in norm.
     """
-    n = len(P)
-    values, vectors = np.linalg.eigh(P)
+    n, unit = len(P), _units(P)
+    values, vectors = np.linalg.eigh(_scaled(P, P))
     root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
-    left, right = (vectors * root).T, vectors / root
+    left, right = (vectors * root).T / unit, vectors / root * unit[:, np.newaxis]
     rest = np.concatenate((left @ rest[:, :n], rest[:, n:]), axis=1)
     rest = np.concatenate((rest[:, :, :n] @ right, rest[:, :, n:] / level), axis=2)
     size = _SAFETY * float(np.linalg.norm(rest, 2, axis=(1, 2)).max(initial=0.0))
@@ -545,7 +552,7 @@ def _all_stable(loop: Callable[[Array], NoisyLoop], low: Array, high: Array) -> 
     def matrices(at: Array) -> Array:
         return loop(at).A.ravel()
 
-    boxes = [(low, high)]
+    boxes, scale = [(low, high)], _sizes(matrices, low, high)
     for _ in range(_MOST_BOXES):
         if not boxes:
             return True
@@ -557,7 +564,7 @@ def _all_stable(loop: Callable[[Array], NoisyLoop], low: Array, high: Array) -> 
             return False
         grid, rest = (_square(some, n) for some in _matrices(matrices, first, last))
         if _storage(grid, rest, inf, floor) is None:
-            boxes += _halves(matrices, first, last)
+            boxes += _halves(matrices, first, last, scale)
     return False
 
 

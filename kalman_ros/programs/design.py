@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,14 @@ from kalman_ros import models, scenario
 from kalman_ros.analysis import design_theory, design_warnings
 from kalman_ros.analysis import path as paths
 from kalman_ros.analysis.worst_case import WorstCases, named_plants, worst_cases
+from kalman_ros.control.limiter import LIMITS, Limits
 from kalman_ros.programs.common_arguments import add_parameters
 from kalman_ros.programs.known_parameters import refuse_unknown_parameters
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.demo_section import demo_section
 from kalman_ros.scenario.parameter_files import from_file, overrides
+from kalman_ros.scenario.regulator import limits
 
 from .results import ready
 
@@ -76,6 +79,14 @@ def believed(path: Path, changes: dict[str, Any]) -> Scenario:
     values = {**from_file(path, 'estimator', 'controller'), **changes}
     refuse_unknown_parameters(values)
     return scenario.build(values)
+
+
+def limits_of_inputs(path: Path, changes: dict[str, Any], built: Scenario) -> Limits | None:
+    """Return the limits of a controller's inputs; None without an input."""
+    if not built.model.input.size:
+        return None
+    values = {**from_file(path, 'controller'), **changes}
+    return limits(built, *(values.get(name, inf) for name in LIMITS))
 
 
 def intervals(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -155,7 +166,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         built = believed(path, changes)
         unchecked = check_wiring(built)
         followed = walk(path, changes, options.duration)
-        report = design_theory.report(built, options.delay or 0.0, *followed)
+        input_limits = limits_of_inputs(path, changes, built)
+        report = design_theory.report(built, options.delay or 0.0, *followed, input_limits)
         worst = robustness(path, changes, options.within, built)
         folder = ready(options.out or Path('out') / path.stem / 'design')
     except (ValueError, RuntimeError, OSError) as error:

@@ -70,6 +70,9 @@ def design_json(
             }
             for loops in (regulator.loops if regulator else ())
         },
+        'no_limit_acts_within': None if report.unlimited is None else [
+            [plain(below), plain(above)] for below, above in report.unlimited.tolist()
+        ],
         'margins_of_all_inputs': regulator and regulator.together and {
             'state_known': _disk_json(regulator.together.known),
             'state_estimated': _disk_json(regulator.together.estimated),

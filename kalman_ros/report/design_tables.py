@@ -34,6 +34,8 @@ def tables(report: DesignReport, time: str = 's') -> Iterator[tuple[str, Sheet]]
     yield 'Standard deviations', _deviation_sheet(report)
     if report.regulator:
         yield 'Margins', _margin_sheet(report)
+    if report.unlimited is not None and np.isfinite(report.unlimited).any():
+        yield 'No limit acts from starts within', _unlimited_sheet(report)
 
 
 def structure(report: DesignReport) -> str:
@@ -199,6 +201,17 @@ def _numbers(values: Iterable[float]) -> list[str]:
 
 def _label(space: Space, name: str) -> str:
     return space.label(name).replace('[', '\\[')
+
+
+def _unlimited_sheet(report: DesignReport) -> Sheet:
+    assert report.unlimited is not None
+    space, rest = report.scenario.model.state, report.point.state
+    below, above = report.unlimited.T
+    ends = [('from', rest - below), ('to', rest + above)]
+    return Sheet(
+        [space.label(name) for name in space.names],
+        [(title, [f'{value:.4g}' for value in values.tolist()]) for title, values in ends],
+    )
 
 
 def _margin_sheet(report: DesignReport) -> Sheet:

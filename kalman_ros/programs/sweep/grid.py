@@ -14,6 +14,7 @@ import numpy as np
 from kalman_ros import scenario
 from kalman_ros.analysis import checks
 from kalman_ros.analysis.ensemble import ensemble
+from kalman_ros.control.limiter import LIMITS
 from kalman_ros.core import DesignError
 from kalman_ros.estimators import filter_class
 from kalman_ros.report.run_tables import plain
@@ -23,7 +24,7 @@ from kalman_ros.simulation.batch_loop import Loop
 from kalman_ros.simulation.faults.plant_faults import PlantFaults
 from kalman_ros.simulation.loop_law import Law
 
-from .ranges import LIMITS, Range
+from .ranges import Range
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.control.limiter import LIMITS
 from kalman_ros.core import refuse_unknown
 from kalman_ros.simulation.faults.plant_faults import plant_options
 
 #: Prefixes of a parameter of the plant only, and of estimator and controller only.
 PLANT, ESTIMATOR = 'plant.', 'estimator.'
-#: Limits of the actuators, which are not part of a scenario.
-LIMITS = ('input_limit', 'input_rate_limit')
 _FORM = 'NAME=LOW..HIGH:log:COUNT, or lin'
 _MOST = 1000
 _PATTERN = re.compile(

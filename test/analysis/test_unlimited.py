@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From no start within the region of a design does a limit act; just outside one does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kalman_ros.analysis.unlimited import unlimited_starts
+from kalman_ros.control.limiter import Limits
+from kalman_ros.core import Array
+from kalman_ros.scenario import Scenario, build
+from kalman_ros.scenario.regulator import feedback
+
+CASES = {
+    'input': ({'model': 'cart_pole'}, Limits(np.array([10.0]), np.array([np.inf]))),
+    'rate': ({'model': 'cart_pole'}, Limits(np.array([np.inf]), np.array([200.0]))),
+    'states': (
+        {'model': 'cart_pole', 'law': 'mpc', 'state_limit.x': [-0.5, 1.0]},
+        Limits(np.array([50.0]), np.array([np.inf])),
+    ),
+    'two inputs': (
+        {'model': 'mass_spring_damper_2d'}, Limits(np.array([1.0, 0.5]), np.array([np.inf] * 2)),
+    ),
+    'integrals': (
+        {'model': 'mass_spring_damper', 'law': 'lqi', 'tracked': ['x']},
+        Limits(np.array([2.0]), np.array([np.inf])),
+    ),
+}  # fmt: skip
+
+
+def acts(scenario: Scenario, limits: Limits, start: Array) -> bool:
+    """Simulate the loop step by step and return whether a limit would act."""
+    dt, law = 1.0 / scenario.rate, feedback(scenario)
+    step, regulator = scenario.model.transition(*scenario.model.equilibrium, dt), law.system(dt)
+    x, q, before = start, np.zeros(len(regulator.A)), np.zeros(step.G.shape[1])
+    for _ in range(3000):
+        u = -(regulator.C @ q + regulator.D @ x)
+        if np.any(np.abs(u) > limits.magnitude) or np.any(np.abs(u - before) > limits.rate * dt):
+            return True
+        if law.prediction is not None and (
+            np.any(x > law.prediction.high) or np.any(x < law.prediction.low)
+        ):
+            return True
+        q, x, before = regulator.A @ q + regulator.B @ x, step.F @ x + step.G @ u, u
+    return False
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_limits_act_only_outside_the_region(name: str) -> None:
+    values, limits = CASES[name]
+    scenario = build(values)
+    region = unlimited_starts(scenario, feedback(scenario), limits)
+    n = len(region)
+    assert np.isfinite(region).all()
+    corners = np.concatenate((np.diag(-region[:, 0]), np.diag(region[:, 1])))
+    for corner in corners:
+        assert acts(scenario, limits, 1.001 * corner)
+        assert not acts(scenario, limits, 0.999 * corner)
+    shares = np.random.default_rng(0).dirichlet(np.ones(2 * n) * 0.3, 30)
+    assert not any(acts(scenario, limits, 0.999 * share @ corners) for share in shares)
+
+
+def test_without_limits_there_is_no_end() -> None:
+    scenario = build({'model': 'cart_pole'})
+    region = unlimited_starts(scenario, feedback(scenario), Limits.none(1))
+    assert np.isinf(region).all()
