@@ -95,6 +95,7 @@ class Plant(Node):
         self.create_service(Trigger, '~/reset', self.on_reset)
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.origin, self.steps, self.asked = None, 0, None
+        self.asked_at = self.steady.now().nanoseconds
         self.reset()
         if self.lockstep:
             self.tick_publisher = self.create_publisher(TimeReference, 'tick', QUEUE)
@@ -123,13 +124,10 @@ class Plant(Node):
         """Time of this step in nanoseconds."""
         return self.origin + self.steps * self.timestep
 
-    @property
-    def done(self):
-        """Whether ``run_until`` is reached."""
-        return self.steps * self.timestep > self.run_until * 1e9
-
     def publish(self):
         """Publish the readings that are due, the truth, and in lockstep the tick and the clock."""
+        if self.steps * self.timestep > self.run_until * 1e9:
+            raise SystemExit
         mujoco.mj_forward(self.model, self.data)
         now = Time(sec=self.stamp // 10**9, nanosec=self.stamp % 10**9)
         readings = {}
@@ -209,28 +207,30 @@ class Plant(Node):
             age = self.steady.now() - self.commanded_at
             if age.nanoseconds > self.force_timeout * 1e9:
                 self.command = np.zeros(self.model.nu)
-        while self.stamp + self.timestep // 2 <= now and not self.done:  # the nearest time step
+        while self.stamp + self.timestep // 2 <= now:  # the nearest time step
             self.step()
             if self.steps % self.substeps == 0:
                 self.publish()
 
     def ask(self):
-        """Publish this step of the lockstep, unless it is the last one."""
-        self.asked, self.asked_at = self.stamp, self.steady.now()
-        if not self.done:
-            self.publish()
+        """Publish this step of the lockstep."""
+        self.asked, self.asked_at = self.stamp, self.steady.now().nanoseconds
+        self.publish()
 
     def watch(self):
-        """Begin once the others are connected; ask again where no command answers."""
-        if self.asked is None:
+        """Begin a second after the others are connected; ask again where no command answers."""
+        now = self.steady.now().nanoseconds
+        if self.origin is None:
             counts = [self.command_subscription.get_publisher_count()]
             writers = [self.tick_publisher, *self.sensors.values()]
-            if all(counts + [writer.get_subscription_count() for writer in writers]):
+            if not all(counts + [writer.get_subscription_count() for writer in writers]):
+                self.asked_at = now
+            elif now - self.asked_at > 10**9:
                 self.origin = 10**9
                 self.ask()
-        elif not self.done and (self.steady.now() - self.asked_at).nanoseconds > 2 * 10**9:
+        elif now - self.asked_at > 2 * 10**9:
             self.get_logger().error(f'step {self.steps}: no {self.command_topic}; asking again')
-            self.asked_at = self.steady.now()
+            self.asked_at = now
             self.send()
 
 
@@ -239,7 +239,7 @@ def main():
     rclpy.init(args=sys.argv)
     try:
         rclpy.spin(Plant(remove_ros_args(sys.argv)[1]))
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except (KeyboardInterrupt, SystemExit, ExternalShutdownException):
         pass
 
 
