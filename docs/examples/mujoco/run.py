@@ -18,10 +18,13 @@ import kalman_ros as kr
 FOLDER = Path(__file__).parent
 
 
-def run(name, start='', overrides=None, *, seconds=10.0, seed=0, lockstep=True, path=None):
+def run(
+    name, start='', overrides=None, *, seconds=10.0, seed=0, lockstep=True, path=None, record=None
+):
     """Run the loop of a robot of this folder from a keyframe; return a `kr.Trajectory`.
 
-    With a ``path`` (N, 2), it is published on ``reference/path`` before the first step.
+    With a ``path`` (N, 2), it is published on ``reference/path`` before the first step; ``record`` is a
+    folder for a recording.
     """
     os.environ['PYTHONPATH'] = os.pathsep.join([str(FOLDER), os.environ.get('PYTHONPATH', '')])
     nodes = ('estimator', 'controller')
@@ -30,7 +33,9 @@ def run(name, start='', overrides=None, *, seconds=10.0, seed=0, lockstep=True, 
     program = [sys.executable, FOLDER / 'plant.py', FOLDER / f'{name}.xml', '--ros-args']
     for key, value in options.items():
         program += ['-p', f'{key}:={yaml.safe_dump(value).split()[0]}']
-    with kr.Run(parameters, overrides, nodes=nodes, lockstep=lockstep) as loop:
+    with kr.Run(
+        parameters, overrides, nodes=nodes, lockstep=lockstep, recording=record
+    ) as loop:
         if path is not None:
             publish(loop, path)
         plant = subprocess.Popen(program, env=loop.environment)
@@ -78,13 +83,16 @@ def main():
     parser.add_argument('--seconds', type=float, default=10.0)
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--realtime', action='store_true')
+    parser.add_argument('--path', help='points of a path, for example 0,0 3,0 3,3', nargs='*')
+    parser.add_argument('--record', metavar='DIR', help='a folder for a recording')
     parser.add_argument('-p', action='append', default=[], metavar='NAME:=VALUE')
     options = parser.parse_args()
     values = (text.split(':=') for text in options.p)
     overrides = {name: yaml.safe_load(value) for name, value in values}
+    path = [[float(x) for x in point.split(',')] for point in options.path or ()]
     loop = run(
         options.name, options.start, overrides, seconds=options.seconds, seed=options.seed,
-        lockstep=not options.realtime,
+        lockstep=not options.realtime, path=path or None, record=options.record,
     )
     report(loop, options.name)
 
