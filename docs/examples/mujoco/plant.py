@@ -10,6 +10,7 @@ the spectral density of a random command beside it.
 
 import math
 import sys
+from contextlib import suppress
 from operator import attrgetter
 
 import mujoco
@@ -32,23 +33,27 @@ QUEUE = 1000
 
 
 def write_joint(message, name, values, variance):
+    """Append the angle or the position of a joint."""
     message.name.append(name)
     message.position.append(values[0])
 
 
 def write_imu(message, name, values, variance):
+    """Set the vector that is named like the sensor, and its covariance."""
     for axis, value in zip(AXES, values):
         setattr(getattr(message, name), axis, value)
     getattr(message, f'{name}_covariance')[::4] = variance
 
 
 def write_position(message, name, values, variance):
+    """Set the position, and its covariance."""
     for axis, value in zip(AXES, values):
         setattr(message.pose.pose.position, axis, value)
     message.pose.covariance[0:15:7] = variance
 
 
 def write_wheels(message, name, values, variance):
+    """Set the speed or the yaw rate, and its variance."""
     vector, axis, place = {'forward': ('linear', 'x', 0), 'turn': ('angular', 'z', 35)}[name]
     setattr(getattr(message.twist.twist, vector), axis, values[0])
     message.twist.covariance[place] = variance
@@ -237,10 +242,8 @@ class Plant(Node):
 def main():
     """Run the plant until Ctrl-C."""
     rclpy.init(args=sys.argv)
-    try:
+    with suppress(KeyboardInterrupt, SystemExit, ExternalShutdownException):
         rclpy.spin(Plant(remove_ros_args(sys.argv)[1]))
-    except (KeyboardInterrupt, SystemExit, ExternalShutdownException):
-        pass
 
 
 if __name__ == '__main__':

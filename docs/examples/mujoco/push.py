@@ -4,9 +4,11 @@
     python3 push.py --ros-args -p seconds:=60.0 -p force:=1.5 -p lockstep:=false
 
 It sees the cart on ``joint_states`` and publishes ``force``: strokes one way and then back, each
-for a random time, beside a pull of ``spring`` N/m to the middle. In lockstep it answers each reading. It
-begins when it has two ``listeners``, the plant and a recorder.
+for a random time, beside a pull of ``spring`` N/m to the middle. It begins when it has two
+``listeners``, the plant and a recorder. In lockstep it answers each reading.
 """
+
+from contextlib import suppress
 
 import rclpy
 from geometry_msgs.msg import WrenchStamped
@@ -72,7 +74,5 @@ class Hand(Node):
 
 if __name__ == '__main__':
     rclpy.init()
-    try:
+    with suppress(KeyboardInterrupt, SystemExit, ExternalShutdownException):
         rclpy.spin(Hand())
-    except (KeyboardInterrupt, SystemExit, ExternalShutdownException):
-        pass

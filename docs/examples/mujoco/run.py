@@ -36,10 +36,11 @@ def run(
 ):
     """Run the loop of a robot of this folder from a keyframe; return its topics as arrays.
 
-    A ``reference``, of `path_of` or `trajectory_of`, is published before the first step; ``record`` is a
-    folder for a recording.
+    A ``reference``, of `path_of` or `circle_of`, is published before the first step, and
+    ``record`` is a folder for a recording.
     """
-    os.environ['PYTHONPATH'] = os.pathsep.join([str(FOLDER), os.environ.get('PYTHONPATH', '')])
+    modules = [str(FOLDER), os.environ.get('PYTHONPATH', '')]  # of the quadrotor
+    os.environ['PYTHONPATH'] = os.pathsep.join(filter(None, modules))
     nodes = ('estimator', 'controller')
     options = {'start': start, 'seed': seed, 'lockstep': lockstep, 'run_until': float(seconds)}
     program = [sys.executable, FOLDER / 'plant.py', FOLDER / f'{name}.xml', '--ros-args']
