@@ -181,9 +181,9 @@ class Plant(Node):
 
     def on_command(self, message):
         """Hold a command from now on; in lockstep, take the step that it answers."""
-        values = np.array([attrgetter(field)(message) for field in self.fields])
+        values = self.finite(message)
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        if not np.isfinite(values).all() or (self.lockstep and stamp != self.asked):
+        if values is None or (self.lockstep and stamp != self.asked):
             return
         if not self.lockstep:
             self.advance()
@@ -195,7 +195,14 @@ class Plant(Node):
 
     def on_disturbance(self, message):
         """Hold a disturbance, which is added to the command."""
-        self.disturbance = np.array([attrgetter(field)(message) for field in self.fields])
+        values = self.finite(message)
+        if values is not None:
+            self.disturbance = values
+
+    def finite(self, message):
+        """Return the values of a command; None if one is not finite."""
+        values = np.array([attrgetter(field)(message) for field in self.fields])
+        return values if np.isfinite(values).all() else None
 
     def on_reset(self, request, response):
         """Return to the initial state; time continues."""
