@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A quadrotor in a vertical plane, as a model of one's own."""
+"""The model of a quadrotor in a vertical plane."""
 
 from typing import Annotated
 
