@@ -140,4 +140,5 @@ def test_in_real_time_the_pole_stands(example):
     loop = example.run('cart_pole', 'leaning', seconds=5.0, lockstep=False)
     assert len(loop.time) > 300
     assert np.abs(loop.truth[-100:, 2]).max() < 0.1
-    assert consistent(loop, 'cart_pole', 2.0)
+    error = loop.estimate - loop.truth
+    assert np.abs(error[-100:, [0, 2]]).max() < 0.03  # an interruption adds to it

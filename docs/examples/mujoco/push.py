@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A hand that pushes the cart to and fro, and towards the middle of the track.
+"""A hand that pushes the cart back and forth, and towards the middle of the track.
 
     python3 push.py --ros-args -p seconds:=60.0 -p force:=1.5 -p lockstep:=false
 
@@ -21,7 +21,7 @@ PERIOD = 0.01
 
 
 def strokes(force, seconds, random):
-    """Yield the force of every period: to, fro and a rest, then the same the other way."""
+    """Yield the force of every period: one way, back and a rest, then the other way round."""
     elapsed = 0.0
     while elapsed < seconds:
         steps, rest = (random.uniform([0.1, 0.0], [0.3, 0.5]) / PERIOD).astype(int)
