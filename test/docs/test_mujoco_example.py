@@ -137,7 +137,7 @@ def test_its_first_flight_tells_its_mass(example, tmp_path):
 @pytest.mark.thorough
 @pytest.mark.real_time
 def test_in_real_time_the_pole_stands(example):
-    loop = example.run('cart_pole', 'leaning', seconds=5.0, lockstep=False)
+    loop = example.run('cart_pole', seconds=5.0, lockstep=False)
     assert len(loop.time) > 300
     assert np.abs(loop.truth[-100:, 2]).max() < 0.1
     error = loop.estimate - loop.truth
