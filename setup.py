@@ -32,6 +32,7 @@ setup(
         'limits': ['daqp>=0.11'],
         'dask': ['distributed'],
         'live': ['websockets>=13'],
+        'mujoco': ['mujoco>=4.0'],
         'view': ['foxglove-sdk>=0.30'],
     },
     zip_safe=False,

@@ -61,7 +61,7 @@ class Feed:
     """
 
     def __init__(self, settings: Settings, bag: Bag, resolve: Callable[[str], str]) -> None:
-        self.lockstep = bag.topics.get(resolve(TICK)) == {TICK_TYPE}
+        self.lockstep = _has_ticks(bag, resolve(TICK))
         self.settings = settings = settings.in_lockstep(self.lockstep)
         learn_layouts(on=settings.options.learn_layouts)
         scenario = settings.scenario
@@ -249,6 +249,12 @@ class Feed:
         if self.recording is not None:
             for reading in fused:
                 self.recording.publish_innovation(self._received, reading)
+
+
+def _has_ticks(bag: Bag, topic: str) -> bool:
+    """Return whether there is a tick; a plant may offer the topic and run in real time."""
+    ticks = bag.messages([topic]) if bag.topics.get(topic) == {TICK_TYPE} else iter(())
+    return next(ticks, None) is not None
 
 
 def _call_all(readers: Sequence[Callable[[bytes], object]], data: bytes) -> None:

@@ -89,6 +89,20 @@ def test_it_is_the_online_estimator_fed_in_the_order_of_reception(tmp_path):
     assert np.isfinite(y.innovation[y.outcome == 'FUSED']).all()
 
 
+def test_a_topic_of_ticks_without_a_tick_is_not_lockstep(tmp_path):
+    """A plant may offer the topic and run in real time."""
+    bag = recorded(tmp_path / 'bag', ARRIVALS)
+    with RecordingWriter(tmp_path / 'offered') as writer:
+        writer.add('/tick', 'sensor_msgs/msg/TimeReference')
+        for topic, (kind,) in Bag(bag).topics.items():
+            writer.add(topic, kind)
+        for message in Bag(bag).messages(['/y', '/input']):
+            writer.write(message.topic, message.time, message.data)
+    run, expected = replay(tmp_path / 'offered', VALUES), replay(bag, VALUES)
+    assert not run.lockstep
+    np.testing.assert_array_equal(run.beliefs.mean, expected.beliefs.mean)
+
+
 def test_messages_that_are_none_are_counted(tmp_path):
     broken = [('/y', 3 * 10**7, b'\0\1\0\0xx'), ('/y', 4 * 10**7, bytes(2_000_000))]
     found = replay(recorded(tmp_path / 'a', ARRIVALS[:1], extra=broken), VALUES)
