@@ -140,7 +140,9 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
     with deferred():
         _write_data(folder, run)
         with _caption(options, mode, performed, _variant(performed)):
-            drawn = run_pictures.draw_all(built, run, folder, tuning.limits(built))
+            drawn = run_pictures.draw_all(
+                built, run, folder, tuning.limits(built), tuning.own.path
+            )
             if options.animate:
                 drawn += _animation(options, performed, console)
         summary = {

@@ -6,16 +6,20 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import ceil, inf
+from dataclasses import dataclass, replace
+from math import ceil, inf, nan
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from kalman_ros.analysis.checks import Check
+from kalman_ros.analysis.cross_track import cross_track
 from kalman_ros.analysis.verdict import Judgement, judge, least_duration
-from kalman_ros.core import in_continuous_time
+from kalman_ros.core import Array, in_continuous_time
 from kalman_ros.harness import Run
+from kalman_ros.harness.followed_path import publish_path
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .results import ready
@@ -101,6 +105,8 @@ def _run_and_judge(
         task = bar.add_task(f'starting {len(run.names)} nodes', total=options.duration)
         with run:
             bar.update(task, description=f'ROS_DOMAIN_ID={run.domain}')
+            if tuning.own.path is not None:
+                publish_path(run, tuning.own.path)
             start = time.monotonic()
             run.advance(options.duration, lambda done: bar.update(task, completed=done))
             wall = time.monotonic() - start
@@ -108,7 +114,24 @@ def _run_and_judge(
             bar.update(task, completed=options.duration, description='recorded')
             trajectory = run.trajectory()
             missed = int(run.reported('plant', 'missed steps'))
-    return Performed(tuning, run, trajectory, wall, missed, judge(run.scenario, trajectory))
+    judgement = judge(run.scenario, trajectory)
+    if tuning.own.path is not None:
+        checks = [*judgement.checks, *_distances(run, trajectory, tuning.own.path)]
+        judgement = replace(judgement, checks=checks)
+    return Performed(tuning, run, trajectory, wall, missed, judgement)
+
+
+def _distances(run: Run, trajectory: Trajectory, path: Array) -> list[Check]:
+    """Return how far the true position was from a path, and from its end; they are not judged."""
+    places = run.scenario.model.state.indices(('x', 'y'))
+    true = trajectory.truth[:, list(places)]
+    from_path = cross_track(path, true)
+    rows = {
+        'distance from the path, RMS': float(np.sqrt(np.nanmean(from_path**2))),
+        'distance from the path, largest': float(np.nanmax(from_path)),
+        'distance from its end': float(np.linalg.norm(true[-1] - path[-1])),
+    }
+    return [Check(name, 'm', nan, value, nan, nan, passed=True) for name, value in rows.items()]
 
 
 def unit_of(tuning: Tuning) -> str:

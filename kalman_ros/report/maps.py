@@ -63,8 +63,12 @@ def observer(scenario: Scenario, run: Trajectory) -> Array | None:
     return np.vstack((start, np.cumsum(v[:-1] * dt + 0.5 * a * dt**2, axis=0)))
 
 
-def route(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
+def route(
+    scenario: Scenario, run: Trajectory, path: Path | None, followed: Array | None = None
+) -> Any:
     """Draw the true and the estimated track, ellipses, bearing lines and positions of sensors.
+
+    ``followed`` is the path (k, 2) that the controller was given, if any.
 
     Raises
     ------
@@ -88,6 +92,8 @@ def route(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             label = f'estimate, {SIGMAS:g} sigma' if k == 0 else None
             ellipse = outline(mean[step], covariance[step], SIGMAS)
             axis.fill(*ellipse.T, color=BOUND, alpha=0.35, lw=0, label=label)
+        if followed is not None:
+            axis.plot(*followed.T, '--', color=INPUT, lw=1.2, label='path')
         axis.plot(*mean.T, color=ESTIMATE, lw=1.0, label='estimate')
         axis.plot(*truth.T, color=TRUTH, lw=0.8, label='truth')
         axis.plot(*truth[0], 'o', color=TRUTH, ms=4)

@@ -39,11 +39,16 @@ MOST_READINGS = 200
 
 
 def draw_all(
-    scenario: Scenario, run: Trajectory, folder: Path, limits: Limits | None = None
+    scenario: Scenario,
+    run: Trajectory,
+    folder: Path,
+    limits: Limits | None = None,
+    followed: Array | None = None,
 ) -> list[Path]:
     """Draw every picture of a run into ``folder`` and return their paths.
 
-    ``limits`` are the limits of the actuators, if they are known.
+    ``limits`` are the limits of the actuators, if they are known, ``followed`` the positions
+    (k, 2) of a path that the controller was given.
     """
     pictures = {
         'overview.png': overview,
@@ -55,7 +60,7 @@ def draw_all(
     if scenario.model.input.size:
         pictures['force.png'] = partial(force, limits=limits)
     if plane(scenario.model.state) is not None:
-        pictures['map.png'] = route
+        pictures['map.png'] = partial(route, followed=followed)
     paths = []
     for name, draw in pictures.items():
         path = folder / name

@@ -7,6 +7,10 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from kalman_ros.core import Array
+
 from .parameter_files import own_section
 
 _NAME = 'demo'
@@ -17,11 +21,13 @@ class Demo(NamedTuple):
 
     ``duration`` is in seconds, None if it has none; ``time_unit`` is written on pictures, for the
     scenarios in which a second stands for another time; ``parameters`` are for every node.
+    ``path`` has the positions (k, 2) of a path to follow, or is None.
     """
 
     duration: float | None
     time_unit: str
     parameters: dict[str, Any]
+    path: Array | None = None
 
     @property
     def rate_unit(self) -> str:
@@ -35,7 +41,8 @@ def demo_section(path: Path | None) -> Demo:
     Raises
     ------
     ValueError
-        If the file is not a ROS parameter file, the duration no number, or the unit no word.
+        If the file is not a ROS parameter file, the duration no number, the unit no word, or the
+        path no list of positions.
     """
     own = own_section(path, _NAME)
     duration, unit = own.pop('duration', None), own.pop('time_unit', 's')
@@ -43,4 +50,18 @@ def demo_section(path: Path | None) -> Demo:
         raise ValueError(f"{_NAME}: duration: expected a number, got '{duration}'")
     if not isinstance(unit, str):
         raise ValueError(f"{_NAME}: time_unit: expected a word, got '{unit}'")
-    return Demo(None if duration is None else float(duration), unit, own)
+    points = _positions(own.pop('path', None))
+    return Demo(None if duration is None else float(duration), unit, own, points)
+
+
+def _positions(numbers: Any) -> Array | None:
+    """Return the positions (k, 2) of x, y, x, y and so on."""
+    if numbers is None:
+        return None
+    try:
+        points = np.asarray(numbers, dtype=float).reshape(-1, 2)
+    except (TypeError, ValueError):
+        points = np.empty((0, 2))
+    if len(points) < 2 or not np.isfinite(points).all():
+        raise ValueError(f"{_NAME}: path: expected x, y of two positions or more, got '{numbers}'")
+    return points

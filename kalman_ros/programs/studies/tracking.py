@@ -17,11 +17,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from nav_msgs.msg import Path as PathMessage
 
 from kalman_ros.analysis.checks import Check
+from kalman_ros.analysis.cross_track import cross_track
 from kalman_ros.control.motion import Motion
 from kalman_ros.core import Array
+from kalman_ros.harness.followed_path import publish_path
 from kalman_ros.scenario import build
 from kalman_ros.scenario.motions import motion_of
 from kalman_ros.scenario.reference_motions import along_path
@@ -107,28 +108,12 @@ def _follow(points: Array) -> Followed:
     }
     nodes = ('estimator', 'controller', 'plant')
     with StudyRun(values, only={'controller': controls}, nodes=nodes) as run:
-        publisher = run.node.create_publisher(PathMessage, 'reference/path', 1)
-        run.wait(publisher.get_subscription_count, 60.0, lambda: 'no subscriber of the path')
-        publisher.publish(path_message(points))
-        publisher.wait_for_all_acked()
-        run.refresh('controller')
+        publish_path(run, points)
         run.advance(seconds)
         followed = run.trajectory()
     answer = _pure_pursuit(motion)
     pursuit = closed_loop.run(scenario, None, seconds, 0, answer=answer)
     return Followed(points, motion, followed, pursuit)
-
-
-def path_message(points: Array) -> PathMessage:
-    """Return a path as a planner publishes it: positions, without times."""
-    from geometry_msgs.msg import PoseStamped
-
-    message = PathMessage()
-    for x, y in points.tolist():
-        pose = PoseStamped()
-        pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w = x, y, 1.0
-        message.poses.append(pose)
-    return message
 
 
 def _pure_pursuit(motion: Motion) -> Callable[[int, Array], Array]:
@@ -151,19 +136,6 @@ def _pure_pursuit(motion: Motion) -> Callable[[int, Array], Array]:
         return np.array([v, 2.0 * v * np.sin(alpha) / max(float(np.hypot(*to)), AHEAD)])
 
     return answer
-
-
-def cross_track(points: Array, positions: Array) -> Array:
-    """Return the distances (N,) of positions from a polygon; not a number beyond its ends."""
-    start, side = points[:-1], np.diff(points, axis=0)
-    offset = positions[:, np.newaxis] - start
-    share = np.sum(offset * side, axis=2) / np.sum(side * side, axis=1)
-    gap = offset - np.clip(share, 0.0, 1.0)[..., np.newaxis] * side
-    distance = np.linalg.norm(gap, axis=2)
-    nearest = np.argmin(distance, axis=1)
-    before = (nearest == 0) & (share[:, 0] <= 0.0)
-    after = (nearest == len(side) - 1) & (share[:, -1] >= 1.0)
-    return np.where(before | after, np.nan, distance.min(axis=1))
 
 
 def _off(followed: Followed, run: Trajectory) -> Array:

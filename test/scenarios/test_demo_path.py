@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo of a file with a path: the robot follows it, and the map shows both."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from kalman_ros.programs import demo
+
+FILE = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
+
+
+def test_the_robot_of_the_example_follows_its_path(tmp_path, capfd):
+    with pytest.raises(SystemExit) as stop:
+        demo.main([str(FILE), '--out', str(tmp_path)])
+    assert stop.value.code == 0
+    checks = json.loads((tmp_path / 'summary.json').read_text())['checks']
+    measured = {check['name']: check['measured'] for check in checks}
+    assert measured['distance from the path, RMS'] < 0.02
+    assert measured['distance from the path, largest'] < 0.06
+    assert measured['distance from its end'] < 0.03
+    assert 'distance from its end [m]' in capfd.readouterr().out
+    assert (tmp_path / 'map.png').stat().st_size > 10_000
