@@ -35,6 +35,8 @@ def yaml_value(value: Any) -> str:
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
+        if any(isinstance(item, float) for item in value):  # a ROS list has numbers of one type
+            value = [float(item) if type(item) is int else item for item in value]
         return f'[{", ".join(yaml_value(item) for item in value)}]'
     if isinstance(value, bool):
         return str(value).lower()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A step of predictive control where limits act: a cart-pole with a weak motor, 20 steps."""
+"""Predictive control where limits act, on a cart-pole with a weak motor: a step, and the loop."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ import numpy as np
 
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.core import Array
+from kalman_ros.harness import Run
 from kalman_ros.scenario import build
 from kalman_ros.scenario.regulator import feedback, limits
 
 from .benchmark import Benchmark
 
 _FORCE, _RUNS, _STEPS = 10.0, 10, 60
+_RATE, _SECONDS = 200.0, 10.0
 _SYSTEM: dict[str, Any] = {
     'model': 'cart_pole', 'law': 'mpc', 'horizon': 0.2, 'state_limit.x': [-1.0, 1.0],
     'state_limit.theta': [-0.4, 0.4],
@@ -41,7 +43,26 @@ def benchmarks() -> Iterator[list[Benchmark]]:
             lambda: float(np.percentile(_times(predicts=True), 99.0)),
             lambda: 1e-3,
         ),
+        Benchmark(
+            'time of the steps that a plant at 200 Hz misses, mpc from a limit / 1 %',
+            1.0,
+            _missed,
+            lambda: 0.01 * _SECONDS,
+        ),
     ]
+
+
+def _missed() -> float:
+    """Return the time in seconds of the steps that the plant of a loop in real time misses."""
+    start = [0.8, 0.0, 0.0, 0.0]
+    values = {
+        **_SYSTEM, 'rate': _RATE, 'joint_states.rate': _RATE,
+        'initial_state': start, 'initial_estimate': start,
+    }  # fmt: skip
+    with Run(values, lockstep=False, only={'controller': {'input_limit': [_FORCE]}}) as run:
+        run.advance(_SECONDS)
+        run.complete()
+        return float(run.reported('plant', 'missed steps')) / _RATE
 
 
 def _times(*, predicts: bool) -> Array:
