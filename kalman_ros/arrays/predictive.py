@@ -20,7 +20,7 @@ from kalman_ros.control.predictive import predicted
 from kalman_ros.core import Array, ArrayLike, Dynamics, Gaussian, Space
 
 from . import text
-from .accept import finite, plant, sample_time, shifted, weight
+from .accept import finite, number, numbers, plant, sample_time, shifted, weight, whole
 from .estimates import _path
 from .known_names import KnownNames
 
@@ -53,7 +53,7 @@ class PredictiveControl(KnownNames):
         self._feedback, self._prediction = feedback, feedback.prediction
         self._answer = Answer(space, feedback, rest, limits=limits)
         self._limiter = Limiter(limits, np.zeros(len(inputs)))
-        self._state = rest[0]
+        self._state, self._planned = rest[0], True
 
     @property
     def dt(self) -> float:
@@ -97,14 +97,24 @@ class PredictiveControl(KnownNames):
         """
         given = estimate.mean if isinstance(estimate, Gaussian) else estimate
         self._state = finite('estimate', given, self._space.size)
+        before = self.infeasible
         wanted = self._answer.propose(self._state, self.dt)
+        self._planned = self.infeasible == before
         u = self._limiter.toward(wanted, self.dt)
         self._answer.applied(self._state, wanted, u, self.dt)
         return u
 
     @property
     def plan(self) -> Plan:
-        """The plan of the last step."""
+        """The plan of the last step.
+
+        Raises
+        ------
+        ValueError
+            If that step found none within the limits that have to be kept.
+        """
+        if not self._planned:
+            raise ValueError('plan: the last step found none within the limits')
         assert self._answer.predictor is not None
         state, input = self._answer.target
         error = self._space.subtract(self._state, state)
@@ -214,13 +224,18 @@ def mpc(
         step, price = (sampled.F, sampled.G), sampled_cost(found.system, weights, dt)
     space = Space(found.states, ('',) * n) if model is None else model.state
     limits = limits_of(
-        m, inf if input_limit is None else input_limit,
-        inf if input_rate_limit is None else input_rate_limit,
+        m, inf if input_limit is None else numbers('input_limit', input_limit),
+        inf if input_rate_limit is None else numbers('input_rate_limit', input_rate_limit),
     )  # fmt: skip
+    pairs: Any = {} if state_limit is None else state_limit
+    if isinstance(pairs, Mapping):
+        pairs = {
+            name: numbers(f'state_limit.{name}', pair).tolist() for name, pair in pairs.items()
+        }
     design = dlqr(*step, price)
     prediction = predicted(
-        step, price, design, dt, horizon=horizon, moves=moves, price_of_states=state_price,
-        limits=bounds(space, {} if state_limit is None else state_limit),
+        step, price, design, dt, horizon=number('horizon', horizon), moves=whole('moves', moves),
+        price_of_states=numbers('state_price', state_price), limits=bounds(space, pairs),
     )  # fmt: skip
     feedback = Feedback(design.gain, np.empty((m, 0)), (), design.poles, prediction)
     rest = (np.zeros(n), np.zeros(m)) if model is None else model.equilibrium

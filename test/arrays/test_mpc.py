@@ -120,6 +120,16 @@ def test_a_model_is_held_at_its_equilibrium():
         ({'dt': 0.1, 'state_limit': {'x0': (0, 1, 2)}}, r'^state_limit\.x0: expected \[low, high'),
         ({'dt': 0.1, 'state_limit': {'x0': (np.nan, 1)}}, r'^state_limit\.x0: expected \[low, hi'),
         ({'dt': 0.1, 'state_limit': 3}, r'^state_limit: expected limits by name'),
+        (
+            {'dt': 0.1, 'state_limit': {'x0': 3}},
+            r'^state_limit\.x0: expected \[low, high\], got 3',
+        ),
+        ({'dt': 0.1, 'state_limit': {'x0': ('a', 2)}}, r'^state_limit\.x0: expected real numbers'),
+        ({'dt': 0.1, 'horizon': 'a'}, r'^horizon: expected a number'),
+        ({'dt': 0.1, 'moves': None}, r'^moves: expected a whole number'),
+        ({'dt': 0.1, 'moves': 2.5}, r'^moves: expected a whole number'),
+        ({'dt': 0.1, 'state_price': 'a'}, r'^state_price: expected real numbers'),
+        ({'dt': 0.1, 'input_limit': 'a'}, r'^input_limit: expected real numbers'),
         ({'dt': 0.1, 'horizon': 1e9}, r'^horizon: expected 0\.1 to 200 s'),
         ({'dt': 0.1, 'horizon': np.nan}, r'^horizon: expected 0\.1 to 200 s'),
         ({'dt': 0.1, 'horizon': 0.04}, r'^horizon: expected 0\.1 to 200 s'),
@@ -170,3 +180,16 @@ def test_a_limit_of_an_angle_may_be_beyond_half_a_turn():
         for limit in ({}, {'state_limit.psi': [2.0, 4.5]})
     ]
     np.testing.assert_allclose(runs[0].truth, runs[1].truth, atol=1e-6)
+
+
+def test_a_step_without_a_plan_has_none_to_show():
+    control = kr.mpc(
+        [[0, 1], [0, 0]], [0, 1], [1, 0], 1, dt=0.1, input_limit=0.1,
+        state_limit={'x0': (-0.5, 0.5)}, state_price=np.inf,
+    )  # fmt: skip
+    assert control.step([1.0, 0.0]) == pytest.approx([-0.1])
+    assert control.infeasible == 1
+    with pytest.raises(ValueError, match='^plan: the last step found none within the limits'):
+        _ = control.plan
+    control.step([0.1, 0.0])
+    assert np.abs(control.plan.inputs).max() <= 0.1 + 1e-9
