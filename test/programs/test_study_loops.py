@@ -25,7 +25,8 @@ def test_averages_of_the_best_loop_are_those_of_separation():
 
 def test_averages_of_other_gains_are_their_stationary_cost():
     real, believed = scenarios.build(cost.system()), scenarios.build(cost.system(L=30.0))
-    found = loops.average(real, real.rate * price(real).weight, 1, believed)
+    weight = real.rate * price(real).weight
+    found = loops.average(real, weight, 1, loops.controller(real, believed))
     assert found.mean == pytest.approx(cost.expected_cost(real, believed), rel=1e-9)
 
 
