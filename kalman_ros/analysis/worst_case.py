@@ -243,7 +243,8 @@ def _check(box: Mapping[str, tuple[float, float, float]]) -> None:
     for name, (nominal, low, high) in box.items():
         if not low < high or not low <= nominal <= high:
             raise ValueError(
-                f'{name}: expected low < high about its value {nominal:g}, got {low:g} to {high:g}'
+                f'{name}: expected low < high about its designed value {nominal:g}, '
+                f'got {low:g} to {high:g}'
             )
 
 

@@ -88,7 +88,7 @@ def test_an_actuator_that_is_too_strong_is_found_at_the_gain_margin() -> None:
     [
         ({}, 'intervals: expected 1 to 3 parameters, got 0'),
         ({'mas': (1.0, 2.0)}, "unknown parameter 'mas'; did you mean 'mass'"),
-        ({'mass': (2.0, 3.0)}, 'mass: expected low < high about its value 1, got 2 to 3'),
+        ({'mass': (2.0, 3.0)}, 'mass: expected low < high about its designed value 1, got 2 to 3'),
         ({'mass': (1.0, 1.0)}, 'mass: expected low < high'),
         ({'mass': 3}, 'mass: expected a low and a high end, got 3'),
         ({'mass': 'ab'}, "mass: expected a low and a high end, got 'ab'"),
@@ -113,3 +113,16 @@ def test_loop_shaping_is_an_lqg_design_of_its_weights() -> None:
     np.testing.assert_allclose(kr.lqe(A, C, design.noise, 0.01), design.estimator)
     assert 'coprime factors' in repr(design)
     assert all(len(line) < 80 for line in repr(design).splitlines())
+
+
+def test_intervals_may_be_those_of_a_fit() -> None:
+    run = kr.simulate('mass_spring_damper', seconds=20.0, seed=1)
+    times = {name: series.time for name, series in run.readings.items()}
+    values = {name: series.values for name, series in run.readings.items()}
+    fit = kr.tune(
+        'mass_spring_damper', times, values, run.input, input_times=run.time, fit=['mass']
+    )
+    mass = fit.parameters['model_parameters.mass']
+    worst = kr.worst_case('mass_spring_damper', fit)
+    assert worst.intervals == {'model_parameters.mass': (1.0, mass.low, mass.high)}
+    assert worst.stable

@@ -25,7 +25,7 @@ def test_worst_case_is_printed(tmp_path, capsys, monkeypatch) -> None:
         ('mass=a..b', 'within: expected'),
         ('mass=1..2..3', 'within: expected'),
         ('mas=0.5..2', "unknown parameter 'mas'; did you mean 'mass'"),
-        ('mass=2..3', 'expected low < high about its value 1'),
+        ('mass=2..3', 'expected low < high about its designed value 1'),
     ],
 )
 def test_wrong_interval_is_one_line(within, message, tmp_path, capsys) -> None:
