@@ -12,6 +12,7 @@ import kalman_ros as kr
 from kalman_ros import models, scenario, sensors
 from kalman_ros.control.laws import LAWS, law_options
 from kalman_ros.core import Option, options_of
+from kalman_ros.elsewhere import ELSEWHERE
 from kalman_ros.estimators import FILTERS, filter_options
 from kalman_ros.nodes.controller.options import ControllerOptions
 from kalman_ros.nodes.markers.options import MarkersOptions
@@ -114,7 +115,25 @@ def api() -> Iterator[str]:
         yield from ['', f'- {title}: {summary}']
 
 
-PAGES = {'parameters.md': parameters, 'api.md': api}
+def names() -> Iterator[str]:
+    """Yield the lines of the page of names from elsewhere."""
+    yield from ['# Names from elsewhere', '']
+    yield 'What python-control, filterpy, scipy and MATLAB call by another name. `kr.NAME` of'
+    yield 'the left column is an error that says the same.'
+    yield ''
+    yield '| there | here |'
+    yield '|---|---|'
+    for there, here in sorted(ELSEWHERE.items(), key=lambda item: item[0].lower()):
+        yield f'| `{there}` | {code(here)} |'
+
+
+def code(here: str) -> str:
+    """Return a name, or the name at the start of a phrase, as code."""
+    name, separator, rest = here.partition(', ')
+    return f'`kr.{name}`{separator}{rest}' if not name.startswith('model.') else f'`{here}`'
+
+
+PAGES = {'parameters.md': parameters, 'api.md': api, 'names.md': names}
 
 
 def main() -> None:

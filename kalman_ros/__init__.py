@@ -84,17 +84,6 @@ _WHERE = {
     'estimators.filter': ('Correction',),
     'harness': ('Run',),
 }
-#: What other packages call the same.
-_ELSEWHERE = {
-    'EKF': 'ExtendedKalmanFilter',
-    'UKF': 'UnscentedKalmanFilter',
-    'rts_smoother': 'smooth',
-    'acker': 'place',
-    'ncfsyn': 'loop_shaping',
-    'c2d': 'discretize',
-    'cont2discrete': 'discretize',
-    'ss': 'continuous_model',
-}
 _MODULES = {name: module for module, names in _WHERE.items() for name in names}
 __all__ = sorted(_MODULES)
 
@@ -119,7 +108,12 @@ def __getattr__(name: str) -> object:
 def _hint(name: str) -> str:
     from difflib import get_close_matches
 
-    near = [_ELSEWHERE[name]] if name in _ELSEWHERE else get_close_matches(name, __all__, n=1)
+    from .elsewhere import ELSEWHERE
+
+    if name in ELSEWHERE:
+        ours = ELSEWHERE[name]
+        return f"; did you mean '{ours}'?" if ours in _MODULES else f'; here it is {ours}'
+    near = get_close_matches(name, __all__, n=1)
     known = '' if name.startswith('_') else f'; known are {", ".join(__all__)}'
     return f"; did you mean '{near[0]}'?" if near else known
 

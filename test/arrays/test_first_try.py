@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What people type who know python-control and filterpy: it is right, or one line helps."""
 
+import re
+
 import numpy as np
 import pytest
 
 import kalman_ros as kr
+from kalman_ros.elsewhere import ELSEWHERE
 
 A, B = [[0, 1], [-2, -0.5]], [[0], [1]]
 Q, R = np.diag([10, 1]), 1
@@ -144,6 +147,8 @@ HELPED = [
     (lambda: kr.filters, "no attribute 'filters'; did you mean 'filter'?"),
     (lambda: kr.EKF, "no attribute 'EKF'; did you mean 'ExtendedKalmanFilter'?"),
     (lambda: kr.c2d, "did you mean 'discretize'?"),
+    (lambda: kr.bode, "no attribute 'bode'; here it is design(...).plot('loops')"),
+    (lambda: kr.fit, "did you mean 'tune'?"),
     (lambda: kr.QQQ, "no attribute 'QQQ'; known are Correction, "),
 ]  # fmt: skip
 
@@ -154,3 +159,10 @@ def test_one_line_helps(mistake, line):
         mistake()
     assert line in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_every_name_from_elsewhere_leads_to_one_of_ours():
+    for there, here in ELSEWHERE.items():
+        assert there not in kr.__all__
+        name = re.match(r'[a-z_A-Z]+', here).group()
+        assert name in kr.__all__ or here.startswith('model.'), here

@@ -18,7 +18,7 @@ def written():
     return module.PAGES
 
 
-@pytest.mark.parametrize('name', ['parameters.md', 'api.md'])
+@pytest.mark.parametrize('name', ['parameters.md', 'api.md', 'names.md'])
 def test_the_page_is_up_to_date(name):
     text = '\n'.join(written()[name]()) + '\n'
     assert (DOCS / 'reference' / name).read_text() == text, 'run: python docs/make_reference.py'
