@@ -1,19 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The worst of a loop over a box of parameters, from below and from above.
 
-A sampled loop x' = A x + B w, z = C x + D w depends on constant parameters p. Let
-M = [[A, B], [C, D]]. If it is stable at one p, and if some P(p) has
-
-    M(p)' diag(P(p), 1) M(p) <= diag(P(p), g^2)
-
-for all p in a box, then x'P x is a storage function of each of these loops: they are stable, and
-|z| <= g |w| (J. Willems, Arch. Rational Mech. Anal. 45, 1972; S. Boyd et al., Linear Matrix
-Inequalities in System and Control Theory, 1994, chapters 5 to 7). Without w the sum of |z|^2
-from x on is at most x'P x. Here M is the polynomial of second degree in each
-parameter through 3^d points of the box, and P is linear: that of the centre with its derivatives.
-Both sides are then polynomials, which lie in the hull of their Bernstein coefficients (J. Garloff,
-1986), and these are checked. The difference between M and its polynomial is measured where that of
-a cubic is largest, and twice as much is allowed for. A box without such a P is halved.
+The worst value is searched, and bounded by branch and bound: a box of parameters is done if one
+`storage_function` proves that none of its loops is worse than what was found, by a small gap. Else
+it is halved.
 """
 
 from __future__ import annotations
@@ -22,20 +12,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
-from math import comb, inf, isfinite
+from math import inf, isfinite
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 from scipy.optimize import brentq, minimize
 
 from kalman_ros.core import Array, DesignError
-from kalman_ros.linear.lyapunov import stationary_covariance
-from kalman_ros.linear.matrices import symmetric
+from kalman_ros.linear.bernstein import at_nodes, centre, coefficients, polynomial
 
 from .crossings import continuous
 from .margins import peak
 from .performance import NoisyLoop
 from .state_space import StateSpace
+from .storage import SAFETY, cost_to_go, decrease, storage_function
 
 #: The relative distance between the worst value that was found and the bound.
 GAP = 0.08
@@ -43,25 +32,12 @@ GAP = 0.08
 _MOST_BOXES = 1000
 #: The largest multiple of a box in which a stability limit is searched.
 MOST_TIMES = 4.0
-#: Iterations for a storage function, and how much larger than the differences it is made.
-_ITERATIONS, _MARGIN = 40, 1.05
 #: How often a stability limit is lowered until it can be proved.
 _ATTEMPTS = 6
-#: Share of the cost that is added so that a storage function proves stability, too.
-_FLOOR = 1e-3
 #: Weight of a state, in units of its reach, that no bound depends on.
 _TINY = 1e-7
-#: Where a cubic differs most from its parabola, as a part of half the side of a box, and how many
-#: times the difference there is allowed for.
-_LARGEST, _SAFETY = 3.0**-0.5, 2.0
-#: The degree in each parameter of M'P M, with M of second degree and P of first.
-_DEGREE = 5
 #: The part of the largest box with a loop in each corner that is searched.
 _WITHIN = 0.95
-#: Matrices whose positive parts make up a cover.
-_COVERED = 4
-#: Poles beyond count as unstable.
-_STABLE = 1.0 - 1e-9
 #: Random directions in which a stability limit is searched, in addition to the corners.
 _DIRECTIONS = 32
 
@@ -140,7 +116,7 @@ class _Costs(_Family):
 
     def value(self, at: Array) -> float:
         loop = self._loop(at)
-        covariance = _lyapunov(loop.A.T, loop.noise)
+        covariance = cost_to_go(loop.A.T, loop.noise)
         if covariance is None:
             return inf
         return float(np.einsum('ij,jk,ik', loop.C, covariance, loop.C)) + loop.direct
@@ -155,16 +131,20 @@ class _Costs(_Family):
         n, d = self._n, grid.ndim - 1
         M, M_rest = (_square(some[..., : -n * n - 1], n) for some in (grid, rest))
         noise_rest = _square(rest[:, -n * n - 1 : -1], n)
-        noise = _nodes(_square(grid[..., -n * n - 1 : -1], n), d)
-        direct = _nodes(grid[..., -1], d)
-        floor = _floor(_centre(M, d), noise.mean(axis=0))
+        noise = at_nodes(_square(grid[..., -n * n - 1 : -1], n), d)
+        direct = at_nodes(grid[..., -1], d)
+        floor = decrease(centre(M, d), noise.mean(axis=0))
 
         def cost(P: Array) -> float:
-            most = _coefficients(np.einsum('kij,kji->k', P, noise) + direct, d).max()
+            most = coefficients(np.einsum('kij,kji->k', P, noise) + direct, d).max()
             left = np.einsum('ij,kji->k', P.mean(axis=0), noise_rest) + rest[:, -1]
-            return float(most + _SAFETY * np.abs(left).max(initial=0.0))
+            return float(most + SAFETY * np.abs(left).max(initial=0.0))
 
-        P = None if floor is None else _storage(M, M_rest, inf, floor, lambda P: cost(P) <= level)
+        P = (
+            None
+            if floor is None
+            else storage_function(M, M_rest, inf, floor, lambda P: cost(P) <= level)
+        )
         return inf if P is None else cost(P)
 
 
@@ -185,15 +165,15 @@ class _Peaks(_Family):
 
     def bound(self, grid: Array, rest: Array, level: float) -> float:
         n, M = self._n, _square(grid, self._n + 1)
-        A, B = np.split(_centre(M, grid.ndim - 1)[:n], [n], axis=1)
-        reach = _lyapunov(A.T, B @ B.T)
+        A, B = np.split(centre(M, grid.ndim - 1)[:n], [n], axis=1)
+        reach = cost_to_go(A.T, B @ B.T)
         if reach is None:
             return inf
         # some weight of every state, since neither input nor output may reach it
         spread = reach.diagonal().copy()
         spread[spread <= _TINY * spread.max()] = spread.max() or 1.0
         floor = np.diag(_TINY * level**2 / spread)
-        return inf if _storage(M, _square(rest, n + 1), level, floor) is None else level
+        return inf if storage_function(M, _square(rest, n + 1), level, floor) is None else level
 
 
 def worst_cost(loop: Callable[[Array], NoisyLoop], low: Array, high: Array) -> Bracket:
@@ -257,7 +237,7 @@ def _largest(family: _Family, low: Array, high: Array) -> Bracket:
         middle = 0.5 * (first + last)
         if (value := family.value(middle)) > reached:
             reached, point = value, middle
-        least = family.bound(*_matrices(matrices, first, last), reached * (1.0 + GAP))
+        least = family.bound(*polynomial(matrices, first, last), reached * (1.0 + GAP))
         if isfinite(least):
             bound = max(bound, least)
         else:
@@ -284,27 +264,6 @@ def _climbed(family: _Family, low: Array, high: Array) -> tuple[float, Array]:
     return (value, at) if value > values[best] else (values[best], points[best])
 
 
-def _matrices(matrices: Callable[[Array], Array], low: Array, high: Array) -> tuple[Array, Array]:
-    """Return the matrices of a box, and by how much others differ from their polynomial.
-
-    Returns
-    -------
-    grid
-        Matrices (3, ..., 3, k) at the corners, middles of the sides, and the centre.
-    rest
-        Differences (K, k) at the points at which that of a cubic is largest.
-    """
-    d, middle, half = len(low), 0.5 * (low + high), 0.5 * (high - low)
-    around = np.array(list(product((-1.0, 0.0, 1.0), repeat=d)))
-    grid, inner = (
-        np.array([matrices(middle + half * part * at) for at in around])
-        for part in (1.0, _LARGEST)
-    )
-    grid = grid.reshape(*(3,) * d, -1)
-    t = 0.5 + 0.5 * _LARGEST * np.array([-1.0, 0.0, 1.0])
-    return grid, inner - _along_axes(_quadratic(t), grid, d)
-
-
 def _sizes(matrices: Callable[[Array], Array], low: Array, high: Array) -> Array:
     """Return the largest sizes (k,) of the numbers at the corners and the centre of a box."""
     points = [np.array(at) for at in product(*zip(low, high))] + [0.5 * (low + high)]
@@ -329,221 +288,9 @@ def _halves(
     return [(low, below), (above, high)]
 
 
-def _storage(
-    grid: Array,
-    rest: Array,
-    level: float,
-    floor: Array,
-    enough: Callable[[Array], bool] = lambda P: True,
-) -> Array | None:
-    """Return a storage function P of all loops of a box at its nodes (N, n, n).
-
-    Its centre solves the equation of the centre of M with an addition E, which is raised until
-    it covers what the inequality lacks elsewhere. None if that does not end.
-
-    Parameters
-    ----------
-    grid
-        [[A, B], [C, D]] (3, ..., 3, n + p, n + m); without B and D the level is infinite.
-    rest
-        What others in the box differ by from the polynomial of these (K, n + p, n + m).
-    level
-        g.
-    floor
-        A symmetric matrix (n, n) >= 0 that is added to C'C.
-    enough
-        Whether a P, which only grows, is still small enough.
-    """
-    n, d = len(floor), grid.ndim - 2
-    centre, slopes, M = _centre(grid, d), _slopes(grid, d), _nodes(grid, d)
-    at = np.array(list(product(np.linspace(-1.0, 1.0, _DEGREE + 1), repeat=d)))
-    E = np.zeros((n, n))
-    for _ in range(_ITERATIONS):
-        P = _solution(centre, level, floor + E)
-        change = None if P is None else _derivatives(centre, slopes, P, level)
-        if P is None or change is None:
-            return None
-        at_nodes = P + np.tensordot(at, change, 1)
-        if not enough(at_nodes):
-            return None
-        margin = _margin(rest, P, level)
-        excess = _excess(_coefficients(_form(M, at_nodes, floor, level, margin), d), n)
-        if excess is None:
-            return None
-        lacking = np.linalg.eigvalsh(_scaled(excess, P))[:, -1] > 0.0
-        if not lacking.any():
-            return at_nodes
-        E = _cover(_MARGIN * (excess[lacking] + E), E, P)
-    return None
-
-
-def _margin(rest: Array, P: Array, level: float) -> float:
-    """Return by which part of diag(P, level^2) the form may grow if M differs by twice ``rest``.
-
-    In units in which diag(P, 1) and diag(P, level^2) are the identity, M is at most 1 in norm.
-    """
-    n, unit = len(P), _units(P)
-    values, vectors = np.linalg.eigh(_scaled(P, P))
-    root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
-    left, right = (vectors * root).T / unit, vectors / root * unit[:, np.newaxis]
-    rest = np.concatenate((left @ rest[:, :n], rest[:, n:]), axis=1)
-    rest = np.concatenate((rest[:, :, :n] @ right, rest[:, :, n:] / level), axis=2)
-    size = _SAFETY * float(np.linalg.norm(rest, 2, axis=(1, 2)).max(initial=0.0))
-    return 2.0 * size + size**2
-
-
-def _form(M: Array, P: Array, floor: Array, level: float, margin: float) -> Array:
-    """Return M'diag(P, 1) M - (1 - margin) diag(P, level^2) + diag(floor, 0) at nodes."""
-    n = P.shape[1]
-    weighted = np.concatenate((P @ M[:, :n], M[:, n:]), axis=1)
-    form: Array = M.swapaxes(1, 2) @ weighted
-    form[:, :n, :n] += floor - (1.0 - margin) * P
-    inputs = np.arange(n, form.shape[1])
-    form[:, inputs, inputs] -= (1.0 - margin) * level**2 if inputs.size else 0.0
-    return form
-
-
-def _excess(form: Array, n: int) -> Array | None:
-    """Return the Schur complement (N, n, n) of the inputs, None if they are not bounded."""
-    inner = -form[:, n:, n:]
-    if not inner.size:
-        return form
-    if np.linalg.eigvalsh(inner).min() <= 0.0:
-        return None
-    cross = form[:, :n, n:]
-    return np.asarray(form[:, :n, :n] + cross @ np.linalg.solve(inner, cross.swapaxes(1, 2)))
-
-
-def _derivatives(M: Array, slopes: Array, P: Array, level: float) -> Array | None:
-    """Return the derivatives (d, n, n) of the P of the centre by those of M (d, ...)."""
-    n = len(P)
-    A, B, D = M[:n, :n], M[:n, n:], M[n:, n:]
-    weighted = np.concatenate((P @ M[:n], M[n:]))
-    worst = np.eye(n)
-    if B.size:
-        inner = level**2 * np.eye(B.shape[1]) - D.T @ D - B.T @ P @ B
-        gain = np.linalg.solve(inner, M[:, n:].T @ weighted[:, :n])
-        worst, A = np.vstack((worst, gain)), A + B @ gain
-    change = slopes.swapaxes(1, 2) @ weighted
-    change = worst.T @ (change + change.swapaxes(1, 2)) @ worst
-    solutions = [_lyapunov(A, Q) for Q in change]
-    return None if any(X is None for X in solutions) else np.array(solutions)
-
-
-def _lyapunov(A: Array, Q: Array) -> Array | None:
-    """Return X = A'X A + Q; None if A is unstable, or nearly so."""
-    if not np.abs(np.linalg.eigvals(A)).max(initial=0.0) < _STABLE:
-        return None
-    return stationary_covariance(A.T, Q, sampled=True)
-
-
-def _solution(M: Array, level: float, added: Array) -> Array | None:
-    """Return P of the equation P = A'P A + C'C + added + (..)(g^2 - ..)^-1(..)', if it is >= 0."""
-    n = len(added)
-    A, B, C, D = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
-    Q = C.T @ C + added
-    if not B.size:
-        P = _lyapunov(A, Q)
-    else:
-        try:
-            R = D.T @ D - level**2 * np.eye(B.shape[1])
-            P = symmetric(solve_discrete_are(A, B, Q, R, s=C.T @ D))
-        except (np.linalg.LinAlgError, ValueError):
-            return None
-    if P is None:
-        return None
-    least, most = np.linalg.eigvalsh(_scaled(P, P))[[0, -1]]
-    return P if np.isfinite(most) and least > -1e-9 else None
-
-
-def _cover(matrices: Array, least: Array, P: Array) -> Array:
-    """Return a matrix that is at least each of the symmetric matrices (N, n, n), and ``least``.
-
-    Positive parts are added of the matrix that lacks most, a few times, then a multiple of the
-    identity in the units of ``P``.
-    """
-    cover, matrices = _scaled(least, P), _scaled(matrices, P)
-    for _ in range(_COVERED):
-        values, vectors = np.linalg.eigh(matrices - cover)
-        worst = int(np.argmax(values[:, -1]))
-        positive = values[worst] > 0.0
-        if not positive.any():
-            break
-        V = vectors[worst][:, positive]
-        cover = np.asarray(cover + (V * values[worst, positive]) @ V.T)
-        matrices = matrices[values[:, -1] > 0.0]
-    lacking = float(np.linalg.eigvalsh(matrices - cover)[:, -1].max())
-    cover = cover + max(lacking, 0.0) * np.eye(len(P))
-    unit = _units(P)
-    return np.asarray(cover / (unit * unit[:, np.newaxis]))
-
-
-def _centre(grid: Array, d: int) -> Array:
-    return np.asarray(grid[(1,) * d])
-
-
-def _slopes(grid: Array, d: int) -> Array:
-    """Return half the differences (d, ...) between opposite sides of a box."""
-    middle = [1] * d
-    ends = [[(*middle[:axis], end, *middle[axis + 1 :]) for end in (0, 2)] for axis in range(d)]
-    return np.array([0.5 * (grid[high] - grid[low]) for low, high in ends])
-
-
 def _square(numbers: Array, columns: int) -> Array:
     """Return matrices (..., rows, columns) of numbers (..., k)."""
     return numbers.reshape(*numbers.shape[:-1], -1, columns)
-
-
-def _nodes(grid: Array, d: int) -> Array:
-    """Return at equidistant nodes (N, ...) the polynomial through the points of a grid."""
-    t = np.linspace(0.0, 1.0, _DEGREE + 1)
-    return _along_axes(_quadratic(t), grid, d)
-
-
-def _quadratic(t: Array) -> Array:
-    """Return the values at t (N,) of the polynomials that are 1 at one of 0, 1/2, 1 (N, 3)."""
-    return np.stack(((1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)), 1)
-
-
-def _coefficients(values: Array, d: int) -> Array:
-    """Return the Bernstein coefficients (N, ...) of a polynomial with values at nodes (N, ...)."""
-    t = np.linspace(0.0, 1.0, _DEGREE + 1)
-    basis = np.stack(
-        [comb(_DEGREE, k) * t**k * (1.0 - t) ** (_DEGREE - k) for k in range(_DEGREE + 1)], 1
-    )
-    grid = values.reshape(*(len(t),) * d, *values.shape[1:])
-    return _along_axes(np.asarray(np.linalg.inv(basis), dtype=float), grid, d)
-
-
-def _along_axes(matrix: Array, values: Array, d: int) -> Array:
-    """Return values (N, ...) after a matrix along each of the first ``d`` axes."""
-    for axis in range(d):
-        values = np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
-    return np.asarray(values).reshape(-1, *values.shape[d:])
-
-
-def _scaled(X: Array, P: Array) -> Array:
-    """Return X with its states in units in which the diagonal of P is one."""
-    unit = _units(P)
-    return np.asarray(X * unit * unit[:, np.newaxis])
-
-
-def _units(P: Array) -> Array:
-    return np.asarray(1.0 / np.sqrt(np.maximum(P.diagonal(), 1e-300)))
-
-
-def _floor(M: Array, noise: Array) -> Array | None:
-    """Return what makes x'P x decrease in all states: about a thousandth of the cost."""
-    n = len(noise)
-    A, C = M[:n], M[n:]
-    covariance = _lyapunov(A.T, noise)
-    if covariance is None:
-        return None
-    spread = covariance.diagonal()
-    covariance = covariance + np.diag(1e-6 * spread + 1e-12 * max(spread.max(), 1e-300))
-    cost = float(np.einsum('ij,jk,ik', C, covariance, C)) or 1.0
-    inverse: Array = np.asarray(np.linalg.inv(covariance), dtype=float)
-    return symmetric(_FLOOR * cost / n * inverse)
 
 
 def _all_stable(loop: Callable[[Array], NoisyLoop], low: Array, high: Array) -> bool:
@@ -559,11 +306,11 @@ def _all_stable(loop: Callable[[Array], NoisyLoop], low: Array, high: Array) -> 
         first, last = boxes.pop()
         middle = loop(0.5 * (first + last))
         n = len(middle.A)
-        floor = _floor(middle.A, middle.noise)
+        floor = decrease(middle.A, middle.noise)
         if floor is None:
             return False
-        grid, rest = (_square(some, n) for some in _matrices(matrices, first, last))
-        if _storage(grid, rest, inf, floor) is None:
+        grid, rest = (_square(some, n) for some in polynomial(matrices, first, last))
+        if storage_function(grid, rest, inf, floor) is None:
             boxes += _halves(matrices, first, last, scale)
     return False
 
