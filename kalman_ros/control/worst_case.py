@@ -28,8 +28,8 @@ from .storage import SAFETY, cost_to_go, decrease, storage_function
 
 #: The relative distance between the worst value that was found and the bound.
 GAP = 0.08
-#: The largest number of boxes that are looked at.
-_MOST_BOXES = 1000
+#: The largest numbers of boxes that are looked at, for a bound, and to prove a box stable.
+_MOST_BOXES, _MOST_STABLE = 1000, 300
 #: The largest multiple of a box in which a stability limit is searched.
 MOST_TIMES = 4.0
 #: How often a stability limit is lowered until it can be proved.
@@ -300,7 +300,7 @@ def _all_stable(loop: Callable[[Array], NoisyLoop], low: Array, high: Array) -> 
         return loop(at).A.ravel()
 
     boxes, scale = [(low, high)], _sizes(matrices, low, high)
-    for _ in range(_MOST_BOXES):
+    for _ in range(_MOST_STABLE):
         if not boxes:
             return True
         first, last = boxes.pop()

@@ -142,3 +142,22 @@ def test_box_ends_where_there_is_no_loop() -> None:
     assert limit.refuted == inf
     assert limit.proved == pytest.approx(1.9, rel=1e-2)
     assert limit.structured_singular_value[0] == 0.0
+
+
+def test_what_a_parabola_does_not_show_is_not_missed() -> None:
+    """At the corners and in the middle the pole is nearly zero, between them 0.95."""
+
+    def loop(p: Array) -> NoisyLoop:
+        return first_order(0.95 * np.sin(3.0 * p[0]))
+
+    def system(p: Array) -> StateSpace:
+        A = loop(p).A
+        return StateSpace(A, ONE, ONE, np.zeros((1, 1)), 1.0)
+
+    low, high = np.array([-1.0]), np.array([1.0])
+    cost, peak = worst_cost(loop, low, high), worst_peak(system, low, high)
+    assert cost.reached == pytest.approx(1.0 / (1.0 - 0.95**2) + 0.5, rel=1e-3)
+    assert cost.bound >= 1.0 / (1.0 - 0.95**2) + 0.5
+    assert peak.bound >= 20.0
+    limit = stability_limit(loop, np.array([0.0]), low, high)
+    assert limit.proved >= 1.0
