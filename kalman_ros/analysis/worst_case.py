@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from kalman_ros.control.worst_case import (
     worst_cost,
     worst_peak,
 )
-from kalman_ros.core import Array, DesignError
+from kalman_ros.core import Array, DesignError, is_finite
 from kalman_ros.scenario import Scenario, build
 from kalman_ros.scenario.regulator import feedback, price
 
@@ -134,7 +135,12 @@ class PlantLoops:
         """Return the sampled plant at parameters (d,), computed once."""
         key = at.tobytes()
         if key not in self._known:
-            self._known[key] = self._sampled(self._plants(at))
+            with np.errstate(all='ignore'):  # what overflows is refused below
+                plant, W, V = self._sampled(self._plants(at))
+            if not all(map(is_finite, (plant.A, plant.B, plant.C, W, V))):
+                place = ', '.join(f'{value:.4g}' for value in at.tolist())
+                raise ValueError(f'intervals: expected plants with finite numbers, not at {place}')
+            self._known[key] = plant, W, V
         return self._known[key]
 
     def _sampled(self, plant: Plant) -> tuple[StateSpace, Array, Array]:
@@ -189,10 +195,11 @@ def worst_cases(
         nominal_disk[name] = margins_of(loops.broken(nominal, index)).disk.alpha
         disk[name] = worst_peak(partial(loops.difference, input=index), low, high)
         margins[name] = _margins_or_none(loops.broken(disk[name].point, index))
+    unstable = [at.point for at in (cost, *disk.values()) if at.reached == inf]
     return WorstCases(
         names, nominal, low, high, nominal_cost,
         Bracket(cost.reached * rate, cost.bound * rate, cost.point), nominal_disk, disk, margins,
-        stability_limit(loops.noisy, nominal, low, high),
+        stability_limit(loops.noisy, nominal, low, high, unstable),
     )  # fmt: skip
 
 

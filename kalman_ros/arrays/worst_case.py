@@ -79,7 +79,7 @@ class WorstCase(KnownNames):
     @property
     def stable(self) -> bool:
         """Whether all loops within the intervals are proved to be stable."""
-        return self.stable_times[0] >= 1.0 or self.cost.bound < inf
+        return self.cost.found < inf and (self.stable_times[0] >= 1.0 or self.cost.bound < inf)
 
     @property
     def structured_singular_value(self) -> tuple[float, float]:
@@ -111,7 +111,8 @@ def worst_case(
     """Return the worst cost and margins of a loop over intervals of its plant's parameters.
 
     Law and estimator are those of the design and do not change. The worst values are searched, and
-    bounded by storage functions that hold for whole boxes of parameters.
+    bounded by storage functions that hold for whole boxes of parameters. The bounds assume that
+    the plant is smooth in its parameters: a jump, or a narrow feature, can be missed.
 
     Parameters
     ----------

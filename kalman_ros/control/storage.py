@@ -30,6 +30,8 @@ from kalman_ros.linear.matrices import symmetric
 
 #: Iterations for a storage function, and how much larger than the differences it is made.
 _ITERATIONS, _MARGIN = 40, 1.05
+#: A storage function that grows by more than this does not end.
+_MOST_GROWTH = 1e6
 #: How many times the measured difference of M from its polynomial is allowed for.
 SAFETY = 2.0
 #: Share of the cost that is added so that a storage function proves stability, too.
@@ -40,6 +42,7 @@ _COVERED = 4
 _STABLE = 1.0 - 1e-9
 
 
+@np.errstate(over='ignore', invalid='ignore')  # what is not finite is no storage function
 def storage_function(
     grid: Array,
     rest: Array,
@@ -65,14 +68,27 @@ def storage_function(
     enough
         Whether a P, which only grows, is still small enough.
     """
+    try:
+        return _iterated(grid, rest, level, floor, enough)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _iterated(
+    grid: Array, rest: Array, level: float, floor: Array, enough: Callable[[Array], bool]
+) -> Array | None:
+    """Return a storage function, or None, as `storage_function` does."""
     n, d = len(floor), grid.ndim - 2
     middle, sides, M = centre(grid, d), slopes(grid, d), at_nodes(grid, d)
     at = np.array(list(product(np.linspace(-1.0, 1.0, DEGREE + 1), repeat=d)))
-    E = np.zeros((n, n))
+    E, first = np.zeros((n, n)), None
     for _ in range(_ITERATIONS):
         P = _solution(middle, level, floor + E)
         change = None if P is None else _derivatives(middle, sides, P, level)
         if P is None or change is None:
+            return None
+        first = P if first is None else first
+        if not np.trace(_scaled(P, first)) <= _MOST_GROWTH * n:
             return None
         everywhere = P + np.tensordot(at, change, 1)
         if not enough(everywhere):

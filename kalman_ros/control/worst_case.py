@@ -9,7 +9,7 @@ it is halved.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import inf, isfinite
@@ -187,7 +187,11 @@ def worst_peak(loop: Callable[[Array], StateSpace], low: Array, high: Array) -> 
 
 
 def stability_limit(
-    loop: Callable[[Array], NoisyLoop], nominal: Array, low: Array, high: Array
+    loop: Callable[[Array], NoisyLoop],
+    nominal: Array,
+    low: Array,
+    high: Array,
+    unstable: Sequence[Array] = (),
 ) -> StabilityLimit:
     """Return how many times as large a box may be before it has an unstable loop.
 
@@ -199,6 +203,8 @@ def stability_limit(
         Parameters within the box; their loop is stable.
     low, high
         Ends of the box.
+    unstable
+        Parameters that are known to have an unstable loop.
     """
 
     def at(times: float, direction: Array) -> Array:
@@ -207,6 +213,12 @@ def stability_limit(
 
     most = _allowed(loop, at, len(nominal))
     refuted, point = _nearest_unstable(loop, at, len(nominal), most)
+    for known in unstable:
+        part = np.where(known < nominal, nominal - low, high - nominal)
+        gone = np.abs(known - nominal)
+        times = float(np.max(gone / np.where(part > 0.0, part, 1.0)))
+        if times < refuted:
+            refuted, point = times, known
     proved, ones = most if refuted == inf else refuted, np.ones(len(nominal))
     for _ in range(_ATTEMPTS):
         if refuted != inf:

@@ -36,7 +36,7 @@ def polynomial(matrices: Callable[[Array], Array], low: Array, high: Array) -> t
     d, middle, half = len(low), 0.5 * (low + high), 0.5 * (high - low)
     around = np.array(list(product((-1.0, 0.0, 1.0), repeat=d)))
     grid, inner = (
-        np.array([matrices(middle + half * part * at) for at in around])
+        np.array([matrices(np.clip(middle + half * part * at, low, high)) for at in around])
         for part in (1.0, _LARGEST)
     )
     grid = grid.reshape(*(3,) * d, -1)

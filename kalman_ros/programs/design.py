@@ -104,6 +104,8 @@ def intervals(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
             low, high = map(float, pair.split('..'))
         except ValueError:
             raise ValueError(f"within: expected NAME=LOW..HIGH, got '{text}'") from None
+        if name in ends:
+            raise ValueError(f'within: expected one interval of {name}, got two')
         ends[name] = (low, high)
     return ends
 

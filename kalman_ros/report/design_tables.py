@@ -35,7 +35,7 @@ def tables(report: DesignReport, time: str = 's') -> Iterator[tuple[str, Sheet]]
     if report.regulator:
         yield 'Margins', _margin_sheet(report)
     if report.unlimited is not None and np.isfinite(report.unlimited).any():
-        yield 'No limit acts from starts within', _unlimited_sheet(report)
+        yield 'Without noise, no limit acts from starts within', _unlimited_sheet(report)
 
 
 def structure(report: DesignReport) -> str:

@@ -12,6 +12,7 @@ import kalman_ros as kr
 from kalman_ros.analysis.worst_case import PlantLoops, named_plants
 from kalman_ros.arrays.scenarios import BELIEVED, values_of
 from kalman_ros.control.margins import margins
+from kalman_ros.core import LinearSystem
 from kalman_ros.models.mass_spring_damper import mass_spring_damper
 from kalman_ros.scenario import build
 
@@ -126,3 +127,28 @@ def test_intervals_may_be_those_of_a_fit() -> None:
     worst = kr.worst_case('mass_spring_damper', fit)
     assert worst.intervals == {'model_parameters.mass': (1.0, mass.low, mass.high)}
     assert worst.stable
+
+
+def test_an_unstable_loop_in_the_box_is_no_stable_box() -> None:
+    def plant(mass: float = 1.0) -> LinearSystem:
+        return mass_spring_damper(mass, damping=-30.0 if abs(mass - 1.23) < 0.015 else 0.5)
+
+    scenario = kr.make_scenario(plant(), kr.sensor([[1.0, 0.0]], [[0.01]]), rate=50.0)
+    worst = kr.worst_case(scenario, {'mass': (0.8, 1.5)}, plant=plant)
+    if worst.cost.found == inf or worst.disk['f'].found == 0.0:
+        assert not worst.stable
+        assert worst.stable_times[1] <= 1.0
+    wide = kr.worst_case(scenario, {'mass': (0.9, 1.56)}, plant=plant)  # 1.23 is its middle
+    assert wide.cost.found == inf
+    assert not wide.stable
+    assert wide.stable_times[1] <= 1.0
+    assert wide.unstable['mass'] == pytest.approx(1.23, abs=0.015)
+
+
+@pytest.mark.parametrize(
+    'intervals', [{'damping': (0.0, 1e6)}, {'mass': (0.01, 100.0)}, {'mass': (1e-9, 1e9)}]
+)
+def test_wide_intervals_have_an_answer(intervals: dict[str, tuple[float, float]]) -> None:
+    worst = kr.worst_case('mass_spring_damper', intervals)
+    assert worst.cost.found >= worst.nominal_cost
+    assert worst.cost.bound >= worst.cost.found
