@@ -24,7 +24,7 @@ from kalman_ros.core import (
 
 from .feedback import Feedback
 from .lqr import Cost, LqrDesign, dlqr, sampled_cost, sampled_lqr
-from .predictive import predicted
+from .predictive import STATE_PRICE, predicted
 
 
 class Problem(NamedTuple):
@@ -116,7 +116,7 @@ def _mpc(
             minimum=1e-9,
             live=True,
         ),
-    ] = (1e6,),
+    ] = (STATE_PRICE,),
 ) -> Feedback:
     """Return the regulator with the least cost within limits of inputs and states."""
     system, weights, dt = problem.system, problem.weights, problem.dt

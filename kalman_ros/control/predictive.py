@@ -16,6 +16,7 @@ hard.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
 from typing import NamedTuple
@@ -31,6 +32,8 @@ from .motion import Motion
 
 #: The price of exceeding a limit of a later input, relative to the cost of an input.
 _INPUT_PRICE = 1e6
+#: The usual price a second of an excess of a state.
+STATE_PRICE = 1e6
 #: The steps of a horizon that follows from the poles.
 _DECAYS, _FEWEST, _MOST = 4.0, 20, 200
 #: The most steps of a horizon, and the most moves in it.
@@ -78,7 +81,7 @@ def predicted(
     *,
     horizon: float = 0.0,
     moves: int = 20,
-    price_of_states: ArrayLike = 1e6,
+    price_of_states: ArrayLike = STATE_PRICE,
     limits: tuple[Array, Array],
 ) -> Prediction:
     """Return the prediction of a plant in steps with its regulator.
@@ -243,11 +246,16 @@ class _Sides:
 
 
 class _Program(NamedTuple):
-    """Limits of inputs, their changes and states; the problem that they make; v_k by z."""
+    """Limits of inputs, their changes and states; the problem that they make; v_k by z.
+
+    ``softened`` is the problem in which limits of states that have to be kept have a price, for
+    steps in which they cannot be kept; None if there are no such limits.
+    """
 
     sides: tuple[_Sides, ...]
     problem: LeastDistance
     moves: Array
+    softened: LeastDistance | None
 
 
 @dataclass
@@ -301,11 +309,14 @@ class Predictor:
             _Sides(changes, changes_by_z, -change, change, later),
             _Sides(by.states, by.states_by_z, prediction.low, prediction.high, excess),
         )
-        problem = LeastDistance(
-            np.concatenate([side.rows for side in sides]),
-            np.concatenate([side.softness for side in sides]),
-        )
-        return _Program(sides, problem, moves)
+        rows = np.concatenate([side.rows for side in sides])
+        softness = np.concatenate([side.softness for side in sides])
+        softened, states = None, sides[-1].softness
+        if not states.all():
+            soft = np.where(states > 0.0, states, 1.0 / (STATE_PRICE * prediction.dt))
+            softness_of_all = np.concatenate((softness[: len(softness) - len(soft)], soft))
+            softened = LeastDistance(rows, softness_of_all)
+        return _Program(sides, LeastDistance(rows, softness), moves, softened)
 
     @property
     def steps(self) -> int:
@@ -366,9 +377,21 @@ class Predictor:
         except (InfeasibleError, np.linalg.LinAlgError):
             self.infeasible += 1
             memory.age, memory.active = memory.age + 1, ()
+            self._soften(program, memory, b, deadline)
         if memory.z is None or memory.age >= self.steps:
             return np.zeros(len(before))
         return np.asarray(program.moves[memory.age] @ memory.z)
+
+    @staticmethod
+    def _soften(program: _Program, memory: _Memory, b: Array, deadline: float) -> None:
+        """Replace the last plan by one that comes back within limits that cannot be kept."""
+        if program.softened is None:
+            return
+        with suppress(LateError, InfeasibleError, np.linalg.LinAlgError):
+            with np.errstate(over='ignore', invalid='ignore'):
+                shortest = program.softened.solve(b, (), deadline)
+            if np.isfinite(shortest.z).all():
+                memory.z, memory.age = shortest.z, 0
 
     def _bounds(self, program: _Program, error: Array, before: Array, ahead: Motion) -> Array:
         """Return what z may add in each row."""

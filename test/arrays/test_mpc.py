@@ -192,3 +192,15 @@ def test_a_step_without_a_plan_has_none_to_show():
         _ = control.plan
     control.step([0.1, 0.0])
     assert np.abs(control.plan.inputs).max() <= 0.1 + 1e-9
+
+
+@pytest.mark.parametrize('begins', [1.0, 1.05])
+def test_limits_that_have_to_be_kept_and_cannot_do_not_drop_the_pole(begins):
+    parameters = {
+        **start([begins, 0.0, 0.0, 0.0]), 'law': 'mpc', 'state_price': np.inf,
+        'state_limit.x': [-1.0, 1.0], 'state_limit.theta': [-0.4, 0.4],
+    }  # fmt: skip
+    for seed in range(3):
+        run = kr.simulate('cart_pole', parameters, seconds=3.0, seed=seed, input_limit=10)
+        assert np.abs(run.truth[:, 2]).max() < 0.6
+        assert np.abs(run.truth[-1, 0]) < 0.3

@@ -28,6 +28,7 @@ from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.meters import Latency, Rate
 from kalman_ros.nodes.middleware.topics import HISTORY, KEPT, QUEUE, WATCH
 from kalman_ros.pipeline.idle import idle_input
+from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.regulator import feedback, limits, tracking
@@ -40,6 +41,8 @@ from .output import OutputStage
 from .reference import ReferenceReader
 from .stop import Heartbeat, Stop
 
+#: The warning while no plan is within the limits of the states.
+_NO_PLAN = 'no plan keeps the limits of the states; they count with their price until one does'
 #: The longest step, in seconds, over which an integral is updated or an estimate predicted.
 _LONGEST = 0.5
 #: A clock that goes back by less is out of order, not reset.
@@ -94,6 +97,8 @@ class ControllerNode(runtime.ScenarioNode):
             frame,
             options.reference_timeout,
         )
+        #: Steps without a plan within the limits of the states, as last reported.
+        self._impossible, self._warn = 0, Throttle(self.get_logger().warning)
         #: The last estimate that was used.
         self._here: Array | None = None
         self._motions = MotionReader(self, self._regulator, frame, lambda: self._here)
@@ -398,6 +403,11 @@ class ControllerNode(runtime.ScenarioNode):
             return Level.WARN, f'disabled: {zero}', values
         if not self._answered:
             return Level.WARN, f'no {self.scenario.state.topic} received', values
+        impossible = 0 if predictor is None else predictor.infeasible
+        since, self._impossible = impossible - self._impossible, impossible
+        if since > 0:
+            self._warn(_NO_PLAN)
+            return Level.WARN, _NO_PLAN, values
         return Level.OK, 'running', values
 
     def _progress(self) -> dict[str, str]:
