@@ -39,7 +39,7 @@ class Ghost:
         self.filter = self._scenario.filter
         estimation = settings.fusion(wait=False)
         self._online = estimation.online(settings.idle())
-        self._first_reading = 0
+        self._start = -1
 
     def start(self, time: int, belief: Gaussian, input: Array) -> None:
         """Start from a belief that holds at a time in nanoseconds, with the input from then on.
@@ -50,12 +50,12 @@ class Ghost:
         if not self._scenario.believed.places:
             self._online.reset(belief)
         self._online.add_input(time, input)
-        self._first_reading = time + 1
+        self._start = time
 
     def reset(self) -> None:
         """Start from the initial belief at the next stamp."""
         self._online.reset(self._scenario.believed.initial)
-        self._first_reading = 0
+        self._start = -1
 
     def fuse(self, samples: Mapping[str, Sequence[Sample]]) -> list[tuple[int, Gaussian]]:
         """Fuse the new samples by topic; return the time and the belief at each reading."""
@@ -63,13 +63,13 @@ class Ghost:
             Arrival(name, sample.time, sample.values, source.used(sample.covariance))
             for name, source in self._scenario.enabled.items()
             for sample in samples.get(source.signal.topic, ())
-            if sample.time is not None and sample.time >= self._first_reading
+            if sample.time is not None and sample.time > self._start
         ]
         if self._scenario.input.fields:
             arrivals += [
                 Arrival(None, sample.time, sample.values)
                 for sample in samples.get(self._scenario.input.topic, ())
-                if sample.time is not None
+                if sample.time is not None and sample.time >= self._start
             ]
         arrivals.sort(key=attrgetter('time'))
         beliefs = []

@@ -350,6 +350,7 @@ class LiveCommands:
             streams = self._streams
             if streams.estimate is not None and streams.estimate_time is not None:
                 ghost.start(streams.estimate_time, Gaussian(*streams.estimate), streams.input)
+                ghost.fuse(streams.samples)
             self._ghost_estimator = ghost
         if not shown:
             self._ghost_estimator = None

@@ -31,7 +31,7 @@ from .streams import Streams
 from .theory_worker import TheoryWorker
 
 #: Intervals in seconds of frames, of status reports, and of updates of theory and shared file.
-_FRAME, _STATUS, _CHANGES = 0.05, 0.5, 0.1
+_FRAME, _STATUS, _CHANGES = 0.029, 0.5, 0.1
 #: Largest number of commands that wait.
 _WAITING = 200
 
@@ -137,7 +137,9 @@ class LiveLoop:
         self._frame_time = monotonic()
         status_time = change_time = 0.0
         while not commands.restart:
-            nodes.spin_until(_FRAME, lambda: not self._queue.empty())
+            nodes.spin_until(
+                _FRAME if commands.changed else _CHANGES, lambda: not self._queue.empty()
+            )
             for _ in range(self._queue.qsize()):
                 commands.carry_out(*self._queue.get())
                 status_time = 0.0

@@ -16,7 +16,7 @@ from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_si
 from kalman_ros.scenario import Scenario
 
 #: Largest number of rows of one stream in the usual period of a frame.
-_MOST = 12
+_MOST = 8
 #: Largest number of steps that are predicted.
 _MOST_STEPS = 1000
 #: Time constant in seconds of the average of the recent cost.
@@ -48,6 +48,8 @@ class Streams:
         self._input: Array = scenario.model.equilibrium.input
         #: Newest belief and truth.
         self.estimate: tuple[Array, Array] | None = None
+        #: Samples of the newest frame, of which some may be newer than its belief.
+        self.samples: Mapping[str, Sequence[Sample]] = {}
         #: Time of the newest belief in nanoseconds.
         self.estimate_time: int | None = None
         self.truth: Array | None = None
@@ -92,7 +94,7 @@ class Streams:
         periods
             Number of usual periods since the last frame; a late frame has as many more rows.
         """
-        self._most = _MOST * max(periods, 1)
+        self.samples, self._most = samples, _MOST * max(periods, 1)
         truths = samples['ground_truth']
         if self._origin is None:
             stamps = [truth.time for truth in truths if truth.time is not None]

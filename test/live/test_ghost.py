@@ -64,6 +64,17 @@ def test_a_reading_from_before_the_start_is_not_fused_twice():
     assert ghost.fuse({'joint_states': samples['joint_states']}) == []
 
 
+def test_an_input_from_before_the_start_does_not_move_the_start():
+    settings = adjustments().estimator_settings()
+    ghost, other = Ghost(settings), Ghost(settings)
+    first, second = list(frames(2))
+    time, belief = first['force'][-1].time, Gaussian(np.ones(4), 1e-4 * np.eye(4))
+    for each in (ghost, other):
+        each.start(time, belief, first['force'][-1].values)
+    ghost.fuse(first)
+    assert ghost.fuse(second)[-1][1].mean.tolist() == other.fuse(second)[-1][1].mean.tolist()
+
+
 def test_the_ghost_keeps_the_values_from_before_a_change():
     changed = adjustments()
     ghost = Ghost(changed.estimator_settings())

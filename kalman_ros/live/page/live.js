@@ -224,12 +224,12 @@ page.renew = () => {
   markUnstable();
 };
 
-// --- drawing: at most 20 times a second --------------------------------------------------------
+// --- drawing: at most 60 times a second --------------------------------------------------------
 let drawn = 0, said = 0;
 
 function draw(time) {
   requestAnimationFrame(draw);
-  if (!page.dirty || !page.scene || time - drawn < 45) return;
+  if (!page.dirty || !page.scene || time - drawn < 15) return;
   drawn = time;
   page.dirty = false;
   $('clock').textContent = `${data.now.toFixed(data.unit === 's' ? 2 : 0)} ${data.unit}`;
