@@ -16,7 +16,7 @@ from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_si
 from kalman_ros.scenario import Scenario
 
 #: Largest number of rows of one stream in the usual period of a frame.
-_MOST = 8
+_MOST = 12
 #: Largest number of steps that are predicted.
 _MOST_STEPS = 1000
 #: Time constant in seconds of the average of the recent cost.
