@@ -12,7 +12,14 @@ from kalman_ros.core import Option, Value
 from kalman_ros.nodes.controller.options import ControllerOptions
 from kalman_ros.nodes.plant.options import PlantOptions
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
-from kalman_ros.pipeline.settings import OF_RCLPY, Chosen, Settings, choose, estimator_extra
+from kalman_ros.pipeline.settings import (
+    OF_RCLPY,
+    Chosen,
+    Settings,
+    choose,
+    estimator_extra,
+    settings,
+)
 from kalman_ros.scenario import Scenario, assemble, sensor_names
 from kalman_ros.scenario.demo_section import demo_section
 from kalman_ros.scenario.parameter_files import from_file
@@ -136,14 +143,28 @@ class Adjustments:
     def _check_configurable(self, node: str) -> None:
         """Raise ValueError if the node cannot be configured."""
         if node == 'estimator':
-            chosen = self._chosen[node]
-            options: dict[str, Any] = {name: chosen.values[name] for name in chosen.own}
-            extra = {name: chosen.values[name] for name in chosen.extra}
-            Settings(self.scenario(node), EstimatorOptions(**options), extra).estimator()
+            self.estimator_settings().estimator()
         elif node == 'controller' and self.driven:
             feedback(self.scenario(node))
         else:
             self.scenario(node)
+
+    def estimator_settings(self, filter: str = '') -> Settings:
+        """Return the settings of the estimator, or those with another filter.
+
+        Raises
+        ------
+        ValueError
+            If the filter is unknown.
+        """
+        chosen = self._chosen['estimator']
+        if filter and filter != self.value('estimator', 'filter'):
+            own = {option.name for option in estimator_extra(chosen.values)}
+            given = {name: v for name, v in self.given('estimator').items() if name not in own}
+            return settings({**given, 'filter': filter})
+        options: dict[str, Any] = {name: chosen.values[name] for name in chosen.own}
+        extra = {name: chosen.values[name] for name in chosen.extra}
+        return Settings(self.scenario('estimator'), EstimatorOptions(**options), extra)
 
     def scenario(self, node: str) -> Scenario:
         """Return the scenario according to the parameters of a node."""

@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any
 
 #: Number of frames that are kept for a new tab, about half a minute.
-_FRAMES = 600
+_FRAMES = 1000
 
 
 @dataclass

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.core import Gaussian
 from kalman_ros.core.one_line import one_line
 from kalman_ros.harness import NodeError
 
@@ -17,6 +18,7 @@ from .adjustments import Adjustments
 from .board import Board
 from .controls import Control
 from .drawn_path import DrawnPath, described, points_of
+from .ghost import Ghost
 from .limits import limited
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
@@ -30,6 +32,8 @@ _PUSH, _MOST = 0.2, 10.0
 _FASTEST = 1e9
 #: Largest magnitude of a state to which the plant is carried.
 _FAR = 1e6
+#: Time in seconds for which a ghost continues after a tab has last shown it.
+_LEASE = 10.0
 #: Node that owns each parameter that can be chosen.
 _OWNERS = {'filter': 'estimator', 'law': 'controller'}
 
@@ -78,6 +82,8 @@ class LiveCommands:
         self._is_carried = False
         #: Path that was drawn last.
         self.path = DrawnPath(lambda key: nodes.reported('controller', key))
+        self._ghost_estimator: Ghost | None = None
+        self._ghost_shown = 0.0
         #: Number of steps whose prediction is shown.
         self._steps = 1
         self._push_end: float | None = None
@@ -97,6 +103,7 @@ class LiveCommands:
             'mode': self._mode,
             'speed': self._speed,
             'restart': self._restart,
+            'ghost': self._ghost,
         }
         nodes.on_input = self._on_input
 
@@ -117,6 +124,13 @@ class LiveCommands:
         except Exception as reason:
             error = one_line(str(reason)) or type(reason).__name__
         answer(self._board, command, error, arrival)
+
+    @property
+    def ghost(self) -> Ghost | None:
+        """Ghost of the estimator; None unless a tab has shown it recently."""
+        if monotonic() - self._ghost_shown > _LEASE:
+            self._ghost_estimator = None
+        return self._ghost_estimator
 
     def end_push(self) -> None:
         """End the push when its duration is over."""
@@ -261,6 +275,8 @@ class LiveCommands:
         else:
             self._nodes.trigger('plant/reset')
         self._nodes.trigger('estimator/reset')
+        if self._ghost_estimator is not None:
+            self._ghost_estimator.reset()
         if self._adjustments.driven:
             self._nodes.trigger('controller/reset')  # ends a motion
             self.path.draw([])
@@ -322,6 +338,23 @@ class LiveCommands:
     def _speed(self, command: Mapping[str, Any], _: float) -> None:
         """Set the speed of simulated time in lockstep."""
         self.pace.set_speed(float(command.get('value', 1.0)))
+
+    def _ghost(self, command: Mapping[str, Any], arrival: float) -> None:
+        """Start a ghost with the current values, say that it is still shown, or end it.
+
+        With ``filter``, '' for the current one, a new ghost starts from the newest belief.
+        """
+        filter, shown = command.get('filter'), command.get('shown', True)
+        if filter is not None and shown:
+            ghost = Ghost(self._adjustments.estimator_settings(filter))
+            streams = self._streams
+            if streams.estimate is not None and streams.estimate_time is not None:
+                ghost.start(streams.estimate_time, Gaussian(*streams.estimate), streams.input)
+                ghost.fuse(streams.samples)
+            self._ghost_estimator = ghost
+        if not shown:
+            self._ghost_estimator = None
+        self._ghost_shown = arrival
 
     def _restart(self, _: Mapping[str, Any], __: float) -> None:
         """Restart the nodes from the initial state."""

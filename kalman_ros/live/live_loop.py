@@ -25,13 +25,13 @@ from .live_commands import LiveCommands, answer
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
 from .page_command import Command
-from .scene import scene
+from .scene import chosen, scene
 from .share import parameter_file
 from .streams import Streams
 from .theory_worker import TheoryWorker
 
 #: Intervals in seconds of frames, of status reports, and of updates of theory and shared file.
-_FRAME, _STATUS, _CHANGES = 0.05, 0.5, 0.1
+_FRAME, _STATUS, _CHANGES = 0.029, 0.5, 0.1
 #: Largest number of commands that wait.
 _WAITING = 200
 
@@ -59,6 +59,8 @@ class LiveLoop:
     def __init__(self, file: Path, parameters: Mapping[str, Any], seed: int, board: Board) -> None:
         self._adjustments = Adjustments(file, parameters)
         self._controls = controls(self._adjustments)
+        #: Values of the controls and choices with which the page starts.
+        self._initial = {'values': self._values(), 'chosen': chosen(self._adjustments)}
         self._seed, self._board = seed, board
         self._queue: SimpleQueue[tuple[Command, float]] = SimpleQueue()
         self._pace = Pace.usual(self._adjustments)
@@ -123,7 +125,10 @@ class LiveLoop:
         commands.carried = self._continuation
         self._publish_parameters()
         self._board.clear()
-        self._board.put('scene', {**scene(self._adjustments, self._controls), 'run': self._runs})
+        self._board.put('scene', {
+            **scene(self._adjustments, self._controls),
+            'run': self._runs, 'initial': self._initial,
+        })  # fmt: skip
         if not pace.paused or pace.lockstep:
             nodes.run_until(0.0 if pace.lockstep else FOREVER)
         # on a timer, so that a command that waits for a node does not hold up the frames
@@ -132,7 +137,9 @@ class LiveLoop:
         self._frame_time = monotonic()
         status_time = change_time = 0.0
         while not commands.restart:
-            nodes.spin_until(_FRAME, lambda: not self._queue.empty())
+            nodes.spin_until(
+                _FRAME if commands.changed else _CHANGES, lambda: not self._queue.empty()
+            )
             for _ in range(self._queue.qsize()):
                 commands.carry_out(*self._queue.get())
                 status_time = 0.0
@@ -144,6 +151,8 @@ class LiveLoop:
             if now - status_time >= _STATUS:
                 self._report_status('', nodes)
                 self._board.put('path', commands.path.described())
+                ghost = commands.ghost
+                self._board.put('ghost', {'filter': '' if ghost is None else ghost.filter})
                 status_time = now
         self._pace, self._continuation = commands.pace, commands.carried
 
@@ -157,10 +166,13 @@ class LiveLoop:
         if target is not None:
             nodes.run_until(target)
         commands.end_push()
+        samples, ghost = nodes.take(), commands.ghost
         frame = streams.frame(
-            nodes.take(), *self._evaluation, self._fixed_gains, periods=ceil(elapsed / _FRAME)
+            samples, *self._evaluation, self._fixed_gains, periods=ceil(elapsed / _FRAME)
         )
         if frame is not None:
+            if ghost is not None:
+                frame.update(streams.beliefs(ghost.fuse(samples)))
             self._board.add(frame)
 
     def _report_status(
@@ -197,6 +209,10 @@ class LiveLoop:
             if restart:
                 return
 
+    def _values(self) -> dict[str, Any]:
+        """Return the value of each control by its key."""
+        return {key: control.read(self._adjustments) for key, control in self._controls.items()}
+
     def _publish_parameters(self) -> None:
         """Show the current parameters, and request the theory for them."""
         adjustments = self._adjustments
@@ -212,11 +228,8 @@ class LiveLoop:
         self._board.put('values', {
             'version': self._changes,
             'limits': limits(adjustments),
-            'values': {key: control.read(adjustments) for key, control in self._controls.items()},
-            'chosen': {
-                'filter': adjustments.value('estimator', 'filter'),
-                **({'law': adjustments.value('controller', 'law')} if adjustments.driven else {}),
-            },
+            'values': self._values(),
+            'chosen': chosen(adjustments),
         })  # fmt: skip
         self._board.put(
             'share', {'yaml': parameter_file(adjustments), 'name': adjustments.file.stem}

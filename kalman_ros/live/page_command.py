@@ -23,6 +23,7 @@ COMMANDS: dict[str, dict[str, type | tuple[type, ...]]] = {
     'mode': {'lockstep': bool, 'paused': bool},
     'speed': {'value': _NUMBER},
     'step': {'reading': str},
+    'ghost': {'filter': str, 'shown': bool},
     **{do: {} for do in ('reset', 'pause', 'resume', 'restart')},
 }
 #: Largest magnitude of the integers that JavaScript represents exactly.

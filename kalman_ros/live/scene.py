@@ -17,6 +17,12 @@ from .drawn_path import described
 from .limits import limits
 
 
+def chosen(adjustments: Adjustments) -> dict[str, Any]:
+    """Return the filter and the law, if there is one, that are in use."""
+    law = {'law': adjustments.value('controller', 'law')} if adjustments.driven else {}
+    return {'filter': adjustments.value('estimator', 'filter'), **law}
+
+
 def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, Any]:
     """Return the scene of a scenario for JSON."""
     plant = adjustments.scenario('plant')

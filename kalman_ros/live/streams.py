@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.codecs.layout import Sample
-from kalman_ros.core import Array, is_finite
+from kalman_ros.core import Array, Gaussian, is_finite
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
 
@@ -48,6 +48,10 @@ class Streams:
         self._input: Array = scenario.model.equilibrium.input
         #: Newest belief and truth.
         self.estimate: tuple[Array, Array] | None = None
+        #: Samples of the newest frame, of which some may be newer than its belief.
+        self.samples: Mapping[str, Sequence[Sample]] = {}
+        #: Time of the newest belief in nanoseconds.
+        self.estimate_time: int | None = None
         self.truth: Array | None = None
         self.restart_cost()
 
@@ -90,7 +94,7 @@ class Streams:
         periods
             Number of usual periods since the last frame; a late frame has as many more rows.
         """
-        self._most = _MOST * max(periods, 1)
+        self.samples, self._most = samples, _MOST * max(periods, 1)
         truths = samples['ground_truth']
         if self._origin is None:
             stamps = [truth.time for truth in truths if truth.time is not None]
@@ -159,11 +163,20 @@ class Streams:
         rows = []
         for _ in range(min(len(self._beliefs), len(self._covariances))):
             belief, P = self._beliefs.popleft(), self._covariances.popleft()
-            self.estimate = belief.values, P
-            std = np.sqrt(np.maximum(P.diagonal(), 0.0))
-            row = np.concatenate((belief.values, std, (np.trace(P),)))
-            rows.append([self._time(belief), *_numbers(row)])
+            self.estimate, self.estimate_time = (belief.values, P), belief.time
+            rows.append([self._time(belief), *_belief_row(belief.values, P)])
         return _thin(rows, self._most)
+
+    def beliefs(self, beliefs: Sequence[tuple[int, Gaussian]]) -> dict[str, Any]:
+        """Return beliefs of a `Ghost` for JSON, in the rows of estimates; empty without any."""
+        if not beliefs or self._origin is None:
+            return {}
+        rows = [
+            [self._seconds(time), *_belief_row(belief.mean, belief.covariance)]
+            for time, belief in beliefs
+        ]
+        P = _numbers(beliefs[-1][1].covariance.ravel())
+        return {'ghost': _thin(rows, self._most), 'ghost_P': P}
 
     def _readings(self, samples: Mapping[str, Sequence[Sample]]) -> dict[str, Any]:
         sources = self._scenario.sensors.items()
@@ -221,9 +234,16 @@ class Streams:
         return _thin(rows, self._most)
 
     def _time(self, sample: Sample) -> float | None:
-        if sample.time is None or self._origin is None:
-            return None
-        return round((sample.time - self._origin) * 1e-9, 4)
+        return None if sample.time is None else self._seconds(sample.time)
+
+    def _seconds(self, time: int) -> float | None:
+        return None if self._origin is None else round((time - self._origin) * 1e-9, 4)
+
+
+def _belief_row(x: Array, P: Array) -> list[float | None]:
+    """Return a mean, its standard deviations, and the trace of the covariance."""
+    std = np.sqrt(np.maximum(P.diagonal(), 0.0))
+    return _numbers(np.concatenate((x, std, (np.trace(P),))))
 
 
 def _thin(rows: list[Any], most: int) -> list[Any]:

@@ -220,7 +220,7 @@ def test_a_slow_tab_costs_no_memory():
     board = Board()
     for k in range(5000):
         board.add({'k': k})
-    assert len(board._frames) == 600
+    assert len(board._frames) == 1000
 
 
 def test_the_server_ends_at_once_with_an_open_tab(served):

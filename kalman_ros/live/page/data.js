@@ -10,6 +10,7 @@ export const data = {
   each: 's',      // the same in the singular
   rows: {},       // streams by name
   P: null,        // the newest covariance, flat
+  ghostP: null,   // that of the ghost
   prior: null,    // the prediction of the next step
   arrived: {},    // wall time of the newest reading of each sensor, in ms
 };
@@ -17,7 +18,7 @@ export const data = {
 export function clear() {
   data.now = 0;
   data.rows = {};
-  data.P = data.prior = null;
+  data.P = data.ghostP = data.prior = null;
   data.arrived = {};
 }
 
@@ -42,6 +43,10 @@ export function add(frame) {
     append('estimate', frame.estimate);
     data.P = frame.P;
     data.prior = null;
+  }
+  if (frame.ghost) {
+    append('ghost', frame.ghost);
+    data.ghostP = frame.ghost_P;
   }
   if (frame.input) append('input', frame.input);
   for (const [name, rows] of Object.entries(frame.readings ?? {})) {

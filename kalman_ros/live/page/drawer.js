@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The drawer beside the system: a few tasks, each with its handles and the two effects they have.
 
+import { addressed, rememberTask } from './address.js';
 import { Controls } from './controls.js';
+import { buildGhost } from './ghost.js';
 import { grab, noGrab } from './grab.js';
 import { hasLimits, limitOf, setLimit } from './limits.js';
 import { $, element, page } from './page.js';
@@ -9,6 +11,7 @@ import { pathHint, sendShape, SHAPES } from './path.js';
 import { short } from './plots.js';
 import { mainStates } from './saying.js';
 import { send } from './socket.js';
+import { buildTour, followTour, goTo, tourEffect, tourReason, tourStep, tourWords } from './tour.js';
 import { drawStep, isPredicted, shownSensor, stepNumbers } from './update.js';
 
 const ROWS = 4;  // handles of a task, at most
@@ -68,7 +71,10 @@ const TASKS = {
   filter: {
     reason: () => '',
     words: () => 'What the sensor does (actual), and what the filter computes with (believed).',
-    build: (place) => list(place, [...keys(new RegExp(`/${firstSensor()}\\.noise/0$`), 2), ...keys(/^(estimator|plant|controller)\/model_parameters\..*noise/, 2)]),
+    build: (place) => {
+      list(place, [...keys(new RegExp(`/${firstSensor()}\\.noise/0$`), 2), ...keys(/^(estimator|plant|controller)\/model_parameters\..*noise/, 2)]);
+      drawer.tell = buildGhost(place);
+    },
     effects: () => [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`],
   },
   update: {
@@ -93,6 +99,15 @@ const TASKS = {
     },
     build: buildPushes,
     effects: () => (noInput() ? [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`] : loopEffects()),
+  },
+  tour: {
+    reason: tourReason,
+    words: tourWords,
+    build: (place) => {
+      drawer.controls = buildTour(place, () => open('tour'));
+      drawer.tell = followTour;
+    },
+    effects: () => [tourEffect() === 'update' ? drawStep : tourEffect()],
   },
 };
 
@@ -175,7 +190,9 @@ export function buildDrawer() {
     next.focus();
     next.click();
   };
-  open(TASKS[page.task] ? page.task : first());
+  if (!TASKS[page.task] && addressed('tour')) goTo(Number(addressed('tour')));
+  const task = page.task || (addressed('tour') ? 'tour' : addressed('task'));
+  open(TASKS[task] ? task : first());
 }
 
 function first() {
@@ -198,6 +215,7 @@ export function open(name) {
   if (!reason || task.says) task.build($('handles'));
   drawer.effects = reason ? [`state ${mainStates()[0]}`] : task.effects();
   $('system').dataset.open = name;
+  rememberTask(name, tourStep());
   page.renew();
   page.dirty = true;
 }

@@ -10,6 +10,7 @@ export const FRESH = 600;  // milliseconds for which a reading is shown
 // truth, estimate and covariance by the names of the states
 export function now(scene) {
   const names = scene.state.names, n = names.length;
+  const ghost = last('ghost');
   const truth = last('truth'), estimate = last('estimate'), input = last('input');
   const at = (row, first) => Object.fromEntries(names.map((name, k) => [name, row?.[first + k] ?? null]));
   const cell = (P, a, b) => (P ? P[names.indexOf(a) * n + names.indexOf(b)] : 0);
@@ -17,6 +18,7 @@ export function now(scene) {
   return {
     truth: truth && at(truth, 1),
     estimate: estimate && { x: at(estimate, 1), P: (a, b) => cell(data.P, a, b) },
+    ghost: ghost && { x: at(ghost, 1), P: (a, b) => cell(data.ghostP, a, b) },
     prior,
     input: (input ?? []).slice(1),
   };
@@ -85,6 +87,7 @@ export function magnified(pen, w, h, seen, scale, a, b, at) {
   const fit = [5, 2, 1].map((factor) => factor * zoom).find((each) => each * size <= 0.75 * r) ?? zoom;
   const X = (x) => cx + (x - seen.truth[a]) * fit, Y = (y) => cy - (y - seen.truth[b]) * fit;
   ellipse(pen, X, Y, belief, a, b, 'estimate', 'dashed');
+  if (seen.ghost) ellipse(pen, X, Y, seen.ghost, a, b, 'ghost', 'dotted');
   if (seen.prior) ellipse(pen, X, Y, seen.prior, a, b, 'prior', 'dotted');
   stroke(pen, 'ink', 3);
   pen.beginPath(); pen.arc(cx, cy, 2.5, 0, 7); pen.stroke();
@@ -96,6 +99,7 @@ export function magnified(pen, w, h, seen, scale, a, b, at) {
 }
 
 export function beliefs(pen, seen, draw) {
+  if (seen.ghost) draw(seen.ghost, 'ghost', 'dotted');
   if (seen.prior) draw(seen.prior, 'prior', 'dotted');
   if (seen.estimate) draw(seen.estimate, 'estimate', 'dashed');
 }

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: what the server sends, what is drawn, and what a person does.
 
+import { addressedCommands, rememberValues } from './address.js';
+import { copyPicture, isRecording, noClip, recordClip, saveAs, stopClip } from './clips.js';
 import { Controls } from './controls.js';
 import { add, clear, data } from './data.js';
 import { buildDrawer, drawer, drawerWords, push, showDrawer } from './drawer.js';
+import { ghostGone } from './ghost.js';
 import { grabSystem } from './grab.js';
 import { countPlans, dragLimits } from './limits.js';
 import { drawBode, drawNyquist, marginText, PoleMap } from './maps.js';
@@ -38,9 +41,31 @@ function show(answer) {
   map.show(page.theory, page.scene?.linear);
 }
 
+page.refused = notice;
+
 function notice(text) {
   $('notice').textContent = text;
   $('notice').hidden = !text;
+}
+
+// The changes in the address are made if the user wants it; until then the address stays as it is.
+let offered = null;
+
+function offer() {
+  if (!page.scene || page.version === undefined) return;
+  if (offered === null) {
+    offered = addressedCommands();
+    $('offered').textContent = `The address changes ${offered.map(({ key, what, value }) => `${key ?? what} to ${value}`).join(', ')}.`;
+    $('offer').hidden = !offered.length;
+  }
+  if (!offered.length) rememberValues();
+}
+
+function decide(accepted) {
+  $('offer').hidden = true;
+  if (accepted) for (const command of offered) send(command, notice);
+  offered = [];
+  if (!accepted) rememberValues();
 }
 
 function showValues() {
@@ -63,6 +88,7 @@ const RECEIVE = {
     buildPlots();
     buildDrawer();
     showValues();
+    offer();
   },
   values(message) {
     const isFirst = page.version === undefined;
@@ -73,6 +99,7 @@ const RECEIVE = {
     markStale();
     if (page.scene && isFirst) buildDrawer();  // with the handles that matter for these values
     else showValues();
+    offer();
   },
   theory(message) {
     page.theory = message;
@@ -93,6 +120,11 @@ const RECEIVE = {
   },
   share(message) { page.share = message; },
   path(message) { page.path = message; },
+  ghost(message) {
+    page.ghost = message;
+    $('ghost-legend').hidden = !message.filter;
+    if (!message.filter) ghostGone();
+  },
   status(message) {
     page.status = message;
     countPlans(message);
@@ -192,12 +224,12 @@ page.renew = () => {
   markUnstable();
 };
 
-// --- drawing: at most 20 times a second --------------------------------------------------------
+// --- drawing: at most 60 times a second --------------------------------------------------------
 let drawn = 0, said = 0;
 
 function draw(time) {
   requestAnimationFrame(draw);
-  if (!page.dirty || !page.scene || time - drawn < 45) return;
+  if (!page.dirty || !page.scene || time - drawn < 15) return;
   drawn = time;
   page.dirty = false;
   $('clock').textContent = `${data.now.toFixed(data.unit === 's' ? 2 : 0)} ${data.unit}`;
@@ -240,6 +272,9 @@ const ACT = {
   theme: () => useTheme(!document.documentElement.classList.contains('dark')),
   help: () => ACT[$('help').dataset.act]?.(),
   share: () => {
+    if (isRecording()) { stopClip(); return; }
+    $('made').textContent = $('record').title = noClip($('system'));
+    $('record').disabled = Boolean($('record').title);
     const file = `${page.share.name}_live.yaml`;
     $('yaml').value = page.share.yaml;
     $('command').textContent = `./dev live ${file}\n./dev demo ${file}`;
@@ -256,13 +291,27 @@ function useTheme(dark) {
 for (const id of ['pause', 'step', 'reset', 'share', 'theme', 'help']) $(id).addEventListener('click', ACT[id]);
 $('lockstep').addEventListener('change', () => send({ do: 'mode', lockstep: $('lockstep').checked }));
 $('speed').addEventListener('input', () => send({ do: 'speed', value: Number((10 ** $('speed').value).toPrecision(2)) }));
+$('accept').addEventListener('click', () => decide(true));
+$('decline').addEventListener('click', () => decide(false));
 $('close').addEventListener('click', () => $('shared').close());
 $('copy').addEventListener('click', () => { $('yaml').select(); document.execCommand('copy'); });
-$('save').addEventListener('click', () => {
-  const link = element('a', { download: `${page.share.name}_live.yaml` });
-  link.href = URL.createObjectURL(new Blob([page.share.yaml], { type: 'application/yaml' }));
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+$('save').addEventListener('click', () => saveAs(new Blob([page.share.yaml], { type: 'application/yaml' }), `${page.share.name}_live.yaml`));
+$('picture').addEventListener('click', async () => { $('made').textContent = await copyPicture($('system'), page.share.name); });
+$('record').addEventListener('click', () => {
+  $('shared').close();
+  recordClip($('system'), (clip) => {
+    $('share').textContent = 'share';
+    saveAs(clip, `${page.share.name}.webm`);
+    $('made').textContent = `saved, ${Math.ceil(clip.size / 1000)} kB`;
+  });
+  $('share').textContent = '● stop';
+});
+$('link').addEventListener('click', () => {
+  const field = element('input', { value: location.href });
+  $('shared').append(field);
+  field.select();
+  document.execCommand('copy');
+  field.remove();
 });
 $('loop-input').addEventListener('change', () => { page.dirty = true; });
 const KEYS = { ' ': 'pause', s: 'step', r: 'reset', p: 'push', t: 'theme' };

@@ -60,7 +60,9 @@ const FAR = 3;  // a line with a grip is within the plot if it is at most this m
 
 // Draw one plot, of the last `share` of the span. `curves` have rows, a value (row) => number, and a look; a `band` has low and high.
 // A line with a `grip` can be dragged; its value is null where there is no limit.
-export function plot(canvas, { title, curves = [], bands = [], marks = [], lines = [], log = false, share = 1 }) {
+// With `columns`, it is a heat map of the numbers of `rows`.
+export function plot(canvas, { title, rows, columns, curves = [], bands = [], marks = [], lines = [], log = false, share = 1 }) {
+  if (columns) { heatMap(canvas, title, rows, columns); return; }
   const area = prepare(canvas);
   if (!area) return;
   const { pen, width, height } = area;
@@ -163,6 +165,40 @@ export function plot(canvas, { title, curves = [], bands = [], marks = [], lines
   pen.textAlign = 'left';
   pen.textBaseline = 'top';
   pen.fillText(title, left, 1);
+}
+
+const HEAT_ROW = 20;  // pixels
+
+// Draw a matrix with its names: a cell is as dark as its size beside the largest of its row, since
+// rows have other units; its number and its sign are written.
+function heatMap(canvas, title, rows, columns) {
+  canvas.style.height = `${HEAT_ROW * (rows.length + 1) + 18}px`;
+  const area = prepare(canvas);
+  if (!area) return;
+  const { pen, width } = area, left = 110, top = 18 + HEAT_ROW, wide = (width - left) / columns.length;
+  canvas.setAttribute('aria-label', `${title}: ${rows.map(({ name, values }) => `${name} ${values.map((value) => short(value)).join(', ')}`).join('; ')}`);
+  pen.textBaseline = 'middle';
+  pen.fillStyle = colour('ink');
+  pen.textAlign = 'left';
+  pen.fillText(title, 0, 8);
+  pen.fillStyle = colour('soft');
+  pen.textAlign = 'center';
+  columns.forEach((name, j) => pen.fillText(name, left + (j + 0.5) * wide, top - HEAT_ROW / 2, wide - 4));
+  rows.forEach(({ name, values }, i) => {
+    const most = Math.max(...values.map((value) => Math.abs(value ?? 0)), 1e-300), y = top + i * HEAT_ROW;
+    pen.textAlign = 'right';
+    pen.fillStyle = colour('soft');
+    pen.fillText(name, left - 6, y + HEAT_ROW / 2, left - 8);
+    pen.textAlign = 'center';
+    values.forEach((value, j) => {
+      pen.globalAlpha = 0.45 * Math.abs(value ?? 0) / most;
+      pen.fillStyle = colour(value < 0 ? 'input' : 'estimate');
+      pen.fillRect(left + j * wide + 1, y + 1, wide - 2, HEAT_ROW - 2);
+      pen.globalAlpha = 1;
+      pen.fillStyle = colour('ink');
+      pen.fillText(short(value, 2).replace('-', '−'), left + (j + 0.5) * wide, y + HEAT_ROW / 2, wide - 4);
+    });
+  });
 }
 
 // Draw a line with its grip, at the edge of the plot where it is beyond; return its height.

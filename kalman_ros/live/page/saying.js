@@ -33,11 +33,11 @@ export function mainStates() {
 const turned = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
 // how wrong the estimate is, and how wrong it believes to be (2σ), in the recent past
-function errors() {
+export function errors(rows = 'estimate') {
   const { state } = page.scene, n = state.names.length, names = mainStates();
   const truths = new Map((data.rows.truth ?? []).map((row) => [row[0], row]));
   let squares = 0, variances = 0, count = 0;
-  for (const row of (data.rows.estimate ?? []).filter((each) => each[0] >= data.now - RECENT)) {
+  for (const row of (data.rows[rows] ?? []).filter((each) => each[0] >= data.now - RECENT)) {
     const truth = truths.get(row[0]);
     if (!truth) continue;
     count++;

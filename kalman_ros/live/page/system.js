@@ -3,10 +3,13 @@
 
 import { data, last } from './data.js';
 import { arrow, beliefs, crosses, deviation, ellipse, FRESH, magnified, now, reach, rule, spring, TWO_SIGMA } from './drawing.js';
-import { walls } from './limits.js';
+import { limitOf, walls } from './limits.js';
 import { page } from './page.js';
 import { drawing, drawPath, room } from './path.js';
 import { colour, prepare, short, stroke, ticks } from './plots.js';
+
+const FAR = 6;       // metres at most between truth and estimate that a picture of a cart shows
+const BESIDE = 0.3;  // metres that it shows beside a cart
 
 // metres from the middle to the edge: a little more than the recent motion, changing slowly
 const zoomed = { run: -1, reach: 0 };
@@ -19,6 +22,9 @@ function zoom(scene, names) {
   const goal = Math.max(drawn, 1.1 * Math.max(0, ...points), 1.35 * Math.max(...rows.map((row) => Math.max(...at.map((k) => Math.abs(row[k]))))));
   zoomed.reach += (zoomed.run === scene.run ? 0.06 : 1) * (goal - zoomed.reach);
   zoomed.run = scene.run;
+  // what is thrown far at once stays in the picture, too
+  const row = rows.at(-1);
+  if (row) zoomed.reach = Math.max(zoomed.reach, 1.15 * Math.max(...at.map((k) => Math.abs(row[k]))));
   return zoomed.reach;
 }
 
@@ -28,6 +34,24 @@ function viewed(canvas, X, Y) {
   const [x, y] = [along(X), along(Y)];
   canvas.view = { X, Y, world: (px, py) => [x(px), y(py)] };
   canvas.place = (px, py) => [page.scene.path.names, canvas.view.world(px, py)];
+}
+
+const camera = { run: -1, x: 0, scale: 0 };
+
+// The middle and the scale of a cart's picture: it follows truth and estimate so that both stay in
+// it, and the walls with them while they are near.
+function follow(scene, seen, w, most, margin, isHeld) {
+  if (isHeld && camera.scale) return camera;  // it does not change under the hand
+  const limits = ['low', 'high'].map((side) => limitOf('state', 'x', side)).filter((value) => value !== null);
+  const places = [seen.truth.x, seen.estimate?.x.x ?? seen.truth.x, ...limits], near = (x) => Math.min(Math.max(x, places[0] - FAR), places[0] + FAR);
+  const low = Math.min(...places.map(near)) - margin, high = Math.max(...places.map(near)) + margin;
+  const scale = Math.min(most, w / (high - low));
+  const half = w / 2 / scale;  // as little as it takes
+  if (camera.run !== scene.run) Object.assign(camera, { run: scene.run, x: 0 });
+  camera.x += 0.1 * ((Math.max(Math.abs(low), Math.abs(high)) <= half ? 0 : (low + high) / 2) - camera.x);
+  camera.x = Math.min(Math.max(camera.x, high - half), low + half);
+  camera.scale = scale;
+  return camera;
 }
 
 const DRAW = {
@@ -85,8 +109,8 @@ const DRAW = {
   cart_pole(pen, w, h, scene, seen, canvas) {
     const { truth } = seen;
     if (!truth) return;
-    const scale = Math.min(w / 3, h / 1.9), ground = h * 0.72, long = 2 * scene.length * scale;
-    const centre = Math.abs(truth.x) > 1.2 ? truth.x : 0, X = (x) => w / 2 + (x - centre) * scale;
+    const { x: centre, scale } = follow(scene, seen, w, Math.min(w / 3, h / 1.9), BESIDE, canvas.held);
+    const ground = h * 0.72, long = 2 * scene.length * scale, X = (x) => w / 2 + (x - centre) * scale;
     stroke(pen, 'soft', 2);
     pen.beginPath(); pen.moveTo(0, ground + 24); pen.lineTo(w, ground + 24); pen.stroke();
     walls(pen, canvas, 'x', X, (px) => centre + (px - w / 2) / scale, w, ground - 40, ground + 24);
@@ -138,7 +162,8 @@ const DRAW = {
     const { truth } = seen;
     if (!truth) return;
     if (!drawing.points) middle.x = truth.x;
-    const centre = middle.x, scale = w / 9, X = (x) => w / 2 + (x - centre) * scale, Y = (z) => h * 0.12 - z * scale * 0.9;
+    const centre = middle.x, scale = w / 9, X = (x) => w / 2 + (x - centre) * scale;
+    const deep = Math.max(0, h * 0.12 - truth.z * scale * 0.9 - (h - 60)), Y = (z) => h * 0.12 - deep - z * scale * 0.9;
     viewed(canvas, X, Y);
     drawPath(pen, X, Y);
     stroke(pen, 'estimate', 2, 'dotted');
@@ -268,12 +293,21 @@ function frame(scene, seen, w, h) {
   const follow = shown.run === scene.run && shown.scale ? 0.08 : 1;
   for (const key of ['x', 'y', 'scale']) shown[key] += follow * (goal[key] - shown[key]);
   shown.run = scene.run;
+  // what moves faster than the picture follows stays in it, too
+  if (seen.truth) for (const [key, size] of [['x', w], ['y', h]]) {
+    const half = 0.46 * size / shown.scale;
+    shown[key] = Math.min(Math.max(shown[key], seen.truth[key] - half), seen.truth[key] + half);
+  }
   return shown;
 }
 
 export function drawSystem(canvas, scene) {
   const area = prepare(canvas);
   if (!area) return;
+  if (canvas.solid) {
+    area.pen.fillStyle = colour('panel');
+    area.pen.fillRect(0, 0, area.width, area.height);
+  }
   area.pen.textAlign = 'left';
   area.pen.textBaseline = 'alphabetic';
   canvas.grips = [];

@@ -21,6 +21,7 @@ export function traces(scene) {
     })),
     curves: [
       { rows: data.rows.truth, value: (r) => r[1 + k], look: 'ink', width: 2, turns: state.angles.includes(name) },
+      { rows: data.rows.ghost, value: (r) => r[1 + k], look: 'ghost', dash: 'dotted', width: 2, turns: state.angles.includes(name) },
       { rows: data.rows.estimate, value: (r) => r[1 + k], look: 'estimate', dash: 'dashed', turns: state.angles.includes(name) },
     ],
     lines: limitLines('state', name),
@@ -42,8 +43,9 @@ export function traces(scene) {
       lines: [{ value: m, look: 'estimate' }, { value: CHI[m - 1] ?? m + 2.5 * Math.sqrt(2 * m), look: 'estimate', dash: 'dashed' }],
     }));
     add(`gain ${s}`, 'filter', () => ({
-      title: `gain K of ${s}: ${state.names.join(', ')} by ${sensor.names.join(', ')}`,
-      curves: Array.from({ length: n * m }, (_, k) => ({ rows: data.rows[`gain ${s}`], value: (r) => r[1 + k], look: k % 2 ? 'ink' : 'estimate', dash: ['solid', 'dashed', 'dotted'][k % 3] })),
+      title: `gain K of ${s}, each row in units of its largest`,
+      rows: state.names.map((name, k) => ({ name: `${name} [${state.units[k]}]`, values: last(`gain ${s}`)?.slice(1 + k * m, 1 + (k + 1) * m) ?? [] })),
+      columns: sensor.names.map((name, k) => `${name} [${sensor.units[k]}]`),
     }));
   }
   add('trace', 'filter', () => ({

@@ -163,3 +163,9 @@ export function stepNumbers() {
     return parts.join('; ');
   });
 }
+
+// the standard deviations of the first coordinate before the step and as predicted, once it is updated; else null
+export function stepSizes() {
+  if (step.phase !== 'updated' || !step.before) return null;
+  return [step.before, step.prior].map(({ P }) => Math.sqrt(Math.max(P[0], 0)));
+}

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tour, the ghost and the address of the live page, in a headless Chromium."""
+
+import json
+import math
+from urllib.parse import parse_qs, quote
+
+import pytest
+
+pytest.importorskip('rclpy')
+pytest.importorskip('websockets')
+
+from test_live import Page
+from test_live_browser import NUMBER, chromium, text
+
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(not chromium.program(), reason='there is no Chromium'),
+]
+SAID = text('#tour-said')
+BELIEVED = 'estimator/joint_states.noise/0'
+
+
+def opened(browser, loop, address=''):
+    browser.open('about:blank')  # another part behind # alone would load nothing
+    browser.open(f'http://127.0.0.1:{loop.port}/{address}')
+    browser.until('Number.parseFloat(document.querySelector("#clock")?.textContent) > 1')
+    browser.until('document.querySelector("#effects canvas") !== null')
+
+
+@pytest.fixture(scope='module')
+def cart():
+    with Page('cart_pole') as loop, chromium.Chromium(1280, 800) as browser:
+        opened(browser, loop)
+        browser.until('document.querySelectorAll("#pole-list .pole").length >= 2')
+        yield browser, loop
+        assert browser.errors == []
+
+
+def step(browser, loop, number):
+    """Guess the first option of a step, do what it says, and return what it says was seen."""
+    opened(browser, loop, f'#tour={number}')
+    browser.until(f'{text("#words")}.startsWith("Chapter {number}. ")')
+    assert browser.run('document.querySelector(".marked").hidden')
+    browser.click('#guesses button')
+    browser.until('!document.querySelector(".marked").hidden')
+    browser.click('.marked > button')
+    browser.until(f'!/[Mm]easured|Now move|First/.test({SAID})', 30)
+    return browser.run(SAID)
+
+
+def leave(browser):
+    browser.run(
+        "[...handles.querySelectorAll('button')].find(b => b.textContent === 'next').click()"
+    )
+
+
+def test_a_step_asks_measures_and_sets_back_what_it_changed(cart):
+    browser, loop = cart
+    said = step(browser, loop, 6)
+    assert 'The error was' in said and 'You expected: smaller.' in said
+    assert loop.seen('values', lambda m: m['values'][BELIEVED] == 0.05)
+    leave(browser)
+    loop.seen('values', lambda m: m['values'][BELIEVED] == 0.005)
+    browser.until(f'{text("#words")}.startsWith("Chapter 7. ")')
+    assert 'tour=7' in browser.run('location.hash')
+
+
+def test_a_lean_without_the_motor_grows_as_the_pole_says(cart):
+    browser, loop = cart
+    said = step(browser, loop, 1)
+    rate, pole = (float(said.split(word)[1].split()[0].rstrip('.;')) for word in (' of ', ' is '))
+    assert rate == pytest.approx(pole, rel=0.25)
+    leave(browser)
+    loop.seen('values', lambda m: m['values']['plant/actuator_gain/0'] == 1.0)
+    loop.until(lambda m: 'truth' in m and abs(m['truth'][-1][3]) < 0.2)
+
+
+def test_a_prediction_is_larger_and_the_step_is_told_in_numbers(cart):
+    browser, loop = cart
+    opened(browser, loop, '#tour=7')
+    browser.click('#guesses button:nth-of-type(3)')
+    browser.until('!document.querySelector(".marked").hidden')
+    browser.click('.marked > button')
+    loop.seen('status', lambda m: m['lockstep'] and m['paused'] and not m['message'])
+    loop.until(lambda m: 'estimate' in m)
+    for part in ('prior', 'estimate'):
+        browser.click('.marked > button')
+        loop.until(lambda m: part in m)  # noqa: B023
+    browser.until(f'{SAID}.startsWith("x: predicted")')
+    assert browser.run(SAID).endswith('As you expected.')
+    leave(browser)
+    loop.seen('status', lambda m: not m['lockstep'] and not m['message'])
+
+
+def test_the_values_of_before_stay_as_a_ghost_on_the_same_readings(cart):
+    browser, loop = cart
+    opened(browser, loop, '#task=filter')
+    browser.run('ghost.value = "now"; ghost.dispatchEvent(new Event("change"))')
+    loop.seen('ghost', lambda m: m['filter'] == 'ekf')
+    for _ in range(3):
+        frame = loop.until(lambda m: 'ghost' in m and 'estimate' in m)
+    theirs = {row[0]: row for row in frame['ghost']}
+    same = [(row, theirs[row[0]]) for row in frame['estimate'] if row[0] in theirs]
+    assert same and all(math.isclose(a, b, rel_tol=1e-4, abs_tol=1e-7) for a, b in zip(*same[-1]))
+    browser.until(f'{text("#ghost-errors")}.startsWith("Errors: ekf")')
+    loop.do(do='set', key=BELIEVED, value=0.1)
+    wide = loop.until(
+        lambda m: 'ghost' in m and 'estimate' in m and m['estimate'][-1][5] > 4 * m['ghost'][-1][5]
+    )
+    assert wide['ghost'][-1][5] < 0.003
+    browser.run('ghost.value = "none"; ghost.dispatchEvent(new Event("change"))')
+    loop.seen('ghost', lambda m: m['filter'] == '')
+    loop.until_no_more('ghost', period=1.0)
+    loop.do(do='set', key=BELIEVED, value=0.005)
+
+
+def test_a_ghost_that_no_tab_shows_ends(cart):
+    _, loop = cart
+    assert loop.do(do='ghost', filter='ukf')['error'] == ''
+    loop.seen('ghost', lambda m: m['filter'] == 'ukf')
+    cart[0].open('about:blank')
+    loop.seen('ghost', lambda m: m['filter'] == '', 20)
+    assert "unknown filter 'none'" in loop.do(do='ghost', filter='none')['error']
+
+
+def test_the_address_holds_what_was_changed_and_offers_it(cart):
+    browser, loop = cart
+    opened(browser, loop, '#task=faults')
+    loop.do(do='set', key=BELIEVED, value=0.02)
+    browser.until('location.hash.includes("0.02")')
+    parts = parse_qs(browser.run('location.hash').removeprefix('#'))
+    assert parts['task'] == ['faults'] and json.loads(parts['set'][0]) == {BELIEVED: 0.02}
+    address = browser.run('location.hash')
+    loop.do(do='set', key=BELIEVED, value=0.005)
+    browser.until('!location.hash.includes("set")')
+    opened(browser, loop, address)
+    browser.until('!document.querySelector("#offer").hidden')
+    assert loop.sections['values']['values'][BELIEVED] == 0.005  # not without a click
+    browser.click('#accept')
+    loop.seen('values', lambda m: m['values'][BELIEVED] == 0.02)
+    number = NUMBER.format(BELIEVED)
+    browser.until(f'document.querySelector({number!r}).value === "0.02"')
+    loop.do(do='set', key=BELIEVED, value=0.005)
+
+
+@pytest.mark.parametrize('bad', ['set={', 'set=[1]', 'set={"plant/model":1}', 'choose={"law":3}'])
+def test_an_address_that_makes_no_sense_offers_nothing(cart, bad):
+    browser, loop = cart
+    opened(browser, loop, f'#{quote(bad, safe="=")}&tour=99&task=nothing')
+    browser.until('document.querySelector("#offer").hidden')
+
+
+def test_a_clip_is_recorded_and_a_picture_is_made(cart):
+    browser, loop = cart
+    opened(browser, loop, '#task=regulator')
+    browser.click('#share')
+    assert browser.run('document.querySelector("#record").disabled') is False
+    browser.click('#record')
+    browser.until(f'{text("#share")}.includes("stop")')
+    browser.until('document.querySelector("#system").solid')
+    now = browser.run('Number.parseFloat(clock.textContent)')
+    browser.until(f'Number.parseFloat(clock.textContent) > {now + 2.0}')
+    browser.click('#share')
+    browser.until(f'{text("#share")} === "share"')
+    assert int(browser.run(text('#made')).split()[1]) > 5  # kB
+    browser.click('#share')
+    browser.click('#picture')
+    browser.until(f'/^(copied|saved)/.test({text("#made")})')
+    browser.click('#close')
+
+
+def test_the_gains_are_a_heat_map_with_names(cart):
+    browser, loop = cart
+    opened(browser, loop)
+    browser.run('document.querySelector("#all-plots").open = true')
+    map_ = '[...document.querySelectorAll("#filter canvas")].find(c => c.style.height)'
+    browser.run('document.querySelector("#filter canvas").scrollIntoView()')
+    browser.until(f'{map_} !== undefined')
+    label = browser.until(f'{map_}.ariaLabel')
+    assert label.startswith('gain K of joint_states') and 'v [m/s]' in label
+    numbers = label.split('; ')[1].removeprefix('v [m/s] ').split(', ')
+    assert len(numbers) == 2 and all(math.isfinite(float(number)) for number in numbers)
+
+
+def test_a_cart_that_is_carried_away_stays_in_the_picture(cart):
+    browser, loop = cart
+    opened(browser, loop)
+    assert loop.do(do='carry', names=['x'], values=[4.0])['error'] == ''
+    loop.until(lambda m: 'truth' in m and m['truth'][-1][1] > 3.5)
+    for _ in range(5):
+        browser.until('document.querySelector("#system").body')
+        x, width = browser.run('(s => [s.body[0], s.getBoundingClientRect().width])(system)')
+        assert 0.0 < x < width
+    loop.do(do='reset')
