@@ -108,10 +108,9 @@ def __getattr__(name: str) -> object:
 def _hint(name: str) -> str:
     from difflib import get_close_matches
 
-    from .elsewhere import ELSEWHERE
-
-    if name in ELSEWHERE:
-        ours = ELSEWHERE[name]
+    elsewhere: dict[str, str] = _import('.elsewhere', __name__).ELSEWHERE
+    if name in elsewhere:
+        ours = elsewhere[name]
         return f"; did you mean '{ours}'?" if ours in _MODULES else f'; here it is {ours}'
     near = get_close_matches(name, __all__, n=1)
     known = '' if name.startswith('_') else f'; known are {", ".join(__all__)}'

@@ -105,6 +105,7 @@ class MotionReader:
         """Subscribe."""
         self._jobs: NewestJob[Planned] = NewestJob(waits=self._options.lockstep)
         self._planned: Planned | None = None
+        self._planned_for: _Wanted | None = None
         self._waited = False
         if body_of(self._scenario.model.state, self._scenario.state).position:
             self._subscribe(PATH, 'nav_msgs/Path', self._path)
@@ -125,7 +126,16 @@ class MotionReader:
     def forget(self) -> None:
         """Forget what is planned, or being planned."""
         self._jobs.forget()
-        self._planned = self._wanted = None
+        self._planned = self._wanted = self._planned_for = None
+
+    @property
+    def followed(self) -> _Wanted | None:
+        """What the motion that is followed was planned for; None without one."""
+        return None if self._regulator.motion is None else self._planned_for
+
+    def plan_again(self, wanted: _Wanted) -> None:
+        """Plan what was followed from where it is now, as after a pause."""
+        self._plan(wanted)
 
     def take(self) -> Planned | None:
         """Return a motion to follow, once, when it is planned."""

@@ -150,6 +150,13 @@ class ControllerNode(runtime.ScenarioNode):
         if self._regulator.motion is not None:
             self._regulator.hold(*self._reference.rest_near(self._regulator.target[0]))
 
+    def _resume_motion(self) -> None:
+        """Plan a motion that was interrupted from rest where it is now."""
+        followed = self._motions.followed
+        if followed is not None:
+            self._end_motion()
+            self._motions.plan_again(followed)
+
     def _connected(self) -> bool:
         """Return whether the plant subscribes to the input, and the estimator."""
         return self.options.lockstep or self._output.listeners >= 2
@@ -286,8 +293,10 @@ class ControllerNode(runtime.ScenarioNode):
         self._regulator.follow_motion(motion, smooth=False)
 
     def _on_enable(self, request: Any, response: Any) -> Any:
-        on = request.data
+        on, acted = request.data, self._stop.may_act
         response.success = self._enable(on=on)
+        if response.success and on and not acted and not self.options.lockstep:
+            self._resume_motion()
         if not response.success:
             response.message = f'stopped ({self._stop.reason}): call ~/reset first'
         else:
