@@ -117,7 +117,7 @@ def test_a_stop_from_before_the_start_counts(pair):
 
 
 @pytest.mark.parametrize(
-    ('resume', 'state'), [('auto', 'running'), ('enable', 'disabled'), ('never', 'stopped')]
+    ('resume', 'state'), [('automatic', 'running'), ('enable', 'disabled'), ('never', 'stopped')]
 )
 def test_a_fault_ends_as_resume_says(pair, resume, state):
     node = pair(ControllerNode, resume=resume).node

@@ -22,7 +22,7 @@ from kalman_ros.pipeline.estimator_options import (
 from kalman_ros.pipeline.intake import LONGEST
 
 #: Allowed values of ``resume``, the behaviour after a fault.
-RESUME = ('auto', 'enable', 'never')
+RESUME = ('automatic', 'enable', 'never')
 
 
 @dataclass(frozen=True)
@@ -68,10 +68,10 @@ class ControllerOptions:
     resume: Annotated[
         str,
         About(
-            "after a fault resume at once, 'auto', on ~/enable, 'enable', or stop, 'never': then "
-            'on ~/reset and ~/enable'
+            "after a fault resume at once, 'automatic', on ~/enable, 'enable', or stop, 'never': "
+            'then on ~/reset and ~/enable'
         ),
-    ] = 'auto'
+    ] = 'automatic'
     heartbeat_timeout: Annotated[
         float,
         About('real time: the input goes to idle after this time without heartbeat', 's', 0.0),
