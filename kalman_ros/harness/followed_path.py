@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
+from rclpy.duration import Duration
 
 from kalman_ros.core import Array
 
@@ -12,6 +15,8 @@ from .run import Run
 
 #: Topic of paths, and the longest wait in seconds for a controller that subscribes.
 _TOPIC, _WAIT = 'reference/path', 60.0
+#: The longest wait for an acknowledgement, which the middleware may lose.
+_ACKNOWLEDGED = Duration(seconds=5.0)
 
 
 def publish_path(run: Run, points: Array) -> None:
@@ -24,8 +29,13 @@ def publish_path(run: Run, points: Array) -> None:
     """
     publisher = run.node.create_publisher(Path, _TOPIC, 1)
     run.wait(publisher.get_subscription_count, _WAIT, lambda: f'no subscriber of {_TOPIC}')
-    publisher.publish(path_message(points))
-    publisher.wait_for_all_acked()
+    deliver(run, publisher, path_message(points))
+
+
+def deliver(run: Run, publisher: Any, message: Any) -> None:
+    """Publish a message, and return when the controller has read it."""
+    publisher.publish(message)
+    publisher.wait_for_all_acked(_ACKNOWLEDGED)
     run.refresh('controller')
 
 

@@ -15,6 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import kalman_ros as kr
 from kalman_ros.harness import Run
+from kalman_ros.harness.followed_path import deliver as send
 
 ROBOT = {'model': 'diff_drive', 'model_parameters.command_time': 0.2, 'initial_state': [0.0] * 5}
 CORNER = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
@@ -43,13 +44,6 @@ def publisher_of(run, kind, topic):
     publisher = run.node.create_publisher(kind, topic, 10)
     run.wait(publisher.get_subscription_count, 60.0, lambda: f'no subscriber of {topic}')
     return publisher
-
-
-def send(run, publisher, message):
-    """Publish a message, and wait until the controller has read it."""
-    publisher.publish(message)
-    publisher.wait_for_all_acked()
-    run.refresh('controller')
 
 
 def test_the_nodes_follow_a_path_as_the_simulation_does():
