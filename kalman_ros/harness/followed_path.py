@@ -33,10 +33,10 @@ def publish_path(run: Run, points: Array) -> None:
 
 
 def deliver(run: Run, publisher: Any, message: Any) -> None:
-    """Publish a message, and return when the controller has read it."""
+    """Publish a message, and return when the controller has processed it."""
     publisher.publish(message)
     publisher.wait_for_all_acked(_ACKNOWLEDGED)
-    run.refresh('controller')
+    run.settle('controller')
 
 
 def path_message(points: Array) -> Path:

@@ -170,6 +170,10 @@ class LaunchedNodes:
             lost = not lost and self._responds(node)
         raise NodeError(f'no answer from {service} within {2.0 * _ROUNDS * _PROMPT:g} s')
 
+    def settle(self, node: str) -> None:
+        """Return once a node has processed what it had received."""
+        self.call(GetParameters, f'{node}/get_parameters', GetParameters.Request())
+
     def _responds(self, node: str) -> bool:
         """Return whether a node promptly answers a request without side effects."""
         client = self._client(GetParameters, f'{node}/get_parameters')

@@ -32,6 +32,12 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         ('reset', True),
         ('disable reset', False),
         ('disable stop enable', False),
+        ('press reset enable', False),
+        ('press release', False),
+        ('press release enable', False),
+        ('press release reset enable', True),
+        ('stop press reset release enable', False),
+        ('release', True),
     ],
 )
 def test_only_a_reset_and_then_an_enable_end_a_stop(moves, acts):
@@ -41,6 +47,8 @@ def test_only_a_reset_and_then_an_enable_end_a_stop(moves, acts):
         'disable': lambda: switch.enable(on=False),
         'stop': lambda: switch.stop('a reason'),
         'reset': switch.reset,
+        'press': lambda: switch.press('a button', on=True),
+        'release': lambda: switch.press('a button', on=False),
     }
     for move in moves.split():
         do[move]()
@@ -102,9 +110,15 @@ def test_the_topic_stops_from_any_publisher_and_false_does_not_end_it(pair, qual
     publisher.publish(Bool(data=False))
     publisher.publish(Bool(data=True))
     started.until(lambda: started.node._output.closed, 'not stopped')
+    held = ask(started.node, 'reset', Trigger)
+    assert not held.success
+    assert held.message == 'the topic stop is true: publish false first'
     publisher.publish(Bool(data=False))
-    started.until(lambda: 'the topic stop' in level(started.node), level(started.node))
+    started.until(lambda: not started.node._stop._pressed, 'not released')
+    assert 'the topic stop' in level(started.node)
     assert not ask(started.node, 'enable', SetBool, data=True).success
+    assert ask(started.node, 'reset', Trigger).success
+    assert ask(started.node, 'enable', SetBool, data=True).success
 
 
 def test_a_stop_from_before_the_start_counts(pair):
@@ -275,7 +289,7 @@ def test_what_is_planned_while_it_does_not_act_is_planned_again_from_where_it_is
     reader = node._motions
     reader._here = lambda: here
     here = np.zeros(node.scenario.model.state.size)
-    reader._plan(reader._path('reference/path', message))
+    reader.plan(reader._path('reference/path', message))
     for _ in range(1000):
         reader.poll(acts=False)
         if reader._planned is not None:

@@ -99,7 +99,7 @@ class MotionReader:
         self._scenario, self._options, self._limits = scenario, options, limits
         self._asked = scenario, asked
         if self._wanted is not None and not same:
-            self._plan(self._wanted)
+            self.plan(self._wanted)
 
     def listen(self) -> None:
         """Subscribe."""
@@ -133,9 +133,12 @@ class MotionReader:
         """What the motion that is followed was planned for; None without one."""
         return None if self._regulator.motion is None else self._planned_for
 
-    def plan_again(self, wanted: _Wanted) -> None:
-        """Plan what was followed from where it is now, as after a pause."""
-        self._plan(wanted)
+    def plan(self, wanted: _Wanted) -> None:
+        """Plan what is wanted, as soon as the plan before is followed."""
+        self._wanted, self._planned, self._waited = wanted, None, False
+        self._jobs.start(lambda: self._job(wanted))
+        if self._options.lockstep:
+            self.poll(acts=True)
 
     def take(self) -> Planned | None:
         """Return a motion to follow, once, when it is planned."""
@@ -144,7 +147,7 @@ class MotionReader:
         if planned is None:
             return None
         if self._waited and self._planned_for is not None:  # it may be elsewhere by now
-            self._plan(self._planned_for)
+            self.plan(self._planned_for)
             return self.take() if self._options.lockstep else None
         return planned
 
@@ -189,16 +192,9 @@ class MotionReader:
             except ValueError as error:
                 self._refuse(topic, error)
                 return
-            self._plan(wanted)
+            self.plan(wanted)
 
         self._node.create_subscription(message, topic, on_message, QUEUE, raw=True)
-
-    def _plan(self, wanted: _Wanted) -> None:
-        """Plan what is wanted, as soon as the plan before is followed."""
-        self._wanted, self._planned, self._waited = wanted, None, False
-        self._jobs.start(lambda: self._job(wanted))
-        if self._options.lockstep:
-            self.poll(acts=True)
 
     def _job(self, wanted: _Wanted) -> Job[Planned]:
         """Return what plans the wanted motion from now on."""

@@ -155,7 +155,7 @@ class ControllerNode(runtime.ScenarioNode):
         followed = self._motions.followed
         if followed is not None:
             self._end_motion()
-            self._motions.plan_again(followed)
+            self._motions.plan(followed)
 
     def _connected(self) -> bool:
         """Return whether the plant subscribes to the input, and the estimator."""
@@ -304,9 +304,11 @@ class ControllerNode(runtime.ScenarioNode):
         return response
 
     def _on_stop(self, message: Any) -> None:
-        """Stop if the message is true; false does not end a stop."""
+        """Stop while the message is true; false lets a reset end it."""
+        reason = 'the topic stop'
         if message.data:
-            self._stop_acting('the topic stop')
+            self._stop_acting(reason)
+        self._stop.press(reason, on=message.data)
 
     def _on_stop_request(self, _: Any, response: Any) -> Any:
         self._stop_acting('~/stop')
@@ -314,9 +316,12 @@ class ControllerNode(runtime.ScenarioNode):
         return response
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        self._stop.reset()
-        self._end_motion()  # also what was asked for meanwhile
-        response.success, response.message = True, 'not stopped; ~/enable lets it act'
+        response.success = self._stop.reset()
+        if response.success:
+            self._end_motion()  # also what was asked for meanwhile
+            response.message = 'not stopped; ~/enable lets it act'
+        else:
+            response.message = 'the topic stop is true: publish false first'
         return response
 
     def _stop_acting(self, reason: str) -> None:

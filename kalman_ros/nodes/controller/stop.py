@@ -19,6 +19,7 @@ class Stop:
         self._enabled = enabled
         #: Why it is stopped; '' if it is not.
         self.reason = ''
+        self._pressed = False
 
     @property
     def may_act(self) -> bool:
@@ -30,9 +31,17 @@ class Stop:
         self._enabled = False
         self.reason = self.reason or reason
 
-    def reset(self) -> None:
-        """End a stop; it stays disabled."""
-        self.reason = ''
+    def press(self, reason: str, *, on: bool) -> None:
+        """Stop, and refuse a reset until the button is released, which alone ends nothing."""
+        self._pressed = on
+        if on:
+            self.stop(reason)
+
+    def reset(self) -> bool:
+        """End a stop, and return whether that was done; it stays disabled."""
+        if not self._pressed:
+            self.reason = ''
+        return not self._pressed
 
     def enable(self, *, on: bool) -> bool:
         """Enable or disable, and return whether that was done: a stop ends by `reset` alone."""
