@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from kalman_ros.control.motion import Motion
 from kalman_ros.control.planning import ReferenceMotion
 from kalman_ros.core import Array, ArrayLike
 from kalman_ros.scenario import Scenario, motions, reference_motions
+from kalman_ros.scenario.reference_motions import along_path
 
 from .accept import number, numbers
 from .loop_setup import Given, law_of
@@ -91,30 +93,31 @@ def motion(
     allowed = number('tolerance', tolerance)
     if not 0.0 <= allowed < inf:
         raise ValueError(f'tolerance: expected a finite number of at least 0, got {allowed:g}')
+    wanted: Callable[[], ReferenceMotion]
+    if values is not None:
+        what, wanted = 'values', partial(_in_time, law.scenario, values, times, velocities)
+    elif seconds is not None:
+        what = 'start and end'
+        states = _state(law.scenario, 'start', start), _state(law.scenario, 'end', end)
+        duration = _positive('seconds', seconds)
+        wanted = partial(reference_motions.between, law.scenario, *states, duration)
+    else:
+        what, points = 'path', _points(path)
+        limits = _positive('speed', speed), _positive('acceleration', acceleration)
+        wanted = partial(along_path, law.scenario, points, *limits, rounding=allowed)
     try:
-        if values is not None:
-            wanted = _in_time(law.scenario, values, times, velocities)
-        elif seconds is not None:
-            first, last = _state(law.scenario, start), _state(law.scenario, end)
-            wanted = reference_motions.between(
-                law.scenario, first, last, _positive('seconds', seconds)
-            )
-        else:
-            wanted = reference_motions.along_path(
-                law.scenario, _points(path), _positive('speed', speed),
-                _positive('acceleration', acceleration), rounding=allowed,
-            )  # fmt: skip
-        return motions.motion_of(law.scenario, wanted, law.limits, allowed)
+        return motions.motion_of(law.scenario, wanted(), law.limits, allowed)
     except ValueError as error:
-        what = 'values' if values is not None else 'seconds' if path is None else 'path'
         raise ValueError(f'{what}: {error}') from None
 
 
-def _state(scenario: Scenario, named: Mapping[str, float] | None) -> Array:
+def _state(scenario: Scenario, name: str, named: Mapping[str, float] | None) -> Array:
     """Return a state (n,) with these coordinates, the others at the equilibrium."""
     given = {} if named is None else dict(named)
     state: Array = scenario.model.equilibrium.state.copy()
-    state[scenario.model.state.indices(given)] = [number(n, value) for n, value in given.items()]
+    state[scenario.model.state.indices(given, name)] = [
+        number(n, value) for n, value in given.items()
+    ]
     return state
 
 
@@ -122,7 +125,7 @@ def _points(path: ArrayLike | None) -> Array:
     """Return the points (K, 3) of a path, at height 0 where none is given."""
     points = numbers('path', path)
     if points.ndim != 2 or points.shape[1] not in (2, 3):
-        raise ValueError(f'expected points of 2 or 3 numbers, got an array {points.shape}')
+        raise ValueError(f'path: expected points of 2 or 3 numbers, got an array {points.shape}')
     return np.hstack((points, np.zeros((len(points), 3 - points.shape[1]))))
 
 

@@ -29,7 +29,7 @@ _FIRST, _LAST = 1e2, 1e12
 #: The weight of a difference from the state at which a motion ends, relative to these.
 _HELD = 1e8
 #: The weight of leaving the input of before at the start of a motion, relative to that of inputs.
-_LEFT = 30.0
+_LEFT = 100.0
 #: Ten times the weight is of use where differences fall to this share, or where the inputs still
 #: count: they grow by this factor, or cost this share of the cost of the differences.
 _NEARER, _GROWN, _COUNTED = 0.5, 7.0, 0.5

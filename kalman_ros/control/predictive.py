@@ -72,6 +72,10 @@ class Prediction:
     high: Array
     price: Array
 
+    def outside(self, state: Array) -> list[int]:
+        """Return the coordinates of a state (n,) that are outside of their limits."""
+        return [int(i) for i in np.flatnonzero((state < self.low) | (state > self.high))]
+
 
 def predicted(
     step: tuple[Array, Array],

@@ -411,20 +411,20 @@ def between(scenario: Scenario, start: Array, end: Array, seconds: float) -> Ref
     _check_times(np.array([0.0, seconds]), dt)
     steps = max(round(seconds / dt), 1)
     share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
-    first, last = (_at_rest(scenario, name, x) for name, x in (('start', start), ('end', end)))
+    first, last = _at_rest(scenario, start, 'start'), _at_rest(scenario, end, 'end')
     way = (1.0 - share) * state.subtract(start, end)
     guess = state.add(np.broadcast_to(end, way.shape), way)
     return ReferenceMotion(dt, (), np.zeros((steps + 1, 0)), {}, first.state, last, guess)
 
 
-def _at_rest(scenario: Scenario, name: str, state: Array) -> OperatingPoint:
+def _at_rest(scenario: Scenario, state: Array, which: str) -> OperatingPoint:
     """Return a state (n,) with the input that holds it; ValueError if none does."""
     model = in_continuous_time(scenario.model)
     u = steady_input(model, state, np.zeros(model.state.size)).input
     rate = np.abs(model.derivative(state, u))
     if (rate > _STILL * max(1.0, np.abs(u).max())).any():
         changing = model.state.names[int(np.argmax(rate))]
-        raise ValueError(f'{name}: no input holds the model there: {changing} changes')
+        raise ValueError(f'at the {which} no input holds the model: {changing} changes')
     return OperatingPoint(state, u)
 
 

@@ -67,6 +67,8 @@ def test_what_is_no_motion_is_refused_in_one_line_and_the_loop_goes_on():
     back = path(CORNER)
     for k, pose in enumerate(back.poses):
         pose.header.stamp.sec = 5 - k
+    elsewhere = path(CORNER)
+    elsewhere.poses[2].header.frame_id = 'third'
     with Run(ROBOT) as run:
         paths = publisher_of(run, Path, 'reference/path')
         trajectories = publisher_of(run, JointTrajectory, 'reference/trajectory')
@@ -77,6 +79,7 @@ def test_what_is_no_motion_is_refused_in_one_line_and_the_loop_goes_on():
             (paths, path(CORNER[:1]), 'got 1;'),
             (paths, path([(0.0, 0.0), (np.nan, 1.0)]), 'expected finite positions'),
             (paths, path(CORNER, 'elsewhere'), "got 'elsewhere'"),
+            (paths, elsewhere, "got 'third'"),
             (paths, path([(0.0, 0.0), (1e9, 0.0)]), 'at most 60000 steps'),
             (paths, back, 'expected increasing times'),
             (trajectories, trajectory(['x'], [[0.0], [0.0]], [1.0, 1.0]), 'increasing times'),
@@ -89,7 +92,8 @@ def test_what_is_no_motion_is_refused_in_one_line_and_the_loop_goes_on():
             run.wait(lambda: reason in log(), 60.0, lambda: f'no {reason}: {log()}')  # noqa: B023
         run.advance(0.5)
         run.refresh('controller')
-        assert run.reported('controller', 'motions refused') == '9'
+        assert run.reported('controller', 'motions refused') == '10'
+        assert run.reported('controller', 'set points refused') == '1'
         assert run.reported('controller', 'motions planned') == '0'
         reason = run.reported('controller', 'reason of the last refusal')
         assert reason == 'reference/trajectory: expected positions'

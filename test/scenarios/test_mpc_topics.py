@@ -35,9 +35,14 @@ def test_limits_are_changed_while_it_runs():
     controls = {'law': 'mpc', 'input_limit': [4.0]}
     with Run('mass_spring_damper', {**begun, 'law': 'mpc'}, only={'controller': controls}) as run:
         run.advance(0.2)
+        assert 'is outside of' not in run.processes['controller'].output()
         run.set_parameters({'state_limit.v': [-0.5, 0.5]}, 'controller')
         run.advance(3.0)
         followed = run.trajectory()
+        log = run.processes['controller'].output()
+    assert 'state_limit.v: -' in log
+    assert 'is outside of -0.5 to 0.5, and goes there' in log
+    assert log.count('is outside of') == 1
     assert np.abs(followed.truth[:25, 1]).max() > 0.7
     assert np.abs(followed.estimate[90:, 1]).max() < 0.7
     assert np.abs(followed.truth[-1, 0]) < 1.0

@@ -244,11 +244,13 @@ class MotionReader:
 
     def _path(self, topic: str, message: Any) -> _Wanted:
         """Return what a ``nav_msgs/Path`` asks for."""
-        given, expected = message.header.frame_id, self._frame()
-        if given and expected and given != expected:
-            raise ValueError(
-                f"expected the frame '{expected}' of the estimate, got '{given[:_SHOWN]}'"
-            )
+        expected = self._frame()
+        for header in (message.header, *(stamped.header for stamped in message.poses)):
+            given = header.frame_id
+            if given and expected and given != expected:
+                raise ValueError(
+                    f"expected the frame '{expected}' of the estimate, got '{given[:_SHOWN]}'"
+                )
         poses = [stamped.pose for stamped in message.poses]
         points = np.array([(p.position.x, p.position.y, p.position.z) for p in poses])
         points = points.reshape(-1, 3)

@@ -21,6 +21,7 @@ from kalman_ros.codecs.wire import WireWriter
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter, Limits, check_idle
 from kalman_ros.control.motion import Motion
+from kalman_ros.control.predictive import Prediction
 from kalman_ros.core import Array, Value, is_finite
 from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
@@ -371,6 +372,7 @@ class ControllerNode(runtime.ScenarioNode):
 
         def apply() -> None:
             self._regulator.adopt(found, options.transition_time, bounds)
+            self._name_outside(found.prediction)
             self._limiter.adopt(bounds, idle)
             self._guard.adopt(*accepted)
             self._reference.adopt(scenario, equilibria)
@@ -379,6 +381,17 @@ class ControllerNode(runtime.ScenarioNode):
                 self._motions.regain(motion, scenario)
 
         return apply
+
+    def _name_outside(self, prediction: Prediction | None) -> None:
+        """Warn of limits that exclude the state as it is, to which they move it."""
+        if prediction is None or self._here is None:
+            return
+        for index in prediction.outside(self._here):
+            name, value = self.scenario.model.state.names[index], self._here[index]
+            limits = f'{prediction.low[index]:g} to {prediction.high[index]:g}'
+            self.get_logger().warning(
+                f'state_limit.{name}: {value:.3g} is outside of {limits}, and goes there'
+            )
 
     def report(self) -> Report:
         """Return counts and gains, or why no input is computed."""
@@ -394,6 +407,7 @@ class ControllerNode(runtime.ScenarioNode):
             'from arrival to publication, 50 / 90 / 99 % [ms]': str(self._latency),
             'age of estimates, 50 / 90 / 99 % [ms]': str(self._age),
             'law': self.scenario.law,
+            'set points refused': self._reference.refused,
             'motions planned': self._motions.planned,
             'motions refused': self._motions.refused,
             'reference': np.array2string(target[0], precision=4),

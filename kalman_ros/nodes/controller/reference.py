@@ -60,6 +60,8 @@ class ReferenceReader:
         self._node, self._hold, self._move = node, hold, move
         self._timeout = timeout
         self._last: tuple[int, Array] | None = None
+        #: Number of references that were refused.
+        self.refused = 0
         self._rest = scenario.model.equilibrium
         self.adopt(scenario, tracking(scenario))
         self._space = scenario.model.state
@@ -95,6 +97,7 @@ class ReferenceReader:
                 self._check_frame(leading_frame(data))
                 self._on_values(time, values, given)
             except (LookupError, ValueError) as error:
+                self.refused += 1
                 self._warn(f'{signal.topic}: {error}; the old one stays')
 
         self._node.create_subscription(
