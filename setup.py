@@ -33,7 +33,7 @@ setup(
         'dask': ['distributed'],
         'live': ['websockets>=13'],
         'mujoco': ['mujoco>=4.0'],
-        'view': ['foxglove-sdk>=0.30'],
+        'view': ['foxglove-sdk>=0.30', 'websockets>=15'],
     },
     zip_safe=False,
     maintainer='The kalman_ros authors',

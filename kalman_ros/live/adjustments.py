@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from kalman_ros.control.laws import STATE_LIMIT, WITHIN_LIMITS
 from kalman_ros.core import Option, Value
 from kalman_ros.nodes.controller.options import ControllerOptions
 from kalman_ros.nodes.plant.options import PlantOptions
@@ -106,7 +107,10 @@ class Adjustments:
             If a parameter is unknown or invalid or, unless ``tried``, if no filter or gain exists.
         """
         previous = self.changes.get(node, {})
-        self.changes[node] = {**previous, **values}
+        kept = previous
+        if values.get('law', WITHIN_LIMITS[0]) not in WITHIN_LIMITS:  # limits of states end
+            kept = {n: v for n, v in previous.items() if not n.startswith(f'{STATE_LIMIT}.')}
+        self.changes[node] = {**kept, **values}
         if node not in _OPTIONS:
             return
         previous_choice = self._chosen[node]

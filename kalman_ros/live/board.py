@@ -34,6 +34,8 @@ class Board:
         self._sections: dict[str, tuple[int, str]] = {}
         self._frames: deque[str] = deque(maxlen=_FRAMES)
         self._count = 0
+        #: Number of tabs that read the board.
+        self.readers = 0
         #: Function that is called after each change, in the thread of the change.
         self.on_change: Callable[[], None] = lambda: None
 

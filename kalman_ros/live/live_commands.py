@@ -180,9 +180,11 @@ class LiveCommands:
 
     def _reconfigure(self, node: str, values: Mapping[str, Any]) -> None:
         """Change parameters that a node reads only during its configuration."""
+        before = {*self._adjustments.changes.get(node, {})}
         self._adjustments.change(node, values)
         self.changed = True
-        self._nodes.reconfigure(node, values)
+        dropped = before - {*self._adjustments.changes[node]}
+        self._nodes.reconfigure(node, {**values, **dict.fromkeys(dropped)})
 
     def _choose(self, command: Mapping[str, Any], _: float) -> None:
         """Choose another filter or control law."""

@@ -8,7 +8,7 @@ from functools import partial
 from math import ceil
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 from kalman_ros.core import Array
@@ -25,13 +25,15 @@ from .live_commands import LiveCommands, answer
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
 from .page_command import Command
-from .scene import chosen, scene
+from .scene import chosen, placed, scene
 from .share import parameter_file
 from .streams import Streams
 from .theory_worker import TheoryWorker
 
 #: Intervals in seconds of frames, of status reports, and of updates of theory and shared file.
 _FRAME, _STATUS, _CHANGES = 0.029, 0.5, 0.1
+#: The longest wait while no tab is open, and the interval at which tabs and commands are noticed.
+_DOZE, _NAP = 0.5, 0.02
 #: Largest number of commands that wait.
 _WAITING = 200
 
@@ -59,8 +61,8 @@ class LiveLoop:
     def __init__(self, file: Path, parameters: Mapping[str, Any], seed: int, board: Board) -> None:
         self._adjustments = Adjustments(file, parameters)
         self._controls = controls(self._adjustments)
-        #: Values of the controls and choices with which the page starts.
-        self._initial = {'values': self._values(), 'chosen': chosen(self._adjustments)}
+        #: That with which the page starts.
+        self._initial = self._changeable()
         self._seed, self._board = seed, board
         self._queue: SimpleQueue[tuple[Command, float]] = SimpleQueue()
         self._pace = Pace.usual(self._adjustments)
@@ -137,9 +139,10 @@ class LiveLoop:
         self._frame_time = monotonic()
         status_time = change_time = 0.0
         while not commands.restart:
-            nodes.spin_until(
-                _FRAME if commands.changed else _CHANGES, lambda: not self._queue.empty()
-            )
+            if not pace.lockstep:
+                self._doze()
+            is_short = commands.changed or not self._board.readers
+            nodes.spin_until(_FRAME if is_short else _CHANGES, lambda: not self._queue.empty())
             for _ in range(self._queue.qsize()):
                 commands.carry_out(*self._queue.get())
                 status_time = 0.0
@@ -155,6 +158,15 @@ class LiveLoop:
                 self._board.put('ghost', {'filter': '' if ghost is None else ghost.filter})
                 status_time = now
         self._pace, self._continuation = commands.pace, commands.carried
+
+    def _doze(self) -> None:
+        """Wait for a tab or a command, but not for long; meanwhile topics keep the last samples.
+
+        So a page that nobody looks at leaves the processor to the nodes.
+        """
+        end = monotonic() + _DOZE
+        while not self._board.readers and self._queue.empty() and monotonic() < end:
+            sleep(_NAP)
 
     def _publish_frame(self, nodes: LiveNodes, streams: Streams, commands: LiveCommands) -> None:
         """Publish the samples since the last frame, and let the plant continue."""
@@ -209,9 +221,15 @@ class LiveLoop:
             if restart:
                 return
 
-    def _values(self) -> dict[str, Any]:
-        """Return the value of each control by its key."""
-        return {key: control.read(self._adjustments) for key, control in self._controls.items()}
+    def _changeable(self) -> dict[str, Any]:
+        """Return all that the tabs change: values of controls, choices, limits, placed poles."""
+        adjustments = self._adjustments
+        return {
+            'values': {key: control.read(adjustments) for key, control in self._controls.items()},
+            'chosen': chosen(adjustments),
+            'limits': limits(adjustments),
+            'placed': placed(adjustments),
+        }
 
     def _publish_parameters(self) -> None:
         """Show the current parameters, and request the theory for them."""
@@ -227,9 +245,7 @@ class LiveLoop:
         self._changes += 1
         self._board.put('values', {
             'version': self._changes,
-            'limits': limits(adjustments),
-            'values': self._values(),
-            'chosen': chosen(adjustments),
+            **self._changeable(),
         })  # fmt: skip
         self._board.put(
             'share', {'yaml': parameter_file(adjustments), 'name': adjustments.file.stem}

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from typing import Any
 
 from kalman_ros.control.laws import LAWS
@@ -21,6 +22,24 @@ def chosen(adjustments: Adjustments) -> dict[str, Any]:
     """Return the filter and the law, if there is one, that are in use."""
     law = {'law': adjustments.value('controller', 'law')} if adjustments.driven else {}
     return {'filter': adjustments.value('estimator', 'filter'), **law}
+
+
+def placed(adjustments: Adjustments) -> dict[str, list[tuple[float, float]]]:
+    """Return the poles that are placed, of the ``regulator`` and the ``estimator``."""
+    now = chosen(adjustments)
+    found = {}
+    if now.get('law') == 'placement':
+        found['regulator'] = _poles(adjustments, 'controller', 'regulator')
+    if now['filter'] == 'luenberger':
+        found['estimator'] = _poles(adjustments, 'estimator', 'observer')
+    return found
+
+
+def _poles(adjustments: Adjustments, node: str, prefix: str) -> list[tuple[float, float]]:
+    real, imaginary = (
+        adjustments.value(node, f'{prefix}_{part}') for part in ('poles', 'frequencies')
+    )
+    return [(float(re), float(im)) for re, im in zip_longest(real, imaginary, fillvalue=0.0)]
 
 
 def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, Any]:

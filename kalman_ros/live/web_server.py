@@ -4,17 +4,16 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable
 from http import HTTPStatus
 from pathlib import Path
 from time import monotonic
 
 from websockets.asyncio.server import Server, ServerConnection, serve
-from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from .answers import joined, refusal, response, silent_logger
 from .board import Board, Cursor
 from .page_command import Command, read_command
 from .threaded_server import ThreadedServer
@@ -64,7 +63,7 @@ class WebServer(ThreadedServer):
             self._tab, address, port, process_request=self._respond, compression=None,
             max_size=_LONGEST, max_queue=16, open_timeout=5.0, close_timeout=1.0,
             ping_interval=_PATIENCE, ping_timeout=_PATIENCE,
-            server_header=None, logger=_silent_logger(),
+            server_header=None, logger=silent_logger(__name__),
         )  # fmt: skip
         self._board.on_change = lambda: self.call(self._wake)
         return server
@@ -82,28 +81,28 @@ class WebServer(ThreadedServer):
         """Return a file or a refusal; None opens a socket."""
         access = self._access
         # repeated headers are joined, so that they match nothing
-        host, origin = (_join_headers(request.headers, name) for name in ('Host', 'Origin'))
+        host, origin = (joined(request.headers, name) for name in ('Host', 'Origin'))
         path, _, query = request.path.partition('?')
         if not access.knows(host):
-            return _refusal(HTTPStatus.MISDIRECTED_REQUEST, 'this server has another name')
+            return refusal(HTTPStatus.MISDIRECTED_REQUEST, 'this server has another name')
         if origin and not access.trusts(origin, host):
-            return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
+            return refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
         if access.logs_in(query):
             cookie = f'{access.cookie}={access.token}; HttpOnly; SameSite=Strict; Path=/'
-            return _response(HTTPStatus.SEE_OTHER, b'', {'Location': '/', 'Set-Cookie': cookie})
-        if not access.admits(_join_headers(request.headers, 'Cookie', '; ')):
-            return _refusal(HTTPStatus.UNAUTHORIZED, 'open the address with its token')
+            return response(HTTPStatus.SEE_OTHER, b'', {'Location': '/', 'Set-Cookie': cookie})
+        if not access.admits(joined(request.headers, 'Cookie', '; ')):
+            return refusal(HTTPStatus.UNAUTHORIZED, 'open the address with its token')
         if path == _SOCKET:
             if not origin:
-                return _refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
+                return refusal(HTTPStatus.FORBIDDEN, 'the request is from another page')
             full = len(self._tabs) >= _TABS
-            return _refusal(HTTPStatus.SERVICE_UNAVAILABLE, 'too many tabs') if full else None
+            return refusal(HTTPStatus.SERVICE_UNAVAILABLE, 'too many tabs') if full else None
         return self._file(path, host)
 
     def _file(self, path: str, host: str) -> Response:
         file = self._files.get('/live.html' if path == '/' else path)
         if file is None:
-            return _refusal(HTTPStatus.NOT_FOUND, 'there is no such page')
+            return refusal(HTTPStatus.NOT_FOUND, 'there is no such page')
         kind = f'{_TYPES[file.suffix]}; charset=utf-8'
         policy = (
             f"default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -111,12 +110,13 @@ class WebServer(ThreadedServer):
             f"frame-ancestors 'none'"
         )
         headers = {'Content-Type': kind, 'Content-Security-Policy': policy}
-        return _response(HTTPStatus.OK, file.read_bytes(), headers)
+        return response(HTTPStatus.OK, file.read_bytes(), headers)
 
     async def _tab(self, connection: ServerConnection) -> None:
         """Serve one tab until it closes."""
         news = asyncio.Event()
         self._tabs.add(news)
+        self._board.readers = len(self._tabs)
         sending = asyncio.create_task(self._send(connection, news))
         try:
             await self._receive(connection)
@@ -125,6 +125,7 @@ class WebServer(ThreadedServer):
         finally:
             sending.cancel()
             self._tabs.discard(news)
+            self._board.readers = len(self._tabs)
 
     async def _send(self, connection: ServerConnection, news: asyncio.Event) -> None:
         """Send changes of the board, as fast as the tab reads them."""
@@ -153,32 +154,3 @@ class WebServer(ThreadedServer):
             command = read_command(text)
             if command is not None:
                 self._command(command, now)
-
-
-def _silent_logger() -> logging.Logger:
-    """Return a logger that does not print requests that are not HTTP to the console."""
-    logger = logging.getLogger(__name__)
-    logger.addHandler(logging.NullHandler())
-    logger.propagate = False
-    return logger
-
-
-def _join_headers(headers: Headers, name: str, separator: str = ', ') -> str:
-    return separator.join(headers.get_all(name))
-
-
-def _refusal(status: HTTPStatus, why: str) -> Response:
-    return _response(status, f'{why}\n'.encode(), {'Content-Type': 'text/plain; charset=utf-8'})
-
-
-def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> Response:
-    common = {
-        'Content-Length': str(len(body)),
-        'Connection': 'close',
-        'Cache-Control': 'no-store',
-        'X-Content-Type-Options': 'nosniff',
-        'X-Frame-Options': 'DENY',
-        'Referrer-Policy': 'no-referrer',
-        'Cross-Origin-Resource-Policy': 'same-origin',
-    }
-    return Response(status.value, status.phrase, Headers({**headers, **common}), body)

@@ -25,6 +25,8 @@ def options(system: System, state: Space, values: Mapping[str, Any]) -> dict[str
             about = About(f'lowest and highest {name}, at a price', unit, live=True)
             option = Option(f'{STATE_LIMIT}.{name}', [-inf, inf], about)
             found[option.name] = option
+    else:
+        _refuse_limits(chosen, values)
     weights = {
         'state_cost': (system.state_cost, 'weight of the state'),
         'input_cost': (system.input_cost, 'weight of the input'),
@@ -33,6 +35,14 @@ def options(system: System, state: Space, values: Mapping[str, Any]) -> dict[str
         about = About(f'{meaning} in the LQR cost: the diagonal, or all rows', live=True)
         found[name] = Option(name, list(default), about)
     return found
+
+
+def _refuse_limits(law: str, values: Mapping[str, Any]) -> None:
+    """Raise ValueError if limits of states are given, which a law does not keep."""
+    given = next((name for name in values if name.startswith(f'{STATE_LIMIT}.')), None)
+    if given is not None:
+        keeping = ' or '.join(WITHIN_LIMITS)
+        raise ValueError(f'{given}: the law {law} keeps no limits of states, choose {keeping}')
 
 
 def build(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:

@@ -152,6 +152,21 @@ def test_limits_of_states_need_a_law_that_predicts():
     assert limits(opened('diff_drive').adjustments)['reason'] == 'the model has no input'
 
 
+def test_limits_of_states_end_with_the_law_that_keeps_them():
+    page = opened('cart_pole')
+    assert page.send('{"do": "choose", "what": "law", "value": "mpc", "n": 1}')['error'] == ''
+    limit = '{"do": "limit", "of": "state", "name": "x", "side": "high", "value": 1, "n": 2}'
+    assert page.send(limit)['error'] == ''
+    assert page.send('{"do": "choose", "what": "law", "value": "lqr", "n": 3}')['error'] == ''
+    gone = {'law': 'lqr', 'state_limit.x': None}
+    assert page.nodes.calls[-1] == ('reconfigure', 'controller', gone)
+    # those of the file stay, and a law that does not keep them is refused
+    page = opened('cart_pole', law='mpc', **{'state_limit.x': [-1.0, 1.0]})
+    answer = page.send('{"do": "choose", "what": "law", "value": "lqr", "n": 1}')
+    assert answer['error'] == 'state_limit.x: the law lqr keeps no limits of states, choose mpc'
+    assert page.adjustments.value('controller', 'law') == 'mpc'
+
+
 def test_a_drawn_path_is_sent_and_its_outcome_is_told():
     page = opened('mass_spring_damper_2d')
     controller, path = page.nodes.reports, page.commands.path

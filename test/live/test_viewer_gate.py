@@ -4,8 +4,15 @@
 import socket
 import threading
 from contextlib import suppress
+from time import monotonic, sleep
 
 import pytest
+
+pytest.importorskip('websockets')
+
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.sync.server import serve
 
 from kalman_ros.live.viewer_gate import ViewerGate
 from kalman_ros.live.web_access import Access
@@ -17,47 +24,54 @@ HEADERS = {
     'Sec-WebSocket-Version': '13',
     'Sec-WebSocket-Protocol': 'foxglove.sdk.v1',
 }
-UPGRADED = b'HTTP/1.1 101 Switching Protocols\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n'
+
+
+def echo(connection):
+    for message in connection:
+        connection.send(message)
 
 
 class Gated:
-    """A gate before a server that accepts everything, notes requests, and echoes bytes."""
+    """A gate before a server that accepts everything, notes requests, and echoes messages."""
 
-    def __init__(self, token='', pages=(), answer=UPGRADED):
-        self.requests, self.refusals, self.answer = [], [], answer
-        self.server = socket.create_server(('127.0.0.1', 0))
+    def __init__(self, token='', pages=()):
+        self.requests, self.refusals = [], []
+        self.server = serve(
+            echo, '127.0.0.1', 0, process_request=self.note,
+            subprotocols=['foxglove.sdk.v1'], compression=None, max_size=None,
+        )  # fmt: skip
         with socket.socket() as probe:
             probe.bind(('127.0.0.1', 0))
             self.port = probe.getsockname()[1]
         access = Access('127.0.0.1', self.port, token)
-        self.gate = ViewerGate(access, self.server.getsockname(), pages, self.refusals.append)
+        where = self.server.socket.getsockname()
+        self.gate = ViewerGate(access, where, pages, self.refusals.append)
 
     def __enter__(self):
-        threading.Thread(target=self.accept, daemon=True).start()
+        self.thread = threading.Thread(target=self.server.serve_forever)
+        self.thread.start()
         self.gate.__enter__()
         return self
 
     def __exit__(self, *_):
         self.gate.__exit__()
-        self.server.close()
+        self.server.shutdown()
+        self.thread.join()
 
-    def accept(self):
-        while True:
-            try:
-                connection, _ = self.server.accept()
-            except OSError:
-                return
-            threading.Thread(target=self.serve, args=(connection,), daemon=True).start()
+    def note(self, _, request):
+        self.requests.append(request)
 
-    def serve(self, connection):
-        with connection:
-            data = b''
-            while b'\r\n\r\n' not in data:
-                data += connection.recv(4096)
-            self.requests.append(data.decode())
-            connection.sendall(self.answer)
-            while found := connection.recv(4096):
-                connection.sendall(found)
+    def requested(self):
+        """Return the first request of the gate, as soon as it is there."""
+        end = monotonic() + 10.0
+        while not self.requests and monotonic() < end:
+            sleep(0.01)
+        return self.requests[0]
+
+    def viewer(self, **options):
+        """Connect as a viewer."""
+        chosen = {'subprotocols': ['foxglove.sdk.v1'], 'proxy': None, **options}
+        return connect(f'ws://127.0.0.1:{self.port}/', **chosen)
 
     def ask(self, path='/', raw=None, **headers):
         """Send a request and return the connection and the head of the answer."""
@@ -87,11 +101,16 @@ def gated():
 
 
 def test_a_program_is_admitted_and_connected_both_ways(gated):
-    connection, head = gated.ask()
-    with connection:
-        assert head.startswith('HTTP/1.1 101 ')
-        connection.sendall(b'\x81\x02hi')
-        assert connection.recv(100) == b'\x81\x02hi'
+    with gated.viewer() as viewer:
+        for message in ('hi', b'\x00hi', 'x' * 300_000):
+            viewer.send(message)
+            assert viewer.recv(10) == message
+
+
+def test_a_message_that_no_viewer_sends_ends_its_connection(gated):
+    with gated.viewer() as viewer, pytest.raises(ConnectionClosed, match='too big'):
+        viewer.send(b'x' * 1_100_000)
+        viewer.recv(10)
 
 
 def test_the_page_of_a_viewer_is_admitted(gated):
@@ -142,7 +161,7 @@ def test_the_token_is_required_and_compared():
         assert gated.status('/?token=') == 401
         assert gated.requests == []
         assert gated.status('/?token=secret') == 101
-        assert 'secret' not in gated.requests[0]
+        assert 'secret' not in f'{gated.requested().path} {gated.requested().headers}'
 
 
 def test_the_server_receives_nothing_but_the_opening_of_a_socket(gated):
@@ -150,15 +169,17 @@ def test_the_server_receives_nothing_but_the_opening_of_a_socket(gated):
         gated.status('/?a=b', Cookie='c=d', X_Strange='e', Origin='https://app.foxglove.dev')
         == 101
     )
-    names = [line.partition(':')[0] for line in gated.requests[0].split('\r\n')[1:] if line]
-    assert names == ['Host', *HEADERS]
+    request = gated.requested()
+    assert len(gated.requests) == 1
+    assert request.path == '/'
+    assert {*request.headers} <= {'host', *map(str.lower, HEADERS), 'user-agent'}
 
 
 def test_an_older_viewer_is_answered_in_its_words(gated):
     connection, head = gated.ask(Sec_WebSocket_Protocol='foxglove.websocket.v1')
     connection.close()
     assert 'Sec-WebSocket-Protocol: foxglove.websocket.v1' in head
-    assert 'Sec-WebSocket-Protocol: foxglove.sdk.v1' in gated.requests[0]
+    assert gated.requested().headers['Sec-WebSocket-Protocol'] == 'foxglove.sdk.v1'
 
 
 @pytest.mark.parametrize(
@@ -186,21 +207,19 @@ def test_a_browser_that_opens_the_address_gets_instructions(gated):
         assert 'open this address in a viewer' in head + connection.recv(1000).decode()
 
 
-def test_a_refusal_of_the_server_ends_the_connection():
-    """What follows would be another request, which nobody has checked."""
-    with Gated(answer=b'HTTP/1.1 400 Bad Request\r\n\r\n') as gated:
-        connection, head = gated.ask()
-        with connection:
-            assert head.startswith('HTTP/1.1 400 ')
-            assert connection.recv(100) == b''
+def test_a_server_that_does_not_answer_ends_the_connection():
+    with Gated() as gated:
+        gated.server.shutdown()
+        with gated.viewer() as viewer, pytest.raises(ConnectionClosed, match='does not answer'):
+            viewer.recv(10)
 
 
 def test_connections_that_say_nothing_shut_nobody_out(gated):
     silent = [socket.create_connection(('127.0.0.1', gated.port), 5) for _ in range(140)]
     try:
         assert gated.status() == 101
-        silent[0].settimeout(5)
-        with suppress(ConnectionResetError):  # the oldest made room
+        silent[0].settimeout(30)
+        with suppress(ConnectionResetError):  # it has five seconds
             assert silent[0].recv(1) == b''
     finally:
         for connection in silent:

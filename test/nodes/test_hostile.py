@@ -29,6 +29,7 @@ from rosidl_parser.definition import (
     BoundedSequence,
     NamespacedType,
 )
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.messages import message_type
@@ -269,6 +270,7 @@ def test_any_message_on_any_subscription(name, lockstep, start, said):
             assert reset(node)
         # a controller that a message has stopped, too
         if node.report()[1].startswith('stopped'):
+            node._on_stop(Bool(data=False))
             assert reset(node)
             node._enable(on=True)
 

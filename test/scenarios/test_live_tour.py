@@ -133,6 +133,7 @@ def test_the_address_holds_what_was_changed_and_offers_it(cart):
     assert parts['task'] == ['faults'] and json.loads(parts['set'][0]) == {BELIEVED: 0.02}
     address = browser.run('location.hash')
     loop.do(do='set', key=BELIEVED, value=0.005)
+    loop.seen('values', lambda m: m['values'][BELIEVED] == 0.005)
     browser.until('!location.hash.includes("set")')
     opened(browser, loop, address)
     browser.until('!document.querySelector("#offer").hidden')
@@ -144,7 +145,51 @@ def test_the_address_holds_what_was_changed_and_offers_it(cart):
     loop.do(do='set', key=BELIEVED, value=0.005)
 
 
-@pytest.mark.parametrize('bad', ['set={', 'set=[1]', 'set={"plant/model":1}', 'choose={"law":3}'])
+def test_limits_poles_and_a_ghost_are_in_the_address(cart):
+    browser, loop = cart
+    opened(browser, loop, '#task=limits')
+    values, scene = (loop.seen(section, lambda m: True) for section in ('values', 'scene'))
+    begun, force = values['chosen']['law'], scene['input']['names'][0]
+    most = values['limits']['input'][0]
+    free = {} if most is None else {'value': most}
+    assert loop.do(do='limit', of='input', name=force, side='high', value=7.5)['error'] == ''
+    assert loop.do(do='ghost', filter='ukf')['error'] == ''
+    poles = [[-4.0, 0.0], [-5.0, 0.0], [-3.0, 1.0], [-3.0, -1.0]]
+    assert loop.do(do='poles', of='regulator', poles=poles)['error'] == ''
+    for part in ('inputs', 'ghost', 'poles'):
+        browser.until(f'location.hash.includes("{part}=")')
+    address = browser.run('location.hash')
+    parts = {name: value[0] for name, value in parse_qs(address.removeprefix('#')).items()}
+    assert json.loads(parts['inputs']) == {force: 7.5} and parts['ghost'] == 'ukf'
+    assert json.loads(parts['poles']) == {'regulator': poles}
+    assert loop.do(do='choose', what='law', value='mpc')['error'] == ''
+    loop.do(do='limit', of='state', name='x', side='high', value=1.5)
+    browser.until('location.hash.includes("states=")')
+    loop.do(do='limit', of='state', name='x', side='high')
+    loop.do(do='ghost', shown=False)
+    assert loop.do(do='choose', what='law', value=begun)['error'] == ''
+    loop.do(do='limit', of='input', name=force, side='high', **free)
+    browser.until('!location.hash.includes("inputs=") && !location.hash.includes("poles=")')
+    browser.open('about:blank')
+    opened(browser, loop, address)
+    browser.until('!document.querySelector("#offer").hidden')
+    offer = browser.run(text('#offered'))
+    assert f'the high limit of {force} to 7.5' in offer and 'the poles of the regulator' in offer
+    browser.click('#accept')
+    loop.seen('values', lambda m: m['limits']['input'] == [7.5] and m['placed'].get('regulator'))
+    loop.seen('ghost', lambda m: m['filter'] == 'ukf')
+    loop.do(do='ghost', shown=False)
+    assert loop.do(do='choose', what='law', value=begun)['error'] == ''
+    loop.do(do='limit', of='input', name=force, side='high', **free)
+
+
+BAD = [
+    'set={', 'set=[1]', 'set={"plant/model":1}', 'choose={"law":3}', 'poles={"regulator":[[1]]}',
+    'poles={"x":[[1,2]]}', 'inputs={"f":"a"}', 'states={"x":[1]}', 'states=[]', 'ghost=none',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize('bad', BAD)
 def test_an_address_that_makes_no_sense_offers_nothing(cart, bad):
     browser, loop = cart
     opened(browser, loop, f'#{quote(bad, safe="=")}&tour=99&task=nothing')

@@ -24,17 +24,28 @@ export function rememberTask(task, step) {
   remember({ task, tour: task === 'tour' ? step : '' });
 }
 
-// the values that differ from those with which the loop started
+// what of an object is not so in another one, as text; '' where nothing is
+function changes(now, before) {
+  const all = Object.entries(now).filter(([key, value]) => JSON.stringify(value) !== JSON.stringify(before[key]));
+  return all.length ? JSON.stringify(Object.fromEntries(all)) : '';
+}
+
+// what differs from that with which the loop started
 export function rememberValues() {
   if (!page.scene) return;
-  const { values, chosen } = page.scene.initial, changed = {};
-  for (const [key, value] of Object.entries(page.values)) if (value !== values[key]) changed[key] = value;
-  const choices = Object.fromEntries(Object.entries(page.chosen).filter(([what, choice]) => choice !== chosen[what]));
+  const { values, chosen, limits, placed } = page.scene.initial;
   remember({
-    set: Object.keys(changed).length ? JSON.stringify(changed) : '',
-    choose: Object.keys(choices).length ? JSON.stringify(choices) : '',
+    set: changes(page.values, values),
+    choose: changes(page.chosen, chosen),
+    poles: changes(page.placed, placed),
+    inputs: changes(byName(page.limits.input), byName(limits.input)),
+    states: changes(bounded(page.limits.state), bounded(limits.state)),
+    ghost: page.ghost.filter ?? '',
   });
 }
+
+const bounded = (limits) => Object.fromEntries(Object.entries(limits).filter(([, pair]) => pair.some((value) => value !== null)));
+const byName = (limits) => Object.fromEntries(limits.map((limit, k) => [page.scene.input.names[k], limit]));
 
 // the object in a part of the address with which the page was opened; empty where it is not one
 function object(name) {
@@ -46,6 +57,9 @@ function object(name) {
   }
 }
 
+const limit = (value) => value === null || Number.isFinite(value);
+const bound = (value) => (value === null ? {} : { value });
+
 // The commands that bring back what the address of this page says, where it is not so already.
 // They are offered, not sent: an address may come from anywhere.
 export function addressedCommands() {
@@ -56,5 +70,21 @@ export function addressedCommands() {
   for (const [key, value] of Object.entries(object('set'))) {
     if (key in page.values && page.values[key] !== value && ['number', 'boolean'].includes(typeof value)) commands.push({ do: 'set', key, value });
   }
+  for (const [of, poles] of Object.entries(object('poles'))) {
+    const pairs = Array.isArray(poles) && poles.every((pole) => Array.isArray(pole) && pole.length === 2 && pole.every(Number.isFinite));
+    if (['regulator', 'estimator'].includes(of) && pairs && JSON.stringify(page.placed[of]) !== JSON.stringify(poles)) commands.push({ do: 'poles', of, poles });
+  }
+  const { input, state } = page.scene;
+  for (const [name, value] of Object.entries(object('inputs'))) {
+    if (input.names.includes(name) && limit(value) && page.limits.input[input.names.indexOf(name)] !== value) commands.push({ do: 'limit', of: 'input', name, side: 'high', ...bound(value) });
+  }
+  for (const [name, pair] of Object.entries(object('states'))) {
+    if (!state.names.includes(name) || !Array.isArray(pair) || pair.length !== 2 || !pair.every(limit)) continue;
+    ['low', 'high'].forEach((side, k) => {
+      if ((page.limits.state[name]?.[k] ?? null) !== pair[k]) commands.push({ do: 'limit', of: 'state', name, side, ...bound(pair[k]) });
+    });
+  }
+  const ghost = addressed('ghost');
+  if (page.scene.choices.filter.includes(ghost) && page.ghost.filter !== ghost) commands.push({ do: 'ghost', filter: ghost });
   return commands;
 }

@@ -55,10 +55,16 @@ function offer() {
   if (!page.scene || page.version === undefined) return;
   if (offered === null) {
     offered = addressedCommands();
-    $('offered').textContent = `The address changes ${offered.map(({ key, what, value }) => `${key ?? what} to ${value}`).join(', ')}.`;
+    $('offered').textContent = `The address changes ${offered.map(inWords).join(', ')}.`;
     $('offer').hidden = !offered.length;
   }
   if (!offered.length) rememberValues();
+}
+
+function inWords({ do: what, key, what: choice, of, name, side, value, filter }) {
+  if (what === 'limit') return `the ${side} limit of ${name} to ${value ?? 'none'}`;
+  if (what === 'poles') return `the poles of the ${of}`;
+  return what === 'ghost' ? `the ghost to ${filter}` : `${key ?? choice} to ${value}`;
 }
 
 function decide(accepted) {
@@ -95,6 +101,7 @@ const RECEIVE = {
     page.values = message.values;
     page.chosen = message.chosen;
     page.limits = message.limits;
+    page.placed = message.placed;
     page.version = message.version;
     markStale();
     if (page.scene && isFirst) buildDrawer();  // with the handles that matter for these values
@@ -124,6 +131,7 @@ const RECEIVE = {
     page.ghost = message;
     $('ghost-legend').hidden = !message.filter;
     if (!message.filter) ghostGone();
+    if (offered?.length === 0) rememberValues();
   },
   status(message) {
     page.status = message;

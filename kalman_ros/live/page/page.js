@@ -7,6 +7,7 @@ export const page = {
   scene: null,
   values: {},    // of the controls, by key
   chosen: {},    // filter and law
+  placed: {},    // poles of the regulator and the estimator, where they are placed
   limits: { input: [], state: {}, reason: '' },
   theory: {},
   status: {},
