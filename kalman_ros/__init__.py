@@ -7,7 +7,8 @@ any but `Run` and `replay`. Names load lazily, so the import itself takes no tim
 - gains: `lqr`, `dlqr`, `lqe`, `dlqe`, `place`, `margins`, `discretize`; `mpc` keeps limits,
   `loop_shaping` is robust
 - models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
-  `DiscreteModel`, `Sensor`; `Space` names coordinates
+  `DiscreteModel`, `Sensor`; `Space` names coordinates; `trim` finds an `OperatingPoint`, where
+  `linearize` gives the linear system
 - estimation: `filter`, `smooth`, `consistency`, `Gaussian`; `tune` fits parameters
 - a loop of your own: `KalmanFilter`, `ExtendedKalmanFilter`, `UnscentedKalmanFilter`,
   `OnlineEstimator`, `Regulator`, `Correction`; `compile` makes a model fast
@@ -50,12 +51,15 @@ if TYPE_CHECKING:
     from .arrays.stepwise import ExtendedKalmanFilter as ExtendedKalmanFilter
     from .arrays.stepwise import KalmanFilter as KalmanFilter
     from .arrays.stepwise import UnscentedKalmanFilter as UnscentedKalmanFilter
+    from .arrays.trimming import linearize as linearize
+    from .arrays.trimming import trim as trim
     from .arrays.worst_case import worst_case as worst_case
     from .bags.replay import replay as replay
     from .core import DesignError as DesignError
     from .core import DiscreteModel as DiscreteModel
     from .core import Gaussian as Gaussian
     from .core import Model as Model
+    from .core import OperatingPoint as OperatingPoint
     from .core import Sensor as Sensor
     from .core import Space as Space
     from .estimators.filter import Correction as Correction
@@ -78,9 +82,18 @@ _WHERE = {
     'arrays.scenarios': ('load', 'make_scenario'),
     'arrays.simulating': ('simulate',),
     'arrays.stepwise': ('ExtendedKalmanFilter', 'KalmanFilter', 'UnscentedKalmanFilter'),
+    'arrays.trimming': ('linearize', 'trim'),
     'arrays.worst_case': ('worst_case',),
     'bags.replay': ('replay',),
-    'core': ('DesignError', 'DiscreteModel', 'Gaussian', 'Model', 'Sensor', 'Space'),
+    'core': (
+        'DesignError',
+        'DiscreteModel',
+        'Gaussian',
+        'Model',
+        'OperatingPoint',
+        'Sensor',
+        'Space',
+    ),
     'estimators.filter': ('Correction',),
     'harness': ('Run',),
 }

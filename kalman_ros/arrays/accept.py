@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.control.operating_point import is_still, unrest
 from kalman_ros.core import (
     Array,
     ArrayLike,
@@ -157,6 +158,12 @@ def plant(A: Any, B: Any = None) -> Plant:
     if isinstance(A, Dynamics):
         model: Any = A
         names = model.state.names, model.input.names
+        if not is_still(model, model.equilibrium):
+            raise ValueError(
+                f'A: the model does not rest where it is linearised: '
+                f'{unrest(model, model.equilibrium)}; give it as equilibrium=... what '
+                f'kr.trim(model) finds'
+            )
         if model.is_discrete:
             F, G = model.next_jacobian(*model.equilibrium)
             return Plant(F, G, *names, model.period)

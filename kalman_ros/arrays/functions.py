@@ -15,6 +15,7 @@ from kalman_ros.core import (
     ArrayLike,
     DiscreteModel,
     Model,
+    OperatingPoint,
     Sensor,
     Space,
     numerical_jacobian,
@@ -99,9 +100,17 @@ class _Each:
 class FunctionModel(Model):
     """dx/dt = f(x, u) + w."""
 
+    #: Where it rests; None at zero.
+    rest: OperatingPoint | None = None
+
     def __init__(self, f: Function, W: Array, state: Space, input: Space, max_step: float) -> None:
         self.state, self.input, self.max_step, self._W = state, input, max_step, W
         self._f = _Each(_of_both(f), 'A: its derivative', (state.size, input.size), state.size)
+
+    @property
+    def equilibrium(self) -> OperatingPoint:
+        """Where it rests."""
+        return super().equilibrium if self.rest is None else self.rest
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return f(x, u)."""
@@ -115,9 +124,17 @@ class FunctionModel(Model):
 class DiscreteFunctionModel(DiscreteModel):
     """x' = f(x, u) + w."""
 
+    #: Where it rests; None at zero.
+    rest: OperatingPoint | None = None
+
     def __init__(self, f: Function, Q: Array, state: Space, input: Space, period: float) -> None:
         self.state, self.input, self.period, self._Q = state, input, period, Q
         self._f = _Each(_of_both(f), 'F: its next state', (state.size, input.size), state.size)
+
+    @property
+    def equilibrium(self) -> OperatingPoint:
+        """Where it rests."""
+        return super().equilibrium if self.rest is None else self.rest
 
     def next(self, x: Array, u: Array) -> Array:
         """Return f(x, u)."""

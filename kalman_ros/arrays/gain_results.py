@@ -41,6 +41,21 @@ class _Gain(KnownNames, NDArrayOperatorsMixin):
     def __iter__(self) -> Iterator[Any]:
         raise NotImplementedError
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of the gain."""
+        return self.matrix.shape
+
+    @property
+    def T(self) -> Array:  # noqa: N802
+        """The gain, transposed."""
+        transposed: Array = self.matrix.T
+        return transposed
+
+    def __len__(self) -> int:
+        """Return the number of parts that unpacking gives."""
+        return sum(1 for _ in self)  # tuple would ask for the length
+
     def __getitem__(self, key: Any) -> Any:
         """Return a part by its position in unpacking; of two indices, that of the matrix."""
         return self.matrix[key] if isinstance(key, tuple) else tuple(self)[key]
@@ -71,6 +86,21 @@ class StateFeedback(_Gain):
     def matrix(self) -> Array:
         """K."""
         return self.gain
+
+    @property
+    def K(self) -> Array:  # noqa: N802
+        """The ``gain``, as in python-control."""
+        return self.gain
+
+    @property
+    def S(self) -> Array | None:  # noqa: N802
+        """The ``cost_to_go``, as in python-control."""
+        return self.cost_to_go
+
+    @property
+    def E(self) -> ComplexArray:  # noqa: N802
+        """The ``poles``, as in python-control."""
+        return self.poles
 
     @property
     def dt(self) -> float | None:
@@ -165,6 +195,21 @@ class Observer(_Gain, LqeDesign):
         """The predictor's gain."""
         return self.predictor_gain
 
+    @property
+    def L(self) -> Array:  # noqa: N802
+        """The ``predictor_gain``, as in python-control."""
+        return self.predictor_gain
+
+    @property
+    def P(self) -> Array:  # noqa: N802
+        """The ``prior`` covariance, as in python-control."""
+        return self.prior
+
+    @property
+    def E(self) -> ComplexArray:  # noqa: N802
+        """The ``poles``, as in python-control."""
+        return self.poles
+
     def __iter__(self) -> Iterator[Any]:
         return iter((self.predictor_gain, self.prior, self.poles))
 
@@ -175,6 +220,9 @@ class Observer(_Gain, LqeDesign):
         readings = [f'y{index}' for index in range(self.gain.shape[1])]
         lines = [f'Steady-state Kalman filter {law}{how}']
         lines += text.matrix([f'L {x}' for x in self.states], readings, self.gain)
+        if sampled:
+            lines += ["the predictor's gain, which is that in arithmetic and in unpacking:"]
+            lines += text.matrix([f'F L {x}' for x in self.states], readings, self.predictor_gain)
         lines += text.sentence(f'poles [{"z" if sampled else "1/s"}] {text.poles(self.poles)}')
         std = np.sqrt(self.covariance.diagonal()).tolist()
         errors = ', '.join(f'{x} {text.number(s)}' for x, s in zip(self.states, std))

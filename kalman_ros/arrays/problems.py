@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Union
+from typing import Any, TypeVar, Union
 
 import numpy as np
 
 from kalman_ros.compiled import attempt
+from kalman_ros.control.operating_point import is_still, unrest
 from kalman_ros.core import (
     ArrayLike,
     DiscreteLinearSystem,
@@ -30,8 +31,10 @@ from .functions import (
     MatrixSensor,
     count_arguments,
 )
+from .trimming import Point, operating_point
 
 Names = Union[int, str, Sequence[str], None]
+_Function = TypeVar('_Function', FunctionModel, DiscreteFunctionModel)
 
 
 def continuous_model(
@@ -43,6 +46,7 @@ def continuous_model(
     inputs: Names = None,
     angles: Sequence[str] = (),
     max_step: float = 0.01,
+    equilibrium: Point = None,
 ) -> Model:
     """Return the model dx/dt = A x + B u + w, or dx/dt = f(x, u) + w.
 
@@ -66,18 +70,22 @@ def continuous_model(
         The names of the states that wrap at +-pi.
     max_step
         The longest step, in seconds, of the Runge-Kutta integration of f.
+    equilibrium
+        Where f is 0 and the model is linearised: a state and an input, such as `trim` finds, or
+        values of some of them by name; by default all are 0.
 
     Raises
     ------
     ValueError
-        If a size is wrong, W is not positive semi-definite, or a system is in discrete time.
+        If a size is wrong, the model does not rest at its equilibrium, W is not positive
+        semi-definite, or a system is in discrete time.
     """
     A, B, W, _ = _parts(('A', 'B', 'W', 'continuous_model'), (A, B, W), sampled=False)
     if callable(A):
         state, input = _spaces(A, 'W', W, states, inputs, angles)
-        return FunctionModel(
-            A, weight('W', W, state.size), state, input, duration('max_step', max_step)
-        )
+        density, step = weight('W', W, state.size), duration('max_step', max_step)
+        return _resting(FunctionModel(A, density, state, input, step), equilibrium)
+    _refuse_rest(equilibrium)
     A = square('A', A)
     n = len(A)
     B = np.zeros((n, 0)) if B is None else columns('B', B, n)
@@ -94,6 +102,7 @@ def discrete_model(
     inputs: Names = None,
     angles: Sequence[str] = (),
     period: float | None = None,
+    equilibrium: Point = None,
 ) -> DiscreteModel:
     """Return the model x' = F x + G u + w, or x' = f(x, u) + w, once every ``period`` seconds.
 
@@ -106,13 +115,31 @@ def discrete_model(
         raise ValueError(f'period: expected that of the system, {dt:g} s, got {period:g}')
     if callable(F):
         state, input = _spaces(F, 'Q', Q, states, inputs, angles)
-        return DiscreteFunctionModel(F, weight('Q', Q, state.size), state, input, period)
+        covariance = weight('Q', Q, state.size)
+        return _resting(DiscreteFunctionModel(F, covariance, state, input, period), equilibrium)
+    _refuse_rest(equilibrium)
     F = square('F', F)
     n = len(F)
     G = np.zeros((n, 0)) if G is None else columns('G', G, n)
     state = _named('states', states, n, 'x', angles)
     input = _named('inputs', inputs, G.shape[1], 'u')
     return DiscreteLinearSystem(F, G, weight('Q', Q, n), state, input, period)
+
+
+def _resting(model: _Function, given: Point) -> _Function:
+    """Return a model of a function with its equilibrium."""
+    if given is None:
+        return model
+    point = operating_point(model, 'equilibrium', given)
+    if not is_still(model, point):
+        raise ValueError(f'equilibrium: {unrest(model, point)} there; kr.trim finds a rest')
+    model.rest = point
+    return model
+
+
+def _refuse_rest(given: Point) -> None:
+    if given is not None:
+        raise ValueError('equilibrium: expected none beside matrices, whose equilibrium is 0')
 
 
 def sensor(

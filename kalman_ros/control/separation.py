@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 
 from kalman_ros.core import Array, Transition, symmetric
+from kalman_ros.linear.lyapunov import stationary_covariance
 from kalman_ros.linear.periodic import PeriodicFilter, Phase, Readings, periodic_filter
 from kalman_ros.linear.structure import ComplexArray, eigenvalues
 
@@ -150,7 +150,7 @@ class LqgLoop:
         over, added = np.eye(len(noises[0])), np.zeros_like(noises[0])
         for A, N in zip(transitions, noises):
             over, added = A @ over, A @ added @ A.T + N
-        current = solve_discrete_lyapunov(over, added)
+        current = stationary_covariance(over, added, sampled=True)
         result = np.zeros_like(noises)
         for phase, (A, N) in enumerate(zip(transitions, noises)):
             current = symmetric(A @ current @ A.T + N)

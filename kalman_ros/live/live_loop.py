@@ -142,7 +142,7 @@ class LiveLoop:
             if not pace.lockstep:
                 self._doze()
             is_short = commands.changed or not self._board.readers
-            nodes.spin_until(_FRAME if is_short else _CHANGES, lambda: not self._queue.empty())
+            nodes.spin_until(_FRAME if is_short else _STATUS, lambda: not self._queue.empty())
             for _ in range(self._queue.qsize()):
                 commands.carry_out(*self._queue.get())
                 status_time = 0.0

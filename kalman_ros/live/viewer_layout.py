@@ -10,9 +10,9 @@ from typing import Any
 
 from kalman_ros.codecs.messages import message_type
 from kalman_ros.codecs.paths import ANGLES, VECTOR, is_quaternion, parse, walk
-from kalman_ros.core import Signal
+from kalman_ros.core import Signal, Space
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal, state_signal
-from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.sensors.states import States
 
 from .map_extent import extent, is_drawn
@@ -21,6 +21,8 @@ from .map_extent import extent, is_drawn
 #: 2008).
 _COLORS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9')
 _GREY = '#888888'
+#: The most names in a title.
+_MOST_NAMES = 5
 #: Time range of a plot, in seconds.
 _WIDTH = 30
 
@@ -47,7 +49,7 @@ class LayoutPanels:
         })  # fmt: skip
 
 
-def layout(scenario: Scenario, frame: str) -> dict[str, Any]:
+def layout(scenario: Scenario, frame: str, *, ordered: bool = False) -> dict[str, Any]:
     """Return the layout of a scenario, for an import as JSON.
 
     Parameters
@@ -56,13 +58,19 @@ def layout(scenario: Scenario, frame: str) -> dict[str, Any]:
         Scenario of the estimator.
     frame
         Frame in which the node ``markers`` draws the scenario, if it can.
+    ordered
+        Whether messages with names, such as joints, have the order of the parameters, as those of
+        the node ``plant`` have; else their readings have no path.
     """
     panels = LayoutPanels()
     tabs = {
-        'States': _add_states(panels, scenario),
+        'States': _add_states(panels, scenario, ordered=ordered),
         'Innovations': _add_innovations(panels, scenario),
         'Standard deviations': _add_deviations(panels, scenario),
     }
+    readings = _add_readings(panels, scenario, ordered=ordered)
+    if readings:
+        tabs['Readings'] = readings
     if scenario.input.fields:
         tabs['Input'] = [panels.plot('input', _input_series(scenario))]
     report = panels.add('DiagnosticSummary', {'topicToRender': '/diagnostics'})
@@ -132,7 +140,13 @@ def _series(
     }  # fmt: skip
 
 
-def _add_states(panels: LayoutPanels, scenario: Scenario) -> list[str]:
+def _title(names: Sequence[str], unit: str) -> str:
+    """Return the title of a plot of coordinates with the same unit."""
+    shown = ', '.join(names if len(names) <= _MOST_NAMES else [*names[: _MOST_NAMES - 1], '...'])
+    return f'{shown} [{unit}]' if unit else shown
+
+
+def _add_states(panels: LayoutPanels, scenario: Scenario, *, ordered: bool) -> list[str]:
     """Add a plot for each unit with estimates, truth, and direct readings of the states."""
     space, signal = scenario.model.state, scenario.state
     estimates = message_paths(state_signal(signal, space))
@@ -145,21 +159,56 @@ def _add_states(panels: LayoutPanels, scenario: Scenario) -> list[str]:
         truth = truths[index]
         if truth is not None:
             groups[unit].append(_series(truth, f'{name} true', _GREY, width=1.0))
-        for path, label in _reading_paths(scenario, name):
+        for path, label in _reading_paths(scenario, name, ordered=ordered):
             groups[unit].append(_series(path, label, color, width=1.0, line=False))
-    return [panels.plot(f'[{unit or "1"}]', series) for unit, series in groups.items()]
+    return [
+        panels.plot(_title(_names_of(space, unit), unit), series)
+        for unit, series in groups.items()
+    ]
 
 
-def _reading_paths(scenario: Scenario, state: str) -> Iterator[tuple[str, str]]:
+def _names_of(space: Space, unit: str) -> list[str]:
+    """Return the names of the coordinates with a unit."""
+    return [name for name, each in zip(space.names, space.units) if each == unit]
+
+
+def _paths_of_readings(source: SensorSource, *, ordered: bool) -> list[str | None]:
+    """Return the path of each coordinate of a sensor; None where it has none."""
+    signal = source.signal
+    paths = message_paths(signal)
+    if ordered:
+        return paths
+    # a robot may publish its joints in another order
+    return [None if '[' in field else path for field, path in zip(signal.fields, paths)]
+
+
+def _reading_paths(scenario: Scenario, state: str, *, ordered: bool) -> Iterator[tuple[str, str]]:
     """Yield the path and the label of each direct reading of a state."""
     for name, source in scenario.enabled.items():
-        output, signal = source.sensor.output.names, source.signal
-        # the path is unknown, since a robot may publish its joints in another order
-        if state not in output or '[' in signal.fields[output.index(state)]:
+        output = source.sensor.output.names
+        if state not in output or not isinstance(source.sensor, States):
             continue
-        path = message_paths(signal)[output.index(state)]
-        if path is not None and isinstance(source.sensor, States):
+        path = _paths_of_readings(source, ordered=ordered)[output.index(state)]
+        if path is not None:
             yield path, f'{state} by {name}'
+
+
+def _add_readings(panels: LayoutPanels, scenario: Scenario, *, ordered: bool) -> list[str]:
+    """Add a plot of the readings of each sensor, as points."""
+    plots = []
+    for name, source in scenario.enabled.items():
+        output = source.sensor.output
+        paths = _paths_of_readings(source, ordered=ordered)
+        series = [
+            _series(path, f'{coordinate} [{unit}]', color, width=1.0, line=False)
+            for path, coordinate, unit, color in zip(
+                paths, output.names, output.units, cycle(_COLORS)
+            )
+            if path is not None
+        ]
+        if series:
+            plots.append(panels.plot(f'readings of {name}', series))
+    return plots
 
 
 def _add_innovations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
@@ -193,7 +242,10 @@ def _add_deviations(panels: LayoutPanels, scenario: Scenario) -> list[str]:
         color = _COLORS[len(groups[unit]) % len(_COLORS)]
         path = f'{paths[index * (space.size + 1)]}.@sqrt'
         groups[unit].append(_series(path, name, color))
-    return [panels.plot(f'[{unit or "1"}]', series) for unit, series in groups.items()]
+    return [
+        panels.plot(f'standard deviations of {_title(_names_of(space, unit), unit)}', series)
+        for unit, series in groups.items()
+    ]
 
 
 def _input_series(scenario: Scenario) -> Iterator[dict[str, Any]]:

@@ -69,12 +69,12 @@ class Viewing:
             self._write_files(options.params_file)
             self._serve_recording(Bag(source))
         else:
-            self._serve_nodes(self._write_files(options.source))
+            self._serve_nodes(self._write_files(options.source, ordered=True))
 
-    def _write_files(self, name: str) -> Adjustments:
+    def _write_files(self, name: str, *, ordered: bool = False) -> Adjustments:
         """Write the requested files, and return the parameters of a scenario."""
         adjustments = Adjustments(shipped.file(name), overrides(self._options.parameters))
-        _write_files(self._options, adjustments)
+        _write_files(self._options, adjustments, ordered=ordered)
         return adjustments
 
     def _serve_nodes(self, adjustments: Adjustments) -> None:
@@ -134,8 +134,10 @@ def _report_refusal(why: str) -> None:
     print(f'refused {why}', file=sys.stderr, flush=True)
 
 
-def _write_files(options: argparse.Namespace, adjustments: Adjustments) -> None:
+def _write_files(options: argparse.Namespace, adjustments: Adjustments, *, ordered: bool) -> None:
     """Write the layout and the configuration of RViz, as requested.
+
+    ``ordered`` is as for `layout`.
 
     Raises
     ------
@@ -147,7 +149,8 @@ def _write_files(options: argparse.Namespace, adjustments: Adjustments) -> None:
         str(adjustments.value('estimator', 'frame')),
     )
     if options.layout:
-        _write('--layout', options.layout, json.dumps(layout(scenario, frame), indent=2) + '\n')
+        found = layout(scenario, frame, ordered=ordered)
+        _write('--layout', options.layout, json.dumps(found, indent=2) + '\n')
     if options.rviz:
         if not is_drawn(scenario):
             names = ', '.join(scenario.model.state.names)

@@ -14,6 +14,7 @@ from kalman_ros.control.laws import OPTIMAL, WITHIN_LIMITS, build_law
 from kalman_ros.control.limiter import Limits, limits_of
 from kalman_ros.control.lqr import Cost, LqrDesign, cost, dlqr, sampled_cost, sampled_lqr
 from kalman_ros.control.moving_point import driven, steady_input
+from kalman_ros.control.operating_point import is_still, unrest
 from kalman_ros.control.time_varying import resting_regulator
 from kalman_ros.control.tracking import FeedForward, feed_forward, resting_directions
 from kalman_ros.core import (
@@ -59,6 +60,10 @@ def feedback(scenario: Scenario) -> Feedback:
     model, m = scenario.model, scenario.model.input.size
     if not m:
         raise DesignError('model: it has no input, so there is nothing to control')
+    if not is_still(model, model.equilibrium):
+        raise DesignError(
+            f'model: it does not rest at its equilibrium: {unrest(model, model.equilibrium)}'
+        )
     if model.is_discrete:
         if scenario.law != 'lqr':
             raise DesignError(

@@ -46,6 +46,7 @@ def acts(scenario: Scenario, limits: Limits, start: Array) -> bool:
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', CASES)
 def test_limits_act_only_outside_the_region(name: str) -> None:
     values, limits = CASES[name]
@@ -65,3 +66,9 @@ def test_without_limits_there_is_no_end() -> None:
     scenario = build({'model': 'cart_pole'})
     region = unlimited_starts(scenario, feedback(scenario), Limits.none(1))
     assert np.isinf(region).all()
+
+
+def test_no_start_is_free_where_the_rest_itself_exceeds_a_limit() -> None:
+    scenario = build({'model': 'mass_spring_damper', 'law': 'mpc', 'state_limit.x': [0.5, 1.0]})
+    starts = unlimited_starts(scenario, feedback(scenario), Limits.none(1))
+    assert not starts.any()

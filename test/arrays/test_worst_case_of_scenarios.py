@@ -35,6 +35,7 @@ def check_samples(count: int) -> None:
     assert min(disks) >= at.found * (1.0 - 1e-6)
 
 
+@pytest.mark.slow
 def test_samples_are_within_the_bounds() -> None:
     check_samples(300)
 
@@ -44,6 +45,7 @@ def test_a_hundred_thousand_samples_are_within_the_bounds() -> None:
     check_samples(100_000)
 
 
+@pytest.mark.slow
 def test_margins_and_cost_are_those_of_the_worst_plant() -> None:
     worst = kr.worst_case(kr.design('cart_pole'), CART)
     assert worst.cost.point == pytest.approx({'pole_mass': 0.15, 'length': 0.25})
@@ -145,6 +147,7 @@ def test_an_unstable_loop_in_the_box_is_no_stable_box() -> None:
     assert wide.unstable['mass'] == pytest.approx(1.23, abs=0.015)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'intervals',
     [
@@ -158,3 +161,18 @@ def test_wide_intervals_have_an_answer(intervals: dict[str, tuple[float, float]]
     worst = kr.worst_case('mass_spring_damper', intervals)
     assert worst.cost.found >= worst.nominal_cost
     assert worst.cost.bound >= worst.cost.found
+
+
+def test_a_sensor_at_half_the_rate_counts_as_one_with_twice_the_noise() -> None:
+    noise = 0.02
+    base = {'model': 'cart_pole', 'joint_states.noise': [noise, noise]}
+
+    def cost(changes: dict[str, object]) -> float:
+        values = values_of('cart_pole', {**base, **changes}, *BELIEVED)
+        loops = PlantLoops(build(values), named_plants(values, CART)[0])
+        return loops.noisy(np.array([0.2, 0.3])).cost
+
+    louder = {'joint_states.noise': [noise * np.sqrt(2.0)] * 2}
+    half = cost({'joint_states.rate': 50.0})
+    assert half == pytest.approx(cost(louder), rel=1e-9)
+    assert half > 1.05 * cost({})

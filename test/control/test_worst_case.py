@@ -161,3 +161,24 @@ def test_what_a_parabola_does_not_show_is_not_missed() -> None:
     assert peak.bound >= 20.0
     limit = stability_limit(loop, np.array([0.0]), low, high)
     assert limit.proved >= 1.0
+
+
+def test_no_bound_is_named_while_boxes_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    low, high = np.array([-0.9999]), np.array([0.9999])
+    whole = worst_cost(lambda p: first_order(p[0]), low, high)
+    monkeypatch.setattr('kalman_ros.control.worst_case._MOST_BOXES', 1)
+    begun = worst_cost(lambda p: first_order(p[0]), low, high)
+    assert whole.bound < inf
+    assert begun.bound == inf
+    assert begun.reached == pytest.approx(whole.reached)
+
+
+def test_where_there_is_no_loop_none_is_stable() -> None:
+    def loop(p: Array) -> NoisyLoop:
+        if p[0] > 0.5 and abs(p[1]) < 0.2:
+            raise ValueError('no loop')
+        return first_order(0.3)
+
+    limit = stability_limit(loop, np.zeros(2), -np.ones(2), np.ones(2))
+    assert limit.refuted == pytest.approx(0.5, rel=1e-3)
+    assert limit.proved <= limit.refuted

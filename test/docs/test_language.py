@@ -124,6 +124,7 @@ def test_no_file_holds_a_phrase_to_avoid(found):
     assert not wrong, '\n'.join(wrong)
 
 
+@pytest.mark.slow
 def test_every_allowed_use_is_still_there(found):
     gone = [
         (name, text)

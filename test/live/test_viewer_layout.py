@@ -61,10 +61,13 @@ def test_every_series_is_a_number_of_a_message_of_the_loop(name):
     known = signals(scenario)
     paths = [
         series['value']
-        for panel in layout(scenario, 'map')['configById'].values()
+        for panel in layout(scenario, 'map', ordered=True)['configById'].values()
         for series in panel.get('paths', ())
     ]
     assert len(paths) >= 2 * scenario.model.state.size
+    topics = {path.partition('.')[0] for path in paths}
+    read = [each.signal for each in scenario.enabled.values() if any(message_paths(each.signal))]
+    assert {f'/{signal.topic}' for signal in read} <= topics
     for path in paths:
         topic = re.match(r'[\w/]+', path).group()
         signal = known[topic]
@@ -101,6 +104,31 @@ def test_every_panel_is_in_the_tree_once_and_the_other_way_round():
     for panel in panels.values():
         topics = {*panel.get('topics', ()), panel.get('topicToRender', '/rosout')}
         assert topics <= NODES
+
+
+def titles_of_plots(found):
+    return [p['title'] for n, p in found['configById'].items() if n.startswith('Plot')]
+
+
+def test_plots_are_named_by_what_they_show():
+    assert titles_of_plots(layout(of('cart_pole'), 'map', ordered=True)) == [
+        'x [m]', 'v [m/s]', 'theta [rad]', 'omega [rad/s]', 'innovation of joint_states', 'NIS',
+        'standard deviations of x [m]', 'standard deviations of v [m/s]',
+        'standard deviations of theta [rad]', 'standard deviations of omega [rad/s]',
+        'readings of joint_states', 'input',
+    ]  # fmt: skip
+    for name in NAMES:
+        titles = titles_of_plots(layout(of(name), 'map'))
+        assert len({*titles}) == len(titles)
+        assert max(map(len, titles)) < 60
+
+
+def test_joints_of_a_robot_may_have_another_order_so_that_their_readings_have_no_path():
+    known, unknown = (
+        json.dumps(layout(of('cart_pole'), 'map', ordered=ordered)) for ordered in (True, False)
+    )
+    assert '"/joint_states.position[0]"' in known
+    assert '"/joint_states' not in unknown
 
 
 def test_a_model_without_input_and_without_a_map_has_no_panel_for_them():

@@ -8,6 +8,7 @@ import pytest
 from kalman_ros.programs import design
 
 
+@pytest.mark.slow
 def test_worst_case_is_printed(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setenv('COLUMNS', '80')
     design.main(['mass_spring_damper', '--within', 'mass=0.8..1.25', '--out', str(tmp_path)])

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 
 from kalman_ros.control.lqr import Cost
 from kalman_ros.core import Array, Transition
+from kalman_ros.linear.lyapunov import stationary_covariance
 
 from .stationary import SIGMAS
 
@@ -25,9 +25,9 @@ def price(
     """
     M = step.F - step.G @ gain
     stacked = np.vstack((np.eye(len(M)), -gain))
-    X = solve_discrete_lyapunov(M.T, stacked.T @ cost.weight @ stacked)
+    X = stationary_covariance(M.T, stacked.T @ cost.weight @ stacked, sampled=True)
     last = np.linalg.matrix_power(M, steps) @ start
     expected = float(start @ X @ start - last @ X @ last)
-    scatter = solve_discrete_lyapunov(M.T, 4.0 * X @ step.Q @ X)
+    scatter = stationary_covariance(M.T, 4.0 * X @ step.Q @ X, sampled=True)
     deviation = float(np.sqrt(start @ scatter @ start))
     return expected, SIGMAS * deviation + ROUNDING * expected

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 
 from kalman_ros.analysis.checks import Check
 from kalman_ros.control.separation import Expectation
 from kalman_ros.core import Array, Transition
+from kalman_ros.linear.lyapunov import stationary_covariance
 
 from . import mean_square
 
@@ -31,7 +31,7 @@ class Stationary:
     @cached_property
     def covariance(self) -> Array:
         """The covariance of z (n, n), by the Lyapunov equation."""
-        return np.asarray(solve_discrete_lyapunov(self.matrix, self.noise))
+        return stationary_covariance(self.matrix, self.noise, sampled=True)
 
     def average(self, weight: Array, steps: int) -> Expectation:
         """Return the expected average of z'W z over ``steps`` steps.

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Operating points of a model, and its linear system there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Optional, Union
+
+import numpy as np
+
+from kalman_ros.control.operating_point import find_rest
+from kalman_ros.core import (
+    Array,
+    ArrayLike,
+    DiscreteLinearSystem,
+    DiscreteModel,
+    Dynamics,
+    LinearSystem,
+    Model,
+    OperatingPoint,
+    Space,
+    refuse_unknown,
+)
+from kalman_ros.core import linearize as linear_system
+
+from .accept import number, numbers
+
+#: A state and an input, or values of some of them by name; others are at the equilibrium.
+Point = Optional[Union[Sequence[ArrayLike], Mapping[str, float]]]
+
+
+def trim(model: Model | DiscreteModel, given: Point = None, near: Point = None) -> OperatingPoint:
+    """Return a state and an input at which a model rests.
+
+    Give the result to `continuous_model` or `discrete_model` as the ``equilibrium``.
+
+    Parameters
+    ----------
+    model
+        The model.
+    given
+        Values of states and inputs, by name, that hold; the others are found.
+    near
+        Where the search begins: values by name, or a state and an input.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, or no rest is found; the message names what still changes.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> def lift(x, u):
+    ...     return [x[1], u[0] / 2.0 - 9.81]
+    >>> model = kr.continuous_model(lift, [0, 1], states='z [m] v [m/s]', inputs='thrust [N]')
+    >>> kr.trim(model, {'z': 10.0})
+    OperatingPoint(state=array([10.,  0.]), input=array([19.62]))
+    """
+    if not isinstance(model, Dynamics):
+        raise ValueError(f'model: expected a model, got {type(model).__name__}')
+    held = {} if given is None else given
+    if not isinstance(held, Mapping):
+        raise ValueError(f'given: expected values by name, got {type(held).__name__}')
+    start = operating_point(model, 'near', near)
+    start = _with(model, 'given', start, held)
+    state, input = (
+        np.array([name not in held for name in space.names], dtype=bool)
+        for space in (model.state, model.input)
+    )
+    try:
+        return find_rest(model, start, state, input)
+    except ValueError as error:
+        raise ValueError(f'model: {error}; try another near=...') from None
+
+
+def linearize(
+    model: Model | DiscreteModel, point: Point = None
+) -> LinearSystem | DiscreteLinearSystem:
+    """Return the linear system of small deviations from a point, with the model's noise.
+
+    Its ``A`` and ``B``, or ``F`` and ``G`` in discrete time, are the Jacobians.
+
+    Parameters
+    ----------
+    model
+        The model.
+    point
+        A state and an input, or values of some of them by name; by default the equilibrium.
+
+    Examples
+    --------
+    >>> import kalman_ros as kr
+    >>> pole = kr.load('cart_pole').model
+    >>> kr.linearize(pole, {'theta': 3.14159}).A.shape
+    (4, 4)
+    """
+    if not isinstance(model, Dynamics):
+        raise ValueError(f'model: expected a model, got {type(model).__name__}')
+    x, u = operating_point(model, 'point', point)
+    if not isinstance(model, DiscreteModel):
+        return linear_system(model, x, u)
+    F, G = model.next_jacobian(x, u)
+    return DiscreteLinearSystem(
+        F, G, model.noise(x), model.state.tangent, model.input, model.period
+    )
+
+
+def operating_point(model: Dynamics, what: str, given: Point) -> OperatingPoint:
+    """Return a state (n,) and an input (m,) that are given in any way.
+
+    Raises
+    ------
+    ValueError
+        If a size or a name is wrong, or a number is not finite.
+    """
+    rest = model.equilibrium
+    if given is None:
+        return rest
+    if isinstance(given, Mapping):
+        return _with(model, what, rest, given)
+    if isinstance(given, (str, bytes)) or not isinstance(given, Sequence) or len(given) != 2:
+        raise ValueError(f'{what}: expected a state and an input, or values by name')
+    parts = zip(('state', 'input'), given, (model.state, model.input))
+    x, u = (_vector(f"{what}'s {name}", part, space) for name, part, space in parts)
+    return OperatingPoint(x, u)
+
+
+def _with(
+    model: Dynamics, what: str, point: OperatingPoint, values: Mapping[str, Any]
+) -> OperatingPoint:
+    """Return a point with other values of some coordinates."""
+    refuse_unknown(values, [*model.state.names, *model.input.names], f'name in {what}')
+    x, u = (part.astype(float) for part in point)
+    for name, value in values.items():
+        found = number(f'{what}: {name}', value)
+        if not np.isfinite(found):
+            raise ValueError(f'{what}: {name}: expected a finite number, got {found:g}')
+        part, space = (x, model.state) if name in model.state.names else (u, model.input)
+        part[space.names.index(name)] = found
+    return OperatingPoint(x, u)
+
+
+def _vector(what: str, value: ArrayLike, space: Space) -> Array:
+    """Return finite numbers (n,) of a space."""
+    found = np.atleast_1d(numbers(what, value)).astype(float)
+    if found.shape != (space.size,) or not np.isfinite(found).all():
+        raise ValueError(f'{what}: expected {space.size} finite numbers, got {found.tolist()}')
+    return found
