@@ -109,7 +109,11 @@ def turned(v):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ('kind', 'wrong'), [('unit', lambda v: v * [3.6, 3.6, 1.0]), ('rotated', turned)]
+    ('kind', 'wrong'),
+    [
+        pytest.param('unit', lambda v: v * [3.6, 3.6, 1.0], marks=pytest.mark.thorough),
+        ('rotated', turned),
+    ],
 )
 def test_speeds_may_be_wrong_beside_a_turn_rate_that_is_right(kind, wrong):
     _, readings = drive(11)

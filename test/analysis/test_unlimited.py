@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from thorough import mostly_thorough
 
 from kalman_ros.analysis.unlimited import unlimited_starts
 from kalman_ros.control.limiter import Limits
@@ -47,7 +48,7 @@ def acts(scenario: Scenario, limits: Limits, start: Array) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', CASES)
+@pytest.mark.parametrize('name', mostly_thorough(CASES, 'input', 'states'))
 def test_limits_act_only_outside_the_region(name: str) -> None:
     values, limits = CASES[name]
     scenario = build(values)

@@ -37,7 +37,7 @@ def check_samples(count: int) -> None:
 
 @pytest.mark.slow
 def test_samples_are_within_the_bounds() -> None:
-    check_samples(300)
+    check_samples(120)
 
 
 @pytest.mark.thorough

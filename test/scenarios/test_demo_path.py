@@ -11,6 +11,7 @@ from kalman_ros.programs import demo
 FILE = Path(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
 
 
+@pytest.mark.thorough
 def test_the_robot_of_the_example_follows_its_path(tmp_path, capfd):
     with pytest.raises(SystemExit) as stop:
         demo.main([str(FILE), '--out', str(tmp_path)])

@@ -152,6 +152,7 @@ def test_the_example_of_the_page_follows_its_path():
     assert 0.7 < followed.truth[:, 2].max() < 0.95
 
 
+@pytest.mark.thorough
 def test_a_path_that_begins_elsewhere_is_reached_first():
     close = {'state_cost': [20.0, 20.0, 0.1, 1.0, 0.1], 'input_cost': [0.1, 0.1]}
     with Run(ROBOT, close) as run:
@@ -164,7 +165,8 @@ def test_a_path_that_begins_elsewhere_is_reached_first():
     assert np.linalg.norm(followed.truth[:, :2] - [0.0, 2.0], axis=1).min() < 0.15
 
 
-@pytest.mark.parametrize('rate', [1, pytest.param(5, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
+@pytest.mark.parametrize('rate', [1, 5])
 def test_masses_that_get_their_path_again_and_again_do_not_run_away(rate):
     line = [(0.0, 0.0), (3.0, 0.0)]
     with Run('mass_spring_damper_2d', {'initial_state': [0.0] * 4}, seed=1) as run:
@@ -178,6 +180,7 @@ def test_masses_that_get_their_path_again_and_again_do_not_run_away(rate):
     assert followed.truth[-1, 0] > 2.0
 
 
+@pytest.mark.thorough
 def test_a_cart_pole_that_gets_its_trajectory_again_and_again_stands():
     with Run('cart_pole', {'initial_state': [0.0] * 4}, seed=1) as run:
         trajectories = publisher_of(run, JointTrajectory, 'reference/trajectory')
