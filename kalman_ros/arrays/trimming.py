@@ -130,7 +130,7 @@ def _with(
     model: Dynamics, what: str, point: OperatingPoint, values: Mapping[str, Any]
 ) -> OperatingPoint:
     """Return a point with other values of some coordinates."""
-    refuse_unknown(values, [*model.state.names, *model.input.names], f'name in {what}')
+    refuse_unknown(map(str, values), [*model.state.names, *model.input.names], f'name in {what}')
     x, u = (part.astype(float) for part in point)
     for name, value in values.items():
         found = number(f'{what}: {name}', value)

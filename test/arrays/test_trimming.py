@@ -95,6 +95,7 @@ def test_every_shipped_model_rests_at_its_equilibrium(name: str) -> None:
     [
         (lambda: kr.trim('cart_pole'), r'^model: expected a model, got str'),
         (lambda: kr.trim(lifted(), {'w': 1.0}), r"^unknown name in given 'w'"),
+        (lambda: kr.trim(lifted(), {1: 2.0}), r"^unknown name in given '1'"),
         (lambda: kr.trim(lifted(), {'v': 1.0}), r'^model: it finds no rest: z changes by 1 in a'),
         (lambda: kr.trim(lifted(), {'v': np.nan}), r'^given: v: expected a finite number'),
         (lambda: kr.trim(lifted(), {'v': 'fast'}), r'^given: v: expected a number'),

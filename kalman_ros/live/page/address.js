@@ -80,9 +80,13 @@ export function addressedCommands() {
   }
   for (const [name, pair] of Object.entries(object('states'))) {
     if (!state.names.includes(name) || !Array.isArray(pair) || pair.length !== 2 || !pair.every(limit)) continue;
-    ['low', 'high'].forEach((side, k) => {
-      if ((page.limits.state[name]?.[k] ?? null) !== pair[k]) commands.push({ do: 'limit', of: 'state', name, side, ...bound(pair[k]) });
-    });
+    const now = page.limits.state[name] ?? [null, null];
+    // the low one is never above the high one, neither on the way
+    const sides = pair[0] !== null && now[1] !== null && pair[0] >= now[1] ? ['high', 'low'] : ['low', 'high'];
+    for (const side of sides) {
+      const k = side === 'low' ? 0 : 1;
+      if (now[k] !== pair[k]) commands.push({ do: 'limit', of: 'state', name, side, ...bound(pair[k]) });
+    }
   }
   const ghost = addressed('ghost');
   if (page.scene.choices.filter.includes(ghost) && page.ghost.filter !== ghost) commands.push({ do: 'ghost', filter: ghost });
