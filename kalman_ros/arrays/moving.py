@@ -113,12 +113,19 @@ def motion(
 
 def _state(scenario: Scenario, name: str, named: Mapping[str, float] | None) -> Array:
     """Return a state (n,) with these coordinates, the others at the equilibrium."""
-    given = {} if named is None else dict(named)
+    given = {} if named is None else _by_name(name, named)
     state: Array = scenario.model.equilibrium.state.copy()
     state[scenario.model.state.indices(given, name)] = [
         number(n, value) for n, value in given.items()
     ]
     return state
+
+
+def _by_name(what: str, given: Any) -> dict[str, Any]:
+    """Return values by name; ValueError for anything else."""
+    if not isinstance(given, Mapping):
+        raise ValueError(f'{what}: expected values by name, got {type(given).__name__}')
+    return {str(name): value for name, value in given.items()}
 
 
 def _points(path: ArrayLike | None) -> Array:
@@ -144,10 +151,11 @@ def _in_time(
 ) -> ReferenceMotion:
     if times is None:
         raise ValueError('expected their times')
+    values = _by_name('values', values)
     clock = numbers('times', times).ravel()
     index = scenario.model.state.indices(values)
     curve = _table(values, len(clock))
-    if velocities is not None and [*velocities] != [*values]:
+    if velocities is not None and [*_by_name('velocities', velocities)] != [*values]:
         raise ValueError(f'velocities: expected those of {", ".join(values)}')
     slopes = None if velocities is None else _table(velocities, len(clock))
     return reference_motions.in_time(scenario, index, clock, curve, slopes)

@@ -16,7 +16,6 @@ hard.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
 from typing import NamedTuple
@@ -386,16 +385,19 @@ class Predictor:
             return np.zeros(len(before))
         return np.asarray(program.moves[memory.age] @ memory.z)
 
-    @staticmethod
-    def _soften(program: _Program, memory: _Memory, b: Array, deadline: float) -> None:
+    def _soften(self, program: _Program, memory: _Memory, b: Array, deadline: float) -> None:
         """Replace the last plan by one that comes back within limits that cannot be kept."""
         if program.softened is None:
             return
-        with suppress(LateError, InfeasibleError, np.linalg.LinAlgError):
+        try:
             with np.errstate(over='ignore', invalid='ignore'):
                 shortest = program.softened.solve(b, (), deadline)
             if np.isfinite(shortest.z).all():
                 memory.z, memory.age = shortest.z, 0
+        except LateError:
+            self.late += 1
+        except (InfeasibleError, np.linalg.LinAlgError):
+            return
 
     def _bounds(self, program: _Program, error: Array, before: Array, ahead: Motion) -> Array:
         """Return what z may add in each row."""

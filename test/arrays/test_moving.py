@@ -117,6 +117,10 @@ def test_it_is_found_for_other_durations(seconds):
         ({'seconds': 0, 'end': {}}, r'^seconds: expected a positive number'),
         ({'seconds': 1}, r'^seconds: expected a start or an end'),
         ({'path': [[0, 0], [1, 0]], 'end': {}}, r'^start: expected the seconds'),
+        ({'seconds': 1, 'start': 3}, r'^start: expected values by name, got int'),
+        ({'seconds': 1, 'end': 'abc'}, r'^end: expected values by name, got str'),
+        ({'seconds': 1, 'end': {1: 2}}, r"^end: expected names among .*, got '1'"),
+        ({'values': [], 'times': [0, 1]}, r'^values: values: expected values by name, got list'),
         ({'seconds': 1, 'end': {'z': 1}}, r'^end: expected names'),
         (
             {'seconds': 1, 'end': {'v': 1.0}},

@@ -182,6 +182,19 @@ def test_the_input_goes_on_from_idle_after_a_stop_without_an_estimate_between(pa
     assert not node._regulator.propose(x, 0.0).any()
 
 
+def test_what_is_asked_for_while_it_is_stopped_is_forgotten(pair):
+    node = pair(ControllerNode).node
+    state, input = node.scenario.model.equilibrium
+    before = node._regulator.target[0].copy()
+    ask(node, 'stop', Trigger)
+    node._hold(state + 0.5, input)
+    ask(node, 'reset', Trigger)
+    ask(node, 'enable', SetBool, data=True)
+    assert (node._regulator.target[0] == before).all()
+    node._hold(state + 0.5, input)
+    assert (node._regulator.target[0] == state + 0.5).all()
+
+
 def test_a_set_point_ends_what_is_planned(pair):
     node = pair(ControllerNode).node
     node._motions._wanted = lambda: None

@@ -37,6 +37,7 @@ def test_limits_are_changed_while_it_runs():
         run.advance(0.2)
         assert 'is outside of' not in run.processes['controller'].output()
         run.set_parameters({'state_limit.v': [-0.5, 0.5]}, 'controller')
+        run.set_parameters({'state_cost': [2.0, 2.0]}, 'controller')
         run.advance(3.0)
         followed = run.trajectory()
         log = run.processes['controller'].output()

@@ -284,12 +284,16 @@ class ControllerNode(runtime.ScenarioNode):
         return int(self.get_clock().now().nanoseconds)
 
     def _hold(self, state: Array, input: Array) -> None:
-        """Hold a set point, in place of every motion."""
+        """Hold a set point, in place of every motion; what comes while it is stopped is not."""
+        if self._stop.reason:
+            return
         self._motions.forget()
         self._regulator.hold(state, input)
 
     def _move(self, motion: Motion) -> None:
-        """Follow a set point that moves, in place of every other motion."""
+        """Follow a set point that moves, in place of every other motion, unless it is stopped."""
+        if self._stop.reason:
+            return
         self._motions.forget()
         self._regulator.follow_motion(motion, smooth=False)
 
@@ -370,9 +374,11 @@ class ControllerNode(runtime.ScenarioNode):
         if changed:  # else the design, which takes tens of milliseconds
             found, equilibria = feedback(scenario), tracking(scenario)
 
+        before = self._regulator.feedback.prediction
+
         def apply() -> None:
             self._regulator.adopt(found, options.transition_time, bounds)
-            self._name_outside(found.prediction)
+            self._name_outside(before, found.prediction)
             self._limiter.adopt(bounds, idle)
             self._guard.adopt(*accepted)
             self._reference.adopt(scenario, equilibria)
@@ -382,11 +388,14 @@ class ControllerNode(runtime.ScenarioNode):
 
         return apply
 
-    def _name_outside(self, prediction: Prediction | None) -> None:
-        """Warn of limits that exclude the state as it is, to which they move it."""
+    def _name_outside(self, before: Prediction | None, prediction: Prediction | None) -> None:
+        """Warn of new limits that exclude the state as it is, to which they move it."""
         if prediction is None or self._here is None:
             return
         for index in prediction.outside(self._here):
+            old = None if before is None else (before.low[index], before.high[index])
+            if old == (prediction.low[index], prediction.high[index]):
+                continue
             name, value = self.scenario.model.state.names[index], self._here[index]
             limits = f'{prediction.low[index]:g} to {prediction.high[index]:g}'
             self.get_logger().warning(
