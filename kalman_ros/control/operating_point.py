@@ -7,8 +7,9 @@ import numpy as np
 
 from kalman_ros.core import Array, Dynamics, OperatingPoint
 
-#: The largest change at rest, relative to 1 and to the input, and Newton's steps and halvings.
-STILL, _STEPS, _HALVINGS = 1e-6, 60, 20
+#: The largest change at rest, relative to what the state and the input make of it, or absolutely,
+#: and Newton's steps and halvings.
+STILL, _TINY, _STEPS, _HALVINGS = 1e-6, 1e-9, 60, 20
 #: Steps go on until a change is this small.
 _EXACT = 1e-12
 
@@ -22,9 +23,15 @@ def change(model: Dynamics, x: Array, u: Array) -> Array:
 
 
 def is_still(model: Dynamics, point: OperatingPoint) -> bool:
-    """Return whether a model rests at a point."""
-    size = STILL * max(1.0, float(np.abs(point.input).max(initial=0.0)))
-    return bool((np.abs(change(model, *point)) <= size).all())
+    """Return whether a model rests at a point.
+
+    A coordinate on which nothing depends may change, as the position of a car at a speed.
+    """
+    A, B = _jacobians(model, point)
+    size = np.maximum(np.abs(A) @ np.abs(point.state), np.abs(B) @ np.abs(point.input))
+    still: Array = np.abs(change(model, *point)) <= STILL * size + _TINY
+    used = np.abs(A).max(axis=0) > 0.0
+    return bool(np.all(still[used]))
 
 
 def unrest(model: Dynamics, point: OperatingPoint) -> str:

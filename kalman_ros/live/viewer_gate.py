@@ -26,6 +26,7 @@ PAGES = ('https://app.foxglove.dev',)
 _PROTOCOL, _OLD = Subprotocol('foxglove.sdk.v1'), Subprotocol('foxglove.websocket.v1')
 #: Largest number of viewers, and time limit of a request in seconds.
 _MOST_VIEWERS, _PATIENCE = 32, 5.0
+_LOGGER = silent_logger(__name__)
 #: Largest message of a viewer in bytes.
 _LONGEST = 1_048_576
 
@@ -67,7 +68,7 @@ class ViewerGate(ThreadedServer):
         return await serve(
             self._serve, address, port, process_request=self._answer, compression=None,
             subprotocols=[_PROTOCOL, _OLD], max_size=_LONGEST, open_timeout=_PATIENCE,
-            close_timeout=1.0, server_header=None, logger=silent_logger(__name__),
+            close_timeout=1.0, ping_timeout=None, server_header=None, logger=_LOGGER,
         )  # fmt: skip
 
     async def end(self, server: Server) -> None:
@@ -112,8 +113,8 @@ class ViewerGate(ThreadedServer):
         try:
             async with connect(
                 f'ws://{host}:{port}', subprotocols=[_PROTOCOL], compression=None, max_size=None,
-                open_timeout=_PATIENCE, close_timeout=1.0, proxy=None,
-                logger=silent_logger(__name__),
+                open_timeout=_PATIENCE, close_timeout=1.0, ping_interval=None, proxy=None,
+                logger=_LOGGER,
             ) as server:  # fmt: skip
                 directions = [
                     asyncio.ensure_future(_forward(viewer, server)),

@@ -27,7 +27,7 @@ from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.meters import Latency, Rate
-from kalman_ros.nodes.middleware.topics import HISTORY, KEPT, QUEUE, WATCH
+from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE, STATIC, WATCH
 from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
@@ -129,7 +129,7 @@ class ControllerNode(runtime.ScenarioNode):
         self.create_service(SetBool, '~/enable', self._on_enable)
         self.create_service(Trigger, '~/stop', self._on_stop_request)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        for quality in (KEPT, QUEUE, WATCH):  # from before this moment, and from any publisher
+        for quality in (STATIC, QUEUE, WATCH):  # from before this moment, and from any publisher
             self.create_subscription(Bool, 'stop', self._on_stop, quality)
         self._heartbeat.beat()
         if self._heartbeat.timeout:
