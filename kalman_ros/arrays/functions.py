@@ -14,6 +14,7 @@ from kalman_ros.core import (
     Array,
     ArrayLike,
     DiscreteModel,
+    Dynamics,
     Model,
     OperatingPoint,
     Sensor,
@@ -97,20 +98,24 @@ class _Each:
         return np.array(each).reshape(*lead, self._size)
 
 
-class FunctionModel(Model):
-    """dx/dt = f(x, u) + w."""
+class _Resting(Dynamics):
+    """A model with an equilibrium that is given."""
 
     #: Where it rests; None at zero.
     rest: OperatingPoint | None = None
-
-    def __init__(self, f: Function, W: Array, state: Space, input: Space, max_step: float) -> None:
-        self.state, self.input, self.max_step, self._W = state, input, max_step, W
-        self._f = _Each(_of_both(f), 'A: its derivative', (state.size, input.size), state.size)
 
     @property
     def equilibrium(self) -> OperatingPoint:
         """Where it rests."""
         return super().equilibrium if self.rest is None else self.rest
+
+
+class FunctionModel(_Resting, Model):
+    """dx/dt = f(x, u) + w."""
+
+    def __init__(self, f: Function, W: Array, state: Space, input: Space, max_step: float) -> None:
+        self.state, self.input, self.max_step, self._W = state, input, max_step, W
+        self._f = _Each(_of_both(f), 'A: its derivative', (state.size, input.size), state.size)
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return f(x, u)."""
@@ -121,20 +126,12 @@ class FunctionModel(Model):
         return self._W
 
 
-class DiscreteFunctionModel(DiscreteModel):
+class DiscreteFunctionModel(_Resting, DiscreteModel):
     """x' = f(x, u) + w."""
-
-    #: Where it rests; None at zero.
-    rest: OperatingPoint | None = None
 
     def __init__(self, f: Function, Q: Array, state: Space, input: Space, period: float) -> None:
         self.state, self.input, self.period, self._Q = state, input, period, Q
         self._f = _Each(_of_both(f), 'F: its next state', (state.size, input.size), state.size)
-
-    @property
-    def equilibrium(self) -> OperatingPoint:
-        """Where it rests."""
-        return super().equilibrium if self.rest is None else self.rest
 
     def next(self, x: Array, u: Array) -> Array:
         """Return f(x, u)."""

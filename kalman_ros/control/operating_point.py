@@ -25,13 +25,14 @@ def change(model: Dynamics, x: Array, u: Array) -> Array:
 def is_still(model: Dynamics, point: OperatingPoint) -> bool:
     """Return whether a model rests at a point.
 
-    A coordinate on which nothing depends may change, as the position of a car at a speed.
+    A coordinate may change if nothing depends on it and no input acts on it directly, as the
+    position of a car at a speed.
     """
     A, B = _jacobians(model, point)
     size = np.maximum(np.abs(A) @ np.abs(point.state), np.abs(B) @ np.abs(point.input))
     still: Array = np.abs(change(model, *point)) <= STILL * size + _TINY
-    used = np.abs(A).max(axis=0) > 0.0
-    return bool(np.all(still[used]))
+    counts = np.any(A != 0.0, axis=0) | np.any(B != 0.0, axis=1)
+    return bool(np.all(still[counts]))
 
 
 def unrest(model: Dynamics, point: OperatingPoint) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a server on this machine answers to requests that open no socket."""
+"""HTTP responses of the live page and of the gate for viewers: refusals, and files."""
 
 from __future__ import annotations
 

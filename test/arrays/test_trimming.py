@@ -71,6 +71,13 @@ def test_a_trimmed_car_moves_on() -> None:
     assert kr.lqr(moving, [1.0, 1.0], 1.0).K.shape == (1, 2)
 
 
+def test_a_drift_that_the_input_can_end_is_no_rest() -> None:
+    model = kr.continuous_model(lambda x, u: [u[0] + 1.0], 1.0, states='x', inputs='u')
+    with pytest.raises(ValueError, match='x changes by 1 in a second'):
+        kr.lqr(model, 1.0, 1.0)
+    np.testing.assert_allclose(kr.trim(model).input, [-1.0])
+
+
 def test_a_heavy_body_does_not_rest_at_a_wrong_thrust() -> None:
     def heavy(x: Any, u: Any) -> Any:
         return [x[1], u[0] / 1e6 - GRAVITY]
