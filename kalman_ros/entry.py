@@ -31,6 +31,10 @@ _SIGNALS = tuple(
     if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
 )
 
+# on matrices of this size the threads of BLAS mostly wait for each other, at full load and, in a
+# node, at its real-time priority; numpy reads this when it is loaded
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 # what is not finite is refused, counted and named; numpy's lines about how it came are no help
 if not sys.warnoptions:
     warnings.simplefilter('ignore', RuntimeWarning)

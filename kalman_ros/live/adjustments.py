@@ -66,6 +66,8 @@ class Adjustments:
         self.shared: dict[str, Any] = {**demo.parameters, **parameters}
         #: Changes of parameters, by the names of nodes.
         self.changes: dict[str, dict[str, Any]] = {}
+        #: Limits of states from before a law without them, for a law that has them again.
+        self._set_aside: dict[str, Any] = {}
         self._read: dict[str, dict[str, Any]] = {}
         self._chosen: dict[str, Chosen] = {}
         for node in _OPTIONS:
@@ -106,10 +108,15 @@ class Adjustments:
         ValueError
             If a parameter is unknown or invalid or, unless ``tried``, if no filter or gain exists.
         """
-        previous = self.changes.get(node, {})
+        previous, aside = self.changes.get(node, {}), self._set_aside
         kept = previous
-        if values.get('law', WITHIN_LIMITS[0]) not in WITHIN_LIMITS:  # limits of states end
-            kept = {n: v for n, v in previous.items() if not n.startswith(f'{STATE_LIMIT}.')}
+        if 'law' in values:
+            limits = {n: v for n, v in previous.items() if n.startswith(f'{STATE_LIMIT}.')}
+            if values['law'] in WITHIN_LIMITS:
+                kept = {**aside, **previous}
+            else:
+                kept = {n: v for n, v in previous.items() if n not in limits}
+                self._set_aside = limits or aside
         self.changes[node] = {**kept, **values}
         if node not in _OPTIONS:
             return
@@ -120,6 +127,7 @@ class Adjustments:
                 self._check_configurable(node)
         except ValueError:
             self.changes[node], self._chosen[node] = previous, previous_choice
+            self._set_aside = aside
             raise
 
     def forget(self, node: str, before: Mapping[str, Any]) -> None:

@@ -138,6 +138,11 @@ class LiveCommands:
             self._nodes.push(np.zeros(self._nodes.scenario.model.input.size))
             self._push_end = None
 
+    @property
+    def pushing(self) -> bool:
+        """Whether a push has not ended yet."""
+        return self._push_end is not None
+
     def _push_clock(self) -> float:
         """Return the clock of a push: simulated time in lockstep, else monotonic time."""
         return self._streams.elapsed if self.pace.lockstep else monotonic()
@@ -177,14 +182,17 @@ class LiveCommands:
             except ValueError:
                 self._adjustments.forget(node, previous)
                 raise
+            if node in ('plant', 'estimator'):
+                self._streams.watch.restart(skip=2)  # its last report may be outdated
 
     def _reconfigure(self, node: str, values: Mapping[str, Any]) -> None:
         """Change parameters that a node reads only during its configuration."""
-        before = {*self._adjustments.changes.get(node, {})}
+        before = dict(self._adjustments.changes.get(node, {}))
         self._adjustments.change(node, values)
         self.changed = True
-        dropped = before - {*self._adjustments.changes[node]}
-        self._nodes.reconfigure(node, {**values, **dict.fromkeys(dropped)})
+        after = self._adjustments.changes[node]
+        new = {n: v for n, v in after.items() if n in values or before.get(n) != v}
+        self._nodes.reconfigure(node, {**new, **dict.fromkeys({*before} - {*after})})
 
     def _choose(self, command: Mapping[str, Any], _: float) -> None:
         """Choose another filter or control law."""
@@ -282,7 +290,8 @@ class LiveCommands:
         if self._adjustments.driven:
             self._nodes.trigger('controller/reset')  # ends a motion
             self.path.draw([])
-        self._streams.restart_cost()
+        self._streams.restart(self._nodes.take())
+        self._board.add({'fresh': True})
 
     def _pause(self, _: Mapping[str, Any], __: float) -> None:
         self.pace.paused, self.pace.predicted = True, False

@@ -139,7 +139,7 @@ class LiveLoop:
         self._frame_time = monotonic()
         status_time = change_time = 0.0
         while not commands.restart:
-            if not pace.lockstep:
+            if not pace.lockstep and not commands.pushing:
                 self._doze()
             is_short = commands.changed or not self._board.readers
             nodes.spin_until(_FRAME if is_short else _STATUS, lambda: not self._queue.empty())
@@ -152,7 +152,7 @@ class LiveLoop:
                 self._publish_parameters()
                 change_time = now
             if now - status_time >= _STATUS:
-                self._report_status('', nodes)
+                self._report_status('', nodes, streams)
                 self._board.put('path', commands.path.described())
                 ghost = commands.ghost
                 self._board.put('ghost', {'filter': '' if ghost is None else ghost.filter})
@@ -188,14 +188,22 @@ class LiveLoop:
             self._board.add(frame)
 
     def _report_status(
-        self, message: str, nodes: LiveNodes | None = None, *, failed: bool = False
+        self,
+        message: str,
+        nodes: LiveNodes | None = None,
+        streams: Streams | None = None,
+        *,
+        failed: bool = False,
     ) -> None:
-        """Show the pace, with a message or the reports of the nodes."""
+        """Show the pace, with a message or the reports on nodes and sensors."""
         pace = self._pace
         report: dict[str, Any] = {
             'run': self._runs, 'lockstep': pace.lockstep, 'paused': pace.paused,
             'speed': pace.speed, 'failed': failed, 'message': message, 'nodes': {},
+            'sensors': {},
         }  # fmt: skip
+        if streams is not None:
+            report['sensors'] = streams.watch.troubles(self._evaluation[0])
         if nodes is not None:
             report['missed'] = nodes.reported('plant', 'missed steps')
             report['gain'] = nodes.reported('controller', 'gain')

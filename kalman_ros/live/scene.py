@@ -6,9 +6,12 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import Any
 
+import numpy as np
+
 from kalman_ros.control.laws import LAWS
-from kalman_ros.core import DesignError, Space
+from kalman_ros.core import DesignError, Sensor, Space
 from kalman_ros.estimators import FILTERS
+from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.drawing import drawing
 from kalman_ros.scenario.regulator import feedback
 
@@ -54,7 +57,11 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
         'state': _space(state),
         'input': _space(input),
         'sensors': {
-            name: {**_space(source.sensor.output), **_sensor_position(adjustments, name)}
+            name: {
+                **_space(source.sensor.output),
+                'sees': _most_seen(plant, source.sensor),
+                **_sensor_position(adjustments, name),
+            }
             for name, source in plant.sensors.items()
         },
         'drawing': drawing(str(adjustments.value('plant', 'model')), state)._asdict(),
@@ -89,6 +96,13 @@ def force_scale(adjustments: Adjustments) -> float:
 
 def _space(space: Space) -> dict[str, Any]:
     return {'names': space.names, 'units': space.units, 'angles': space.angles}
+
+
+def _most_seen(scenario: Scenario, sensor: Sensor) -> str:
+    """Return the state that matters most to a reading, at the start, by its uncertainty."""
+    std = np.sqrt(scenario.initial_belief.covariance.diagonal())
+    size = abs(sensor.jacobian(scenario.initial_state)).max(axis=0) * std
+    return scenario.model.state.names[int(size.argmax())]
 
 
 def _sensor_position(adjustments: Adjustments, sensor: str) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from kalman_ros.core import Array, Gaussian, is_finite
 from kalman_ros.pipeline.estimate_topics import covariance_signal, innovation_signal
 from kalman_ros.scenario import Scenario
 
+from .sensor_watch import SensorWatch
+
 #: Largest number of rows of one stream in the usual period of a frame.
 _MOST = 12
 #: Largest number of steps that are predicted.
@@ -53,11 +55,18 @@ class Streams:
         #: Time of the newest belief in nanoseconds.
         self.estimate_time: int | None = None
         self.truth: Array | None = None
-        self.restart_cost()
+        #: Readings of the sensors beside the truth.
+        self.watch = SensorWatch()
+        self._restart_averages()
 
-    def restart_cost(self) -> None:
-        """Restart the averages of the cost."""
+    def restart(self, samples: Mapping[str, Sequence[Sample]]) -> None:
+        """Pass over samples from before a reset, and restart all averages."""
+        self._estimates(samples)
+        self._restart_averages()
+
+    def _restart_averages(self) -> None:
         self._sum, self._count, self._recent = 0.0, 0, 0.0
+        self.watch.restart()
 
     @property
     def elapsed(self) -> float:
@@ -95,6 +104,7 @@ class Streams:
             Number of usual periods since the last frame; a late frame has as many more rows.
         """
         self.samples, self._most = samples, _MOST * max(periods, 1)
+        self.watch.add(samples, believed)
         truths = samples['ground_truth']
         if self._origin is None:
             stamps = [truth.time for truth in truths if truth.time is not None]

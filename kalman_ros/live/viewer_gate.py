@@ -26,6 +26,8 @@ PAGES = ('https://app.foxglove.dev',)
 _PROTOCOL, _OLD = Subprotocol('foxglove.sdk.v1'), Subprotocol('foxglove.websocket.v1')
 #: Largest number of viewers, and time limit of a request in seconds.
 _MOST_VIEWERS, _PATIENCE = 32, 5.0
+#: Seconds for the viewers to end their connections.
+_CLOSING = 1.5
 _LOGGER = silent_logger(__name__)
 #: Largest message of a viewer in bytes.
 _LONGEST = 1_048_576
@@ -61,7 +63,7 @@ class ViewerGate(ThreadedServer):
         super().__init__(access)
         self._server, self._on_refusal = server, on_refusal
         self._pages = {*PAGES, *pages}
-        self._viewers = 0
+        self._viewers: set[ServerConnection] = set()
 
     async def listen(self, address: str, port: int) -> Server:
         """Listen for viewers."""
@@ -72,9 +74,13 @@ class ViewerGate(ThreadedServer):
         )  # fmt: skip
 
     async def end(self, server: Server) -> None:
-        """Close the server and the connections of the viewers."""
+        """Close the server and the connections of the viewers; those that read nothing end."""
         server.close()
-        await server.wait_closed()
+        for _ in range(2):
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(server.wait_closed(), _CLOSING)
+            for viewer in self._viewers:
+                viewer.transport.abort()
 
     def _answer(self, _: ServerConnection, request: Request) -> Response | None:
         """Return a refusal; None opens a socket."""
@@ -102,14 +108,17 @@ class ViewerGate(ThreadedServer):
             return HTTPStatus.UPGRADE_REQUIRED, 'a browser: open this address in a viewer'
         if not {_PROTOCOL, _OLD}.intersection(map(str.strip, protocols.split(','))):
             return HTTPStatus.BAD_REQUEST, f'a client that does not speak {_PROTOCOL}'
-        if self._viewers >= _MOST_VIEWERS:
+        if len(self._viewers) >= _MOST_VIEWERS:
             return HTTPStatus.SERVICE_UNAVAILABLE, f'more than {_MOST_VIEWERS} viewers'
         return None
 
     async def _serve(self, viewer: ServerConnection) -> None:
         """Pass on all messages in both directions until either end closes."""
         host, port = self._server
-        self._viewers += 1
+        if len(self._viewers) >= _MOST_VIEWERS:  # others were faster
+            await viewer.close(1013, f'more than {_MOST_VIEWERS} viewers')
+            return
+        self._viewers.add(viewer)
         try:
             async with connect(
                 f'ws://{host}:{port}', subprotocols=[_PROTOCOL], compression=None, max_size=None,
@@ -129,7 +138,7 @@ class ViewerGate(ThreadedServer):
         except (OSError, WebSocketException):
             await viewer.close(1011, 'the server of the topics does not answer')
         finally:
-            self._viewers -= 1
+            self._viewers.remove(viewer)
 
 
 async def _forward(source: Connection, target: Connection) -> None:

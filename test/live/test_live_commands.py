@@ -4,6 +4,7 @@
 import json
 import random
 import string
+from collections import defaultdict
 from math import inf
 from types import SimpleNamespace
 
@@ -33,6 +34,9 @@ class Nodes:
         self.reports = {}
         for name in ('set_parameters', 'reconfigure', 'push', 'trigger', 'run_until', 'follow'):
             setattr(self, name, lambda *given, name=name: self.calls.append((name, *given)))
+
+    def take(self):
+        return defaultdict(list)
 
     def reported(self, node, key):
         return self.reports.get(f'{node}: {key}', '')
@@ -307,3 +311,36 @@ def test_ten_thousand_frames_are_answered_or_dropped(page):
     answered = [answer for answer in answers if answer is not None]
     assert len(answered) > 7_000
     assert len([answer for answer in answered if not answer['error']]) > 1_000
+
+
+def test_a_reset_begins_anew_for_the_tabs(page):
+    page.streams._sum = 5.0
+    assert page.send('{"do": "reset", "n": 1}')['error'] == ''
+    assert '{"fresh":true}' in page.board._frames
+    assert page.streams._sum == 0.0
+
+
+def test_limits_of_states_are_back_with_the_law_that_keeps_them():
+    page = opened('cart_pole')
+
+    def choose(law):
+        assert (
+            page.send(f'{{"do": "choose", "what": "law", "value": "{law}", "n": 1}}')['error']
+            == ''
+        )
+        return page.nodes.calls[-1][2]
+
+    choose('mpc')
+    limit = '{"do": "limit", "of": "state", "name": "x", "side": "high", "value": 0.8, "n": 2}'
+    assert page.send(limit)['error'] == ''
+    kept = page.adjustments.value('controller', 'state_limit.x')
+    assert choose('lqr') == {'law': 'lqr', 'state_limit.x': None}
+    assert choose('placement') == {'law': 'placement'}
+    assert choose('mpc') == {'law': 'mpc', 'state_limit.x': kept}
+    assert limits(page.adjustments)['state']['x'] == [None, 0.8]
+
+
+def test_a_push_is_known_until_its_end(page):
+    assert not page.commands.pushing
+    assert page.send('{"do": "push", "n": 1}')['error'] == ''
+    assert page.commands.pushing

@@ -246,3 +246,17 @@ def test_a_port_in_use_is_named():
         message = f'--port: 127.0.0.1:{gated.port} cannot be used'
         with pytest.raises(ValueError, match=message), other:
             pass
+
+
+def test_a_viewer_that_reads_nothing_does_not_hold_up_the_end():
+    with Gated() as gate:
+        viewer = gate.viewer(compression=None, max_queue=1)
+        with suppress(ConnectionClosed, TimeoutError):
+            viewer.socket.settimeout(1.0)
+            while True:  # until the echo fills every buffer, since nobody reads it
+                viewer.socket.sendall(b'\x82\xfe\xff\xff\0\0\0\0' + bytes(65535))
+        begin = monotonic()
+        gate.gate.__exit__()
+        assert monotonic() - begin < 4.0
+        assert not gate.gate._thread.is_alive()
+        viewer.socket.close()

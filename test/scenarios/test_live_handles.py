@@ -190,6 +190,41 @@ def test_a_fallen_pole_is_told_with_the_button_that_helps(cart):
     loop.until(lambda m: 'truth' in m and abs(m['truth'][-1][3]) < 0.5)
 
 
+@pytest.mark.parametrize(
+    ('key', 'value', 'words'),
+    [
+        ('bias/0', 0.05, 'reads x'),
+        ('outliers', 0.1, 'has outliers'),
+        ('enabled', False, 'has sent nothing for'),
+    ],
+)
+def test_a_broken_sensor_is_named_and_mended(cart, key, value, words):
+    browser, loop = cart
+    loop.do(do='reset')
+    assert loop.do(do='set', key=f'plant/joint_states.{key}', value=value)['error'] == ''
+    browser.until(f'{text("#sentence")}.startsWith("The sensor joint_states {words}")')
+    browser.until(f'!help.hidden && {text("#help")} === "mend it"')
+    browser.click('#help')
+    initial = loop.sections['scene']['initial']['values']
+    loop.seen('values', lambda m: m['values'] == {**m['values'], **initial})
+    browser.until(f'!{text("#sentence")}.startsWith("The sensor")')
+
+
+def test_a_reset_forgets_what_was_before(cart):
+    browser, _ = cart
+    browser.until('livePast().truth > 100')
+    browser.click('#reset')
+    browser.until('livePast().truth < 60')
+    assert browser.run('livePast().began') > 0.0
+
+
+def test_another_address_is_opened_anew(cart):
+    browser, _ = cart
+    browser.run('window.before = true; location.hash = "task=faults"')
+    browser.until('!window.before && document.querySelector("#effects canvas")')
+    browser.until('document.querySelector("[data-task=faults]").ariaSelected === "true"')
+
+
 def test_a_step_of_the_filter_is_predicted_and_updated_with_its_gain(cart):
     browser, loop = cart
     browser.resize(1280, 800)

@@ -44,7 +44,7 @@ export function rememberValues() {
   });
 }
 
-const bounded = (limits) => Object.fromEntries(Object.entries(limits).filter(([, pair]) => pair.some((value) => value !== null)));
+const bounded = (limits) => Object.fromEntries(page.scene.state.names.map((name) => [name, limits[name] ?? [null, null]]));
 const byName = (limits) => Object.fromEntries(limits.map((limit, k) => [page.scene.input.names[k], limit]));
 
 // the object in a part of the address with which the page was opened; empty where it is not one

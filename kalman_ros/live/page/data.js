@@ -5,6 +5,7 @@ const MOST = 4000;
 
 export const data = {
   now: 0,         // the time of the newest truth
+  began: 0,       // the time of the last reset
   span: 10,       // the time that plots show
   unit: 's',      // of time, unless a second stands for another
   each: 's',      // the same in the singular
@@ -15,8 +16,8 @@ export const data = {
   arrived: {},    // wall time of the newest reading of each sensor, in ms
 };
 
-export function clear() {
-  data.now = 0;
+export function clear(began = 0) {
+  data.now = data.began = began;
   data.rows = {};
   data.P = data.ghostP = data.prior = null;
   data.arrived = {};
@@ -35,6 +36,7 @@ function append(name, rows) {
 }
 
 export function add(frame) {
+  if (frame.fresh) clear(data.now);
   if (frame.truth) {
     data.now = frame.truth.at(-1)[0];
     append('truth', frame.truth);

@@ -5,7 +5,7 @@ import { addressed, rememberTask } from './address.js';
 import { Controls } from './controls.js';
 import { buildGhost } from './ghost.js';
 import { grab, noGrab } from './grab.js';
-import { hasLimits, limitOf, setLimit } from './limits.js';
+import { hasLimits, hasWalls, limitOf, setLimit } from './limits.js';
 import { $, element, page } from './page.js';
 import { pathHint, sendShape, SHAPES } from './path.js';
 import { short } from './plots.js';
@@ -26,7 +26,21 @@ export function button(text, act, reason = '', title = '') {
 }
 
 const keys = (pattern, count = ROWS) => page.scene.controls.filter(({ key }) => pattern.test(key)).slice(0, count);
-const firstSensor = () => Object.keys(page.scene.sensors)[0];
+let sensor = '';  // of which faults and noise are shown
+const firstSensor = () => (sensor in page.scene.sensors ? sensor : Object.keys(page.scene.sensors)[0]);
+// a coordinate that it measures, or that matters to it most
+const sensedBy = (name) => page.scene.sensors[name].names.find((each) => page.scene.state.names.includes(each)) ?? page.scene.sensors[name].sees ?? mainStates()[0];
+
+// of several sensors, one is chosen
+function chooseSensor(place, task) {
+  const names = Object.keys(page.scene.sensors);
+  if (names.length < 2) return;
+  const choice = element('select', { id: 'sensor' }, ...names.map((name) => new Option(name, name)));
+  choice.value = firstSensor();
+  choice.addEventListener('change', () => { sensor = choice.value; open(task); });
+  place.append(element('label', { className: 'speed' }, 'sensor ', choice));
+}
+
 const noInput = () => (page.scene.input.names.length ? '' : 'the model has no input');
 
 // the states with the largest weights, else those that are measured
@@ -52,7 +66,7 @@ const TASKS = {
   limits: {
     reason: noInput,
     words: () => page.limits.reason && `States have no limits: ${page.limits.reason}. Drag those of the input.`
-      || 'Drag the red lines and walls, or type a number; an empty field is no limit.',
+      || `Drag the red lines${hasWalls() ? ' and walls' : ''}, or type a number; an empty field is no limit.`,
     build: buildLimits,
     effects: () => {
       const limited = page.scene.state.names.find((name) => limitOf('state', name, 'low') !== null || limitOf('state', name, 'high') !== null);
@@ -72,10 +86,13 @@ const TASKS = {
     reason: () => '',
     words: () => 'What the sensor does (actual), and what the filter computes with (believed).',
     build: (place) => {
+      const row = element('div', { className: 'selects' });
+      place.append(row);
+      chooseSensor(row, 'filter');
       list(place, [...keys(new RegExp(`/${firstSensor()}\\.noise/0$`), 2), ...keys(/^(estimator|plant|controller)\/model_parameters\..*noise/, 2)]);
-      drawer.tell = buildGhost(place);
+      drawer.tell = buildGhost(place, row);
     },
-    effects: () => [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`],
+    effects: () => [`state ${sensedBy(firstSensor())}`, `NIS ${firstSensor()}`],
   },
   update: {
     reason: () => '',
@@ -87,8 +104,11 @@ const TASKS = {
   faults: {
     reason: () => '',
     words: () => `Faults of ${firstSensor()}: does the filter notice?`,
-    build: (place) => list(place, keys(new RegExp(`^plant/${firstSensor()}\\.(bias|outliers|dropout|enabled)`))),
-    effects: () => [`innovation ${firstSensor()} ${page.scene.sensors[firstSensor()].names[0]}`, `state ${mainStates()[0]}`],
+    build: (place) => {
+      chooseSensor(place, 'faults');
+      list(place, keys(new RegExp(`^plant/${firstSensor()}\\.(bias|outliers|dropout|enabled)`)));
+    },
+    effects: () => [`innovation ${firstSensor()} ${page.scene.sensors[firstSensor()].names[0]}`, `state ${sensedBy(firstSensor())}`],
   },
   push: {
     reason: () => (noInput() && page.scene.drawing.kind === 'bars' ? noInput() : ''),

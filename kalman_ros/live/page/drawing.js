@@ -2,7 +2,7 @@
 // Parts of the drawings: springs, arrows, ellipses, readings.
 
 import { data, last } from './data.js';
-import { colour, short, stroke, ticks } from './plots.js';
+import { colour, labelled, short, stroke } from './plots.js';
 
 export const TWO_SIGMA = 2;
 export const FRESH = 600;  // milliseconds for which a reading is shown
@@ -78,7 +78,7 @@ export function magnified(pen, w, h, seen, scale, a, b, at) {
   const off = Math.hypot(belief.x[a] - seen.truth[a], belief.x[b] - seen.truth[b]);
   const size = Math.max(off, TWO_SIGMA * Math.sqrt(Math.max(belief.P(a, a), belief.P(b, b), 1e-18)));
   // small on a phone, and away from what it magnifies
-  const r = Math.min(58, 0.19 * h), cx = at[0] > 0.6 * w ? r + 10 : w - r - 10, cy = at[1] < 0.4 * h ? h - r - 34 : r + 10, zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
+  const r = Math.min(58, 0.19 * h), cx = at[0] > 0.6 * w ? r + 60 : w - r - 10, cy = at[1] < 0.4 * h ? h - r - 34 : r + 10, zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
   if (size * scale > 16) return;
   pen.save();
   pen.beginPath(); pen.arc(cx, cy, r, 0, 7); pen.fillStyle = colour('paper'); pen.fill();
@@ -94,7 +94,7 @@ export function magnified(pen, w, h, seen, scale, a, b, at) {
   pen.restore();
   pen.fillStyle = colour('soft');
   pen.textAlign = 'center';
-  pen.fillText(`× ${short(Number((fit / scale).toPrecision(2)))}`, cx, cy + r + 12);
+  pen.fillText(`magnified × ${short(Number((fit / scale).toPrecision(2)))}`, cx, cy + r + 12);
   pen.textAlign = 'left';
 }
 
@@ -105,10 +105,12 @@ export function beliefs(pen, seen, draw) {
 }
 
 // readings of two states as crosses, which fade
-export function crosses(pen, scene, X, Y, a, b) {
+export function crosses(pen, scene, X, Y, a, b, canvas) {
   for (const [name, sensor] of Object.entries(scene.sensors)) {
     const i = sensor.names.indexOf(a), j = sensor.names.indexOf(b), row = last(`reading ${name}`);
-    if (i < 0 || j < 0 || !row || performance.now() - data.arrived[name] > FRESH) continue;
+    if (i < 0 || j < 0) continue;
+    canvas.readings = 'crosses';
+    if (!row || performance.now() - data.arrived[name] > FRESH) continue;
     const x = X(row[1 + i]), y = Y(row[1 + j]);
     stroke(pen, 'reading', 2);
     pen.beginPath(); pen.moveTo(x - 6, y); pen.lineTo(x + 6, y); pen.moveTo(x, y - 6); pen.lineTo(x, y + 6); pen.stroke();
@@ -119,9 +121,9 @@ export function crosses(pen, scene, X, Y, a, b) {
 export function rule(pen, X, w, h, scale, centre = 0) {
   pen.fillStyle = colour('soft');
   stroke(pen, 'soft', 1);
-  for (const x of ticks(centre - w / 2 / scale, centre + w / 2 / scale, 6)) {
+  for (const [x, text] of labelled(centre - w / 2 / scale, centre + w / 2 / scale, 6, 'm')) {
     pen.beginPath(); pen.moveTo(X(x), h - 14); pen.lineTo(X(x), h - 20); pen.stroke();
-    const text = `${short(x)} m`, half = pen.measureText(text).width / 2;
+    const half = pen.measureText(text).width / 2;
     if (X(x) > half && X(x) < w - half) pen.fillText(text, X(x) - half, h - 3);  // else it would be cut
   }
 }

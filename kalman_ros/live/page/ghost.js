@@ -15,8 +15,8 @@ setInterval(() => {
   if (page.ghost.filter && !document.hidden) send({ do: 'ghost', shown: true });
 }, RENEWED);
 
-// a choice of what to compare with, and the errors of both
-export function buildGhost(place) {
+// a choice of what to compare with, in a `row`, and the errors of both
+export function buildGhost(place, row) {
   const choice = element('select', { id: 'ghost' }, new Option('nothing', NONE), new Option('the values of now', NOW), ...page.scene.choices.filter.map((name) => new Option(name, name)));
   const told = element('p', { id: 'ghost-errors' });
   choice.addEventListener('change', () => {
@@ -26,7 +26,8 @@ export function buildGhost(place) {
     delete data.rows.ghost;
   });
   choice.value = page.ghost.filter ? (pinned ? NOW : page.ghost.filter) : NONE;
-  place.append(element('label', { className: 'speed', title: 'on the same readings; it stays as it is when a value changes' }, 'compare with ', choice), told);
+  row.append(element('label', { className: 'speed', title: 'on the same readings; it stays as it is when a value changes' }, 'compare with ', choice));
+  place.append(told);
   return () => {
     const text = ghostWords();
     if (told.textContent !== text) told.textContent = text;

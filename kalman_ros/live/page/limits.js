@@ -70,6 +70,9 @@ export function dragLimits(canvas) {
   canvas.addEventListener('touchstart', (event) => { if (under(event.touches[0])) event.preventDefault(); }, { passive: false });
 }
 
+// whether the limits of a position are walls in the picture
+export const hasWalls = () => ['spring', 'cart_pole'].includes(page.scene.drawing.kind) && hasLimits('state', 'x');
+
 // walls at the limits of a position; where there is none, a grip at the edge
 export function walls(pen, canvas, name, X, world, width, top, bottom) {
   if (!hasLimits('state', name)) return;
@@ -87,8 +90,10 @@ export function walls(pen, canvas, name, X, world, width, top, bottom) {
       pen.stroke();
     }
     pen.fillStyle = colour('bad');
-    pen.textAlign = side === 'low' ? 'left' : 'right';
-    pen.fillText(free ? 'no limit: drag' : `${short(value)} m`, side === 'low' ? Math.max(x - 4, 2) : Math.min(x + 4, width - 2), top - 5);
+    // outside of the walls where there is room, so that near ones keep apart
+    const text = free ? 'no limit: drag' : `${short(value)} m`, isRoomy = (sign < 0 ? x : width - x) > pen.measureText(text).width + 6;
+    pen.textAlign = (side === 'low') === isRoomy ? 'right' : 'left';
+    pen.fillText(text, isRoomy ? x - 4 * sign : Math.min(Math.max(x, 2), width - 2), top - 5);
     pen.textAlign = 'left';
     canvas.grips.push({
       hit: (px, py) => Math.abs(px - x) < 16 && py > top - 20 && py < bottom + 20,
@@ -98,6 +103,8 @@ export function walls(pen, canvas, name, X, world, width, top, bottom) {
 }
 
 const history = [];  // of what the controller counts: time, inputs planned within limits, answered
+
+export const forgetPlans = () => { history.length = 0; };
 
 export function countPlans(status) {
   const planned = Number.parseInt(status.planned_within_limits, 10), answered = Number.parseInt(status.answered, 10);
@@ -109,7 +116,7 @@ export function countPlans(status) {
 
 // Shares of the last seconds in which a limit acts: of each input, of each state, and in the plan.
 export function acting() {
-  const found = [], { state, input } = page.scene, since = data.now - WINDOW;
+  const found = [], { state, input } = page.scene, since = Math.max(data.now - WINDOW, data.began);
   const share = (rows, test) => {
     const recent = (rows ?? []).filter((row) => row[0] >= since);
     return recent.length ? recent.filter(test).length / recent.length : 0;

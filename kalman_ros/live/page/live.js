@@ -5,21 +5,21 @@ import { addressedCommands, rememberValues } from './address.js';
 import { copyPicture, isRecording, noClip, recordClip, saveAs, stopClip } from './clips.js';
 import { Controls } from './controls.js';
 import { add, clear, data } from './data.js';
-import { buildDrawer, drawer, drawerWords, push, showDrawer } from './drawer.js';
+import { buildDrawer, drawer, drawerWords, open, push, showDrawer } from './drawer.js';
 import { ghostGone } from './ghost.js';
 import { grabSystem } from './grab.js';
-import { countPlans, dragLimits } from './limits.js';
+import { countPlans, dragLimits, forgetPlans } from './limits.js';
 import { drawBode, drawNyquist, marginText, PoleMap } from './maps.js';
 import { $, element, page } from './page.js';
 import { drawPaths } from './path.js';
 import { forgetColours, plot, short } from './plots.js';
-import { saying } from './saying.js';
+import { RECENT, saying, troubled } from './saying.js';
 import { answered, connect, forget, Newest, send } from './socket.js';
 import { drawSystem } from './system.js';
 import { traces } from './traces.js';
 import { noticeStep } from './update.js';
 
-const HELP = { reset: 'reset', pause: 'continue' };  // what the button beside the sentence says
+const HELP = { reset: 'reset', pause: 'continue', mend: 'mend it' };  // what the button beside the sentence says
 let plots = [], effects = [];
 
 // --- what the server sends ---------------------------------------------------------------------
@@ -29,13 +29,17 @@ function receive(message) {
   for (const frame of message.frames) {
     if (frame.answer) show(frame.answer);
     else if (frame.latency) $('latency').textContent = `slider to input ${Math.round(frame.latency.ms)} ms`;
-    else { noticeStep(frame); add(frame); }
+    else {
+      if (frame.fresh) forgetPlans();
+      noticeStep(frame);
+      add(frame);
+    }
   }
 }
 
 function show(answer) {
   if (!answered(answer)) return;
-  notice(answer.error);
+  notice(answer.error || refusals.join('; '));
   if (!answer.error) return;
   showValues();
   map.show(page.theory, page.scene?.linear);
@@ -48,11 +52,19 @@ function notice(text) {
   $('notice').hidden = !text;
 }
 
+// what was done, for a few seconds
+function told(text) {
+  $('told').textContent = text;
+  $('told').hidden = false;
+  clearTimeout(told.timer);
+  told.timer = setTimeout(() => { $('told').hidden = true; }, 5000);
+}
+
 // The changes in the address are made if the user wants it; until then the address stays as it is.
-let offered = null;
+let offered = null, refusals = [];
 
 function offer() {
-  if (!page.scene || page.version === undefined) return;
+  if (!page.scene || page.version === undefined || page.ghost.filter === undefined) return;
   if (offered === null) {
     offered = addressedCommands();
     $('offered').textContent = `The address changes ${offered.map(inWords).join(', ')}.`;
@@ -62,14 +74,19 @@ function offer() {
 }
 
 function inWords({ do: what, key, what: choice, of, name, side, value, filter }) {
+  if (what === 'set') {
+    const { group, title, role } = page.scene.controls.find((control) => control.key === key);
+    return `${group}: ${title}${role ? ` (${role})` : ''} to ${value}`;
+  }
   if (what === 'limit') return `the ${side} limit of ${name} to ${value ?? 'none'}`;
   if (what === 'poles') return `the poles of the ${of}`;
-  return what === 'ghost' ? `the ghost to ${filter}` : `${key ?? choice} to ${value}`;
+  return what === 'ghost' ? `the ghost to ${filter}` : `the ${choice} to ${value}`;
 }
 
 function decide(accepted) {
   $('offer').hidden = true;
-  if (accepted) for (const command of offered) send(command, notice);
+  const refused = (error) => { if (error) refusals.push(error); };
+  if (accepted) for (const command of offered) send(command, refused);
   offered = [];
   if (!accepted) rememberValues();
 }
@@ -128,7 +145,9 @@ const RECEIVE = {
   share(message) { page.share = message; },
   path(message) { page.path = message; },
   ghost(message) {
+    const isFirst = page.ghost.filter === undefined;
     page.ghost = message;
+    if (isFirst) offer();
     $('ghost-legend').hidden = !message.filter;
     if (!message.filter) ghostGone();
     if (offered?.length === 0) rememberValues();
@@ -136,8 +155,10 @@ const RECEIVE = {
   status(message) {
     page.status = message;
     countPlans(message);
-    const how = message.lockstep ? 'lockstep' : 'real time';
-    $('state').textContent = message.message || `${how}${message.paused ? ', paused' : ''}${message.missed > 0 ? `, ${message.missed} steps late` : ''}`;
+    const how = message.lockstep ? `lockstep${message.speed === 1 ? '' : `, ${short(message.speed)} times as fast`}` : 'real time', late = lately(message.missed);
+    $('state').textContent = message.message || `${how}${message.paused ? ', paused' : ''}${late > 0 ? `, ${late} steps late` : ''}`;
+    $('step').textContent = message.lockstep ? 'step' : 'stop, step';
+    $('step').title = `${message.lockstep ? '' : 'the nodes start again in lockstep, from here; then '}s: predict, then update`;
     if (message.failed) notice(`${message.message}. Press reset to start again.`);
     $('pause').textContent = message.paused ? 'continue' : 'pause';
     $('lockstep').checked = message.lockstep;
@@ -151,6 +172,17 @@ const RECEIVE = {
     ]));
   },
 };
+
+const missed = [];  // times, and steps that were late until then
+
+// the steps that were late in the last ten seconds
+function lately(count) {
+  if (!(count >= (missed.at(-1)?.[1] ?? 0))) missed.length = 0;
+  if (!(count >= 0)) return 0;
+  missed.push([performance.now(), count]);
+  while (missed[0][0] < performance.now() - 1e4) missed.shift();
+  return count - missed[0][1];
+}
 
 // theory of values that have changed since is dimmed until the new one is there
 function markStale() {
@@ -243,8 +275,11 @@ function draw(time) {
   $('clock').textContent = `${data.now.toFixed(data.unit === 's' ? 2 : 0)} ${data.unit}`;
   $('prior-legend').hidden = !data.prior;
   $('path-legend').hidden = !page.path.points?.length;
-  $('limit-legend').hidden = !$('system').grips?.length;
   drawSystem($('system'), page.scene);
+  $('limit-legend').hidden = !$('system').grips?.length;
+  const { readings } = $('system');
+  $('reading-legend').hidden = !readings;
+  $('reading-legend').firstElementChild.className = readings === 'lines' ? 'line' : 'reading';
   for (const { canvas, make, move } of effects) {
     if (!move) plot(canvas, make());
     else if (move(canvas)) page.dirty = true;
@@ -277,6 +312,12 @@ const ACT = {
   step: () => send({ do: 'step' }),
   reset: () => send({ do: page.status.failed ? 'restart' : 'reset' }),
   push: () => push(0, 1),
+  mend: () => {
+    const ends = ['plant', 'estimator'].map((node) => `${node}/${troubled()}.`), { values } = page.scene.initial;
+    const changed = Object.keys(values).filter((key) => ends.some((end) => key.startsWith(end)) && page.values[key] !== values[key]);
+    for (const key of changed) send({ do: 'set', key, value: values[key] });
+    if (!changed.length) open('faults');
+  },
   theme: () => useTheme(!document.documentElement.classList.contains('dark')),
   help: () => ACT[$('help').dataset.act]?.(),
   share: () => {
@@ -287,6 +328,8 @@ const ACT = {
     $('yaml').value = page.share.yaml;
     $('command').textContent = `./dev live ${file}\n./dev demo ${file}`;
     $('shared').showModal();
+    $('yaml').setSelectionRange(0, 0);
+    $('yaml').scrollTop = 0;
   },
 };
 
@@ -302,7 +345,10 @@ $('speed').addEventListener('input', () => send({ do: 'speed', value: Number((10
 $('accept').addEventListener('click', () => decide(true));
 $('decline').addEventListener('click', () => decide(false));
 $('close').addEventListener('click', () => $('shared').close());
-$('copy').addEventListener('click', () => { $('yaml').select(); document.execCommand('copy'); });
+$('copy').addEventListener('click', () => {
+  $('yaml').select();
+  $('made').textContent = document.execCommand('copy') ? 'the file is copied' : 'this browser does not copy: it is selected';
+});
 $('save').addEventListener('click', () => saveAs(new Blob([page.share.yaml], { type: 'application/yaml' }), `${page.share.name}_live.yaml`));
 $('picture').addEventListener('click', async () => { $('made').textContent = await copyPicture($('system'), page.share.name); });
 $('record').addEventListener('click', () => {
@@ -310,7 +356,7 @@ $('record').addEventListener('click', () => {
   recordClip($('system'), (clip) => {
     $('share').textContent = 'share';
     saveAs(clip, `${page.share.name}.webm`);
-    $('made').textContent = `saved, ${Math.ceil(clip.size / 1000)} kB`;
+    told(`${page.share.name}.webm is saved, ${Math.ceil(clip.size / 1000)} kB`);
   });
   $('share').textContent = '● stop';
 });
@@ -318,9 +364,12 @@ $('link').addEventListener('click', () => {
   const field = element('input', { value: location.href });
   $('shared').append(field);
   field.select();
-  document.execCommand('copy');
+  $('made').textContent = document.execCommand('copy') ? 'the address is copied' : 'this browser does not copy';
   field.remove();
 });
+// another address in this tab is as if it were opened anew
+addEventListener('hashchange', () => location.reload());
+for (const kind of ['pointerdown', 'keydown']) addEventListener(kind, () => { refusals = []; }, true);
 $('loop-input').addEventListener('change', () => { page.dirty = true; });
 const KEYS = { ' ': 'pause', s: 'step', r: 'reset', p: 'push', t: 'theme' };
 addEventListener('keydown', (event) => {
@@ -336,10 +385,13 @@ document.addEventListener('toggle', redraw, true);
 const darkness = matchMedia('(prefers-color-scheme: dark)');
 darkness.addEventListener('change', () => useTheme(darkness.matches));
 useTheme(darkness.matches);
+$('saying').title = `over the last ${RECENT} s: root mean squares, of 2σ and of the error`;
 dragLimits($('system'));
 drawPaths($('system'));
 grabSystem($('system'));
-// where poles and grips of limits are, in pixels: for tests
+// for tests: where poles are, in pixels, and how much of the past is kept
+const rows = (name) => data.rows[name]?.length ?? 0;
+window.livePast = () => ({ truth: rows('truth'), estimate: rows('estimate'), began: data.began });
 window.livePoles = (of) => map.poles[of].map(([re, im]) => [map.X(re), map.Y(im)]);
 connect(receive, () => { $('state').textContent = 'not connected'; });
 requestAnimationFrame(draw);

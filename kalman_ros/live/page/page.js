@@ -13,7 +13,7 @@ export const page = {
   status: {},
   path: { points: [], state: '' },
   share: {},
-  ghost: { filter: '' },
+  ghost: {},
   task: '',      // the open one of the drawer
   dirty: true,   // whether something has changed since it was drawn
 };

@@ -45,7 +45,19 @@ export function ticks(low, high, count) {
   const step = power * [1, 2, 5, 10].find((factor) => factor * power >= rough);
   const found = [];
   for (let k = Math.ceil(low / step); k * step <= high && found.length < 20; k++) found.push(k * step);
-  return found;
+  return found.length > 1 || count > 20 ? found : ticks(low, high, 2 * count);  // one number is no scale
+}
+
+// as many digits as it takes to tell two neighbours apart
+function digitsOf(marked, log = false) {
+  const step = marked[1] - marked[0] || 1, change = log ? 2.3 * step : step / Math.max(...marked.map(Math.abs));
+  return Math.min(7, Math.max(3, Math.ceil(-Math.log10(change) + 1e-9) + 1));
+}
+
+// round numbers within an interval, each with its text
+export function labelled(low, high, count, unit) {
+  const marked = ticks(low, high, count), digits = digitsOf(marked);
+  return marked.map((value) => [value, `${short(value, digits)} ${unit}`.trim()]);
 }
 
 const DASHES = { solid: [], dashed: [6, 4], dotted: [2, 3] };
@@ -102,16 +114,14 @@ export function plot(canvas, { title, rows, columns, curves = [], bands = [], ma
   pen.textAlign = 'right';
   stroke(pen, 'line', 1);
   const marked = ticks(low, high, 4);
-  // as many digits as it takes to tell two neighbours apart
-  const step = marked[1] - marked[0] || 1, change = log ? 2.3 * step : step / Math.max(...marked.map(Math.abs));
-  const digits = Math.min(7, Math.max(3, Math.ceil(-Math.log10(change) + 1e-9) + 1));
+  const digits = digitsOf(marked, log);
   for (const v of marked) {
     pen.beginPath(); pen.moveTo(left, Y(v)); pen.lineTo(right, Y(v)); pen.stroke();
     pen.fillText(short(log ? 10 ** v : v, digits), left - 4, Y(v));
   }
   pen.textAlign = 'center';
   pen.textBaseline = 'top';
-  for (const t of ticks(start, end, Math.max(2, width / 110))) if (X(t) > left + 8 && X(t) < right - 14) pen.fillText(`${short(t)} ${data.unit}`, X(t), bottom + 3);
+  for (const [t, text] of labelled(start, end, Math.max(2, width / 110), data.unit)) if (X(t) > left + 8 && X(t) < right - 14) pen.fillText(text, X(t), bottom + 3);
   pen.save();
   pen.beginPath(); pen.rect(left, top - 2, right - left, bottom - top + 4); pen.clip();
   for (const { points, look } of filled) {

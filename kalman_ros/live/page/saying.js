@@ -7,7 +7,7 @@ import { page } from './page.js';
 import { pathWords } from './path.js';
 import { short } from './plots.js';
 
-const RECENT = 2;      // seconds over which an error is averaged
+export const RECENT = 2;  // seconds over which an error is averaged
 const FALLEN = 1.3;    // radians at which no force brings the pole up again
 const TOO_SURE = 2;    // the error beyond this many times the 2σ is too large to be chance
 const SHOWN = 6000;    // milliseconds for which the end of a motion is told
@@ -57,15 +57,38 @@ function fallen() {
   return Boolean(truth) && Math.abs(turned(truth[1 + at])) > FALLEN;
 }
 
+// the sensor that is not as the filter believes; '' where all are
+export const troubled = () => Object.keys(page.status.sensors ?? {})[0] ?? '';
+
+const SAID = {
+  silent: ({ seconds }) => `has sent nothing for ${short(seconds, 2)} ${data.unit}`,
+  lost: ({ share }) => `loses ${percent(share)} of its readings`,
+  frozen: () => 'is frozen at one value',
+  outliers: ({ share }) => `has outliers, ${percent(share)} of its readings`,
+  bias: ({ name, unit, size }) => `reads ${name} ${quantity(Math.abs(size), unit)} too ${size > 0 ? 'high' : 'low'}`,
+  noise: ({ factor }) => (factor > 1 ? `scatters ${short(factor, 2)} times as much as the filter believes` : `scatters only ${short(factor, 2)} times as much as the filter believes`),
+  late: ({ seconds }) => `is ${short(seconds, 2)} ${data.unit} late`,
+};
+
+const percent = (share) => `${Math.max(1, Math.round(100 * share))} %`;
+
+function sensorWords() {
+  const name = troubled();
+  return name && `The sensor ${name} ${SAID[page.status.sensors[name].kind](page.status.sensors[name])}`;
+}
+
 // The sentence, and the name of an action that helps, or ''.
 export function saying() {
-  const { status, scene, path } = page, { controller, plant } = status.nodes ?? {};
+  const { status, scene, path } = page, { controller, plant } = status.nodes ?? {}, sensor = sensorWords();
   if (!last('truth')) return { text: status.message || 'The nodes start.', help: '' };
   if (status.paused) return { text: 'The plant is paused.', help: 'pause' };
   if (plant?.level === 2) return { text: `The plant: ${plant.message}.`, help: 'reset' };
+  if (sensor && fallen()) return { text: `${sensor}; the pole has fallen.`, help: 'mend' };
+  if (sensor && controller?.level === 2) return { text: `${sensor}. The controller: ${controller.message}.`, help: 'mend' };
   if (controller?.level === 2) return { text: `The controller: ${controller.message}.`, help: 'reset' };
   if (fallen()) return { text: 'The pole has fallen: no force that the regulator knows brings it up.', help: 'reset' };
   const error = errors();
+  if (sensor) return { text: error ? `${sensor}: the filter believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.` : `${sensor}.`, help: 'mend' };
   if (error && error.wrong > TOO_SURE * error.believed) {
     return { text: `The filter is too sure: it believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`, help: 'reset' };
   }

@@ -6,7 +6,7 @@ import { arrow, beliefs, crosses, deviation, ellipse, FRESH, magnified, now, rea
 import { limitOf, walls } from './limits.js';
 import { page } from './page.js';
 import { drawing, drawPath, room } from './path.js';
-import { colour, prepare, short, stroke, ticks } from './plots.js';
+import { colour, labelled, prepare, short, stroke } from './plots.js';
 
 const FAR = 6;       // metres at most between truth and estimate that a picture of a cart shows
 const BESIDE = 0.3;  // metres that it shows beside a cart
@@ -19,7 +19,9 @@ function zoom(scene, names) {
   if (drawing.points) return zoomed.reach;
   const rows = (data.rows.truth ?? []).slice(-400);
   const drawn = page.task === 'path' ? 1 : 0.3, points = (page.path.points ?? []).flat().map(Math.abs);
-  const goal = Math.max(drawn, 1.1 * Math.max(0, ...points), 1.35 * Math.max(...rows.map((row) => Math.max(...at.map((k) => Math.abs(row[k]))))));
+  const largest = (all) => Math.max(0, ...all.map((row) => Math.max(...at.map((k) => Math.abs(row[k])))));
+  const believed = Math.min(largest((data.rows.estimate ?? []).slice(-100)), largest(rows) + FAR);
+  const goal = Math.max(drawn, 1.1 * Math.max(0, ...points), 1.35 * Math.max(largest(rows), believed));
   zoomed.reach += (zoomed.run === scene.run ? 0.06 : 1) * (goal - zoomed.reach);
   zoomed.run = scene.run;
   // what is thrown far at once stays in the picture, too
@@ -79,6 +81,7 @@ const DRAW = {
       pen.stroke();
     });
     const reading = last('reading position');
+    canvas.readings = 'lines';
     if (reading && performance.now() - data.arrived.position < FRESH) {
       stroke(pen, 'reading', 2);
       pen.beginPath(); pen.moveTo(X(reading[1]), y - size); pen.lineTo(X(reading[1]), y + size); pen.stroke();
@@ -93,14 +96,15 @@ const DRAW = {
     drawPath(pen, X, Y);
     const { truth } = seen;
     stroke(pen, 'soft', 2);
-    pen.strokeRect(10, 10, w - 20, h - 20);
+    const floor = h - 28;  // above the scale
+    pen.strokeRect(10, 10, w - 20, floor - 10);
     if (!truth) return;
     const [x, y] = canvas.body = [X(truth.x), Y(truth.y)];
-    for (const [a, b] of [[10, h / 2], [w - 10, h / 2], [w / 2, 10], [w / 2, h - 10]]) spring(pen, a, b, x, y);
+    for (const [a, b] of [[10, h / 2], [w - 10, h / 2], [w / 2, 10], [w / 2, floor]]) spring(pen, a, b, x, y);
     beliefs(pen, seen, (belief, look, dash) => ellipse(pen, X, Y, belief, 'x', 'y', look, dash));
     stroke(pen, 'ink', 3);
     pen.beginPath(); pen.arc(x, y, 9, 0, 7); pen.stroke();
-    crosses(pen, scene, X, Y, 'x', 'y');
+    crosses(pen, scene, X, Y, 'x', 'y', canvas);
     arrow(pen, x, y, reach(scene, seen.input[0]), -reach(scene, seen.input[1]));
     magnified(pen, w, h, seen, scale, 'x', 'y', canvas.body);
     rule(pen, X, w, h, scale);
@@ -168,6 +172,13 @@ const DRAW = {
     drawPath(pen, X, Y);
     stroke(pen, 'estimate', 2, 'dotted');
     pen.beginPath(); pen.moveTo(0, Y(0)); pen.lineTo(w, Y(0)); pen.stroke();
+    pen.fillStyle = colour('soft');
+    stroke(pen, 'soft', 1);
+    const [, top] = canvas.view.world(0, 0), [, bottom] = canvas.view.world(0, h - 30);
+    for (const [z, text] of labelled(bottom, top, 6, 'm')) {
+      pen.beginPath(); pen.moveTo(0, Y(z)); pen.lineTo(6, Y(z)); pen.stroke();
+      pen.fillText(text, 9, Y(z) + 4);
+    }
     const body = (x, z, pitch, look, width, dash) => {
       stroke(pen, look, width, dash);
       pen.save(); pen.translate(X(x), Y(z)); pen.rotate(pitch);
@@ -198,11 +209,11 @@ const DRAW = {
     viewed(canvas, X, Y);
     stroke(pen, 'line', 1);
     pen.fillStyle = colour('soft');
-    for (const x of ticks(view.x - w / 2 / view.scale, view.x + w / 2 / view.scale, 6)) {
-      pen.beginPath(); pen.moveTo(X(x), 0); pen.lineTo(X(x), h); pen.stroke(); pen.fillText(`${short(x)} m`, X(x) + 3, h - 5);
+    for (const [x, text] of labelled(view.x - w / 2 / view.scale, view.x + w / 2 / view.scale, 6, 'm')) {
+      pen.beginPath(); pen.moveTo(X(x), 0); pen.lineTo(X(x), h); pen.stroke(); pen.fillText(text, X(x) + 3, h - 5);
     }
-    for (const y of ticks(view.y - h / 2 / view.scale, view.y + h / 2 / view.scale, 5)) {
-      pen.beginPath(); pen.moveTo(0, Y(y)); pen.lineTo(w, Y(y)); pen.stroke(); pen.fillText(`${short(y)} m`, 3, Y(y) - 3);
+    for (const [y, text] of labelled(view.y - h / 2 / view.scale, view.y + h / 2 / view.scale, 5, 'm')) {
+      pen.beginPath(); pen.moveTo(0, Y(y)); pen.lineTo(w, Y(y)); pen.stroke(); pen.fillText(text, 3, Y(y) - 3);
     }
     drawPath(pen, X, Y);
     const i = 1 + scene.state.names.indexOf('x'), j = 1 + scene.state.names.indexOf('y');
@@ -212,9 +223,9 @@ const DRAW = {
       (data.rows[rows] ?? []).forEach((row, k) => (k ? pen.lineTo(X(row[i]), Y(row[j])) : pen.moveTo(X(row[i]), Y(row[j]))));
       pen.stroke();
     }
-    places(pen, scene, X, Y, w + h);
+    places(pen, scene, X, Y, w + h, canvas);
     beliefs(pen, seen, (belief, look, dash) => ellipse(pen, X, Y, belief, 'x', 'y', look, dash));
-    crosses(pen, scene, X, Y, 'x', 'y');
+    crosses(pen, scene, X, Y, 'x', 'y', canvas);
     const heading = scene.drawing.heading;
     const a = heading ? truth[heading] : Math.atan2(truth.v_y ?? 0, truth.v_x ?? 1);
     canvas.body = [X(truth.x), Y(truth.y)];
@@ -236,7 +247,7 @@ const DRAW = {
       stroke(pen, 'line', 1);
       pen.beginPath(); pen.moveTo(70, y); pen.lineTo(w - 20, y); pen.stroke();
       pen.fillStyle = colour('soft');
-      for (const v of ticks(low - pad, high + pad, 4)) pen.fillText(short(v), X(v) - 8, y + row * 0.3);
+      for (const [v, text] of labelled(low - pad, high + pad, 4, '')) pen.fillText(text, X(v) - 8, y + row * 0.3);
       beliefs(pen, seen, (belief, look, dash) => {
         const d = TWO_SIGMA * deviation(belief, name), x = belief.x[name];
         pen.fillStyle = colour('band');
@@ -254,9 +265,10 @@ const DRAW = {
 };
 
 // bearings as lines from their sensors
-function places(pen, scene, X, Y, far) {
+function places(pen, scene, X, Y, far, canvas) {
   for (const [name, sensor] of Object.entries(scene.sensors)) {
     if (!sensor.place) continue;
+    canvas.readings = 'lines';
     const [x, y] = [X(sensor.place[0]), Y(sensor.place[1])], row = last(`reading ${name}`);
     stroke(pen, 'soft', 2);
     pen.beginPath(); pen.moveTo(x - 6, y + 5); pen.lineTo(x + 6, y + 5); pen.lineTo(x, y - 7); pen.closePath(); pen.stroke();
@@ -294,9 +306,9 @@ function frame(scene, seen, w, h) {
   for (const key of ['x', 'y', 'scale']) shown[key] += follow * (goal[key] - shown[key]);
   shown.run = scene.run;
   // what moves faster than the picture follows stays in it, too
-  if (seen.truth) for (const [key, size] of [['x', w], ['y', h]]) {
+  for (const at of [seen.estimate?.x, seen.truth]) if (at) for (const [key, size] of [['x', w], ['y', h]]) {
     const half = 0.46 * size / shown.scale;
-    shown[key] = Math.min(Math.max(shown[key], seen.truth[key] - half), seen.truth[key] + half);
+    shown[key] = Math.min(Math.max(shown[key], at[key] - half), at[key] + half);
   }
   return shown;
 }
@@ -311,7 +323,7 @@ export function drawSystem(canvas, scene) {
   area.pen.textAlign = 'left';
   area.pen.textBaseline = 'alphabetic';
   canvas.grips = [];
-  canvas.place = null;
+  canvas.place = canvas.readings = null;
   DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene), canvas);
   if (canvas.pull && canvas.body) {
     const [x, y] = canvas.body, [px, py] = canvas.pull;
