@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from kalman_ros.control.laws import STATE_LIMIT, WITHIN_LIMITS
 from kalman_ros.core import Option, Value
 from kalman_ros.nodes.controller.options import ControllerOptions
 from kalman_ros.nodes.plant.options import PlantOptions
@@ -23,6 +22,7 @@ from kalman_ros.pipeline.settings import (
 )
 from kalman_ros.scenario import Scenario, assemble, sensor_names
 from kalman_ros.scenario.demo_section import demo_section
+from kalman_ros.scenario.law import kept
 from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation.faults import options_of_sensors
@@ -66,8 +66,6 @@ class Adjustments:
         self.shared: dict[str, Any] = {**demo.parameters, **parameters}
         #: Changes of parameters, by the names of nodes.
         self.changes: dict[str, dict[str, Any]] = {}
-        #: Limits of states from before a law without them, for a law that has them again.
-        self._set_aside: dict[str, Any] = {}
         self._read: dict[str, dict[str, Any]] = {}
         self._chosen: dict[str, Chosen] = {}
         for node in _OPTIONS:
@@ -108,16 +106,8 @@ class Adjustments:
         ValueError
             If a parameter is unknown or invalid or, unless ``tried``, if no filter or gain exists.
         """
-        previous, aside = self.changes.get(node, {}), self._set_aside
-        kept = previous
-        if 'law' in values:
-            limits = {n: v for n, v in previous.items() if n.startswith(f'{STATE_LIMIT}.')}
-            if values['law'] in WITHIN_LIMITS:
-                kept = {**aside, **previous}
-            else:
-                kept = {n: v for n, v in previous.items() if n not in limits}
-                self._set_aside = limits or aside
-        self.changes[node] = {**kept, **values}
+        previous = self.changes.get(node, {})
+        self.changes[node] = {**previous, **values}
         if node not in _OPTIONS:
             return
         previous_choice = self._chosen[node]
@@ -127,7 +117,6 @@ class Adjustments:
                 self._check_configurable(node)
         except ValueError:
             self.changes[node], self._chosen[node] = previous, previous_choice
-            self._set_aside = aside
             raise
 
     def forget(self, node: str, before: Mapping[str, Any]) -> None:
@@ -140,7 +129,9 @@ class Adjustments:
         """Return the parameters of a node that are not defaults; ``''`` is for all nodes."""
         if node not in self._read:
             self._read[node] = from_file(self.file, *filter(None, [node]))
-        return {**self._read[node], **self.shared, **self.changes.get(node, {})}
+        changes = self.changes.get(node, {})
+        found = {**self._read[node], **self.shared, **changes}
+        return kept(found) if 'law' in changes else found
 
     def _choose(self, node: str) -> None:
         options, with_law = _OPTIONS[node]

@@ -187,19 +187,20 @@ class LiveCommands:
 
     def _reconfigure(self, node: str, values: Mapping[str, Any]) -> None:
         """Change parameters that a node reads only during its configuration."""
-        before = dict(self._adjustments.changes.get(node, {}))
         self._adjustments.change(node, values)
         self.changed = True
-        after = self._adjustments.changes[node]
-        new = {n: v for n, v in after.items() if n in values or before.get(n) != v}
-        self._nodes.reconfigure(node, {**new, **dict.fromkeys({*before} - {*after})})
+        self._nodes.reconfigure(node, values)
 
     def _choose(self, command: Mapping[str, Any], _: float) -> None:
         """Choose another filter or control law."""
         choice = str(command.get('what'))
         if choice not in _OWNERS or (choice == 'law' and not self._adjustments.driven):
             raise ValueError(f'choose: expected {" or ".join(_OWNERS)}, got {json.dumps(choice)}')
-        self._reconfigure(_OWNERS[choice], {choice: str(command.get('value'))})
+        value = str(command.get('value'))
+        if choice == 'law':
+            self._apply({'controller': {'law': value}})
+        else:
+            self._reconfigure(_OWNERS[choice], {choice: value})
 
     def _poles(self, command: Mapping[str, Any], _: float) -> None:
         """Place the poles of the regulator or of a Luenberger observer."""
@@ -217,10 +218,7 @@ class LiveCommands:
         if not self._adjustments.driven:
             raise ValueError('poles: there is no regulator')
         values = {'regulator_poles': real, 'regulator_frequencies': imaginary}
-        if self._adjustments.value('controller', 'law') == 'placement':
-            self._apply({'controller': values})
-        else:
-            self._reconfigure('controller', {'law': 'placement', **values})
+        self._apply({'controller': {'law': 'placement', **values}})
 
     def _limit(self, command: Mapping[str, Any], arrival: float) -> None:
         """Move a limit of an input or of a state; without a value, there is none."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from math import ceil
 from pathlib import Path
@@ -131,6 +132,8 @@ class LiveLoop:
             **scene(self._adjustments, self._controls),
             'run': self._runs, 'initial': self._initial,
         })  # fmt: skip
+        if self._adjustments.driven:
+            _load_laws(nodes, str(self._adjustments.value('controller', 'law')))
         if not pace.paused or pace.lockstep:
             nodes.run_until(0.0 if pace.lockstep else FOREVER)
         # on a timer, so that a command that waits for a node does not hold up the frames
@@ -259,3 +262,13 @@ class LiveLoop:
             'share', {'yaml': parameter_file(adjustments), 'name': adjustments.file.stem}
         )
         self._theory.request(adjustments, self._changes)
+
+
+def _load_laws(nodes: LiveNodes, law: str) -> None:
+    """Let the controller load what any law needs, while the plant waits.
+
+    Else its first change to ``placement`` would take half a second, without a force.
+    """
+    for each in ('placement', law):
+        with suppress(ValueError):  # such a law may not exist for the scenario
+            nodes.set_parameters({'law': each}, 'controller')

@@ -17,7 +17,7 @@ from kalman_ros.core import About, Option, Space, System, semidefinite
 
 def options(system: System, state: Space, values: Mapping[str, Any]) -> dict[str, Option]:
     """Return the options of the law chosen by ``values``, and of the cost."""
-    law = Option('law', 'lqr', About(f'control law: {", ".join(LAWS)}'))
+    law = Option('law', 'lqr', About(f'control law: {", ".join(LAWS)}', live=True))
     chosen = str(law.check(values.get(law.name, law.default)))
     found = {option.name: option for option in (law, *law_options(chosen))}
     if chosen in WITHIN_LIMITS:
@@ -35,6 +35,13 @@ def options(system: System, state: Space, values: Mapping[str, Any]) -> dict[str
         about = About(f'{meaning} in the LQR cost: the diagonal, or all rows', live=True)
         found[name] = Option(name, list(default), about)
     return found
+
+
+def kept(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values without those that the law among them does not have: limits of states."""
+    if values.get('law') in WITHIN_LIMITS:
+        return {**values}
+    return {name: v for name, v in values.items() if not name.startswith(f'{STATE_LIMIT}.')}
 
 
 def _refuse_limits(law: str, values: Mapping[str, Any]) -> None:

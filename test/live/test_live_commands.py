@@ -156,19 +156,12 @@ def test_limits_of_states_need_a_law_that_predicts():
     assert limits(opened('diff_drive').adjustments)['reason'] == 'the model has no input'
 
 
-def test_limits_of_states_end_with_the_law_that_keeps_them():
-    page = opened('cart_pole')
-    assert page.send('{"do": "choose", "what": "law", "value": "mpc", "n": 1}')['error'] == ''
-    limit = '{"do": "limit", "of": "state", "name": "x", "side": "high", "value": 1, "n": 2}'
-    assert page.send(limit)['error'] == ''
-    assert page.send('{"do": "choose", "what": "law", "value": "lqr", "n": 3}')['error'] == ''
-    gone = {'law': 'lqr', 'state_limit.x': None}
-    assert page.nodes.calls[-1] == ('reconfigure', 'controller', gone)
-    # those of the file stay, and a law that does not keep them is refused
+def test_limits_of_the_file_are_set_aside_too():
     page = opened('cart_pole', law='mpc', **{'state_limit.x': [-1.0, 1.0]})
-    answer = page.send('{"do": "choose", "what": "law", "value": "lqr", "n": 1}')
-    assert answer['error'] == 'state_limit.x: the law lqr keeps no limits of states, choose mpc'
-    assert page.adjustments.value('controller', 'law') == 'mpc'
+    for law, limit in (('lqr', None), ('mpc', [-1.0, 1.0])):
+        answer = page.send(f'{{"do": "choose", "what": "law", "value": "{law}", "n": 1}}')
+        assert answer['error'] == ''
+        assert limits(page.adjustments)['state'].get('x') == limit
 
 
 def test_a_drawn_path_is_sent_and_its_outcome_is_told():
@@ -328,15 +321,15 @@ def test_limits_of_states_are_back_with_the_law_that_keeps_them():
             page.send(f'{{"do": "choose", "what": "law", "value": "{law}", "n": 1}}')['error']
             == ''
         )
-        return page.nodes.calls[-1][2]
+        return page.nodes.calls[-1]
 
     choose('mpc')
     limit = '{"do": "limit", "of": "state", "name": "x", "side": "high", "value": 0.8, "n": 2}'
     assert page.send(limit)['error'] == ''
     kept = page.adjustments.value('controller', 'state_limit.x')
-    assert choose('lqr') == {'law': 'lqr', 'state_limit.x': None}
-    assert choose('placement') == {'law': 'placement'}
-    assert choose('mpc') == {'law': 'mpc', 'state_limit.x': kept}
+    for law in ('lqr', 'placement', 'mpc'):  # the node sets them aside, too
+        assert choose(law) == ('set_parameters', {'law': law}, 'controller')
+    assert page.adjustments.value('controller', 'state_limit.x') == kept
     assert limits(page.adjustments)['state']['x'] == [None, 0.8]
 
 

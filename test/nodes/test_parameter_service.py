@@ -83,3 +83,68 @@ def test_what_is_refused_together_stays_as_it_was(ask):
     assert [successful for successful, _ in answers] == [False, False]
     assert answers[0] == answers[1]
     assert list(node.get_parameter('input_cost').value) == before
+
+
+def laws(node):
+    """Return the law of a controller, and which parameters of laws it has."""
+    names = ('regulator_poles', 'horizon', 'state_limit.v_x', 'tracked')
+    return node.get_parameter('law').value, [name for name in names if node.has_parameter(name)]
+
+
+def test_the_law_is_changed_with_its_parameters(ask):
+    send, prepared, node = ask
+    assert send(('law', 'mpc')) == [(True, '')]
+    assert laws(node) == ('mpc', ['horizon', 'state_limit.v_x'])
+    assert send(('state_limit.v_x', [-1.0, 1.0])) == [(True, '')]
+    assert node.scenario.law_options['state_limit.v_x'] == [-1.0, 1.0]
+    assert send(('law', 'lqr')) == [(True, '')]
+    assert laws(node) == ('lqr', [])
+    assert 'state_limit.v_x' not in node.scenario.law_options
+    assert send(('law', 'mpc')) == [(True, '')]
+    assert list(node.get_parameter('state_limit.v_x').value) == [-1.0, 1.0]  # as it was
+    assert node.scenario.law_options['state_limit.v_x'] == [-1.0, 1.0]
+    assert send(('law', 'mcp'), ('input_limit', [5.0])) == [(False, prepared_reason(node))] * 2
+    assert laws(node)[0] == 'mpc'
+    assert len(prepared) == 4  # none for what is refused
+
+
+def prepared_reason(node):
+    result = node.set_parameters_atomically([Parameter('law', value='mcp')])
+    assert not result.successful and "did you mean 'mpc'" in result.reason
+    return result.reason
+
+
+def test_a_law_is_chosen_together_with_what_only_it_has(pair):
+    node = pair(ControllerNode).node
+    poles = Parameter('regulator_poles', value=[-2.0, -3.0])
+
+    def choose(*others):
+        return node.set_parameters_atomically([Parameter('law', value='placement'), *others])
+
+    assert not node.set_parameters_atomically([poles]).successful
+    refused = choose(Parameter('regulator_poles', value=[2.0, -3.0]))
+    assert not refused.successful and 'regulator_poles' in refused.reason
+    assert 'no_such' in choose(Parameter('no_such', value=1.0)).reason
+    assert laws(node) == ('lqr', [])
+    assert choose(poles).successful
+    assert laws(node) == ('placement', ['regulator_poles'])
+    assert list(node.get_parameter('regulator_poles').value) == [-2.0, -3.0]
+
+
+def test_a_changed_law_is_that_of_the_next_configuration(pair):
+    node = pair(ControllerNode).node
+    node.set_parameters_atomically([Parameter('law', value='mpc')])
+    node.set_parameters_atomically([Parameter('state_limit.v_x', value=[-1.0, 1.0])])
+    node.set_parameters_atomically([Parameter('law', value='lqi')])
+    for transition in (node.trigger_deactivate, node.trigger_cleanup):
+        transition()
+    node.trigger_configure()
+    assert laws(node) == ('lqi', ['tracked'])
+
+
+def test_limits_of_the_start_are_set_aside_by_a_law_without_them(pair):
+    node = pair(ControllerNode, **{'law': 'mpc', 'state_limit.v_x': '[-1.0, 1.0]'}).node
+    for law, known in (('lqr', []), ('mpc', ['horizon', 'state_limit.v_x'])):
+        assert node.set_parameters_atomically([Parameter('law', value=law)]).successful
+        assert laws(node) == (law, known)
+    assert list(node.get_parameter('state_limit.v_x').value) == [-1.0, 1.0]

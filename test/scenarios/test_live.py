@@ -233,6 +233,22 @@ def test_a_scenario_moves(name):
         assert set(page.sections['scene']['sensors']) >= set(page.frames[-1].get('readings', ()))
 
 
+def test_the_law_changes_while_the_system_is_pushed():
+    poles = [[-2.6, 0.0], [-4.0, 0.0], [-5.5, 0.0], [-7.0, 0.0]]
+    with Page('cart_pole') as page:
+        page.until(lambda m: 'truth' in m and m['truth'][-1][0] > 2.0)
+        page.frames.clear()
+        changes = [{'do': 'choose', 'what': 'law', 'value': law} for law in ('mpc', 'lqi', 'lqr')]
+        for k, change in enumerate(changes * 2):
+            for command in (change, {'do': 'poles', 'of': 'regulator', 'poles': poles}):
+                page.tab.send(f'{{"do": "push", "share": {0.2 * (-1) ** k}}}')
+                assert page.do(**command)['error'] == ''
+                begin = page.until(lambda m: 'truth' in m)['truth'][-1][0]
+                page.until(lambda m: 'truth' in m and m['truth'][-1][0] > begin + 0.6)  # noqa: B023
+        leans = [abs(row[3]) for frame in page.frames for row in frame.get('truth', ())]
+    assert 0.05 < max(leans) < 0.8
+
+
 def test_a_node_that_dies_is_reported_and_started_again():
     with Page('mass_spring_damper') as page:
         page.until(lambda m: 'estimate' in m)

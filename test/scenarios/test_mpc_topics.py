@@ -47,3 +47,22 @@ def test_limits_are_changed_while_it_runs():
     assert np.abs(followed.truth[:25, 1]).max() > 0.7
     assert np.abs(followed.estimate[90:, 1]).max() < 0.7
     assert np.abs(followed.truth[-1, 0]) < 1.0
+
+
+def test_the_law_changes_without_a_bump():
+    with Run('cart_pole') as run:
+        run.advance(1.0)
+        for law in ('mpc', 'placement', 'lqi', 'lqr'):
+            run.set_parameter('law', law, 'controller')
+            if law == 'placement':
+                poles = [-2.5, -3.8, -5.5, -7.0]
+                run.set_parameter('regulator_poles', poles, 'controller')
+            run.advance(1.0)
+            run.refresh('controller')
+            assert run.reported('controller', 'law') == law
+        followed = run.trajectory()
+    steps = np.abs(np.diff(followed.input[:, 0]))
+    usual = steps[50:95].max()
+    for second in range(1, 5):
+        assert steps[100 * second - 2 : 100 * second + 3].max() < 1.5 * usual
+    assert np.abs(followed.truth[:, 2]).max() < 0.5

@@ -22,11 +22,13 @@ from rclpy.parameter import Parameter
 
 from kalman_ros.core import Option, Value, refuse_unknown
 from kalman_ros.core.registry import names_code
-from kalman_ros.pipeline.settings import OF_RCLPY
+from kalman_ros.pipeline.settings import OF_RCLPY, Chosen
 
 from .managed import reason
 
 _LIMIT = 1e300
+#: Parameters by whose value there are others.
+SHAPING = ('law',)
 
 
 def given(node: Node) -> dict[str, Value]:
@@ -193,31 +195,35 @@ class LiveParameters:
     ----------
     node
         The node. Its earlier parameters are restored at the end.
-    options
-        The description of each parameter, by name.
-    values
-        The value of each.
+    chosen
+        The parameters with their values.
     prepare
-        Builds what changes from a full set of values and the names of those that differ, and
-        returns a function that puts it in place. Raising ValueError refuses the change with that
-        reason.
+        Builds what changes from the parameters after a change and the names of those that differ,
+        and returns a function that puts it in place. Raising ValueError refuses the change with
+        that reason.
+    choose
+        Returns the parameters after a change by which there are others: from those at the start,
+        those that have been set since, and the change.
     """
 
     def __init__(
         self,
         node: Node,
-        options: Mapping[str, Option],
-        values: Mapping[str, Value],
-        prepare: Callable[[dict[str, Value], Set[str]], Callable[[], None]],
+        chosen: Chosen,
+        prepare: Callable[[Chosen, Set[str]], Callable[[], None]],
+        choose: Callable[[Mapping[str, Value], Mapping[str, Value], Mapping[str, Value]], Chosen],
     ) -> None:
         self._node = node
-        self._given = given(node)
-        self._options = options
-        self._values = dict(values)
+        #: The parameters at the start, and those that have been set since.
+        self._given, self._later = given(node), dict[str, Value]()
+        #: Values of parameters that the next change declares.
+        self._following: dict[str, Value] = {}
+        self._declaring = False
+        self._chosen = self._next = chosen
         self._changes: dict[str, Value] = {}
-        self._prepare = prepare
+        self._prepare, self._choose = prepare, choose
         self._ready: Callable[[], None] = lambda: None
-        known = options.values()
+        values, known = chosen.values, chosen.known.values()
         _replace(node, {o.name: (values[o.name], _descriptor(o)) for o in known})
         node.add_pre_set_parameters_callback(self._typed)
         node.add_on_set_parameters_callback(self._check)
@@ -229,7 +235,12 @@ class LiveParameters:
         node.remove_pre_set_parameters_callback(self._typed)
         node.remove_on_set_parameters_callback(self._check)
         node.remove_post_set_parameters_callback(self._apply)
-        free(node, self._given)
+        later = {n: v for n, v in self._later.items() if n in self._chosen.known}
+        free(node, {**self._given, **later})
+
+    def follow(self, values: Mapping[str, Value]) -> None:
+        """Take these values of undeclared parameters as part of the next change."""
+        self._following = dict(values)
 
     def parameter_error(self, parameter: Parameter) -> str:
         """Return why a parameter cannot be set, whatever the others are; '' if it can."""
@@ -237,8 +248,8 @@ class LiveParameters:
         if name.startswith(OF_RCLPY):
             return ''
         try:
-            refuse_unknown([name], self._options, 'parameter')
-            self._options[name].check(value)
+            refuse_unknown([name], self._chosen.known, 'parameter')
+            self._chosen.known[name].check(value)
         except ValueError as error:
             return reason(error)
         fixed = self._node.describe_parameter(name).read_only
@@ -246,9 +257,11 @@ class LiveParameters:
 
     def _typed(self, parameters: list[Parameter]) -> list[Parameter]:
         """Convert whole numbers to float where needed; keep invalid values."""
+        if self._declaring:
+            return parameters
         result = []
         for parameter in parameters:
-            option = self._options.get(parameter.name)
+            option = self._chosen.known.get(parameter.name)
             try:
                 value = parameter.value if option is None else option.check(parameter.value)
                 result.append(Parameter(parameter.name, value=value))
@@ -257,28 +270,57 @@ class LiveParameters:
         return result
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        if self._declaring:
+            return SetParametersResult(successful=True)
         changes: dict[str, Any] = {
             parameter.name: parameter.value
             for parameter in parameters
             if not parameter.name.startswith(OF_RCLPY)
         }
+        changes.update(self._following)
+        self._following = {}
         try:
-            refuse_unknown(changes, self._options, 'parameter')
-            for name, value in changes.items():
-                self._options[name].check(value)
             if changes:
-                values = {**self._values, **changes}
-                differing = {name for name in changes if values[name] != self._values[name]}
-                self._ready = self._prepare(values, differing)
+                self._next = self._after(changes)
+                before, values = self._chosen.values, self._next.values
+                differing = {n for n, v in values.items() if n not in before or v != before[n]}
+                self._ready = self._prepare(self._next, differing)
         except Exception as error:  # a model of a user's own may raise anything
             why = reason(error) or f'{type(error).__name__}: {error}'
             return SetParametersResult(successful=False, reason=why)
         self._changes = changes
         return SetParametersResult(successful=True)
 
+    def _after(self, changes: Mapping[str, Any]) -> Chosen:
+        """Return the parameters after a change; raise ValueError if it is wrong."""
+        chosen = self._chosen
+        if any(chosen.values[name] != changes[name] for name in SHAPING if name in changes):
+            return self._choose(self._given, self._later, changes)
+        refuse_unknown(changes, chosen.known, 'parameter')
+        for name, value in changes.items():
+            chosen.known[name].check(value)
+        return chosen._replace(values={**chosen.values, **changes})
+
     def _apply(self, _: list[Parameter]) -> None:
-        if self._changes:
-            self._ready()
-            self._values.update(self._changes)
-            self._given.update(self._changes)
-            self._changes = {}
+        if self._declaring or not self._changes:
+            return
+        self._ready()
+        self._later.update(self._changes)
+        self._changes = {}
+        before, self._chosen = self._chosen.known, self._next
+        if self._chosen.known is not before:
+            self._declare(before)
+
+    def _declare(self, before: Mapping[str, Option]) -> None:
+        """Declare the parameters that are new, and no longer those that do not exist now."""
+        node, values, known = self._node, self._chosen.values, self._chosen.known
+        self._declaring = True
+        try:
+            for name in before.keys() - known.keys():
+                node.describe_parameter(name).read_only = False
+                node.undeclare_parameter(name)
+            new = [option for name, option in known.items() if name not in before]
+            triples = [(o.name, values[o.name], _descriptor(o)) for o in new]
+            node.declare_parameters('', triples, ignore_override=True)
+        finally:
+            self._declaring = False

@@ -22,7 +22,7 @@ from rclpy.utilities import remove_ros_args
 from kalman_ros import models, scenario
 from kalman_ros.codecs.wire import learn_layouts
 from kalman_ros.core import Option, Value
-from kalman_ros.pipeline.settings import choose
+from kalman_ros.pipeline.settings import Chosen, choose
 from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.parameter_files import own_section
 
@@ -83,25 +83,23 @@ class ScenarioNode(WatcherNode, ManagedNode):
 
     def configure(self) -> None:
         """Build the scenario and the options from the parameters, and declare them all."""
-        values, known, self._shared, self._own, self._extra = choose(
-            self._given(), self._build_options, self.extra_options, with_law=self.with_law
-        )
-        self.known = known
-        self.scenario = scenario.assemble(_of(self._shared, values), with_law=self.with_law)
-        self.options, self.extra = self._own_options(values)
+        chosen = self._choose(self._with_model(parameters.given(self)))
+        self.known = chosen.known
+        shared = _of(chosen.shared, chosen.values)
+        self.scenario = scenario.assemble(shared, with_law=self.with_law)
+        self.options, self.extra = self._own_options(chosen)
         topics.check(self.scenario, self.get_name(), self.get_namespace())
         self.intake.longest = self.options.max_message_size
         learn_layouts(on=self.options.learn_layouts)
-        self._code.accept(values)
-        live = parameters.LiveParameters(self, known, values, self._prepare)
+        self._code.accept(chosen.values)
+        live = parameters.LiveParameters(self, chosen, self._prepare, self._choose_again)
         self.at_the_end(live.close)
         self._live = live
 
-    def _given(self) -> dict[str, Any]:
-        """Return the start-up parameters; if they name no model, those of the default file."""
-        given = parameters.given(self)
+    def _with_model(self, given: Mapping[str, Value]) -> dict[str, Value]:
+        """Return start-up parameters; if they name no model, with those of the default file."""
         if 'model' in given:
-            return given
+            return {**given}
         section = own_section(shipped.file(self.default_model), self._kind)
         return {'model': self.default_model, **section, **given}
 
@@ -131,7 +129,15 @@ class ScenarioNode(WatcherNode, ManagedNode):
         changed = [each for each in wanted if not parameters.is_kept(self, each)]
         if wanted and not changed:
             return SetParametersResult(successful=True)
-        return super().set_parameters_atomically(changed)
+        if self._live is not None and any(each.name in parameters.SHAPING for each in changed):
+            new = {each.name: each.value for each in changed if not self.has_parameter(each.name)}
+            self._live.follow(new)
+            changed = [each for each in changed if each.name not in new]
+        try:
+            return super().set_parameters_atomically(changed)
+        finally:
+            if self._live is not None:
+                self._live.follow({})
 
     def parameter_error(self, parameter: Parameter) -> str:
         """Return why a parameter cannot be set, whatever the others are; '' if it can."""
@@ -144,18 +150,41 @@ class ScenarioNode(WatcherNode, ManagedNode):
         """Return further options, which depend on the ``chosen`` ones; none by default."""
         return ()
 
-    def _own_options(self, values: Mapping[str, Value]) -> tuple[Any, dict[str, Value]]:
+    def _own_options(self, chosen: Chosen) -> tuple[Any, dict[str, Value]]:
         """Return the node's options, as the dataclass of them, and the extra ones."""
-        return self._build_options(**_of(self._own, values)), _of(self._extra, values)
+        values = chosen.values
+        return self._build_options(**_of(chosen.own, values)), _of(chosen.extra, values)
 
-    def _prepare(self, values: dict[str, Value], changed: Set[str]) -> Callable[[], None]:
-        shared = _of(self._shared, values)
+    def _choose(self, given: Mapping[str, Value]) -> Chosen:
+        return choose(given, self._build_options, self.extra_options, with_law=self.with_law)
+
+    def _choose_again(
+        self,
+        given: Mapping[str, Value],
+        later: Mapping[str, Value],
+        changes: Mapping[str, Value],
+    ) -> Chosen:
+        """Return the parameters after a change by which there are others.
+
+        Those that have been set, but do not exist with it, are set aside.
+        """
+        from kalman_ros.scenario import law  # only nodes with a law come here, and have it
+
+        shaping = {name: value for name, value in changes.items() if name in parameters.SHAPING}
+        start = law.kept({**self._with_model(given), **shaping})
+        known = self._choose(start).known
+        since = {name: value for name, value in later.items() if name in known}
+        return self._choose({**start, **since, **changes})
+
+    def _prepare(self, chosen: Chosen, changed: Set[str]) -> Callable[[], None]:
+        shared = _of(chosen.shared, chosen.values)
         built = scenario.rebuild(self.scenario, shared, changed & shared.keys())
-        options, extra = self._own_options(values)
+        options, extra = self._own_options(chosen)
         apply = self.prepare(built, options, extra)
 
         def put_in_place() -> None:
-            self.scenario, self.options, self.extra = built, options, extra
+            self.known, self.scenario = chosen.known, built
+            self.options, self.extra = options, extra
             self.intake.longest = options.max_message_size
             apply()
 
