@@ -23,7 +23,7 @@ from .limits import limited
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
 from .page_command import Command
-from .scene import force_scale
+from .scene import force_scale, places
 from .streams import Streams
 
 #: Duration of a push in seconds, and its largest multiple of the typical input.
@@ -93,6 +93,7 @@ class LiveCommands:
             'choose': self._choose,
             'poles': self._poles,
             'carry': self._carry,
+            'place': self._place,
             'limit': self._limit,
             'path': self._path,
             'push': self._push,
@@ -270,6 +271,23 @@ class LiveCommands:
         place[[state.names.index(name) for name in names]] = values
         self._nodes.reconfigure('plant', {'initial_state': place.tolist()})
         self._is_carried = True
+
+    def _place(self, command: Mapping[str, Any], _: float) -> None:
+        """Move a sensor, which no other node knows."""
+        name, place = str(command.get('sensor')), [command.get('x'), command.get('y')]
+        truth, parameter = self._streams.truth, f'{name}.position'
+        if self.pace.lockstep:
+            raise ValueError('place: expected real time, since lockstep begins at its first step')
+        if truth is None or not np.isfinite(truth).all():
+            raise ValueError('place: the plant has published no finite state')
+        if name not in places(self._adjustments) or not all(map(_is_place, place)):
+            raise ValueError(f'place: expected a sensor on the map and numbers up to {_FAR:g}')
+        values = {parameter: [float(value) for value in place if value is not None]}
+        self._adjustments.change('plant', values)
+        self.changed = True
+        self._nodes.reconfigure('plant', {**values, 'initial_state': truth.tolist()})
+        self._is_carried = True
+        self._streams.watch.restart(skip=2)
 
     def _reset(self, command: Mapping[str, Any], arrival: float) -> None:
         """Reset the loop to the initial state and belief of the file."""

@@ -26,7 +26,7 @@ from .live_commands import LiveCommands, answer
 from .live_nodes import FOREVER, LiveNodes
 from .pace import Pace
 from .page_command import Command
-from .scene import chosen, placed, scene
+from .scene import chosen, placed, places, scene
 from .share import parameter_file
 from .streams import Streams
 from .theory_worker import TheoryWorker
@@ -240,6 +240,7 @@ class LiveLoop:
             'chosen': chosen(adjustments),
             'limits': limits(adjustments),
             'placed': placed(adjustments),
+            'places': places(adjustments),
         }
 
     def _publish_parameters(self) -> None:

@@ -19,6 +19,7 @@ COMMANDS: dict[str, dict[str, type | tuple[type, ...]]] = {
     'push': {'input': int, 'share': _NUMBER, 'shares': list},
     'path': {'points': list},
     'carry': {'names': list, 'values': list},
+    'place': {'sensor': str, 'x': _NUMBER, 'y': _NUMBER},
     'limit': {'of': str, 'name': str, 'side': str, 'value': _NUMBER},
     'mode': {'lockstep': bool, 'paused': bool},
     'speed': {'value': _NUMBER},

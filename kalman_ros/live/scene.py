@@ -38,6 +38,15 @@ def placed(adjustments: Adjustments) -> dict[str, list[tuple[float, float]]]:
     return found
 
 
+def places(adjustments: Adjustments) -> dict[str, list[float]]:
+    """Return the places in the plant of the sensors that are at rest and measure a bearing."""
+    if adjustments.value('plant', 'model') == 'bearing_tracker':
+        return {}
+    published = [n for n in adjustments.sensors if adjustments.value('plant', f'{n}.enabled')]
+    found = {name: _sensor_position(adjustments, name) for name in published}
+    return {name: each['place'] for name, each in found.items() if each}
+
+
 def _poles(adjustments: Adjustments, node: str, prefix: str) -> list[tuple[float, float]]:
     real, imaginary = (
         adjustments.value(node, f'{prefix}_{part}') for part in ('poles', 'frequencies')

@@ -21,6 +21,7 @@ from kalman_ros.live.limits import limits
 from kalman_ros.live.live_commands import LiveCommands
 from kalman_ros.live.pace import Pace
 from kalman_ros.live.page_command import COMMANDS, read_command
+from kalman_ros.live.scene import places
 from kalman_ros.live.streams import Streams
 from kalman_ros.scenario import shipped
 
@@ -337,3 +338,27 @@ def test_a_push_is_known_until_its_end(page):
     assert not page.commands.pushing
     assert page.send('{"do": "push", "n": 1}')['error'] == ''
     assert page.commands.pushing
+
+
+def test_a_sensor_is_moved_and_the_estimator_does_not_know():
+    page = opened('two_bearings')
+    command = '{"do": "place", "sensor": "west", "x": -17, "y": 3.5, "n": 1}'
+    assert 'no finite state' in page.send(command)['error']
+    page.streams.truth = np.array([1.0, 2.0, 3.0, 4.0])
+    assert page.send(command)['error'] == ''
+    what, node, values = page.nodes.calls[-1]
+    assert (what, node, values['west.position']) == ('reconfigure', 'plant', [-17.0, 3.5])
+    assert values['initial_state'] == [1.0, 2.0, 3.0, 4.0]
+    assert places(page.adjustments)['west'] == [-17.0, 3.5]
+    assert page.adjustments.value('estimator', 'west.position') != [-17.0, 3.5]
+    wests = ('"x": 1', '"x": 1e9, "y": 2')
+    for wrong in ('"sensor": "north", "x": 1, "y": 2', *(f'"sensor": "west", {w}' for w in wests)):
+        found = page.send(f'{{"do": "place", {wrong}, "n": 2}}')
+        assert 'place: expected a sensor on the map' in found['error']
+    page.commands.pace.lockstep = True
+    assert 'expected real time' in page.send(command)['error']
+
+
+@pytest.mark.parametrize('name', ['bearing_tracker', 'sound_tracker', 'cart_pole'])
+def test_a_sensor_that_moves_or_publishes_nothing_is_not_moved(name):
+    assert places(opened(name).adjustments) == {}

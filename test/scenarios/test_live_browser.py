@@ -51,6 +51,16 @@ def text(selector):
     return f'document.querySelector("{selector}").textContent'
 
 
+def handle_of(browser, selector):
+    """Return where on the page a canvas has something to drag."""
+    left, top, _, _ = browser.place(selector)
+    x, y = browser.until(f"""(c => {{
+        for (let y = 0; y < c.clientHeight; y += 5) for (let x = 0; x < c.clientWidth; x += 5)
+            if (c.handles?.some(h => h.hit(x, y))) return [x, y];
+    }})(document.querySelector('{selector}'))""")
+    return left + x, top + y
+
+
 def test_everything_is_drawn(page):
     browser, _ = page
     for canvas in ('#system', '#poles', '#states canvas', '#bode', '#nyquist', '#cost canvas'):
@@ -117,6 +127,14 @@ def test_the_poles_of_the_estimator_are_dragged_and_it_keeps_its_belief(page):
     assert loop.do(do='choose', what='filter', value='kf')['error'] == ''
 
 
+def test_the_curve_of_the_gain_is_dragged(page):
+    browser, loop = page
+    x, y = handle_of(browser, '#bode')
+    browser.drag((x, y), *((x, y - 3 * k) for k in range(1, 6)))
+    loop.seen('values', lambda m: 1.2 < m['values']['plant/actuator_gain/0'] < 10.0)
+    loop.do(do='set', key='plant/actuator_gain/0', value=1.0)
+
+
 def test_buttons_and_keys_pause_push_and_reset(page):
     browser, loop = page
     browser.click('#pause')
@@ -180,3 +198,18 @@ def test_from_slider_to_input_is_quick(page):
         found.append(loop.framed(lambda m: 'latency' in m)['latency']['ms'])
     found.sort()
     assert found[math.ceil(0.95 * len(found)) - 1] < 150.0, found
+
+
+def test_a_sensor_is_moved_on_the_map():
+    with Page('two_bearings') as loop, chromium.Chromium(1280, 800) as browser:
+        browser.open(f'http://127.0.0.1:{loop.port}/')
+        browser.until('Number.parseFloat(document.querySelector("#clock")?.textContent) > 2')
+        x, y = handle_of(browser, '#system')
+        start = x + 6, y
+        browser.drag(start, *((start[0] + 4 * k, start[1] - 3 * k) for k in range(1, 15)))
+        initial = loop.seen('scene', lambda m: True)['initial']['places']
+        loop.seen('values', lambda m: m['places'] != initial)
+        browser.until(f'{text("#sentence")}.startsWith("The sensor")')
+        browser.click('#help')
+        loop.seen('values', lambda m: m['places'] == initial)
+        assert browser.errors == []

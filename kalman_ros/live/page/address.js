@@ -33,11 +33,12 @@ function changes(now, before) {
 // what differs from that with which the loop started
 export function rememberValues() {
   if (!page.scene) return;
-  const { values, chosen, limits, placed } = page.scene.initial;
+  const { values, chosen, limits, placed, places } = page.scene.initial;
   remember({
     set: changes(page.values, values),
     choose: changes(page.chosen, chosen),
     poles: changes(page.placed, placed),
+    places: changes(page.places, places),
     inputs: changes(byName(page.limits.input), byName(limits.input)),
     states: changes(bounded(page.limits.state), bounded(limits.state)),
     ghost: page.ghost.filter ?? '',
@@ -73,6 +74,9 @@ export function addressedCommands() {
   for (const [of, poles] of Object.entries(object('poles'))) {
     const pairs = Array.isArray(poles) && poles.every((pole) => Array.isArray(pole) && pole.length === 2 && pole.every(Number.isFinite));
     if (['regulator', 'estimator'].includes(of) && pairs && JSON.stringify(page.placed[of]) !== JSON.stringify(poles)) commands.push({ do: 'poles', of, poles });
+  }
+  for (const [sensor, place] of Object.entries(object('places'))) {
+    if (sensor in page.places && Array.isArray(place) && place.length === 2 && place.every(Number.isFinite) && String(page.places[sensor]) !== String(place)) commands.push({ do: 'place', sensor, x: place[0], y: place[1] });
   }
   const { input, state } = page.scene;
   for (const [name, value] of Object.entries(object('inputs'))) {

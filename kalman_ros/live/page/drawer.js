@@ -114,8 +114,8 @@ const TASKS = {
     reason: () => (noInput() && page.scene.drawing.kind === 'bars' ? noInput() : ''),
     words: () => {
       if (noGrab()) return `With the mouse, nothing: ${noGrab()}.`;
-      return grab.carries ? 'Drag the system elsewhere: the estimator does not know.'
-        : 'Pull at the system with the mouse or a finger, or push an input for 0.2 s.';
+      return grab.carries ? `Drag the system${Object.keys(page.places).length ? ' or a sensor' : ''} elsewhere: the estimator does not know.`
+        : `Pull at the system with the mouse or a finger${Object.keys(page.places).length ? ', move a sensor' : ''}, or push an input for 0.2 s.`;
     },
     build: buildPushes,
     effects: () => (noInput() ? [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`] : loopEffects()),

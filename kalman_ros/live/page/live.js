@@ -10,6 +10,7 @@ import { ghostGone } from './ghost.js';
 import { grabSystem } from './grab.js';
 import { countPlans, dragLimits, forgetPlans } from './limits.js';
 import { drawBode, drawNyquist, marginText, PoleMap } from './maps.js';
+import { dragHandles } from './handles.js';
 import { $, element, page } from './page.js';
 import { drawPaths } from './path.js';
 import { forgetColours, plot, short } from './plots.js';
@@ -73,12 +74,13 @@ function offer() {
   if (!offered.length) rememberValues();
 }
 
-function inWords({ do: what, key, what: choice, of, name, side, value, filter }) {
+function inWords({ do: what, key, what: choice, of, name, side, sensor, value, filter }) {
   if (what === 'set') {
     const { group, title, role } = page.scene.controls.find((control) => control.key === key);
     return `${group}: ${title}${role ? ` (${role})` : ''} to ${value}`;
   }
   if (what === 'limit') return `the ${side} limit of ${name} to ${value ?? 'none'}`;
+  if (what === 'place') return `the place of ${sensor}`;
   if (what === 'poles') return `the poles of the ${of}`;
   return what === 'ghost' ? `the ghost to ${filter}` : `the ${choice} to ${value}`;
 }
@@ -119,6 +121,7 @@ const RECEIVE = {
     page.chosen = message.chosen;
     page.limits = message.limits;
     page.placed = message.placed;
+    page.places = message.places;
     page.version = message.version;
     markStale();
     if (page.scene && isFirst) buildDrawer();  // with the handles that matter for these values
@@ -316,7 +319,9 @@ const ACT = {
     const ends = ['plant', 'estimator'].map((node) => `${node}/${troubled()}.`), { values } = page.scene.initial;
     const changed = Object.keys(values).filter((key) => ends.some((end) => key.startsWith(end)) && page.values[key] !== values[key]);
     for (const key of changed) send({ do: 'set', key, value: values[key] });
-    if (!changed.length) open('faults');
+    const [now, place] = [page.places, page.scene.initial.places].map((places) => places[troubled()]);
+    if (String(now) !== String(place)) send({ do: 'place', sensor: troubled(), x: place[0], y: place[1] });
+    else if (!changed.length) open('faults');
   },
   theme: () => useTheme(!document.documentElement.classList.contains('dark')),
   help: () => ACT[$('help').dataset.act]?.(),
@@ -387,6 +392,8 @@ darkness.addEventListener('change', () => useTheme(darkness.matches));
 useTheme(darkness.matches);
 $('saying').title = `over the last ${RECENT} s: root mean squares, of 2σ and of the error`;
 dragLimits($('system'));
+dragHandles($('system'));
+dragHandles($('bode'));
 drawPaths($('system'));
 grabSystem($('system'));
 // for tests: where poles are, in pixels, and how much of the past is kept

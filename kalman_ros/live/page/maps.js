@@ -2,7 +2,9 @@
 // The poles in the complex plane, and the loop at an input: Bode and Nyquist with its margins.
 
 import { data } from './data.js';
+import { page } from './page.js';
 import { colour, prepare, short, stroke, ticks } from './plots.js';
+import { Newest, send } from './socket.js';
 
 const GRAB = 16;   // pixels
 const WIDE = 200;  // poles further apart than this factor are drawn on logarithmic axes
@@ -135,6 +137,32 @@ export class PoleMap {
   }
 }
 
+const GAIN = 'plant/actuator_gain/0', NEAR = 10;  // pixels
+const gain = new Newest(send);
+
+// The curve of the gain with that of the simulated actuator, which is dragged up and down.
+function gainHandle(canvas, pen, w, sizes, X, part) {
+  if (!(GAIN in page.values)) return;
+  const now = page.values[GAIN], shifted = sizes.map((size) => size + 20 * Math.log10(now));
+  if (now !== 1) {
+    curve(pen, w, shifted, X, part, 'input', 'dotted');
+    pen.fillStyle = colour('input');
+    pen.fillText(`× ${short(now)}: drag`, X(w[0]) + 6, Math.min(Math.max(part.Y(shifted[0]) - 5, part.top + 10), part.bottom));
+  }
+  const decibels = (part.high - part.low) / (part.bottom - part.top), { low, high } = page.scene.controls.find(({ key }) => key === GAIN);
+  let begun = now;
+  canvas.handles = [{
+    hit: (x, y) => y < part.bottom + NEAR && w.some((each, k) => Math.hypot(X(each) - x, part.Y(shifted[k]) - y) < NEAR),
+    begin: () => { begun = page.values[GAIN]; },
+    move: (_, y, [, from]) => {
+      const value = Math.min(Math.max(begun * 10 ** (decibels * (from - y) / 20), low), high);
+      page.values[GAIN] = Number(value.toPrecision(3));
+      page.dirty = true;
+      gain.put({ do: 'set', key: GAIN, value: page.values[GAIN] });
+    },
+  }];
+}
+
 const LOOPS = [['known', 'ink', 'solid', 'states known'], ['estimated', 'estimate', 'dashed', 'with the estimate']];
 
 export function marginText(loop) {
@@ -155,14 +183,14 @@ export function drawBode(canvas, loop) {
   const left = 40, low = Math.log10(loop.w[0]), high = Math.log10(loop.w.at(-1));
   const X = (w) => left + (width - left - 6) * (Math.log10(w) - low) / (high - low);
   const half = height / 2;
-  const gain = { top: 14, bottom: half - 8, low: -40, high: 40, unit: 'dB' };
+  const size = { top: 14, bottom: half - 8, low: -40, high: 40, unit: 'dB' };
   const phase = { top: half + 14, bottom: height - 16, low: -270, high: 90, unit: '°' };
-  for (const part of [gain, phase]) {
+  for (const part of [size, phase]) {
     part.Y = (v) => part.bottom - (part.bottom - part.top) * (v - part.low) / (part.high - part.low);
     pen.fillStyle = colour('soft');
     pen.textAlign = 'right';
-    for (let v = part.low; v <= part.high; v += part === gain ? 20 : 90) {
-      stroke(pen, v === 0 && part === gain || v === -180 ? 'soft' : 'line', 1);
+    for (let v = part.low; v <= part.high; v += part === size ? 20 : 90) {
+      stroke(pen, v === 0 && part === size || v === -180 ? 'soft' : 'line', 1);
       pen.beginPath(); pen.moveTo(left, part.Y(v)); pen.lineTo(width - 6, part.Y(v)); pen.stroke();
       pen.fillText(`${v} ${part.unit}`, left - 3, part.Y(v) + 3);
     }
@@ -175,6 +203,7 @@ export function drawBode(canvas, loop) {
   }
   pen.textAlign = 'left';
   pen.fillText('rad/s', unit, height - 3);
+  canvas.handles = [];
   for (const [key, look, dash] of LOOPS) {
     const found = loop[key];
     if (!found) continue;
@@ -193,14 +222,15 @@ export function drawBode(canvas, loop) {
       angles.forEach((_, i) => { angles[i] += shift; });
     }
     const sizes = found.re.map((re, k) => 20 * Math.log10(Math.hypot(re, found.im[k]) || 1e-12));
-    curve(pen, loop.w, sizes, X, gain, look, dash);
+    curve(pen, loop.w, sizes, X, size, look, dash);
+    if (key === (loop.estimated ? 'estimated' : 'known')) gainHandle(canvas, pen, loop.w, sizes, X, size);
     curve(pen, loop.w, angles, X, phase, look, dash);
     const m = found.margins;
     if (!m) continue;
     pen.fillStyle = colour(look);
     for (const [value, w] of [m.lower_gain, m.upper_gain]) {
       if (value === null || w === null || w < loop.w[0] || w > loop.w.at(-1) || !value) continue;
-      bar(pen, X(w), gain.Y(0), gain.Y(-20 * Math.log10(value)), look, `×${short(value)}`);
+      bar(pen, X(w), size.Y(0), size.Y(-20 * Math.log10(value)), look, `×${short(value)}`);
     }
     if (lag && lag[1] !== null) bar(pen, X(lag[1]), phase.Y(-180), phase.Y(180 * lag[0] / Math.PI - 180), look, `${short(180 * lag[0] / Math.PI)}°`);
   }

@@ -7,6 +7,7 @@ export const page = {
   scene: null,
   values: {},    // of the controls, by key
   chosen: {},    // filter and law
+  places: {},    // of sensors on the map
   placed: {},    // poles of the regulator and the estimator, where they are placed
   limits: { input: [], state: {}, reason: '' },
   theory: {},

@@ -7,6 +7,7 @@ import { limitOf, walls } from './limits.js';
 import { page } from './page.js';
 import { drawing, drawPath, room } from './path.js';
 import { colour, labelled, prepare, short, stroke } from './plots.js';
+import { send } from './socket.js';
 
 const FAR = 6;       // metres at most between truth and estimate that a picture of a cart shows
 const BESIDE = 0.3;  // metres that it shows beside a cart
@@ -264,14 +265,33 @@ const DRAW = {
   },
 };
 
-// bearings as lines from their sensors
+let moved = null;  // the sensor that is dragged, with its place
+
+// bearings as lines from their sensors, which can be moved
 function places(pen, scene, X, Y, far, canvas) {
   for (const [name, sensor] of Object.entries(scene.sensors)) {
     if (!sensor.place) continue;
     canvas.readings = 'lines';
-    const [x, y] = [X(sensor.place[0]), Y(sensor.place[1])], row = last(`reading ${name}`);
+    const is = moved?.name === name ? moved.place : page.places[name] ?? sensor.place, row = last(`reading ${name}`);
+    const [x, y] = [X(is[0]), Y(is[1])], believed = scene.initial.places[name];
+    const triangle = (px, py) => { pen.beginPath(); pen.moveTo(px - 6, py + 5); pen.lineTo(px + 6, py + 5); pen.lineTo(px, py - 7); pen.closePath(); pen.stroke(); };
+    if (believed && String(believed) !== String(is)) {  // where the filter believes it is
+      stroke(pen, 'estimate', 2, 'dashed');
+      triangle(X(believed[0]), Y(believed[1]));
+    }
     stroke(pen, 'soft', 2);
-    pen.beginPath(); pen.moveTo(x - 6, y + 5); pen.lineTo(x + 6, y + 5); pen.lineTo(x, y - 7); pen.closePath(); pen.stroke();
+    triangle(x, y);
+    if (name in page.places) canvas.handles.push({
+      hit: (px, py) => Math.hypot(px - x, py - y) < 14,
+      move: (px, py) => { moved = { name, place: canvas.view.world(px, py).map((value) => Number(value.toPrecision(4))) }; page.dirty = true; },
+      end: () => {
+        if (moved) send({ do: 'place', sensor: name, x: moved.place[0], y: moved.place[1] }, (error) => {
+          if (!error) page.places[name] = moved.place;
+          moved = null;
+          page.dirty = true;
+        });
+      },
+    });
     pen.fillStyle = colour('soft');
     pen.fillText(scene.relative ? 'observer' : name, x + 9, y + 4);
     if (!row) continue;
@@ -286,7 +306,7 @@ const shown = { x: 0, y: 0, scale: 0, run: -1 };
 const middle = { x: 0 };
 
 function frame(scene, seen, w, h) {
-  if (drawing.points) return shown;
+  if (drawing.points || moved) return shown;
   const i = 1 + scene.state.names.indexOf('x'), j = 1 + scene.state.names.indexOf('y');
   const points = [...(data.rows.truth ?? []), ...(data.rows.estimate ?? [])].map((row) => [row[i], row[j]]);
   for (const sensor of Object.values(scene.sensors)) if (sensor.place) points.push(sensor.place);
@@ -323,6 +343,7 @@ export function drawSystem(canvas, scene) {
   area.pen.textAlign = 'left';
   area.pen.textBaseline = 'alphabetic';
   canvas.grips = [];
+  canvas.handles = [];
   canvas.place = canvas.readings = null;
   DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene), canvas);
   if (canvas.pull && canvas.body) {
