@@ -133,6 +133,23 @@ class Adjustments:
         found = {**self._read[node], **self.shared, **changes}
         return kept(found) if 'law' in changes else found
 
+    def at_start(self, node: str) -> dict[str, Any]:
+        """Return the changes with which a process of a node starts.
+
+        A law that lacks the limits of states that are given is not among them: it is set later.
+        """
+        changes = self.changes.get(node, {})
+        everything = {**self._read.get(node, {}), **self.shared, **changes}
+        if 'law' not in changes or kept(everything) == everything:
+            return {**changes}
+        return {name: value for name, value in kept(changes).items() if name != 'law'}
+
+    def limits_of_states(self) -> dict[str, Any]:
+        """Return the limits of states that were changed, for a law that keeps them."""
+        changes = self.changes.get('controller', {})
+        without = kept({**changes, 'law': ''})
+        return {name: value for name, value in changes.items() if name not in without}
+
     def _choose(self, node: str) -> None:
         options, with_law = _OPTIONS[node]
         parameters = {

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from kalman_ros.control.laws import WITHIN_LIMITS
 from kalman_ros.core import Gaussian
 from kalman_ros.core.one_line import one_line
 from kalman_ros.harness import NodeError
@@ -199,7 +200,8 @@ class LiveCommands:
             raise ValueError(f'choose: expected {" or ".join(_OWNERS)}, got {json.dumps(choice)}')
         value = str(command.get('value'))
         if choice == 'law':
-            self._apply({'controller': {'law': value}})
+            limits = self._adjustments.limits_of_states() if value in WITHIN_LIMITS else {}
+            self._apply({'controller': {'law': value, **limits}})
         else:
             self._reconfigure(_OWNERS[choice], {choice: value})
 

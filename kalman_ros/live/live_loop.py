@@ -111,7 +111,7 @@ class LiveLoop:
     def _build_nodes(self) -> LiveNodes:
         adjustments, carried = self._adjustments, self._continuation or {}
         only = {
-            node: {**adjustments.changes.get(node, {}), **carried.get(node, {})}
+            node: {**adjustments.at_start(node), **carried.get(node, {})}
             for node in {*adjustments.changes, *carried}
         }
         shared = {**adjustments.shared, 'seed': self._seed}

@@ -116,3 +116,18 @@ def test_a_tracker_without_a_steady_state_has_a_note_instead():
     estimator = found.scenario('estimator')
     notes = theory(estimator, found.scenario('plant'), found.filter_options(), 0.0)['notes']
     assert any('no steady state' in note for note in notes)
+
+
+def test_a_law_without_the_limits_of_the_file_is_set_after_the_start(tmp_path):
+    file = tmp_path / 'track.yaml'
+    text = shipped.file('cart_pole').read_text()
+    section = {'law': 'mpc', 'state_limit.x': [-1.0, 1.0]}
+    written = yaml.safe_load(text)
+    written.setdefault('controller', {}).setdefault('ros__parameters', {}).update(section)
+    file.write_text(yaml.safe_dump(written))
+    found = Adjustments(file, {})
+    found.change('controller', {'law': 'lqr', 'input_limit': [5.0]})
+    assert found.at_start('controller') == {'input_limit': [5.0]}
+    assert 'state_limit.x' not in found.given('controller')
+    found.change('controller', {'law': 'mpc'})
+    assert found.at_start('controller') == {'law': 'mpc', 'input_limit': [5.0]}

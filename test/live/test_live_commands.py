@@ -328,8 +328,11 @@ def test_limits_of_states_are_back_with_the_law_that_keeps_them():
     limit = '{"do": "limit", "of": "state", "name": "x", "side": "high", "value": 0.8, "n": 2}'
     assert page.send(limit)['error'] == ''
     kept = page.adjustments.value('controller', 'state_limit.x')
-    for law in ('lqr', 'placement', 'mpc'):  # the node sets them aside, too
-        assert choose(law) == ('set_parameters', {'law': law}, 'controller')
+    for law, limit in (('lqr', {}), ('placement', {}), ('mpc', {'state_limit.x': kept})):
+        assert choose(law) == ('set_parameters', {'law': law, **limit}, 'controller')
+        started = page.adjustments.at_start('controller')  # as when lockstep is chosen
+        assert started.get('law') == (law if limit else None)
+        assert started.get('state_limit.x') == limit.get('state_limit.x')
     assert page.adjustments.value('controller', 'state_limit.x') == kept
     assert limits(page.adjustments)['state']['x'] == [None, 0.8]
 

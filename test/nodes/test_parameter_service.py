@@ -148,3 +148,11 @@ def test_limits_of_the_start_are_set_aside_by_a_law_without_them(pair):
         assert node.set_parameters_atomically([Parameter('law', value=law)]).successful
         assert laws(node) == (law, known)
     assert list(node.get_parameter('state_limit.v_x').value) == [-1.0, 1.0]
+
+
+def test_a_law_without_the_limits_of_the_start_can_be_configured_again(pair):
+    node = pair(ControllerNode, **{'law': 'mpc', 'state_limit.v_x': '[-1.0, 1.0]'}).node
+    assert node.set_parameters_atomically([Parameter('law', value='lqr')]).successful
+    for transition in ('deactivate', 'cleanup', 'configure'):
+        getattr(node, f'trigger_{transition}')()
+    assert laws(node) == ('lqr', [])

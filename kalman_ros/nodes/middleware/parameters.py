@@ -235,8 +235,18 @@ class LiveParameters:
         node.remove_pre_set_parameters_callback(self._typed)
         node.remove_on_set_parameters_callback(self._check)
         node.remove_post_set_parameters_callback(self._apply)
-        later = {n: v for n, v in self._later.items() if n in self._chosen.known}
-        free(node, {**self._given, **later})
+        known = self._chosen.known
+        later = {name: value for name, value in self._later.items() if name in known}
+        free(node, self._start(later))
+
+    def _start(self, later: Mapping[str, Value]) -> dict[str, Value]:
+        """Return the parameters for another start, after later changes."""
+        start = {**self._given, **later}
+        if later.keys().isdisjoint(SHAPING):
+            return start
+        from kalman_ros.scenario import law  # only a node with a law comes here, and has it
+
+        return law.kept(start)
 
     def follow(self, values: Mapping[str, Value]) -> None:
         """Take these values of undeclared parameters as part of the next change."""
