@@ -129,7 +129,8 @@ class ScenarioNode(WatcherNode, ManagedNode):
         changed = [each for each in wanted if not parameters.is_kept(self, each)]
         if wanted and not changed:
             return SetParametersResult(successful=True)
-        if self._live is not None and any(each.name in parameters.SHAPING for each in changed):
+        is_shaping = any(each.name in parameters.SHAPING for each in changed)
+        if self._live is not None and self.phase != UNCONFIGURED and is_shaping:
             new = {each.name: each.value for each in changed if not self.has_parameter(each.name)}
             self._live.follow(new)
             changed = [each for each in changed if each.name not in new]
