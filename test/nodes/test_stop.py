@@ -11,6 +11,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.nodes.controller.node import ControllerNode
 from kalman_ros.nodes.controller.stop import Heartbeat, Stop
+from kalman_ros.nodes.middleware.connections import Connections
 
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -107,6 +108,8 @@ def test_the_topic_stops_from_any_publisher_and_false_does_not_end_it(pair, qual
     started = pair(ControllerNode)
     publisher = started.peer.create_publisher(Bool, 'stop', quality)
     started.until(publisher.get_subscription_count, 'no subscriber of stop')
+    found = Connections(started.node)._of_subscription('/stop', awaited=True)
+    assert [*found] == []  # one of its subscriptions connects
     publisher.publish(Bool(data=False))
     publisher.publish(Bool(data=True))
     started.until(lambda: started.node._output.closed, 'not stopped')

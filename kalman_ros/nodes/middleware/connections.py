@@ -98,11 +98,13 @@ class Connections:
         publishers = node.get_publishers_info_by_topic(topic)
         if not publishers and awaited:
             yield f'{topic}: no publishers'
-        for here in self._ours(node.get_subscriptions_info_by_topic(topic)):
-            for there in publishers:
-                why = _mismatch(here, there, there.qos_profile, here.qos_profile)
-                if why:
-                    yield f'{topic}: {_name(there)} publishes {why}'
+        ours = self._ours(node.get_subscriptions_info_by_topic(topic))
+        for there in publishers:
+            reasons = [
+                _mismatch(here, there, there.qos_profile, here.qos_profile) for here in ours
+            ]
+            if ours and all(reasons):  # one subscription that connects is enough
+                yield f'{topic}: {_name(there)} publishes {reasons[0]}'
 
     def _of_publisher(self, topic: str) -> Iterator[str]:
         node = self._node
