@@ -95,7 +95,8 @@ def motion(
         raise ValueError(f'tolerance: expected a finite number of at least 0, got {allowed:g}')
     wanted: Callable[[], ReferenceMotion]
     if values is not None:
-        what, wanted = 'values', partial(_in_time, law.scenario, values, times, velocities)
+        what, given = 'values', _in_time(law.scenario, values, times, velocities)
+        wanted = partial(reference_motions.in_time, law.scenario, *given)
     elif seconds is not None:
         what = 'start and end'
         states = _state(law.scenario, 'start', start), _state(law.scenario, 'end', end)
@@ -116,7 +117,7 @@ def _state(scenario: Scenario, name: str, named: Mapping[str, float] | None) -> 
     given = {} if named is None else _by_name(name, named)
     state: Array = scenario.model.equilibrium.state.copy()
     state[scenario.model.state.indices(given, name)] = [
-        number(n, value) for n, value in given.items()
+        number(f'{name}.{each}', value) for each, value in given.items()
     ]
     return state
 
@@ -148,25 +149,36 @@ def _in_time(
     values: Mapping[str, ArrayLike],
     times: ArrayLike | None,
     velocities: Mapping[str, ArrayLike] | None,
-) -> ReferenceMotion:
+) -> tuple[list[int], Array, Array, Array | None]:
+    """Return the indices of states, the times (K,), and values and velocities (K, k) of these."""
     if times is None:
-        raise ValueError('expected their times')
+        raise ValueError('values: expected their times')
     values = _by_name('values', values)
-    clock = numbers('times', times).ravel()
-    index = scenario.model.state.indices(values)
-    curve = _table(values, len(clock))
-    if velocities is not None and [*_by_name('velocities', velocities)] != [*values]:
+    clock = _finite('times', times)
+    index = scenario.model.state.indices(values, 'values')
+    curve = _table('values', values, len(clock))
+    if velocities is None:
+        return index, clock, curve, None
+    if [*_by_name('velocities', velocities)] != [*values]:
         raise ValueError(f'velocities: expected those of {", ".join(values)}')
-    slopes = None if velocities is None else _table(velocities, len(clock))
-    return reference_motions.in_time(scenario, index, clock, curve, slopes)
+    return index, clock, curve, _table('velocities', velocities, len(clock))
 
 
-def _table(values: Mapping[str, ArrayLike], count: int) -> Array:
+def _table(what: str, values: Mapping[str, ArrayLike], count: int) -> Array:
     """Return the values as columns (K, k)."""
-    rows = {name: numbers(name, value).ravel() for name, value in values.items()}
+    rows = {name: _finite(f'{what}.{name}', value) for name, value in values.items()}
     if not rows:
-        raise ValueError('expected the values of a state or more')
+        raise ValueError(f'{what}: expected the values of a state or more')
     for name, row in rows.items():
         if len(row) != count:
-            raise ValueError(f'{name}: expected {count} numbers, one a time, got {len(row)}')
+            expected = f'expected {count} numbers, one a time, got {len(row)}'
+            raise ValueError(f'{what}.{name}: {expected}')
     return np.column_stack([*rows.values()])
+
+
+def _finite(name: str, value: ArrayLike) -> Array:
+    """Return finite numbers (K,)."""
+    row = numbers(name, value).ravel()
+    if not np.isfinite(row).all():
+        raise ValueError(f'{name}: expected finite numbers')
+    return row

@@ -120,7 +120,7 @@ def test_it_is_found_for_other_durations(seconds):
         ({'seconds': 1, 'start': 3}, r'^start: expected values by name, got int'),
         ({'seconds': 1, 'end': 'abc'}, r'^end: expected values by name, got str'),
         ({'seconds': 1, 'end': {1: 2}}, r"^end: expected names among .*, got '1'"),
-        ({'values': [], 'times': [0, 1]}, r'^values: values: expected values by name, got list'),
+        ({'values': [], 'times': [0, 1]}, r'^values: expected values by name, got list'),
         ({'seconds': 1, 'end': {'z': 1}}, r'^end: expected names'),
         (
             {'seconds': 1, 'end': {'v': 1.0}},
@@ -129,13 +129,19 @@ def test_it_is_found_for_other_durations(seconds):
         ({'seconds': 1, 'end': {'x': np.nan}}, r'^start and end: expected finite states'),
         ({'seconds': 1e9, 'end': {}}, r'^start and end: expected at most 60000'),
         ({'values': {'x': [0, 1]}}, r'^values: expected their times'),
-        ({'values': {'x': [0, 1]}, 'times': [0]}, r'^values: x: expected 1 numbers'),
-        ({'values': {'z': [0, 1]}, 'times': [0, 1]}, r'^values: names: .* got .z.'),
+        ({'values': {'x': [0, 1]}, 'times': [0]}, r'^values\.x: expected 1 numbers'),
+        ({'values': {'z': [0, 1]}, 'times': [0, 1]}, r'^values: expected names among .* got .z.'),
         ({'values': {}, 'times': [0, 1]}, r'^values: expected the values of a state'),
         (
             {'values': {'x': [0, 1]}, 'times': [0, 1], 'velocities': {'y': [0, 0]}},
-            r'^values: velocities: expected those of x',
+            r'^velocities: expected those of x',
         ),
+        (
+            {'values': {'x': [0, 1]}, 'times': [0, 1], 'velocities': {'x': [0, float('nan')]}},
+            r'^velocities\.x: expected finite numbers',
+        ),
+        ({'values': {'x': [0, 1]}, 'times': [0, 'b']}, r'^times: expected real numbers'),
+        ({'start': {'x': 'a'}, 'seconds': 2.0}, r"^start\.x: expected a number, got 'a'"),
     ],
 )
 def test_what_is_no_motion_is_refused_by_name(arguments, reason):
