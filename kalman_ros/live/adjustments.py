@@ -130,8 +130,8 @@ class Adjustments:
         if node not in self._read:
             self._read[node] = from_file(self.file, *filter(None, [node]))
         changes = self.changes.get(node, {})
-        found = {**self._read[node], **self.shared, **changes}
-        return kept(found) if 'law' in changes else found
+        given = {**self._read[node], **self.shared, **changes}
+        return kept(given) if 'law' in changes else given
 
     def at_start(self, node: str) -> dict[str, Any]:
         """Return the changes with which a process of a node starts.
@@ -143,12 +143,6 @@ class Adjustments:
         if 'law' not in changes or kept(everything) == everything:
             return {**changes}
         return {name: value for name, value in kept(changes).items() if name != 'law'}
-
-    def limits_of_states(self) -> dict[str, Any]:
-        """Return the limits of states that were changed, for a law that keeps them."""
-        changes = self.changes.get('controller', {})
-        without = kept({**changes, 'law': ''})
-        return {name: value for name, value in changes.items() if name not in without}
 
     def _choose(self, node: str) -> None:
         options, with_law = _OPTIONS[node]

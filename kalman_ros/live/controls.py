@@ -217,6 +217,8 @@ def _path_controls(adjustments: Adjustments) -> Iterator[Control]:
 def _fault_controls(adjustments: Adjustments) -> Iterator[Control]:
     for name in adjustments.sensors:
         scale = max(adjustments.value('plant', f'{name}.noise'))
+        units = {'s': adjustments.time_unit}
+        output = adjustments.scenario('plant').sensors[name].sensor.output
         for fault, high in _FAULTS.items():
             parameter = f'{name}.{fault}'
             about = adjustments.known('plant')[parameter].about
@@ -230,7 +232,7 @@ def _fault_controls(adjustments: Adjustments) -> Iterator[Control]:
                 slider = (0.0, high, 'linear')
             yield Control(
                 ('plant',), parameter, index, f'Faults of {name}', fault,
-                adjustments.time_unit if about.unit == 's' else about.unit,
+                output.units[0] if index == 0 else units.get(about.unit, about.unit),
                 about.description, '', *slider,
             )  # fmt: skip
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.control.laws import WITHIN_LIMITS
-from kalman_ros.core import Gaussian
+from kalman_ros.core import Array, Gaussian
 from kalman_ros.core.one_line import one_line
 from kalman_ros.harness import NodeError
+from kalman_ros.scenario.law import kept, limits_of_states
 
 from .adjustments import Adjustments
 from .board import Board
@@ -200,8 +200,8 @@ class LiveCommands:
             raise ValueError(f'choose: expected {" or ".join(_OWNERS)}, got {json.dumps(choice)}')
         value = str(command.get('value'))
         if choice == 'law':
-            limits = self._adjustments.limits_of_states() if value in WITHIN_LIMITS else {}
-            self._apply({'controller': {'law': value, **limits}})
+            changes = self._adjustments.changes.get('controller', {})
+            self._apply({'controller': kept({**limits_of_states(changes), 'law': value})})
         else:
             self._reconfigure(_OWNERS[choice], {choice: value})
 
@@ -261,11 +261,7 @@ class LiveCommands:
     def _carry(self, command: Mapping[str, Any], _: float) -> None:
         """Carry the plant to other values of some states, which no other node knows."""
         names, values = command.get('names') or [], command.get('values') or []
-        state, truth = self._nodes.scenario.model.state, self._streams.truth
-        if self.pace.lockstep:
-            raise ValueError('carry: expected real time, since lockstep begins at its first step')
-        if truth is None or not np.isfinite(truth).all():
-            raise ValueError('carry: the plant has published no finite state')
+        state, truth = self._nodes.scenario.model.state, self._truth_to_change('carry')
         known = all(isinstance(name, str) and name in state.names for name in names)
         if not names or not known or len(values) != len(names) or not all(map(_is_place, values)):
             raise ValueError(f'carry: expected names of states and finite numbers up to {_FAR:g}')
@@ -274,17 +270,23 @@ class LiveCommands:
         self._nodes.reconfigure('plant', {'initial_state': place.tolist()})
         self._is_carried = True
 
+    def _truth_to_change(self, what: str) -> Array:
+        """Return the state in which to configure the plant again; ValueError without one."""
+        truth = self._streams.truth
+        if self.pace.lockstep:
+            why = 'since lockstep begins at its first step'
+            raise ValueError(f'{what}: expected real time, {why}')
+        if truth is None or not np.isfinite(truth).all():
+            raise ValueError(f'{what}: the plant has published no finite state')
+        return truth
+
     def _place(self, command: Mapping[str, Any], _: float) -> None:
         """Move a sensor, which no other node knows."""
         name, place = str(command.get('sensor')), [command.get('x'), command.get('y')]
-        truth, parameter = self._streams.truth, f'{name}.position'
-        if self.pace.lockstep:
-            raise ValueError('place: expected real time, since lockstep begins at its first step')
-        if truth is None or not np.isfinite(truth).all():
-            raise ValueError('place: the plant has published no finite state')
+        truth = self._truth_to_change('place')
         if name not in places(self._adjustments) or not all(map(_is_place, place)):
             raise ValueError(f'place: expected a sensor on the map and numbers up to {_FAR:g}')
-        values = {parameter: [float(value) for value in place if value is not None]}
+        values = {f'{name}.position': [float(value) for value in place if value is not None]}
         self._adjustments.change('plant', values)
         self.changed = True
         self._nodes.reconfigure('plant', {**values, 'initial_state': truth.tolist()})

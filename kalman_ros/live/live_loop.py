@@ -145,7 +145,8 @@ class LiveLoop:
             if not pace.lockstep and not commands.pushing:
                 self._doze()
             is_short = commands.changed or not self._board.readers
-            nodes.spin_until(_FRAME if is_short else _STATUS, lambda: not self._queue.empty())
+            wait = _FRAME if is_short else _STATUS / 2.0
+            nodes.spin_until(wait, lambda: not self._queue.empty())
             for _ in range(self._queue.qsize()):
                 commands.carry_out(*self._queue.get())
                 status_time = 0.0
@@ -270,6 +271,6 @@ def _load_laws(nodes: LiveNodes, law: str) -> None:
 
     Else its first change to ``placement`` would take half a second, without a force.
     """
-    for each in ('placement', law):
+    for name in ('placement', law):
         with suppress(ValueError):  # such a law may not exist for the scenario
-            nodes.set_parameters({'law': each}, 'controller')
+            nodes.set_parameters({'law': name}, 'controller')

@@ -43,8 +43,8 @@ def places(adjustments: Adjustments) -> dict[str, list[float]]:
     if adjustments.value('plant', 'model') == 'bearing_tracker':
         return {}
     published = [n for n in adjustments.sensors if adjustments.value('plant', f'{n}.enabled')]
-    found = {name: _sensor_position(adjustments, name) for name in published}
-    return {name: each['place'] for name, each in found.items() if each}
+    positions = {name: _sensor_position(adjustments, name) for name in published}
+    return {name: position['place'] for name, position in positions.items() if position}
 
 
 def _poles(adjustments: Adjustments, node: str, prefix: str) -> list[tuple[float, float]]:

@@ -110,12 +110,12 @@ class SensorWatch:
 
     def troubles(self, believed: Scenario) -> dict[str, dict[str, Any]]:
         """Return for JSON what is wrong with each sensor; sensors as believed are left out."""
-        found = {
+        troubles = {
             name: self._trouble(self._windows[name], source)
             for name, source in believed.enabled.items()
             if name in self._windows
         }
-        return {name: trouble for name, trouble in found.items() if trouble}
+        return {name: trouble for name, trouble in troubles.items() if trouble}
 
     def _trouble(self, window: _Window, source: SensorSource) -> dict[str, Any]:
         assert self._begin is not None
@@ -136,13 +136,13 @@ class SensorWatch:
             return {}
         if (np.array(window.values) == window.values[0]).all():
             return {'kind': 'frozen'}
-        found = _judge(error, std)
-        if 'coordinate' in found:
-            k, output = found.pop('coordinate'), source.sensor.output
-            found.update(name=output.names[k], unit=output.units[k])
-        if not found and window.late > _LATE:
+        trouble = _judge(error, std)
+        if 'coordinate' in trouble:
+            k, output = trouble.pop('coordinate'), source.sensor.output
+            trouble.update(name=output.names[k], unit=output.units[k])
+        if not trouble and window.late > _LATE:
             return {'kind': 'late', 'seconds': round(window.late, 2)}
-        return found
+        return trouble
 
 
 def _length(source: SensorSource) -> float:

@@ -55,13 +55,17 @@ class Streams:
         #: Time of the newest belief in nanoseconds.
         self.estimate_time: int | None = None
         self.truth: Array | None = None
+        #: Samples up to this time in nanoseconds are from before a reset.
+        self._reset_time: int | None = None
         #: Readings of the sensors beside the truth.
         self.watch = SensorWatch()
         self._restart_averages()
 
     def restart(self, samples: Mapping[str, Sequence[Sample]]) -> None:
-        """Pass over samples from before a reset, and restart all averages."""
+        """Pass over these samples and earlier ones, from before a reset; restart all averages."""
         self._estimates(samples)
+        truths = samples['ground_truth']
+        self._reset_time = truths[-1].time if truths else self._last
         self._restart_averages()
 
     def _restart_averages(self) -> None:
@@ -104,6 +108,7 @@ class Streams:
             Number of usual periods since the last frame; a late frame has as many more rows.
         """
         self.samples, self._most = samples, _MOST * max(periods, 1)
+        samples = self._since_reset(samples)
         self.watch.add(samples, believed)
         truths = samples['ground_truth']
         if self._origin is None:
@@ -173,9 +178,27 @@ class Streams:
         rows = []
         for _ in range(min(len(self._beliefs), len(self._covariances))):
             belief, P = self._beliefs.popleft(), self._covariances.popleft()
+            if self._is_old(belief):
+                continue
             self.estimate, self.estimate_time = (belief.values, P), belief.time
             rows.append([self._time(belief), *_belief_row(belief.values, P)])
         return _thin(rows, self._most)
+
+    def _is_old(self, sample: Sample) -> bool:
+        reset = self._reset_time
+        return reset is not None and sample.time is not None and sample.time <= reset
+
+    def _since_reset(
+        self, samples: Mapping[str, Sequence[Sample]]
+    ) -> Mapping[str, Sequence[Sample]]:
+        """Return the samples since the last reset, but all beliefs: their order pairs them."""
+        if self._reset_time is None:
+            return samples
+        paired = self._state.topic, covariance_signal(self._state).topic
+        return {
+            topic: all if topic in paired else [s for s in all if not self._is_old(s)]
+            for topic, all in samples.items()
+        }
 
     def beliefs(self, beliefs: Sequence[tuple[int, Gaussian]]) -> dict[str, Any]:
         """Return beliefs of a `Ghost` for JSON, in the rows of estimates; empty without any."""

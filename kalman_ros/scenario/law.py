@@ -37,16 +37,20 @@ def options(system: System, state: Space, values: Mapping[str, Any]) -> dict[str
     return found
 
 
+def limits_of_states(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the limits of states among parameters."""
+    return {name: v for name, v in values.items() if name.startswith(f'{STATE_LIMIT}.')}
+
+
 def kept(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values without those that the law among them does not have: limits of states."""
-    if values.get('law') in WITHIN_LIMITS:
-        return {**values}
-    return {name: v for name, v in values.items() if not name.startswith(f'{STATE_LIMIT}.')}
+    """Return the values without limits of states, unless the law among them keeps such limits."""
+    aside = {} if values.get('law') in WITHIN_LIMITS else limits_of_states(values)
+    return {name: value for name, value in values.items() if name not in aside}
 
 
 def _refuse_limits(law: str, values: Mapping[str, Any]) -> None:
     """Raise ValueError if limits of states are given, which a law does not keep."""
-    given = next((name for name in values if name.startswith(f'{STATE_LIMIT}.')), None)
+    given = next(iter(limits_of_states(values)), None)
     if given is not None:
         keeping = ' or '.join(WITHIN_LIMITS)
         raise ValueError(f'{given}: the law {law} keeps no limits of states, choose {keeping}')
@@ -68,6 +72,6 @@ def build(values: Mapping[str, Any], n: int, m: int) -> dict[str, Any]:
             name: value
             for name, value in values.items()
             if name in {option.name for option in law_options(values['law'])}
-            or name.startswith(f'{STATE_LIMIT}.')
-        },
+        }
+        | limits_of_states(values),
     }

@@ -41,3 +41,26 @@ def test_a_prediction_over_several_steps_is_that_of_each_step():
     found = streams.prior(scenario, 5)
     np.testing.assert_allclose(found['x'], x, rtol=1e-4)
     np.testing.assert_allclose(found['P'], P.ravel(), rtol=1e-4)
+
+
+def test_what_is_from_before_a_reset_is_in_no_frame():
+    scenario = Adjustments(shipped.file('mass_spring_damper'), {}).scenario('plant')
+    streams, samples = Streams(scenario), truths(100)
+    streams.frame(samples, scenario, None, {})
+    streams.restart(truths(120))
+
+    def late(first, count):
+        found = truths(count)
+        found['ground_truth'] = found['ground_truth'][first:]
+        times = [sample.time for sample in found['ground_truth']]
+        found['estimate'] = [Sample(time, np.ones(2), None) for time in times]
+        found['estimate/covariance'] = [Sample(None, np.eye(2).ravel(), None) for _ in times]
+        found['position'] = [Sample(time, np.ones(1), None) for time in times]
+        innovations = (f'estimate/innovation/{name}' for name in scenario.sensors)
+        topics = 'force', *scenario.sensors, *innovations
+        return {**dict.fromkeys(topics, ()), **found}
+
+    frame = streams.frame(late(110, 125), scenario, None, {}, periods=9)
+    for rows in (frame['truth'], frame['estimate'], frame['readings']['position']):
+        assert [row[0] for row in rows] == [1.2, 1.21, 1.22, 1.23, 1.24]
+    assert streams.frame(late(100, 119), scenario, None, {}) is None

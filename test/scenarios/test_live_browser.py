@@ -143,9 +143,11 @@ def test_buttons_and_keys_pause_push_and_reset(page):
     browser.key(' ')
     browser.until(f'!{text("#state")}.includes("paused")')
     browser.click('[data-task=push]')
-    for button in ('#pushes button', '#reset'):
+    pushed = f'{text("#sentence")}.startsWith("The input f_x was pushed, unknown to the filter")'
+    for button, said in (('#pushes button', pushed), ('#reset', f'!{pushed}')):
         browser.click(button)
         assert loop.until(lambda m: 'answer' in m)['answer']['error'] == ''
+        browser.until(said, 3.0)
     assert browser.run('document.querySelector("#notice").hidden')
 
 

@@ -131,7 +131,7 @@ def test_the_limit_of_the_input_is_dragged_and_the_page_says_what_acts(cart):
     browser, loop = cart
     canvas = '#effects canvas:nth-child(2)'
     left, top, width, height = browser.place(canvas)
-    browser.until(f'document.querySelector({canvas!r}).grips.length === 2')
+    browser.until(f'document.querySelector({canvas!r}).handles.length === 2')
     low, high = browser.run(f'document.querySelector({canvas!r}).range')
 
     def at(force):

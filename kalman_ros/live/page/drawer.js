@@ -6,7 +6,7 @@ import { Controls } from './controls.js';
 import { buildGhost } from './ghost.js';
 import { grab, noGrab } from './grab.js';
 import { hasLimits, hasWalls, limitOf, setLimit } from './limits.js';
-import { $, element, page } from './page.js';
+import { $, acted, element, page } from './page.js';
 import { pathHint, sendShape, SHAPES } from './path.js';
 import { short } from './plots.js';
 import { mainStates } from './saying.js';
@@ -30,6 +30,8 @@ let sensor = '';  // of which faults and noise are shown
 const firstSensor = () => (sensor in page.scene.sensors ? sensor : Object.keys(page.scene.sensors)[0]);
 // a coordinate that it measures, or that matters to it most
 const sensedBy = (name) => page.scene.sensors[name].names.find((each) => page.scene.state.names.includes(each)) ?? page.scene.sensors[name].sees ?? mainStates()[0];
+
+const hasPlaces = () => Object.keys(page.places).length > 0;
 
 // of several sensors, one is chosen
 function chooseSensor(place, task) {
@@ -114,8 +116,8 @@ const TASKS = {
     reason: () => (noInput() && page.scene.drawing.kind === 'bars' ? noInput() : ''),
     words: () => {
       if (noGrab()) return `With the mouse, nothing: ${noGrab()}.`;
-      return grab.carries ? `Drag the system${Object.keys(page.places).length ? ' or a sensor' : ''} elsewhere: the estimator does not know.`
-        : `Pull at the system with the mouse or a finger${Object.keys(page.places).length ? ', move a sensor' : ''}, or push an input for 0.2 s.`;
+      return grab.carries ? `Drag the system${hasPlaces() ? ' or a sensor' : ''} elsewhere: the estimator does not know.`
+        : `Pull at the system with the mouse or a finger${hasPlaces() ? ', move a sensor' : ''}, or push an input for 0.2 s.`;
     },
     build: buildPushes,
     effects: () => (noInput() ? [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`] : loopEffects()),
@@ -189,6 +191,7 @@ function buildPushes(place) {
 }
 
 export function push(input, sign) {
+  acted(`The input ${page.scene.input.names[input]} was pushed`);
   send({ do: 'push', input, share: sign * 10 ** push.strength });
 }
 push.strength = -0.7;

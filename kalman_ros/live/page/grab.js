@@ -3,7 +3,7 @@
 // carrying it away, which the estimator does not know.
 
 import { last } from './data.js';
-import { page } from './page.js';
+import { acted, page } from './page.js';
 import { Newest, send } from './socket.js';
 
 const PERIOD = 80;   // milliseconds between two commands: each push lasts for 200
@@ -48,6 +48,7 @@ export function grabSystem(canvas) {
     const [x, y] = canvas.body, [px, py] = canvas.pull, { names } = page.scene.state, row = last('truth');
     const truth = Object.fromEntries(names.map((name, k) => [name, row[1 + k]]));
     const shares = PULL[page.scene.drawing.kind]((px - x) / LONG, (y - py) / LONG, truth);
+    if (shares) acted('The system is pulled');
     if (shares) newest.put({ do: 'push', shares: shares.map((share) => Number(Math.max(-MOST, Math.min(MOST, share)).toFixed(3))) });
   };
   const at = (event) => {
@@ -70,6 +71,7 @@ export function grabSystem(canvas) {
     if (canvas.pull && canvas.carries && canvas.place) {
       const [names, values] = canvas.place(...canvas.pull);
       send({ do: 'carry', names, values });
+      acted('The system was carried away');
     }
     free();
   });

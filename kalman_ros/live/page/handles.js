@@ -1,28 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is dragged on a canvas, beside limits: `canvas.handles` are renewed whenever it is drawn,
-// each with `hit(x, y)`, `move(x, y, start)` and, where something follows, `end()`.
+// What is dragged on a canvas: `canvas.handles` are renewed whenever it is drawn, each with
+// `hit(x, y)`, `move(x, y, start)`, and, where something is to be done, `begin(x, y)` and `end()`.
+// `canvas.held` is the one that is dragged.
 
 export function dragHandles(canvas) {
-  let held = null, start = null;
+  let start = null;
   const at = (event) => {
     const box = canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   };
   const under = (event) => (canvas.handles ?? []).find((handle) => handle.hit(...at(event)));
   canvas.addEventListener('pointerdown', (event) => {
-    held = event.button ? null : under(event);
-    if (!held) return;
-    start = at(event);
-    held.begin?.();
+    const handle = under(event);
+    if (!handle || event.button) return;
     event.stopImmediatePropagation();
     canvas.setPointerCapture(event.pointerId);
+    canvas.held = handle;
+    start = at(event);
+    handle.begin?.(...start);
   });
   canvas.addEventListener('pointermove', (event) => {
-    if (held) held.move(...at(event), start);
+    if (canvas.held) canvas.held.move(...at(event), start);
     else canvas.classList.toggle('handle', Boolean(under(event)));
   });
   for (const name of ['pointerup', 'pointercancel']) {
-    canvas.addEventListener(name, () => { held?.end?.(); held = null; });
+    canvas.addEventListener(name, () => {
+      const handle = canvas.held;
+      canvas.held = null;
+      handle?.end?.();
+    });
   }
   // a finger on a handle does not scroll
   canvas.addEventListener('touchstart', (event) => { if (under(event.touches[0])) event.preventDefault(); }, { passive: false });

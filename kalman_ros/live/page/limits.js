@@ -26,7 +26,7 @@ export const hasLimits = (of, name) => (of === 'input' ? page.limits.input.lengt
 // lines of a plot, one for each side; where there is no limit, only while limits are the task
 export function limitLines(of, name) {
   if (!hasLimits(of, name)) return [];
-  return ['low', 'high'].map((side) => ({ value: limitOf(of, name, side), look: 'bad', dash: 'dashed', grip: { of, name, side } }))
+  return ['low', 'high'].map((side) => ({ value: limitOf(of, name, side), look: 'bad', dash: 'dashed', side, grip: (...places) => limitHandle({ of, name, side }, ...places) }))
     .filter(({ value }) => value !== null || page.task === 'limits');
 }
 
@@ -35,39 +35,18 @@ export function setLimit(grip, value, done) {
   newest.put({ do: 'limit', ...grip, ...number }, done);
 }
 
-// Let a person drag the grips of a canvas: `canvas.grips` are renewed whenever it is drawn, each
-// with `hit(x, y)`, `value(x, y)` and its limit.
-export function dragLimits(canvas) {
-  const at = (event) => {
-    const box = canvas.getBoundingClientRect();
-    return [event.clientX - box.left, event.clientY - box.top];
-  };
-  const under = (event) => (canvas.grips ?? []).find((grip) => grip.hit(...at(event)));
-  canvas.addEventListener('pointerdown', (event) => {
-    const grip = under(event);
-    if (!grip) return;
-    event.stopImmediatePropagation();
-    canvas.setPointerCapture(event.pointerId);
-    canvas.held = grip;
-    held = { ...grip.limit, value: grip.value(...at(event)) };
-  });
-  canvas.addEventListener('pointermove', (event) => {
-    if (!canvas.held) { canvas.classList.toggle('grip', Boolean(under(event))); return; }
-    const value = canvas.held.value(...at(event));
-    held = { ...canvas.held.limit, value: canvas.held.limit.of === 'input' ? Math.abs(value) : value };
+// What is dragged to move a limit: `valueAt(x, y)` is where the pointer puts it.
+function limitHandle(limit, hit, valueAt) {
+  const hold = (x, y) => {
+    const value = valueAt(x, y);
+    held = { ...limit, value: limit.of === 'input' ? Math.abs(value) : value };
     page.dirty = true;
-    setLimit(canvas.held.limit, held.value);
-  });
-  const release = () => {
-    if (!canvas.held) return;
-    const { limit } = canvas.held, { value } = held;
-    canvas.held = null;
-    setLimit(limit, value, () => { held = null; page.dirty = true; });
   };
-  canvas.addEventListener('pointerup', release);
-  canvas.addEventListener('pointercancel', release);
-  // a finger on a grip does not scroll
-  canvas.addEventListener('touchstart', (event) => { if (under(event.touches[0])) event.preventDefault(); }, { passive: false });
+  return {
+    hit, limit, begin: hold,
+    move: (x, y) => { hold(x, y); setLimit(limit, held.value); },
+    end: () => setLimit(limit, held.value, () => { held = null; page.dirty = true; }),
+  };
 }
 
 // whether the limits of a position are walls in the picture
@@ -95,10 +74,7 @@ export function walls(pen, canvas, name, X, world, width, top, bottom) {
     pen.textAlign = (side === 'low') === isRoomy ? 'right' : 'left';
     pen.fillText(text, isRoomy ? x - 4 * sign : Math.min(Math.max(x, 2), width - 2), top - 5);
     pen.textAlign = 'left';
-    canvas.grips.push({
-      hit: (px, py) => Math.abs(px - x) < 16 && py > top - 20 && py < bottom + 20,
-      value: (px) => world(px), limit: { of: 'state', name, side },
-    });
+    canvas.handles.push(limitHandle({ of: 'state', name, side }, (px, py) => Math.abs(px - x) < 16 && py > top - 20 && py < bottom + 20, world));
   }
 }
 

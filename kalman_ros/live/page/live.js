@@ -8,10 +8,10 @@ import { add, clear, data } from './data.js';
 import { buildDrawer, drawer, drawerWords, open, push, showDrawer } from './drawer.js';
 import { ghostGone } from './ghost.js';
 import { grabSystem } from './grab.js';
-import { countPlans, dragLimits, forgetPlans } from './limits.js';
+import { countPlans, forgetPlans } from './limits.js';
 import { drawBode, drawNyquist, marginText, PoleMap } from './maps.js';
 import { dragHandles } from './handles.js';
-import { $, element, page } from './page.js';
+import { $, acted, element, page } from './page.js';
 import { drawPaths } from './path.js';
 import { forgetColours, plot, short } from './plots.js';
 import { RECENT, saying, troubled } from './saying.js';
@@ -31,7 +31,7 @@ function receive(message) {
     if (frame.answer) show(frame.answer);
     else if (frame.latency) $('latency').textContent = `slider to input ${Math.round(frame.latency.ms)} ms`;
     else {
-      if (frame.fresh) forgetPlans();
+      if (frame.fresh) { forgetPlans(); acted(''); said = 0; }
       noticeStep(frame);
       add(frame);
     }
@@ -246,7 +246,7 @@ function buildChoices() {
 function canvasIn(place) {
   const canvas = element('canvas');
   canvas.setAttribute('role', 'img');
-  dragLimits(canvas);
+  dragHandles(canvas);
   place.append(canvas);
   return canvas;
 }
@@ -279,7 +279,7 @@ function draw(time) {
   $('prior-legend').hidden = !data.prior;
   $('path-legend').hidden = !page.path.points?.length;
   drawSystem($('system'), page.scene);
-  $('limit-legend').hidden = !$('system').grips?.length;
+  $('limit-legend').hidden = !$('system').handles?.some(({ limit }) => limit);
   const { readings } = $('system');
   $('reading-legend').hidden = !readings;
   $('reading-legend').firstElementChild.className = readings === 'lines' ? 'line' : 'reading';
@@ -314,7 +314,7 @@ const ACT = {
   pause: () => send({ do: page.status.paused ? 'resume' : 'pause' }),
   step: () => send({ do: 'step' }),
   reset: () => send({ do: page.status.failed ? 'restart' : 'reset' }),
-  push: () => push(0, 1),
+  push: () => (page.scene.input.names.length ? push(0, 1) : open('push')),
   mend: () => {
     const ends = ['plant', 'estimator'].map((node) => `${node}/${troubled()}.`), { values } = page.scene.initial;
     const changed = Object.keys(values).filter((key) => ends.some((end) => key.startsWith(end)) && page.values[key] !== values[key]);
@@ -391,7 +391,6 @@ const darkness = matchMedia('(prefers-color-scheme: dark)');
 darkness.addEventListener('change', () => useTheme(darkness.matches));
 useTheme(darkness.matches);
 $('saying').title = `over the last ${RECENT} s: root mean squares, of 2σ and of the error`;
-dragLimits($('system'));
 dragHandles($('system'));
 dragHandles($('bode'));
 drawPaths($('system'));

@@ -15,9 +15,15 @@ export const page = {
   path: { points: [], state: '' },
   share: {},
   ghost: {},
+  acted: { what: '', at: -1e9 },  // the last push, pull or carrying of this tab, at a time in ms
   task: '',      // the open one of the drawer
   dirty: true,   // whether something has changed since it was drawn
 };
+
+// Remember what a person has just done to the plant, which no filter knows.
+export function acted(what) {
+  page.acted = { what, at: performance.now() };
+}
 
 // an element with properties and children
 export function element(tag, properties = {}, ...children) {

@@ -71,7 +71,8 @@ export function stroke(pen, name, width = 1.5, dash = 'solid') {
 const FAR = 3;  // a line with a grip is within the plot if it is at most this many ranges away
 
 // Draw one plot, of the last `share` of the span. `curves` have rows, a value (row) => number, and a look; a `band` has low and high.
-// A line with a `grip` can be dragged; its value is null where there is no limit.
+// A line with a `grip` is dragged, a limit on one `side`, whose value is null where there is none:
+// the grip returns its handle for where it is hit and the value of a place.
 // With `columns`, it is a heat map of the numbers of `rows`.
 export function plot(canvas, { title, rows, columns, curves = [], bands = [], marks = [], lines = [], log = false, share = 1 }) {
   if (columns) { heatMap(canvas, title, rows, columns); return; }
@@ -162,13 +163,10 @@ export function plot(canvas, { title, rows, columns, curves = [], bands = [], ma
     pen.stroke();
   }
   pen.restore();
-  canvas.grips = lines.filter((line) => line.grip).map((line) => {
+  canvas.handles = lines.filter((line) => line.grip).map((line) => {
     const y = gripOf(pen, line, left, right, top, bottom, Y);
-    return {
-      hit: (px, py) => Math.abs(py - y) < (px > right - 70 ? 14 : 6) && px > left,
-      value: (px, py) => low + (high - low) * (bottom - py) / (bottom - top),
-      limit: line.grip,
-    };
+    const hit = (px, py) => Math.abs(py - y) < (px > right - 70 ? 14 : 6) && px > left;
+    return line.grip(hit, (_, py) => low + (high - low) * (bottom - py) / (bottom - top));
   });
   pen.setLineDash([]);
   pen.fillStyle = colour('ink');
@@ -212,8 +210,8 @@ function heatMap(canvas, title, rows, columns) {
 }
 
 // Draw a line with its grip, at the edge of the plot where it is beyond; return its height.
-function gripOf(pen, { value, look, dash, grip }, left, right, top, bottom, Y) {
-  const free = value === null, up = grip.side === 'high';
+function gripOf(pen, { value, look, dash, side }, left, right, top, bottom, Y) {
+  const free = value === null, up = side === 'high';
   const y = free ? (up ? top : bottom) : Math.min(Math.max(Y(value), top), bottom), beyond = !free && Math.abs(Y(value) - y) > 1;
   stroke(pen, look, 1.6, free || beyond ? 'dotted' : dash);
   pen.globalAlpha = free ? 0.35 : 1;

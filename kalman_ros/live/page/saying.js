@@ -11,6 +11,7 @@ export const RECENT = 2;  // seconds over which an error is averaged
 const FALLEN = 1.3;    // radians at which no force brings the pole up again
 const TOO_SURE = 2;    // the error beyond this many times the 2σ is too large to be chance
 const SHOWN = 6000;    // milliseconds for which the end of a motion is told
+const FELT = 4000;     // milliseconds for which a push is told
 const ended = { state: '', at: 0 };
 const DEGREE = Math.PI / 180;
 
@@ -32,12 +33,15 @@ export function mainStates() {
 
 const turned = (angle) => Math.atan2(Math.sin(angle), Math.cos(angle));
 
+// the begin of the recent past; after a reset that of its latter half, without the start
+const since = () => Math.max(data.now - RECENT, (data.now + data.began) / 2);
+
 // how wrong the estimate is, and how wrong it believes to be (2σ), in the recent past
 export function errors(rows = 'estimate') {
   const { state } = page.scene, n = state.names.length, names = mainStates();
   const truths = new Map((data.rows.truth ?? []).map((row) => [row[0], row]));
   let squares = 0, variances = 0, count = 0;
-  for (const row of (data.rows[rows] ?? []).filter((each) => each[0] >= data.now - RECENT)) {
+  for (const row of (data.rows[rows] ?? []).filter((each) => each[0] >= since())) {
     const truth = truths.get(row[0]);
     if (!truth) continue;
     count++;
@@ -53,8 +57,8 @@ export function errors(rows = 'estimate') {
 
 function fallen() {
   if (page.scene.drawing.kind !== 'cart_pole') return false;
-  const truth = last('truth'), at = page.scene.state.names.indexOf('theta');
-  return Boolean(truth) && Math.abs(turned(truth[1 + at])) > FALLEN;
+  const at = 1 + page.scene.state.names.indexOf('theta');  // it may swing through the top
+  return (data.rows.truth ?? []).some((row) => row[0] >= since() && Math.abs(turned(row[at])) > FALLEN);
 }
 
 // the sensor that is not as the filter believes; '' where all are
@@ -66,7 +70,7 @@ const SAID = {
   frozen: () => 'is frozen at one value',
   outliers: ({ share }) => `has outliers, ${percent(share)} of its readings`,
   bias: ({ name, unit, size }) => `reads ${name} ${quantity(Math.abs(size), unit)} too ${size > 0 ? 'high' : 'low'}`,
-  noise: ({ factor }) => (factor > 1 ? `scatters ${short(factor, 2)} times as much as the filter believes` : `scatters only ${short(factor, 2)} times as much as the filter believes`),
+  noise: ({ factor }) => `scatters ${factor > 1 ? '' : 'only '}${short(factor, 2)} times as much as the filter believes`,
   late: ({ seconds }) => `is ${short(seconds, 2)} ${data.unit} late`,
 };
 
@@ -80,7 +84,7 @@ function sensorWords() {
 // The sentence, and the name of an action that helps, or ''.
 export function saying() {
   const { status, scene, path } = page, { controller, plant } = status.nodes ?? {}, sensor = sensorWords();
-  if (!last('truth')) return { text: status.message || 'The nodes start.', help: '' };
+  if (!last('truth')) return { text: status.message || (data.began ? 'It begins anew.' : 'The nodes start.'), help: '' };
   if (status.paused) return { text: 'The plant is paused.', help: 'pause' };
   if (plant?.level === 2) return { text: `The plant: ${plant.message}.`, help: 'reset' };
   if (sensor && fallen()) return { text: `${sensor}; the pole has fallen.`, help: 'mend' };
@@ -88,15 +92,15 @@ export function saying() {
   if (controller?.level === 2) return { text: `The controller: ${controller.message}.`, help: 'reset' };
   if (fallen()) return { text: 'The pole has fallen: no force that the regulator knows brings it up.', help: 'reset' };
   const error = errors();
-  if (sensor) return { text: error ? `${sensor}: the filter believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.` : `${sensor}.`, help: 'mend' };
-  if (error && error.wrong > TOO_SURE * error.believed) {
-    return { text: `The filter is too sure: it believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`, help: 'reset' };
-  }
+  const wrong = error && `within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`;
+  if (sensor) return { text: error ? `${sensor}: the filter believes it is ${wrong}` : `${sensor}.`, help: 'mend' };
+  if (error && page.acted.what && performance.now() - page.acted.at < FELT) return { text: `${page.acted.what}, unknown to the filter: it believes it is ${wrong}`, help: '' };
+  if (error && error.wrong > TOO_SURE * error.believed) return { text: `The filter is too sure: it believes it is ${wrong}`, help: 'reset' };
   const recent = path.state === 'ended' && performance.now() - ended.at < SHOWN;
   if (path.state !== ended.state) Object.assign(ended, { state: path.state, at: performance.now() });
   if (!scene.path.reason && (recent || ['planning', 'refused', 'following'].includes(path.state))) return { text: pathWords(), help: '' };
   const held = scene.input.names.length ? actingSentence() : '';
   if (held) return { text: held, help: '' };
-  if (error) return { text: `The filter believes it is within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`, help: '' };
+  if (error) return { text: `The filter believes it is ${wrong}`, help: '' };
   return { text: 'No estimate has been compared with the truth yet.', help: '' };
 }

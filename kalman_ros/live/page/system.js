@@ -342,7 +342,6 @@ export function drawSystem(canvas, scene) {
   }
   area.pen.textAlign = 'left';
   area.pen.textBaseline = 'alphabetic';
-  canvas.grips = [];
   canvas.handles = [];
   canvas.place = canvas.readings = null;
   DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene), canvas);
