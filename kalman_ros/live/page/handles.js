@@ -4,9 +4,10 @@
 // `canvas.held` is the one that is dragged.
 
 export function dragHandles(canvas) {
-  let start = null;
+  let start = null, box = null;
   const at = (event) => {
-    const box = canvas.getBoundingClientRect();
+    // while it is dragged, the page may move under the hand
+    if (!canvas.held) box = canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   };
   const under = (event) => (canvas.handles ?? []).find((handle) => handle.hit(...at(event)));
@@ -15,8 +16,8 @@ export function dragHandles(canvas) {
     if (!handle || event.button) return;
     event.stopImmediatePropagation();
     canvas.setPointerCapture(event.pointerId);
-    canvas.held = handle;
     start = at(event);
+    canvas.held = handle;
     handle.begin?.(...start);
   });
   canvas.addEventListener('pointermove', (event) => {
