@@ -12,7 +12,7 @@ import numpy as np
 
 from kalman_ros.analysis.checks import LqgTheory, schedule
 from kalman_ros.analysis.input_loops import Loop, even_estimator, input_loops
-from kalman_ros.analysis.observability import observability
+from kalman_ros.analysis.observability import observability, stacked
 from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.margins import Margin
 from kalman_ros.control.separation import LqgLoop
@@ -45,6 +45,7 @@ def theory(
     """
     results: dict[str, Any] = {'notes': []}
     steps = (
+        ('unseen', lambda: _unseen(believed)),
         ('open', lambda: _open_loop_poles(actual)),
         ('estimator', lambda: _estimator_theory(believed, filter_options)),
         *((('regulator', lambda: _regulator_theory(believed)),) if believed.law else ()),
@@ -75,6 +76,17 @@ def _check_detectable(scenario: Scenario, point: OperatingPoint) -> None:
     result = observability(scenario, point)
     if not result.detectable:
         raise DesignError(f'no steady state: {result}')
+
+
+def _unseen(believed: Scenario) -> list[str]:
+    """Return the names of the states on which no reading depends, now or later."""
+    model, x = believed.model, believed.initial_belief.mean
+    u, dt = model.equilibrium.input, 1.0 / believed.rate
+    A = model.transition(x, u, dt).F
+    seen = np.abs(stacked(believed, x)).max(axis=0, initial=0.0) > 0.0
+    for _ in model.state.names:
+        seen = seen | (np.abs(A[seen]).max(axis=0, initial=0.0) > 0.0)
+    return [name for name, there in zip(model.state.names, seen) if not there]
 
 
 def _open_loop_poles(actual: Scenario) -> list[list[float]]:

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from inspect import getdoc
 from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
+from kalman_ros import models
 from kalman_ros.control.laws import LAWS
 from kalman_ros.core import DesignError, Sensor, Space
 from kalman_ros.estimators import FILTERS
@@ -61,6 +64,7 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
     return {
         'name': adjustments.file.stem,
         'model': adjustments.value('plant', 'model'),
+        'about': _about(str(adjustments.value('plant', 'model'))),
         'rate': plant.rate,
         'time': adjustments.time_unit,
         'state': _space(state),
@@ -86,6 +90,13 @@ def scene(adjustments: Adjustments, controls: dict[str, Control]) -> dict[str, A
         },
         'linear': plant.plan.linear,
     }
+
+
+def _about(model: str) -> str:
+    """Return what the module of a model says in its first line."""
+    module, colon, _ = model.partition(':')
+    text = getdoc(import_module(module if colon else f'{models.__name__}.{module}'))
+    return (text or '').partition('\n')[0]
 
 
 def force_scale(adjustments: Adjustments) -> float:

@@ -137,9 +137,9 @@ class SensorWatch:
         if (np.array(window.values) == window.values[0]).all():
             return {'kind': 'frozen'}
         trouble = _judge(error, std)
-        if 'coordinate' in trouble:
-            k, output = trouble.pop('coordinate'), source.sensor.output
-            trouble.update(name=output.names[k], unit=output.units[k])
+        for off in trouble.get('off', []):
+            k, output = off.pop('coordinate'), source.sensor.output
+            off.update(name=output.names[k], unit=output.units[k])
         if not trouble and window.late > _LATE:
             return {'kind': 'late', 'seconds': round(window.late, 2)}
         return trouble
@@ -165,14 +165,15 @@ def _judge(error: Array, std: Array) -> dict[str, Any]:
     if share:
         return {'kind': 'outliers', 'share': round(share, 3)}
     off = np.abs(middle) / std / np.maximum(spread, 1.0)
-    k = int(off.argmax())
-    if off[k] > _BIASED + 1.25 * chance:
-        return {'kind': 'bias', 'coordinate': k, 'size': float(f'{middle[k]:.2g}')}
+    biased = np.flatnonzero(off > _BIASED + 1.25 * chance).tolist()
+    if biased:
+        sizes = [{'coordinate': k, 'size': float(f'{middle[k]:.2g}')} for k in biased]
+        return {'kind': 'bias', 'off': sizes}
     near = error[~far.any(axis=1)] - middle
     ratio = np.maximum(np.sqrt((near**2).mean(axis=0)) / std, 1e-9)
     k = int(np.abs(np.log(ratio)).argmax())
     factor = float(ratio[k])
     largest = factor if factor > 1.0 or len(near) < _LEAST_CALM else 1.0 / factor
     if largest > _NOISIER + 0.71 * chance:
-        return {'kind': 'noise', 'coordinate': k, 'factor': float(f'{factor:.2g}')}
+        return {'kind': 'noise', 'off': [{'coordinate': k, 'factor': float(f'{factor:.2g}')}]}
     return {}

@@ -36,3 +36,19 @@ def test_the_kalman_filter_has_no_placed_poles(filter):
     assert 'placed' not in found
     assert ('gains' in found) is (filter == 'steady_state')
     assert max(re for re, _ in found['poles']) < 0.0
+
+
+@pytest.mark.parametrize(
+    ('name', 'off', 'unseen'),
+    [
+        ('cart_pole', (), []),
+        ('diff_drive', (), ['x', 'y', 'psi']),
+        ('gnss_imu', (), []),
+        ('gnss_imu', ('gnss',), ['x', 'y', 'psi', 'v']),
+        ('submersible', (), ['x', 'u']),
+    ],
+)
+def test_states_on_which_no_reading_depends_are_named(name, off, unseen):
+    found = Adjustments(shipped.file(name), {f'{sensor}.enabled': False for sensor in off})
+    shown = theory(found.believed(), found.scenario('plant'), found.filter_options(), 0.0)
+    assert shown['unseen'] == unseen

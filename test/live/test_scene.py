@@ -19,3 +19,16 @@ def test_a_scenario_whose_second_stands_for_a_year_has_years_everywhere(name, ti
     assert shown['time'] == time
     assert {time, rate} <= units
     assert ('s' in units) == ('Hz' in units) == (time == 's')
+
+
+@pytest.mark.parametrize(
+    ('model', 'about'),
+    [
+        ('cart_pole', 'A pole balanced on a cart that is pushed by a force.'),
+        ('kalman_ros.models.level:level', 'A random-walk level:'),
+    ],
+)
+def test_a_scene_says_what_its_model_is_by_the_first_line_of_its_module(model, about):
+    name = model.rpartition(':')[2]
+    found = Adjustments(shipped.file(name), {'model': model})
+    assert scene(found, controls(found))['about'].startswith(about)

@@ -81,8 +81,6 @@ def test_nothing_is_said_of_sensors_as_believed(name, seed):
         ({'dropout': 0.6}, 'lost', ('share', 0.6, 0.1)),
         ({'freeze': True}, 'frozen', None),
         ({'outliers': 0.05}, 'outliers', ('share', 0.05, 0.03)),
-        ({'bias': [0.05, 0.0]}, 'bias', ('size', 0.05, 0.003)),
-        ({'bias': [0.0, -0.05]}, 'bias', ('size', -0.05, 0.003)),
     ],
 )
 def test_a_fault_is_named(faults, kind, number):
@@ -91,18 +89,27 @@ def test_a_fault_is_named(faults, kind, number):
     if number:
         key, value, tolerance = number
         assert found[key] == pytest.approx(value, abs=tolerance)
-    if kind == 'bias':
-        moved = [value != 0.0 for value in faults['bias']].index(True)
-        assert found['name'] == ('x', 'theta')[moved]
-        assert found['unit'] == ('m', 'rad')[moved]
+
+
+@pytest.mark.parametrize('bias', [[0.05, 0.0], [0.0, -0.05], [0.03, -0.05]])
+def test_every_coordinate_with_a_bias_is_named(bias):
+    found, _ = said(*ran('cart_pole', 6.0, bias=bias))
+    assert found['kind'] == 'bias'
+    known = {'x': ('m', bias[0]), 'theta': ('rad', bias[1])}
+    assert [off['name'] for off in found['off']] == [name for name in known if known[name][1]]
+    for off in found['off']:
+        unit, size = known[off['name']]
+        assert off['unit'] == unit
+        assert off['size'] == pytest.approx(size, abs=0.003)
 
 
 @pytest.mark.parametrize('factor', [0.25, 4.0])
 def test_noise_that_is_not_as_believed_is_named(factor):
     believed = {'joint_states.noise': [factor * 0.005, 0.005]}
     found, _ = said(*ran('cart_pole', 6.0, believed=believed))
-    assert (found['kind'], found['name']) == ('noise', 'x')
-    assert found['factor'] == pytest.approx(1.0 / factor, rel=0.2)
+    (off,) = found['off']
+    assert (found['kind'], off['name'], off['unit']) == ('noise', 'x', 'm')
+    assert off['factor'] == pytest.approx(1.0 / factor, rel=0.2)
 
 
 def test_late_readings_are_named_and_compared_with_the_truth_of_their_stamps():

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tour, the ghost and the address of the live page, in a headless Chromium."""
 
+import io
 import json
 import math
+import re
 from urllib.parse import parse_qs, quote
 
+import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 
 pytest.importorskip('rclpy')
 pytest.importorskip('websockets')
@@ -197,12 +201,15 @@ def test_an_address_that_makes_no_sense_offers_nothing(cart, bad):
     browser.until('document.querySelector("#offer").hidden')
 
 
-def test_a_clip_is_recorded_and_a_picture_is_made(cart):
+@pytest.mark.parametrize('kind', ['webm', 'gif'])
+def test_a_clip_is_recorded(cart, kind):
     browser, loop = cart
     opened(browser, loop, '#task=regulator')
+    browser.run("""(make => { window.kept = []; URL.createObjectURL = blob => {
+        window.kept.push(blob); return make.call(URL, blob); }; })(URL.createObjectURL)""")
     browser.click('#share')
-    assert browser.run('document.querySelector("#record").disabled') is False
-    browser.click('#record')
+    assert browser.run(f'document.querySelector("#{kind}").disabled') is False
+    browser.click(f'#{kind}')
     browser.until(f'{text("#share")}.includes("stop")')
     browser.until('document.querySelector("#system").solid')
     now = browser.run('Number.parseFloat(clock.textContent)')
@@ -210,6 +217,28 @@ def test_a_clip_is_recorded_and_a_picture_is_made(cart):
     browser.click('#share')
     browser.until(f'{text("#share")} === "share"')
     assert int(browser.run(text('#told')).split()[-2]) > 5  # kB
+    browser.run("""kept[0].arrayBuffer().then(b => { window.clip = [...new Uint8Array(b)]
+        .map(x => x.toString(16).padStart(2, '0')).join(''); })""")
+    clip = bytes.fromhex(browser.until('window.clip'))
+    if kind == 'webm':
+        assert clip[:4] == bytes.fromhex('1a45dfa3')  # of an EBML file
+        return
+    with Image.open(io.BytesIO(clip)) as film:
+        frames = [np.asarray(frame.convert('RGB')) for frame in ImageSequence.Iterator(film)]
+        width, height = browser.run('[system.width, system.height]')
+        assert film.size == (480, round(480 * height / width))
+    assert 10 < len(frames) < 60
+    assert (frames[0] != frames[-1]).any()
+    # the paper of the picture is that of the page, to the 8 levels of a bin of colours
+    paper = browser.run('getComputedStyle(system).backgroundColor')
+    wanted = [int(part) for part in re.findall(r'\d+', paper)]
+    values, counts = np.unique(frames[-1].reshape(-1, 3), axis=0, return_counts=True)
+    assert np.abs(values[counts.argmax()].astype(int) - wanted).max() < 8
+
+
+def test_a_picture_is_copied_or_saved(cart):
+    browser, loop = cart
+    opened(browser, loop, '#task=regulator')
     browser.click('#share')
     browser.click('#picture')
     browser.until(f'/^(copied|saved)/.test({text("#made")})')

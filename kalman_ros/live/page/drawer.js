@@ -166,7 +166,8 @@ function buildLimits(place) {
 
 function buildStep(place) {
   const act = button('', () => send({ do: 'step', reading: shownSensor() }), '', 'to the next reading'), numbers = element('div', { id: 'numbers' });
-  place.append(element('div', { className: 'transport' }, act), numbers);
+  const legend = Object.entries({ before: 'before', prior: 'predicted', line: 'reading, 2σ', estimate: 'updated' });
+  place.append(element('div', { className: 'transport' }, act), numbers, element('p', { className: 'legend' }, ...legend.map(([look, text]) => element('span', {}, element('i', { className: look }), text))));
   drawer.tell = () => {
     act.textContent = isPredicted() ? 'update' : page.status.lockstep ? 'predict' : 'predict: stop, and go step by step';
     const lines = stepNumbers();

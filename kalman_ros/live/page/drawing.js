@@ -2,7 +2,7 @@
 // Parts of the drawings: springs, arrows, ellipses, readings.
 
 import { data, last } from './data.js';
-import { colour, labelled, short, stroke } from './plots.js';
+import { colour, labelled, quantity, short, stroke, ticks } from './plots.js';
 
 export const TWO_SIGMA = 2;
 export const FRESH = 600;  // milliseconds for which a reading is shown
@@ -71,15 +71,28 @@ export function ellipse(pen, X, Y, belief, a, b, look, dash) {
   pen.beginPath(); pen.arc(X(mx), Y(my), 2.5, 0, 7); pen.fillStyle = colour(look); pen.fill();
 }
 
-// where the ellipse is too small to see: the same, magnified, in a corner
-export function magnified(pen, w, h, seen, scale, a, b, at) {
+let corner = null;  // of the magnifier: as shares of width and height
+
+// The corner with the most room about it; it stays while there is enough.
+function freest(w, h, r, taken) {
+  const room = ([x, y]) => Math.min(...taken.map(([px, py]) => Math.hypot(px - middleOf(x, w, r), py - middleOf(y, h, r))));
+  if (corner && room(corner) > r + 14) return corner;
+  const all = [[1, 0], [0, 0], [1, 1], [0, 1]];
+  return all.reduce((best, each) => (room(each) > room(best) + 1 ? each : best));
+}
+
+const middleOf = (share, size, r) => (share ? size - r - 44 : r + 30);
+
+// where the ellipse is too small to see: the same, magnified, in a corner away from what is drawn
+export function magnified(pen, w, h, seen, scale, a, b, canvas) {
   const belief = seen.estimate;
-  if (!belief || belief.x[a] === null) return;
+  if (!belief || belief.x[a] === null) { corner = null; return; }
   const off = Math.hypot(belief.x[a] - seen.truth[a], belief.x[b] - seen.truth[b]);
   const size = Math.max(off, TWO_SIGMA * Math.sqrt(Math.max(belief.P(a, a), belief.P(b, b), 1e-18)));
-  // small on a phone, and away from what it magnifies
-  const r = Math.min(58, 0.19 * h), cx = at[0] > 0.6 * w ? r + 60 : w - r - 10, cy = at[1] < 0.4 * h ? h - r - 34 : r + 10, zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
-  if (size * scale > 16) return;
+  const r = Math.min(58, 0.19 * h), zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
+  if (size * scale > 16) { corner = null; return; }
+  corner = freest(w, h, r, [canvas.body, ...canvas.taken]);
+  const cx = middleOf(corner[0], w, r), cy = middleOf(corner[1], h, r);
   pen.save();
   pen.beginPath(); pen.arc(cx, cy, r, 0, 7); pen.fillStyle = colour('paper'); pen.fill();
   stroke(pen, 'soft', 1); pen.stroke();
@@ -92,8 +105,15 @@ export function magnified(pen, w, h, seen, scale, a, b, at) {
   stroke(pen, 'ink', 3);
   pen.beginPath(); pen.arc(cx, cy, 2.5, 0, 7); pen.stroke();
   pen.restore();
+  // with a scale
+  const [long] = ticks(0, r / fit, 1).slice(-1), half = long * fit / 2;
+  stroke(pen, 'soft', 1.5);
+  pen.beginPath(); pen.moveTo(cx - half, cy + r - 10); pen.lineTo(cx + half, cy + r - 10);
+  for (const end of [-half, half]) { pen.moveTo(cx + end, cy + r - 13); pen.lineTo(cx + end, cy + r - 7); }
+  pen.stroke();
   pen.fillStyle = colour('soft');
   pen.textAlign = 'center';
+  pen.fillText(quantity(long, 'm'), cx, cy + r - 14);
   pen.fillText(`magnified × ${short(Number((fit / scale).toPrecision(2)))}`, cx, cy + r + 12);
   pen.textAlign = 'left';
 }
@@ -114,6 +134,17 @@ export function crosses(pen, scene, X, Y, a, b, canvas) {
     const x = X(row[1 + i]), y = Y(row[1 + j]);
     stroke(pen, 'reading', 2);
     pen.beginPath(); pen.moveTo(x - 6, y); pen.lineTo(x + 6, y); pen.moveTo(x, y - 6); pen.lineTo(x, y + 6); pen.stroke();
+  }
+}
+
+// a scale along the left edge
+export function upright(pen, Y, world, h) {
+  pen.fillStyle = colour('soft');
+  stroke(pen, 'soft', 1);
+  const [, high] = world(0, 0), [, low] = world(0, h - 30);
+  for (const [y, text] of labelled(low, high, 6, 'm')) {
+    pen.beginPath(); pen.moveTo(0, Y(y)); pen.lineTo(6, Y(y)); pen.stroke();
+    pen.fillText(text, 9, Y(y) + 4);
   }
 }
 

@@ -3,7 +3,8 @@
 
 import { data } from './data.js';
 import { element, page } from './page.js';
-import { errors, quantity } from './saying.js';
+import { quantity } from './plots.js';
+import { errors } from './saying.js';
 import { send } from './socket.js';
 
 const RENEWED = 4000;  // milliseconds after which the server is told that the ghost is still shown

@@ -2,7 +2,7 @@
 // The page: what the server sends, what is drawn, and what a person does.
 
 import { addressedCommands, rememberValues } from './address.js';
-import { copyPicture, isRecording, noClip, recordClip, saveAs, stopClip } from './clips.js';
+import { copyPicture, isRecording, noVideo, recordClip, saveAs, stopClip } from './clips.js';
 import { Controls } from './controls.js';
 import { add, clear, data } from './data.js';
 import { buildDrawer, drawer, drawerWords, open, push, showDrawer } from './drawer.js';
@@ -14,7 +14,7 @@ import { dragHandles } from './handles.js';
 import { $, acted, element, page } from './page.js';
 import { drawPaths } from './path.js';
 import { forgetColours, plot, short } from './plots.js';
-import { RECENT, saying, troubled } from './saying.js';
+import { mainStates, RECENT, saying, troubled } from './saying.js';
 import { answered, connect, forget, Newest, send } from './socket.js';
 import { drawSystem } from './system.js';
 import { traces } from './traces.js';
@@ -108,6 +108,7 @@ const RECEIVE = {
     forget();
     $('name').textContent = document.title = message.name;
     $('input-legend').hidden = !message.input.names.length;
+    $('about').textContent = $('about').title = aboutScene(message);
     controls.build(message.controls);
     buildChoices();
     buildPlots();
@@ -202,6 +203,14 @@ function markUnstable() {
   }
 }
 
+// what the system is, what is measured, and what the regulator is for
+function aboutScene({ about, sensors, state, input, equilibrium, path }) {
+  const measured = Object.entries(sensors).map(([name, sensor]) => `${name} (${sensor.names.join(', ')})`).join(', ');
+  const parts = [about.replace(/[.:;]?$/, '.')], held = mainStates().map((name) => `${name} = ${short(equilibrium[state.names.indexOf(name)])}`);
+  if (input.names.length) parts.push(`The regulator brings it to ${held.join(', ')}${path.reason ? '' : ', or along a path'}.`);
+  return [...parts, `Sensors: ${measured}.`].filter((part) => part.length > 1).join(' ');
+}
+
 // --- what depends on the scene -----------------------------------------------------------------
 const controls = new Controls($('controls'), send);
 const placing = new Newest(send);
@@ -280,9 +289,7 @@ function draw(time) {
   $('path-legend').hidden = !page.path.points?.length;
   drawSystem($('system'), page.scene);
   $('limit-legend').hidden = !$('system').handles?.some(({ limit }) => limit);
-  const { readings } = $('system');
-  $('reading-legend').hidden = !readings;
-  $('reading-legend').firstElementChild.className = readings === 'lines' ? 'line' : 'reading';
+  $('line-legend').hidden = $('system').readings !== 'lines';
   for (const { canvas, make, move } of effects) {
     if (!move) plot(canvas, make());
     else if (move(canvas)) page.dirty = true;
@@ -327,8 +334,8 @@ const ACT = {
   help: () => ACT[$('help').dataset.act]?.(),
   share: () => {
     if (isRecording()) { stopClip(); return; }
-    $('made').textContent = $('record').title = noClip($('system'));
-    $('record').disabled = Boolean($('record').title);
+    $('made').textContent = $('webm').title = noVideo($('system'));
+    $('webm').disabled = Boolean($('webm').title);
     const file = `${page.share.name}_live.yaml`;
     $('yaml').value = page.share.yaml;
     $('command').textContent = `./dev live ${file}\n./dev demo ${file}`;
@@ -356,12 +363,12 @@ $('copy').addEventListener('click', () => {
 });
 $('save').addEventListener('click', () => saveAs(new Blob([page.share.yaml], { type: 'application/yaml' }), `${page.share.name}_live.yaml`));
 $('picture').addEventListener('click', async () => { $('made').textContent = await copyPicture($('system'), page.share.name); });
-$('record').addEventListener('click', () => {
+for (const kind of ['webm', 'gif']) $(kind).addEventListener('click', () => {
   $('shared').close();
-  recordClip($('system'), (clip) => {
+  recordClip(kind, $('system'), (clip) => {
     $('share').textContent = 'share';
-    saveAs(clip, `${page.share.name}.webm`);
-    told(`${page.share.name}.webm is saved, ${Math.ceil(clip.size / 1000)} kB`);
+    saveAs(clip, `${page.share.name}.${kind}`);
+    told(`${page.share.name}.${kind} is saved, ${Math.ceil(clip.size / 1000)} kB`);
   });
   $('share').textContent = '● stop';
 });

@@ -37,6 +37,16 @@ export function short(value, digits = 3) {
   return String(Number(value.toPrecision(digits)));
 }
 
+const DEGREE = Math.PI / 180;
+
+// a length or another quantity with a unit that suits its size
+export function quantity(value, unit) {
+  if (unit === 'm' && Math.abs(value) < 0.01) return `${short(1e3 * value, 2)} mm`;
+  if (unit === 'm' && Math.abs(value) < 0.95) return `${short(100 * value, 2)} cm`;
+  if (unit === 'rad') return `${short(value / DEGREE, 2)}°`;
+  return `${short(value, 2)} ${unit}`.trim();
+}
+
 // round numbers within an interval
 export function ticks(low, high, count) {
   const rough = (high - low) / count;
@@ -70,6 +80,15 @@ export function stroke(pen, name, width = 1.5, dash = 'solid') {
 
 const FAR = 3;  // a line with a grip is within the plot if it is at most this many ranges away
 
+const LEAST_SPAN = 0.1;  // of the span, after a reset
+const FIRST = 0.5, ENOUGH = 15;
+
+// without the start of a run, which is far off, if enough of it is left
+function settled(rows) {
+  const later = rows.filter((row) => row[0] > data.began + FIRST);
+  return later.length > ENOUGH ? later : rows;
+}
+
 // Draw one plot, of the last `share` of the span. `curves` have rows, a value (row) => number, and a look; a `band` has low and high.
 // A line with a `grip` is dragged, a limit on one `side`, whose value is null where there is none:
 // the grip returns its handle for where it is hit and the value of a place.
@@ -80,7 +99,7 @@ export function plot(canvas, { title, rows, columns, curves = [], bands = [], ma
   if (!area) return;
   const { pen, width, height } = area;
   const left = 52, right = width - 6, top = 15, bottom = height - 14;
-  const end = data.now, start = Math.max(0, end - share * data.span);
+  const end = data.now, start = Math.max(0, end - share * data.span, Math.min(data.began, end - LEAST_SPAN * data.span));
   const scale = log ? (v) => (v > 0 ? Math.log10(v) : NaN) : (v) => v;
   const recent = (rows) => (rows ?? []).filter((row) => row[0] >= start);
   let low = Infinity, high = -Infinity;
@@ -98,7 +117,7 @@ export function plot(canvas, { title, rows, columns, curves = [], bands = [], ma
     const usual = widths[Math.floor(widths.length / 2)] ?? 0;
     for (const [, a, b] of points) if (b - a <= 4 * usual) { extend(a); extend(b); }
   }
-  for (const { rows, value, dot } of marks) if (dot) for (const row of recent(rows)) extend(scale(value(row)));
+  for (const { rows, value, dot } of marks) if (dot) for (const row of settled(recent(rows))) extend(scale(value(row)));
   for (const line of lines) if (!line.grip) extend(scale(line.value));
   const spread = high > low ? high - low : Infinity;
   const near = lines.filter(({ grip, value }) => grip && value !== null && Math.abs(value - (low + high) / 2) <= FAR * spread);

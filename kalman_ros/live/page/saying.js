@@ -5,7 +5,7 @@ import { data, last } from './data.js';
 import { actingSentence } from './limits.js';
 import { page } from './page.js';
 import { pathWords } from './path.js';
-import { short } from './plots.js';
+import { quantity, short } from './plots.js';
 
 export const RECENT = 2;  // seconds over which an error is averaged
 const FALLEN = 1.3;    // radians at which no force brings the pole up again
@@ -13,16 +13,6 @@ const TOO_SURE = 2;    // the error beyond this many times the 2σ is too large 
 const SHOWN = 6000;    // milliseconds for which the end of a motion is told
 const FELT = 4000;     // milliseconds for which a push is told
 const ended = { state: '', at: 0 };
-const DEGREE = Math.PI / 180;
-
-// a length or another quantity with a unit that suits its size
-export function quantity(value, unit) {
-  if (unit === 'm' && Math.abs(value) < 0.01) return `${short(1e3 * value, 2)} mm`;
-  if (unit === 'm' && Math.abs(value) < 0.95) return `${short(100 * value, 2)} cm`;
-  if (unit === 'rad') return `${short(value / DEGREE, 2)}°`;
-  return `${short(value, 2)} ${unit}`.trim();
-}
-
 // the coordinates that the sentence is about: the place on a map, else the first that is measured
 export function mainStates() {
   const { scene } = page, { names } = scene.state;
@@ -69,12 +59,18 @@ const SAID = {
   lost: ({ share }) => `loses ${percent(share)} of its readings`,
   frozen: () => 'is frozen at one value',
   outliers: ({ share }) => `has outliers, ${percent(share)} of its readings`,
-  bias: ({ name, unit, size }) => `reads ${name} ${quantity(Math.abs(size), unit)} too ${size > 0 ? 'high' : 'low'}`,
-  noise: ({ factor }) => `scatters ${factor > 1 ? '' : 'only '}${short(factor, 2)} times as much as the filter believes`,
+  bias: ({ off }) => `reads ${off.map(({ name, unit, size }) => `${name} ${quantity(Math.abs(size), unit)} too ${size > 0 ? 'high' : 'low'}`).join(' and ')}`,
+  noise: ({ off: [{ name, factor }] }) => `scatters in ${name} ${factor > 1 ? '' : 'only '}${short(factor, 2)} times as much as the filter believes`,
   late: ({ seconds }) => `is ${short(seconds, 2)} ${data.unit} late`,
 };
 
 const percent = (share) => `${Math.max(1, Math.round(100 * share))} %`;
+
+// why an error of what the sentence is about stays; '' where the readings depend on it
+function unseen() {
+  const names = mainStates().filter((name) => page.theory.unseen?.includes(name));
+  return names.length ? `, and stays so, since no reading depends on ${names.join(', ')}` : '';
+}
 
 function sensorWords() {
   const name = troubled();
@@ -92,15 +88,16 @@ export function saying() {
   if (controller?.level === 2) return { text: `The controller: ${controller.message}.`, help: 'reset' };
   if (fallen()) return { text: 'The pole has fallen: no force that the regulator knows brings it up.', help: 'reset' };
   const error = errors();
-  const wrong = error && `within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}.`;
-  if (sensor) return { text: error ? `${sensor}: the filter believes it is ${wrong}` : `${sensor}.`, help: 'mend' };
-  if (error && page.acted.what && performance.now() - page.acted.at < FELT) return { text: `${page.acted.what}, unknown to the filter: it believes it is ${wrong}`, help: '' };
-  if (error && error.wrong > TOO_SURE * error.believed) return { text: `The filter is too sure: it believes it is ${wrong}`, help: 'reset' };
+  const much = error?.wrong > error?.believed ? ', more than that' : '';
+  const wrong = error && `${mainStates().join(', ')} within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}`;
+  if (sensor) return { text: error ? `${sensor}: the filter believes ${wrong}.` : `${sensor}.`, help: 'mend' };
+  if (error && page.acted.what && performance.now() - page.acted.at < FELT) return { text: `${page.acted.what}, unknown to the filter: it believes ${wrong}.`, help: '' };
+  if (error && error.wrong > TOO_SURE * error.believed) return { text: `The filter is too sure: it believes ${wrong}${unseen()}.`, help: 'reset' };
   const recent = path.state === 'ended' && performance.now() - ended.at < SHOWN;
   if (path.state !== ended.state) Object.assign(ended, { state: path.state, at: performance.now() });
   if (!scene.path.reason && (recent || ['planning', 'refused', 'following'].includes(path.state))) return { text: pathWords(), help: '' };
   const held = scene.input.names.length ? actingSentence() : '';
   if (held) return { text: held, help: '' };
-  if (error) return { text: `The filter believes it is ${wrong}`, help: '' };
+  if (error) return { text: `The filter believes ${wrong}${much}.`, help: '' };
   return { text: 'No estimate has been compared with the truth yet.', help: '' };
 }

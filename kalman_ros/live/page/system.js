@@ -2,7 +2,7 @@
 // The system itself: truth solid, estimate dashed with an ellipse of two standard deviations.
 
 import { data, last } from './data.js';
-import { arrow, beliefs, crosses, deviation, ellipse, FRESH, magnified, now, reach, rule, spring, TWO_SIGMA } from './drawing.js';
+import { arrow, beliefs, crosses, deviation, ellipse, FRESH, magnified, now, reach, rule, spring, TWO_SIGMA, upright } from './drawing.js';
 import { limitOf, walls } from './limits.js';
 import { page } from './page.js';
 import { drawing, drawPath, room } from './path.js';
@@ -12,8 +12,9 @@ import { send } from './socket.js';
 const FAR = 6;       // metres at most between truth and estimate that a picture of a cart shows
 const BESIDE = 0.3;  // metres that it shows beside a cart
 
-// metres from the middle to the edge: a little more than the recent motion, changing slowly
-const zoomed = { run: -1, reach: 0 };
+// metres from the middle to the edge: a little more than the recent motion, changing slowly; and to
+// the frame of springs, which stays
+const zoomed = { run: -1, reach: 0, frame: 0 };
 
 function zoom(scene, names) {
   const at = names.map((name) => 1 + scene.state.names.indexOf(name));
@@ -23,11 +24,16 @@ function zoom(scene, names) {
   const largest = (all) => Math.max(0, ...all.map((row) => Math.max(...at.map((k) => Math.abs(row[k])))));
   const believed = Math.min(largest((data.rows.estimate ?? []).slice(-100)), largest(rows) + FAR);
   const goal = Math.max(drawn, 1.1 * Math.max(0, ...points), 1.35 * Math.max(largest(rows), believed));
-  zoomed.reach += (zoomed.run === scene.run ? 0.06 : 1) * (goal - zoomed.reach);
-  zoomed.run = scene.run;
+  const isNew = zoomed.run !== scene.run && rows.length > 0;
+  zoomed.reach += (isNew || !zoomed.frame ? 1 : 0.06) * (goal - zoomed.reach);
+  if (isNew) Object.assign(zoomed, { run: scene.run, frame: 0.88 * goal });
   // what is thrown far at once stays in the picture, too
   const row = rows.at(-1);
-  if (row) zoomed.reach = Math.max(zoomed.reach, 1.15 * Math.max(...at.map((k) => Math.abs(row[k]))));
+  if (row) {
+    const far = largest([row]);
+    zoomed.reach = Math.max(zoomed.reach, 1.15 * far);
+    zoomed.frame = Math.max(zoomed.frame, 1.05 * far);
+  }
   return zoomed.reach;
 }
 
@@ -61,13 +67,14 @@ const DRAW = {
   spring(pen, w, h, scene, seen, canvas) {
     const scale = w / 2 / zoom(scene, ['x']), X = (x) => w / 2 + x * scale, y = h * 0.55, size = 44;
     walls(pen, canvas, 'x', X, (px) => (px - w / 2) / scale, w, y - 60, y + size / 2);
+    const wall = X(-zoomed.frame);
     stroke(pen, 'soft', 2);
-    pen.beginPath(); pen.moveTo(12, y - 50); pen.lineTo(12, y + size / 2); pen.lineTo(w - 12, y + size / 2); pen.stroke();
+    pen.beginPath(); pen.moveTo(wall, y - 50); pen.lineTo(wall, y + size / 2); pen.lineTo(w, y + size / 2); pen.stroke();
     const { truth } = seen;
     if (!truth) return;
     canvas.body = [X(truth.x), y];
     canvas.place = (px) => [['x'], [(px - w / 2) / scale]];
-    spring(pen, 12, y, X(truth.x) - size / 2, y);
+    spring(pen, wall, y, X(truth.x) - size / 2, y);
     stroke(pen, 'ink', 3);
     pen.strokeRect(X(truth.x) - size / 2, y - size / 2, size, size);
     beliefs(pen, seen, (belief, look, dash) => {
@@ -96,19 +103,19 @@ const DRAW = {
     viewed(canvas, X, Y);
     drawPath(pen, X, Y);
     const { truth } = seen;
-    stroke(pen, 'soft', 2);
-    const floor = h - 28;  // above the scale
-    pen.strokeRect(10, 10, w - 20, floor - 10);
     if (!truth) return;
-    const [x, y] = canvas.body = [X(truth.x), Y(truth.y)];
-    for (const [a, b] of [[10, h / 2], [w - 10, h / 2], [w / 2, 10], [w / 2, floor]]) spring(pen, a, b, x, y);
+    const [x, y] = canvas.body = [X(truth.x), Y(truth.y)], { frame: far } = zoomed;
+    stroke(pen, 'soft', 2);
+    pen.strokeRect(X(-far), Y(far), X(far) - X(-far), Y(-far) - Y(far));
+    for (const [a, b] of [[-far, 0], [far, 0], [0, far], [0, -far]]) spring(pen, X(a), Y(b), x, y);
     beliefs(pen, seen, (belief, look, dash) => ellipse(pen, X, Y, belief, 'x', 'y', look, dash));
     stroke(pen, 'ink', 3);
     pen.beginPath(); pen.arc(x, y, 9, 0, 7); pen.stroke();
     crosses(pen, scene, X, Y, 'x', 'y', canvas);
     arrow(pen, x, y, reach(scene, seen.input[0]), -reach(scene, seen.input[1]));
-    magnified(pen, w, h, seen, scale, 'x', 'y', canvas.body);
+    magnified(pen, w, h, seen, scale, 'x', 'y', canvas);
     rule(pen, X, w, h, scale);
+    upright(pen, Y, canvas.view.world, h);
   },
 
   cart_pole(pen, w, h, scene, seen, canvas) {
@@ -171,15 +178,13 @@ const DRAW = {
     const deep = Math.max(0, h * 0.12 - truth.z * scale * 0.9 - (h - 60)), Y = (z) => h * 0.12 - deep - z * scale * 0.9;
     viewed(canvas, X, Y);
     drawPath(pen, X, Y);
-    stroke(pen, 'estimate', 2, 'dotted');
+    stroke(pen, 'soft', 2);
     pen.beginPath(); pen.moveTo(0, Y(0)); pen.lineTo(w, Y(0)); pen.stroke();
     pen.fillStyle = colour('soft');
-    stroke(pen, 'soft', 1);
-    const [, top] = canvas.view.world(0, 0), [, bottom] = canvas.view.world(0, h - 30);
-    for (const [z, text] of labelled(bottom, top, 6, 'm')) {
-      pen.beginPath(); pen.moveTo(0, Y(z)); pen.lineTo(6, Y(z)); pen.stroke();
-      pen.fillText(text, 9, Y(z) + 4);
-    }
+    pen.textAlign = 'right';
+    pen.fillText('water', w - 6, Y(0) + 12);
+    pen.textAlign = 'left';
+    upright(pen, Y, canvas.view.world, h);
     const body = (x, z, pitch, look, width, dash) => {
       stroke(pen, look, width, dash);
       pen.save(); pen.translate(X(x), Y(z)); pen.rotate(pitch);
@@ -198,7 +203,7 @@ const DRAW = {
     push(-38, along, down, surge);
     push(26, down, -along, fore);
     push(-26, down, -along, aft);
-    magnified(pen, w, h, seen, scale, 'x', 'z', canvas.body);
+    magnified(pen, w, h, seen, scale, 'x', 'z', canvas);
     rule(pen, X, w, h, scale, centre);
   },
 
@@ -234,7 +239,7 @@ const DRAW = {
     stroke(pen, 'ink', 2.5);
     pen.beginPath(); pen.moveTo(12, 0); pen.lineTo(-8, 7); pen.lineTo(-4, 0); pen.lineTo(-8, -7); pen.closePath(); pen.stroke();
     pen.restore();
-    magnified(pen, w, h, seen, view.scale, 'x', 'y', canvas.body);
+    magnified(pen, w, h, seen, view.scale, 'x', 'y', canvas);
   },
 
   bars(pen, w, h, scene, seen) {
@@ -294,6 +299,7 @@ function places(pen, scene, X, Y, far, canvas) {
     });
     pen.fillStyle = colour('soft');
     pen.fillText(scene.relative ? 'observer' : name, x + 9, y + 4);
+    canvas.taken.push([x + 20, y]);
     if (!row) continue;
     const a = row[1 + sensor.names.indexOf('bearing')];
     stroke(pen, 'reading', 1.5, performance.now() - data.arrived[name] < FRESH ? 'solid' : 'dotted');
@@ -344,9 +350,11 @@ export function drawSystem(canvas, scene) {
   area.pen.textBaseline = 'alphabetic';
   canvas.handles = [];
   canvas.place = canvas.readings = null;
+  canvas.taken = [];  // places with a name beside them
   DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene), canvas);
   if (canvas.pull && canvas.body) {
     const [x, y] = canvas.body, [px, py] = canvas.pull;
     arrow(area.pen, x, y, px - x, py - y, canvas.carries ? 'bad' : 'path');
+    area.pen.fillText(canvas.carries ? 'carried to here' : 'a pull', px + 8, py - 8);
   }
 }

@@ -114,11 +114,11 @@ function flat(pen, X, Y, mean, P, look, dash) {
 // a reading of both coordinates is an ellipse, one of a single coordinate a band
 function band(pen, X, Y, w, h, { mean, std }) {
   if (mean[0] !== null && mean[1] !== null && mean.length > 1) {
-    flat(pen, X, Y, mean, [std[0] ** 2, 0, std[1] ** 2], 'input', 'solid');
+    flat(pen, X, Y, mean, [std[0] ** 2, 0, std[1] ** 2], 'reading', 'solid');
     return;
   }
   const upright = mean[0] !== null, place = upright ? X : Y, k = upright ? 0 : 1;
-  stroke(pen, 'input', 2);
+  stroke(pen, 'reading', 2);
   pen.beginPath();
   for (const shift of [-TWO_SIGMA, TWO_SIGMA]) {
     const at = place(mean[k] + shift * std[k]);
