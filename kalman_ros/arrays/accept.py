@@ -19,9 +19,9 @@ from kalman_ros.core import (
     LinearSystem,
     Space,
     brief,
+    check_real,
     linearize,
     matrix,
-    refuse_complex,
     semidefinite,
     vector,
 )
@@ -76,7 +76,7 @@ def numbers(name: str, value: Any) -> Array:
     """Return numbers of any shape."""
     if value is None:
         raise ValueError(f'{name}: expected numbers, got nothing')
-    refuse_complex(name, value)
+    check_real(name, value)
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -238,9 +238,9 @@ def belief_of(initial: Any, model: Dynamics, name: str = 'initial') -> Gaussian:
 
 def number(name: str, value: Any, what: str = 'a number') -> float:
     """Return one number."""
-    refuse_complex(name, value)
+    check_real(name, value)
     try:
-        if not isinstance(value, (str, bytes, bytearray)):
+        if not isinstance(value, (str, bytes, bytearray, bool, np.bool_)):
             return float(value)
     except (TypeError, ValueError, OverflowError):
         pass

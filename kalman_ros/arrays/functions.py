@@ -19,8 +19,8 @@ from kalman_ros.core import (
     OperatingPoint,
     Sensor,
     Space,
+    check_real,
     numerical_jacobian,
-    refuse_complex,
 )
 
 from .accept import rows
@@ -47,7 +47,7 @@ def _of_both(f: Function) -> Function:
 
 def _real(what: str, value: ArrayLike) -> Array:
     """Return what a function returned as an array."""
-    refuse_complex(what, value)
+    check_real(what, value)
     found: Any = np.asarray(value)
     if found.dtype == object:
         flat = [each.item() if isinstance(each, np.ndarray) else each for each in found.flat]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, Dynamics, Sensor, refuse_complex
+from kalman_ros.core import Array, ArrayLike, Dynamics, Sensor, check_real
 from kalman_ros.scenario.model_checks import check_sensor
 
 from .accept import got
@@ -98,7 +98,7 @@ def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Dynamics
     ValueError
         If shapes do not match, or a time is not finite.
     """
-    refuse_complex(name, values)
+    check_real(name, values)
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -124,7 +124,7 @@ def rows_of(name: str, times: Any, values: ArrayLike, size: int, model: Dynamics
 
 def times_of(name: str, times: Any) -> Array:
     """Return times (N,) in seconds, or raise ValueError."""
-    refuse_complex(name, times)
+    check_real(name, times, dates=True)
     try:
         given = np.asarray(times)
         if given.dtype.kind in 'mM':  # dates, or differences of them

@@ -21,7 +21,7 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv, dpotrs
 
 from kalman_ros.core import Array
 
@@ -31,6 +31,8 @@ _EXCEEDED = 1e-9
 _INSIDE = 1e-9
 #: How many limits are added at once, and how often.
 _ADDED, _MOST = 30, 40
+#: How often a limit is added or left out in the end, and when one is then exceeded.
+_CORRECTIONS, _SURELY = 12, 1e-12
 #: The tolerances of daqp, and how it marks rows.
 _PRIMAL, _DUAL = 1e-10, 1e-12
 _ACTIVE, _EQUAL, _SOFT = 1, 5, 8
@@ -145,18 +147,48 @@ class LeastDistance:
         raise LateError('no solution in time')
 
     def _exact(self, b: Array, rows: list[int], z: Array) -> Shortest:
-        """Return the solution where these limits act, without the tolerances of the search."""
-        if not rows:
-            return Shortest(z, ())
-        A = self._A[rows]
+        """Return the solution, which the search has up to its tolerances.
+
+        The limits that act are changed, one at a time, until no multiplier is negative and no
+        other limit is exceeded; that is the solution (J. Nocedal and S. Wright, Numerical
+        Optimization, 2006, theorem 16.4).
+        """
+        found, acting = Shortest(z, tuple(rows)), sorted(rows)
+        for _ in range(_CORRECTIONS):
+            if not acting:
+                break
+            try:
+                exact, multipliers = self._at(b, acting)
+            except np.linalg.LinAlgError:  # limits that depend on each other
+                break
+            least = int(multipliers.argmin())
+            if multipliers[least] <= 0.0:
+                del acting[least]
+                continue
+            over = self._A @ exact - b
+            over[acting] = 0.0
+            most = int(over.argmax())
+            if over[most] <= _SURELY * max(abs(b[most]), 1.0):
+                return Shortest(exact, tuple(acting))
+            acting = sorted([*acting, most])
+        return found
+
+    def _at(self, b: Array, rows: list[int]) -> tuple[Array, Array]:
+        """Return the shortest vector at these limits, and their multipliers.
+
+        The rounding of the first solution is corrected, since the matrix has the squares of the
+        limits (N. Higham, Accuracy and Stability of Numerical Algorithms, 2002, chapter 12).
+        """
+        A, bounds, softness = self._A[rows], b[rows], self._softness[rows]
         M = A @ A.T
-        M[np.diag_indices(len(rows))] += self._softness[rows]
-        try:
-            multipliers = _solved(M, -b[rows])
-        except np.linalg.LinAlgError:  # limits that depend on each other
-            return Shortest(z, tuple(rows))
-        exact = -multipliers @ A
-        return Shortest(exact if (multipliers > 0.0).all() else z, tuple(rows))
+        M[np.diag_indices(len(rows))] += softness
+        factor, multipliers, failed = dposv(M, -bounds)
+        if failed:
+            raise np.linalg.LinAlgError('the matrix is singular')
+        z = -multipliers @ A
+        correction, _ = dpotrs(factor, A @ z - softness * multipliers - bounds)
+        multipliers = multipliers + correction
+        return -multipliers @ A, multipliers
 
 
 class _Daqp:
@@ -198,11 +230,3 @@ class _Daqp:
         multipliers = np.asarray(info['lam'])[1:]
         size = np.abs(multipliers).max(initial=0.0)
         return np.asarray(z)[1:], np.flatnonzero(multipliers > _ZERO * size).tolist()
-
-
-def _solved(M: Array, right: Array) -> Array:
-    """Return the solution of M x = right with M positive definite."""
-    _, x, failed = dposv(M, right)
-    if failed:
-        raise np.linalg.LinAlgError('the matrix is singular')
-    return np.asarray(x)

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from kalman_ros.linear.matrices import Array, ArrayLike, refuse_complex
+from kalman_ros.linear.matrices import Array, ArrayLike, check_real
 
 G = TypeVar('G', bound='Gaussian')
 
@@ -34,8 +34,8 @@ class Gaussian(_Moments):
 
     def __new__(cls: type[G], mean: ArrayLike, covariance: ArrayLike) -> G:
         """Return the belief; lists become arrays."""
-        refuse_complex('mean', mean)
-        refuse_complex('covariance', covariance)
+        check_real('mean', mean)
+        check_real('covariance', covariance)
         x, P = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
         if x.ndim == 0:
             raise ValueError(f'mean: expected a vector, got the number {x}')

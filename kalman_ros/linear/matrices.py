@@ -24,22 +24,27 @@ _ROUNDING = 1e-10
 #: Sums of larger numbers may be infinite, and such a matrix has no eigenvalues.
 _LARGEST = 1e300
 
+#: Kinds of numpy's types that are no real numbers, in words.
+_UNREAL = {'c': 'complex ones', 'm': 'durations', 'M': 'dates'}
 #: As an array, since numpy would convert a number at every call.
 _HALF = np.array(0.5)
 
 
-def refuse_complex(name: str, value: Any) -> None:
-    """Raise ValueError for complex numbers, whose imaginary parts numpy would drop."""
+def check_real(name: str, value: Any, *, dates: bool = False) -> None:
+    """Raise ValueError for what numpy would make real numbers of without a word.
+
+    These are complex numbers, whose imaginary parts it drops, and dates.
+    """
     try:
-        imaginary = np.iscomplexobj(value)
+        kind = np.asarray(value).dtype.kind
     except (TypeError, ValueError):  # rows of different lengths, which the caller refuses
         return
-    if imaginary:
-        raise ValueError(f'{name}: expected real numbers, got complex ones')
+    if kind in _UNREAL and not (dates and kind in 'mM'):
+        raise ValueError(f'{name}: expected real numbers, got {_UNREAL[kind]}')
 
 
 def _finite(name: str, value: ArrayLike) -> Array:
-    refuse_complex(name, value)
+    check_real(name, value)
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):
@@ -61,7 +66,7 @@ def vector(name: str, value: ArrayLike, size: int | None = None) -> Array:
 
 def one_each(name: str, values: ArrayLike, size: int) -> Array:
     """Return ``size`` numbers; one is repeated, and infinite ones are allowed."""
-    refuse_complex(name, values)
+    check_real(name, values)
     array = np.asarray(values, dtype=float)
     if array.size not in (1, size):
         raise ValueError(f'{name}: expected 1 or {size} numbers, got {array.size}')

@@ -142,6 +142,7 @@ def test_it_is_found_for_other_durations(seconds):
         ),
         ({'values': {'x': [0, 1]}, 'times': [0, 'b']}, r'^times: expected real numbers'),
         ({'start': {'x': 'a'}, 'seconds': 2.0}, r"^start\.x: expected a number, got 'a'"),
+        ({'path': [[0, 0], [2, 0]], 'speed': True}, '^speed: expected a number, got True'),
     ],
 )
 def test_what_is_no_motion_is_refused_by_name(arguments, reason):

@@ -100,3 +100,49 @@ def test_too_many_steps_are_late(monkeypatch):
     monkeypatch.setattr(least_distance, '_MOST', 0)
     with pytest.raises(LateError):
         LeastDistance(np.eye(2), np.zeros(2), compiled=False).solve(np.array([-1.0, -2.0]))
+
+
+def hard_problem(seed):
+    """Return limits of which a third nearly depend on others, and prices up to 1e8."""
+    rng = np.random.default_rng(seed)
+    n, r = int(rng.integers(4, 40)), int(rng.integers(10, 120))
+    A = rng.normal(size=(r, n))
+    k = r // 3
+    near = 10.0 ** rng.uniform(-6, -2) * rng.normal(size=(k, n))
+    A[:k] = A[k : 2 * k] * rng.uniform(0.5, 2.0, (k, 1)) + near
+    softness = np.where(rng.random(r) < 0.5, 10.0 ** rng.uniform(-8, 0, r), 0.0)
+    return A, softness, rng.normal(size=r) + 1.5
+
+
+@pytest.mark.skipif(not has_daqp(), reason='daqp is not installed')
+def test_both_solvers_agree_on_hard_problems():
+    solved = 0
+    for seed in range(100):
+        A, softness, b = hard_problem(seed)
+        answers = []
+        for compiled in (True, False):
+            try:
+                answers.append(LeastDistance(A, softness, compiled=compiled).solve(b).z)
+            except InfeasibleError:
+                answers.append(np.full(A.shape[1], np.inf))
+        solved += np.isfinite(answers[0]).all()
+        scale = max(1.0, np.abs(answers[0]).max()) if np.isfinite(answers[0]).all() else 1.0
+        np.testing.assert_allclose(answers[0], answers[1], rtol=0.0, atol=1e-8 * scale)
+    assert solved > 90
+
+
+@pytest.mark.parametrize('compiled', SOLVERS)
+def test_a_solution_keeps_the_conditions_of_karush_kuhn_and_tucker(compiled):
+    for seed in range(40):
+        A, softness, b = hard_problem(seed)
+        try:
+            found = LeastDistance(A, softness, compiled=compiled).solve(b)
+        except InfeasibleError:
+            continue
+        rows = [*found.active]
+        E = np.hstack((A[rows], np.diag(np.sqrt(softness[rows]))))
+        y = np.linalg.lstsq(E, b[rows], rcond=None)[0]  # the shortest at these limits
+        scale = max(1.0, np.abs(found.z).max())
+        np.testing.assert_allclose(found.z, y[: A.shape[1]], atol=2e-7 * scale)
+        others = np.setdiff1d(np.arange(len(b)), rows)
+        assert (A[others] @ found.z - b[others]).max(initial=0.0) < 1e-8 * scale

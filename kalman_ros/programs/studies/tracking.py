@@ -6,9 +6,9 @@ gyroscope and positions. The motion is planned once: the states along the path, 
 that they need. The gains come from the Riccati recursion along it. Pure pursuit steers
 towards the point of the same motion that is 0.6 m ahead, at the same speed (R. Coulter,
 Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01, 1992; 0.6 m is the
-default of Nav2). It has no model: it cuts bends, answers late by the lag, and comes back slowly from
-where the random changes of speed and turn rate, those of the model's defaults, have moved it. It runs
-on the same plant and estimator, in the process of the study.
+default of Nav2). It has no model: it cuts bends, answers late by the lag, and comes back slowly
+from where the random changes of speed and turn rate, those of the model's defaults, have moved
+it. It runs on the same plant and estimator, in the process of the study.
 """
 
 from __future__ import annotations
@@ -115,10 +115,15 @@ def _follow(points: Array) -> Followed:
         followed = run.trajectory()
     law = Law(scenario, feedback(scenario), limits(scenario), with_law(scenario, motion))
     lqr, pursuit = (
-        [closed_loop.run(scenario, None, seconds, seed, answer=answer()) for seed in range(RUNS)]
-        for answer in (law, lambda: _pure_pursuit(motion))
+        [closed_loop.run(scenario, None, seconds, seed, answer=start()) for seed in range(RUNS)]
+        for start in _laws(law, motion)
     )
     return Followed(points, motion, followed, lqr, pursuit)
+
+
+def _laws(law: Law, motion: Motion) -> tuple[Callable[[], Callable[[int, Array], Array]], ...]:
+    """Return what starts each of the two laws."""
+    return law, lambda: _pure_pursuit(motion)
 
 
 def _pure_pursuit(motion: Motion) -> Callable[[int, Array], Array]:
