@@ -15,7 +15,7 @@ from kalman_ros.control.feedback import Feedback
 from kalman_ros.control.guarantee import Guarantee, sampled_guarantees
 from kalman_ros.control.laws import OPTIMAL
 from kalman_ros.control.lqe import LqeDesign, dlqe
-from kalman_ros.control.margins import DiskMargin, Margins, margins
+from kalman_ros.control.margins import DiskMargin, Margins, loop_at_a_time, margins
 from kalman_ros.control.simultaneous import simultaneous_disk
 from kalman_ros.control.state_space import StateSpace
 from kalman_ros.core import DesignError, OperatingPoint, linearize
@@ -190,12 +190,14 @@ def _guarantees(scenario: Scenario) -> Sequence[Guarantee | None]:
 
 def _analyse_loops(loop: Broken, delay: float) -> list[Loop]:
     """Return the loop at each input with a delay of ``delay`` seconds, and its margins."""
-    prompt, delayed = loop(0.0), loop(delay)
-    loops = []
-    for index in range(len(prompt.D)):
-        broken = delayed.channel(index)
-        loops.append(Loop(broken, _margins_or_none(broken), margins(prompt.channel(index))))
-    return loops
+    prompt = loop(0.0)
+    designed = loop_at_a_time(prompt)
+    if not delay:
+        broken = (prompt.channel(index) for index in range(len(designed)))
+        return [Loop(each, found, found) for each, found in zip(broken, designed)]
+    delayed = loop(delay)
+    broken = (delayed.channel(index) for index in range(len(designed)))
+    return [Loop(each, _margins_or_none(each), found) for each, found in zip(broken, designed)]
 
 
 def _margins_or_none(loop: StateSpace) -> Margins | None:

@@ -81,6 +81,8 @@ class LiveCommands:
         self.changed = False
         #: Whether the plant starts elsewhere than at its initial state after a reset.
         self._is_carried = False
+        #: Parameters of the belief with which the estimator has gone on after a pause.
+        self._resumed: tuple[str, ...] = ()
         #: Path that was drawn last.
         self.path = DrawnPath(lambda key: nodes.reported('controller', key))
         self._ghost_estimator: Ghost | None = None
@@ -304,7 +306,12 @@ class LiveCommands:
             self._is_carried = False
         else:
             self._nodes.trigger('plant/reset')
-        self._nodes.trigger('estimator/reset')
+        if self._resumed:
+            initial = {name: self._adjustments.value('estimator', name) for name in self._resumed}
+            self._nodes.reconfigure('estimator', initial)
+            self._resumed = ()
+        else:
+            self._nodes.trigger('estimator/reset')
         if self._ghost_estimator is not None:
             self._ghost_estimator.reset()
         if self._adjustments.driven:
@@ -319,11 +326,18 @@ class LiveCommands:
             self._nodes.run_until(-1.0)
 
     def _resume(self, _: Mapping[str, Any], __: float) -> None:
-        """Continue after a pause; in real time, reset the belief, which is too old."""
+        """Continue after a pause; in real time, the estimator starts from its last belief."""
         was_paused, self.pace.paused = self.pace.paused, False
-        if was_paused and not self.pace.lockstep:
+        if not was_paused or self.pace.lockstep:
+            return
+        belief = self._streams.carried().get('estimator')
+        if belief:
+            self._nodes.reconfigure('estimator', belief)
+            self._resumed = tuple(belief)
+        else:
             self._nodes.trigger('estimator/reset')
-            self._nodes.run_until(FOREVER)
+        self._streams.watch.restart(skip=2)
+        self._nodes.run_until(FOREVER)
 
     def _step(self, command: Mapping[str, Any], arrival: float) -> None:
         """Show the prediction of the next step, or take the step if that is already shown.

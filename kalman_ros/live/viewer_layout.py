@@ -42,10 +42,10 @@ class LayoutPanels:
     def plot(self, title: str, series: Iterable[dict[str, Any]]) -> str:
         """Add a plot over time."""
         return self.add('Plot', {
-            'title': title, 'foxglovePanelTitle': title, 'paths': list(series),
+            'title': title, **_titled(title), 'paths': list(series),
             'showXAxisLabels': True, 'showYAxisLabels': True, 'showLegend': True,
             'legendDisplay': 'left', 'showPlotValuesInLegend': True, 'isSynced': True,
-            'xAxisVal': 'timestamp', 'sidebarDimension': 160, 'followingViewWidth': _WIDTH,
+            'xAxisVal': 'timestamp', 'sidebarDimension': 260, 'followingViewWidth': _WIDTH,
         })  # fmt: skip
 
 
@@ -140,6 +140,11 @@ def _series(
     }  # fmt: skip
 
 
+def _titled(title: str) -> dict[str, str]:
+    """Return the title of a panel, as Foxglove and Lichtblick call it."""
+    return {'foxglovePanelTitle': title, 'lichtblickPanelTitle': title}
+
+
 def _title(names: Sequence[str], unit: str) -> str:
     """Return the title of a plot of coordinates with the same unit."""
     shown = ', '.join(names if len(names) <= _MOST_NAMES else [*names[: _MOST_NAMES - 1], '...'])
@@ -160,11 +165,16 @@ def _add_states(panels: LayoutPanels, scenario: Scenario, *, ordered: bool) -> l
         if truth is not None:
             groups[unit].append(_series(truth, f'{name} true', _GREY, width=1.0))
         for path, label in _reading_paths(scenario, name, ordered=ordered):
-            groups[unit].append(_series(path, label, color, width=1.0, line=False))
+            groups[unit].insert(0, _series(path, label, _pale(color), width=1.0, line=False))
     return [
         panels.plot(_title(_names_of(space, unit), unit), series)
         for unit, series in groups.items()
     ]
+
+
+def _pale(color: str) -> str:
+    """Return a colour half way to white."""
+    return '#' + ''.join(f'{(int(color[k : k + 2], 16) + 255) // 2:02x}' for k in (1, 3, 5))
 
 
 def _names_of(space: Space, unit: str) -> list[str]:
@@ -260,7 +270,7 @@ def _map_panel(scenario: Scenario, frame: str) -> dict[str, Any]:
     """Return the configuration of the panel that shows the markers from above."""
     across = extent(scenario)
     return {
-        'foxglovePanelTitle': 'map',
+        **_titled('map'),
         'cameraState': {
             'perspective': False, 'distance': 1.5 * across, 'phi': 0, 'thetaOffset': 90,
             'targetOffset': [0, 0, 0], 'target': [0, 0, 0], 'targetOrientation': [0, 0, 0, 1],

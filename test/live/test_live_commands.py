@@ -19,6 +19,7 @@ from kalman_ros.live.board import Board
 from kalman_ros.live.controls import controls
 from kalman_ros.live.limits import limits
 from kalman_ros.live.live_commands import LiveCommands
+from kalman_ros.live.live_nodes import FOREVER
 from kalman_ros.live.pace import Pace
 from kalman_ros.live.page_command import COMMANDS, read_command
 from kalman_ros.live.scene import places
@@ -365,3 +366,27 @@ def test_a_sensor_is_moved_and_the_estimator_does_not_know():
 @pytest.mark.parametrize('name', ['bearing_tracker', 'sound_tracker', 'cart_pole'])
 def test_a_sensor_that_moves_or_publishes_nothing_is_not_moved(name):
     assert places(opened(name).adjustments) == {}
+
+
+def test_after_a_pause_in_real_time_the_estimator_goes_on_from_its_last_belief(page):
+    page.streams.estimate = np.array([0.3, -0.2]), np.diag([0.04, 0.09])
+    page.send('{"do": "pause", "n": 1}')
+    assert page.send('{"do": "resume", "n": 2}')['error'] == ''
+    belief = {'initial_estimate': [0.3, -0.2], 'initial_std': [0.2, pytest.approx(0.3)]}
+    assert page.nodes.calls == [
+        ('run_until', -1.0), ('reconfigure', 'estimator', belief), ('run_until', FOREVER),
+    ]  # fmt: skip
+    page.nodes.calls.clear()
+    page.send('{"do": "reset", "n": 3}')  # the belief of the file again
+    initial = {name: page.adjustments.value('estimator', name) for name in belief}
+    assert ('reconfigure', 'estimator', initial) in page.nodes.calls
+    assert ('trigger', 'estimator/reset') not in page.nodes.calls
+    page.nodes.calls.clear()
+    page.send('{"do": "reset", "n": 4}')
+    assert ('trigger', 'estimator/reset') in page.nodes.calls
+
+
+def test_a_pause_before_the_first_estimate_ends_with_the_initial_belief(page):
+    page.send('{"do": "pause", "n": 1}')
+    page.send('{"do": "resume", "n": 2}')
+    assert page.nodes.calls[1] == ('trigger', 'estimator/reset')

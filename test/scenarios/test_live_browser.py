@@ -148,7 +148,7 @@ def test_buttons_and_keys_pause_push_and_reset(page):
     noise = 'plant/position.noise/0'
     initial = loop.sections['scene']['initial']['values'][noise]
     loop.do(do='set', key=noise, value=initial)  # else the sentence is about the sensor
-    pushed = f'{text("#sentence")}.startsWith("The input f_x was pushed, unknown to the filter")'
+    pushed = f'{text("#sentence")}.startsWith("The input f_x was pushed (+), unknown to")'
     for button, said in (('#pushes button', pushed), ('#reset', f'!{pushed}')):
         browser.click(button)
         assert loop.until(lambda m: 'answer' in m)['answer']['error'] == ''

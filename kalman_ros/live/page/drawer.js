@@ -3,6 +3,7 @@
 
 import { addressed, rememberTask } from './address.js';
 import { Controls } from './controls.js';
+import { data } from './data.js';
 import { buildGhost } from './ghost.js';
 import { grab, noGrab } from './grab.js';
 import { hasLimits, hasWalls, limitOf, setLimit } from './limits.js';
@@ -77,7 +78,7 @@ const TASKS = {
   },
   regulator: {
     reason: noInput,
-    words: () => 'Weights of the cost: a heavy state is brought home faster, a heavy input is spared.',
+    words: () => 'Weights of the cost: a heavy state is brought home faster, a heavy input is spared. Beyond red marks the loop is unstable.',
     build: (place) => list(place, [
       ...heavy(2).flatMap((name) => keys(new RegExp(`^controller/state_cost/${page.scene.state.names.indexOf(name)}$`))),
       ...keys(/^controller\/input_cost/, 1), ...keys(/^plant\/actuator_gain/, 1),
@@ -120,7 +121,7 @@ const TASKS = {
         : `Pull at the system with the mouse or a finger${hasPlaces() ? ', move a sensor' : ''}, or push an input for 0.2 s.`;
     },
     build: buildPushes,
-    effects: () => (noInput() ? [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`] : loopEffects()),
+    effects: () => (noInput() ? [`state ${mainStates()[0]}`, `NIS ${firstSensor()}`] : pushEffects()),
   },
   tour: {
     reason: tourReason,
@@ -192,10 +193,19 @@ function buildPushes(place) {
 }
 
 export function push(input, sign) {
-  acted(`The input ${page.scene.input.names[input]} was pushed`);
+  const name = page.scene.input.names[input], way = sign > 0 ? '+' : '−';
+  acted(`The input ${name} was pushed (${way})`, `${name} ${way}`, data.now);
+  if (push.input !== input) {  // its effects
+    push.input = input;
+    if (page.task === 'push') { drawer.effects = TASKS.push.effects(); page.renew(); }
+  }
   send({ do: 'push', input, share: sign * 10 ** push.strength });
 }
 push.strength = -0.7;
+push.input = 0;
+
+// the state along which the input that was pushed acts first, and the input
+const pushEffects = () => [`state ${page.scene.path.names[push.input] ?? mainStates()[0]}`, `input ${page.scene.input.names[push.input] ?? page.scene.input.names[0]}`];
 
 // the tasks of a scene, and the one that matters first
 export function buildDrawer() {

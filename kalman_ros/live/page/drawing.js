@@ -5,13 +5,22 @@ import { data, last } from './data.js';
 import { colour, labelled, quantity, short, stroke, ticks } from './plots.js';
 
 export const TWO_SIGMA = 2;
+const RECENT = 0.5;  // seconds that an estimate may be under way
 export const FRESH = 600;  // milliseconds for which a reading is shown
+
+// the truth of the time of a recent estimate, which is under way for a moment; else the newest
+function truthOf(estimate) {
+  const rows = data.rows.truth ?? [], newest = rows.at(-1);
+  if (!estimate || newest === undefined || newest[0] - estimate[0] > RECENT) return newest;
+  for (let k = rows.length - 1; k >= 0 && rows[k][0] >= estimate[0] - 1e-6; k--) if (rows[k][0] <= estimate[0] + 1e-6) return rows[k];
+  return newest;
+}
 
 // truth, estimate and covariance by the names of the states
 export function now(scene) {
   const names = scene.state.names, n = names.length;
   const ghost = last('ghost');
-  const truth = last('truth'), estimate = last('estimate'), input = last('input');
+  const estimate = last('estimate'), truth = truthOf(estimate), input = last('input');
   const at = (row, first) => Object.fromEntries(names.map((name, k) => [name, row?.[first + k] ?? null]));
   const cell = (P, a, b) => (P ? P[names.indexOf(a) * n + names.indexOf(b)] : 0);
   const prior = data.prior && { x: at(data.prior.x, 0), P: (a, b) => cell(data.prior.P, a, b) };
@@ -75,13 +84,14 @@ let corner = null;  // of the magnifier: as shares of width and height
 
 // The corner with the most room about it; it stays while there is enough.
 function freest(w, h, r, taken) {
-  const room = ([x, y]) => Math.min(...taken.map(([px, py]) => Math.hypot(px - middleOf(x, w, r), py - middleOf(y, h, r))));
+  const room = ([x, y]) => Math.min(...taken.map(([px, py]) => Math.hypot(px - across(x, w, r), py - down(y, h, r))));
   if (corner && room(corner) > r + 14) return corner;
   const all = [[1, 0], [0, 0], [1, 1], [0, 1]];
   return all.reduce((best, each) => (room(each) > room(best) + 1 ? each : best));
 }
 
-const middleOf = (share, size, r) => (share ? size - r - 44 : r + 30);
+// away from the numbers at the left and below, with its own text
+const across = (share, w, r) => (share ? w - r - 30 : r + 56), down = (share, h, r) => (share ? h - r - 52 : r + 14);
 
 // where the ellipse is too small to see: the same, magnified, in a corner away from what is drawn
 export function magnified(pen, w, h, seen, scale, a, b, canvas) {
@@ -92,7 +102,7 @@ export function magnified(pen, w, h, seen, scale, a, b, canvas) {
   const r = Math.min(58, 0.19 * h), zoom = 10 ** Math.floor(Math.log10(0.75 * r / size));
   if (size * scale > 16) { corner = null; return; }
   corner = freest(w, h, r, [canvas.body, ...canvas.taken]);
-  const cx = middleOf(corner[0], w, r), cy = middleOf(corner[1], h, r);
+  const cx = across(corner[0], w, r), cy = down(corner[1], h, r);
   pen.save();
   pen.beginPath(); pen.arc(cx, cy, r, 0, 7); pen.fillStyle = colour('paper'); pen.fill();
   stroke(pen, 'soft', 1); pen.stroke();
@@ -105,16 +115,15 @@ export function magnified(pen, w, h, seen, scale, a, b, canvas) {
   stroke(pen, 'ink', 3);
   pen.beginPath(); pen.arc(cx, cy, 2.5, 0, 7); pen.stroke();
   pen.restore();
-  // with a scale
-  const [long] = ticks(0, r / fit, 1).slice(-1), half = long * fit / 2;
+  // with a scale below
+  const [long] = ticks(0, r / fit, 1).slice(-1), half = long * fit / 2, below = cy + r + 8;
   stroke(pen, 'soft', 1.5);
-  pen.beginPath(); pen.moveTo(cx - half, cy + r - 10); pen.lineTo(cx + half, cy + r - 10);
-  for (const end of [-half, half]) { pen.moveTo(cx + end, cy + r - 13); pen.lineTo(cx + end, cy + r - 7); }
+  pen.beginPath(); pen.moveTo(cx - half, below); pen.lineTo(cx + half, below);
+  for (const end of [-half, half]) { pen.moveTo(cx + end, below - 3); pen.lineTo(cx + end, below + 3); }
   pen.stroke();
   pen.fillStyle = colour('soft');
   pen.textAlign = 'center';
-  pen.fillText(quantity(long, 'm'), cx, cy + r - 14);
-  pen.fillText(`magnified × ${short(Number((fit / scale).toPrecision(2)))}`, cx, cy + r + 12);
+  pen.fillText(`${quantity(long, 'm')}, magnified × ${short(Number((fit / scale).toPrecision(2)))}`, cx, below + 14);
   pen.textAlign = 'left';
 }
 
@@ -125,11 +134,10 @@ export function beliefs(pen, seen, draw) {
 }
 
 // readings of two states as crosses, which fade
-export function crosses(pen, scene, X, Y, a, b, canvas) {
+export function crosses(pen, scene, X, Y, a, b) {
   for (const [name, sensor] of Object.entries(scene.sensors)) {
     const i = sensor.names.indexOf(a), j = sensor.names.indexOf(b), row = last(`reading ${name}`);
     if (i < 0 || j < 0) continue;
-    canvas.readings = 'crosses';
     if (!row || performance.now() - data.arrived[name] > FRESH) continue;
     const x = X(row[1 + i]), y = Y(row[1 + j]);
     stroke(pen, 'reading', 2);

@@ -2,7 +2,7 @@
 // Pulling at the system with the mouse or a finger, a disturbance for as long as it is held; or
 // carrying it away, which the estimator does not know.
 
-import { last } from './data.js';
+import { data, last } from './data.js';
 import { acted, page } from './page.js';
 import { Newest, send } from './socket.js';
 
@@ -29,6 +29,7 @@ const PULL = {
   },
 };
 
+export const CARRIED = 'carried';
 export const grab = { carries: false };
 
 // why the system cannot be pulled, or carried away; '' where it can
@@ -48,7 +49,7 @@ export function grabSystem(canvas) {
     const [x, y] = canvas.body, [px, py] = canvas.pull, { names } = page.scene.state, row = last('truth');
     const truth = Object.fromEntries(names.map((name, k) => [name, row[1 + k]]));
     const shares = PULL[page.scene.drawing.kind]((px - x) / LONG, (y - py) / LONG, truth);
-    if (shares) acted('The system is pulled');
+    if (shares) acted('The system is pulled', 'pulled', data.now);
     if (shares) newest.put({ do: 'push', shares: shares.map((share) => Number(Math.max(-MOST, Math.min(MOST, share)).toFixed(3))) });
   };
   const at = (event) => {
@@ -71,7 +72,7 @@ export function grabSystem(canvas) {
     if (canvas.pull && canvas.carries && canvas.place) {
       const [names, values] = canvas.place(...canvas.pull);
       send({ do: 'carry', names, values });
-      acted('The system was carried away');
+      acted('The system was carried away', CARRIED, data.now);
     }
     free();
   });

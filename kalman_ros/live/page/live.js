@@ -157,6 +157,7 @@ const RECEIVE = {
     if (offered?.length === 0) rememberValues();
   },
   status(message) {
+    if (page.status.paused && !message.paused) page.resumed = performance.now();
     page.status = message;
     countPlans(message);
     const how = message.lockstep ? `lockstep${message.speed === 1 ? '' : `, ${short(message.speed)} times as fast`}` : 'real time', late = lately(message.missed);
@@ -208,7 +209,7 @@ function aboutScene({ about, sensors, state, input, equilibrium, path }) {
   const measured = Object.entries(sensors).map(([name, sensor]) => `${name} (${sensor.names.join(', ')})`).join(', ');
   const parts = [about.replace(/[.:;]?$/, '.')], held = mainStates().map((name) => `${name} = ${short(equilibrium[state.names.indexOf(name)])}`);
   if (input.names.length) parts.push(`The regulator brings it to ${held.join(', ')}${path.reason ? '' : ', or along a path'}.`);
-  return [...parts, `Sensors: ${measured}.`].filter((part) => part.length > 1).join(' ');
+  return [parts[0], `Sensors: ${measured}.`, ...parts.slice(1)].filter((part) => part.length > 1).join(' ');
 }
 
 // --- what depends on the scene -----------------------------------------------------------------
@@ -289,7 +290,7 @@ function draw(time) {
   $('path-legend').hidden = !page.path.points?.length;
   drawSystem($('system'), page.scene);
   $('limit-legend').hidden = !$('system').handles?.some(({ limit }) => limit);
-  $('line-legend').hidden = $('system').readings !== 'lines';
+  $('line-legend').hidden = !$('system').lines;
   for (const { canvas, make, move } of effects) {
     if (!move) plot(canvas, make());
     else if (move(canvas)) page.dirty = true;
@@ -397,7 +398,7 @@ document.addEventListener('toggle', redraw, true);
 const darkness = matchMedia('(prefers-color-scheme: dark)');
 darkness.addEventListener('change', () => useTheme(darkness.matches));
 useTheme(darkness.matches);
-$('saying').title = `over the last ${RECENT} s: root mean squares, of 2σ and of the error`;
+$('saying').title = `over the last ${RECENT} s: root mean squares, of 2σ and of the error, of all coordinates together`;
 dragHandles($('system'));
 dragHandles($('bode'));
 drawPaths($('system'));

@@ -16,13 +16,18 @@ export const page = {
   share: {},
   ghost: {},
   acted: { what: '', at: -1e9 },  // the last push, pull or carrying of this tab, at a time in ms
+  acts: [],      // the recent ones, each with its time in the plots and a short name
+  resumed: -1e9, // when a pause ended, in ms
   task: '',      // the open one of the drawer
   dirty: true,   // whether something has changed since it was drawn
 };
 
-// Remember what a person has just done to the plant, which no filter knows.
-export function acted(what) {
-  page.acted = { what, at: performance.now() };
+// Remember what a person has just done to the plant, which no filter knows; '' forgets all.
+export function acted(what, short = '', time = 0) {
+  const at = performance.now(), goesOn = page.acted.what === what && at - page.acted.at < 500;
+  page.acted = { what, at };
+  if (!what) page.acts = [];
+  else if (!goesOn) page.acts = [...page.acts.slice(-9), { short, time }];
 }
 
 // an element with properties and children

@@ -2,6 +2,7 @@
 // Curves over time on a canvas.
 
 import { data } from './data.js';
+import { page } from './page.js';
 
 const cache = new Map();
 
@@ -180,6 +181,15 @@ export function plot(canvas, { title, rows, columns, curves = [], bands = [], ma
       before = y;
     }
     pen.stroke();
+  }
+  for (const { short: name, time } of page.acts) if (time > start) {
+    stroke(pen, 'path', 1.2, 'dotted');
+    pen.beginPath(); pen.moveTo(X(time), top); pen.lineTo(X(time), bottom); pen.stroke();
+    pen.fillStyle = colour('path');
+    const isLate = X(time) > right - 60;
+    pen.textAlign = isLate ? 'right' : 'left';
+    pen.textBaseline = 'top';
+    pen.fillText(name, X(time) + (isLate ? -3 : 3), top);
   }
   pen.restore();
   canvas.handles = lines.filter((line) => line.grip).map((line) => {

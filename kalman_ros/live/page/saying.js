@@ -2,6 +2,7 @@
 // One sentence that says what is going on, from the numbers, and the button that helps.
 
 import { data, last } from './data.js';
+import { CARRIED } from './grab.js';
 import { actingSentence } from './limits.js';
 import { page } from './page.js';
 import { pathWords } from './path.js';
@@ -11,6 +12,7 @@ export const RECENT = 2;  // seconds over which an error is averaged
 const FALLEN = 1.3;    // radians at which no force brings the pole up again
 const TOO_SURE = 2;    // the error beyond this many times the 2σ is too large to be chance
 const SHOWN = 6000;    // milliseconds for which the end of a motion is told
+const RESUMED = 2000;  // milliseconds for which the end of a pause is told
 const FELT = 4000;     // milliseconds for which a push is told
 const ended = { state: '', at: 0 };
 // the coordinates that the sentence is about: the place on a map, else the first that is measured
@@ -55,12 +57,12 @@ function fallen() {
 export const troubled = () => Object.keys(page.status.sensors ?? {})[0] ?? '';
 
 const SAID = {
-  silent: ({ seconds }) => `has sent nothing for ${short(seconds, 2)} ${data.unit}`,
+  silent: ({ seconds }) => `has sent nothing for ${short(seconds, 2)} ${data.unit}${page.values[`plant/${troubled()}.enabled`] === false ? ', switched off' : ''}`,
   lost: ({ share }) => `loses ${percent(share)} of its readings`,
   frozen: () => 'is frozen at one value',
   outliers: ({ share }) => `has outliers, ${percent(share)} of its readings`,
   bias: ({ off }) => `reads ${off.map(({ name, unit, size }) => `${name} ${quantity(Math.abs(size), unit)} too ${size > 0 ? 'high' : 'low'}`).join(' and ')}`,
-  noise: ({ off: [{ name, factor }] }) => `scatters in ${name} ${factor > 1 ? '' : 'only '}${short(factor, 2)} times as much as the filter believes`,
+  noise: ({ off: [{ name, factor }] }) => `scatters in ${name} ${short(factor > 1 ? factor : 1 / factor, 2)} times ${factor > 1 ? 'as much as' : 'less than'} the filter believes`,
   late: ({ seconds }) => `is ${short(seconds, 2)} ${data.unit} late`,
 };
 
@@ -69,7 +71,9 @@ const percent = (share) => `${Math.max(1, Math.round(100 * share))} %`;
 // why an error of what the sentence is about stays; '' where the readings depend on it
 function unseen() {
   const names = mainStates().filter((name) => page.theory.unseen?.includes(name));
-  return names.length ? `, and stays so, since no reading depends on ${names.join(', ')}` : '';
+  if (!names.length) return '';
+  const carried = page.acts.findLast(({ short }) => short === CARRIED);
+  return `, and stays so${carried ? ` after it was carried at ${carried.time.toFixed(1)} ${data.unit}` : ''}, since no reading depends on ${names.join(', ')}`;
 }
 
 function sensorWords() {
@@ -82,6 +86,7 @@ export function saying() {
   const { status, scene, path } = page, { controller, plant } = status.nodes ?? {}, sensor = sensorWords();
   if (!last('truth')) return { text: status.message || (data.began ? 'It begins anew.' : 'The nodes start.'), help: '' };
   if (status.paused) return { text: 'The plant is paused.', help: 'pause' };
+  if (performance.now() - page.resumed < RESUMED) return { text: 'The plant goes on, and the filter from its last belief.', help: '' };
   if (plant?.level === 2) return { text: `The plant: ${plant.message}.`, help: 'reset' };
   if (sensor && fallen()) return { text: `${sensor}; the pole has fallen.`, help: 'mend' };
   if (sensor && controller?.level === 2) return { text: `${sensor}. The controller: ${controller.message}.`, help: 'mend' };

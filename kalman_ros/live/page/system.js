@@ -89,7 +89,7 @@ const DRAW = {
       pen.stroke();
     });
     const reading = last('reading position');
-    canvas.readings = 'lines';
+    canvas.lines = true;
     if (reading && performance.now() - data.arrived.position < FRESH) {
       stroke(pen, 'reading', 2);
       pen.beginPath(); pen.moveTo(X(reading[1]), y - size); pen.lineTo(X(reading[1]), y + size); pen.stroke();
@@ -111,7 +111,7 @@ const DRAW = {
     beliefs(pen, seen, (belief, look, dash) => ellipse(pen, X, Y, belief, 'x', 'y', look, dash));
     stroke(pen, 'ink', 3);
     pen.beginPath(); pen.arc(x, y, 9, 0, 7); pen.stroke();
-    crosses(pen, scene, X, Y, 'x', 'y', canvas);
+    crosses(pen, scene, X, Y, 'x', 'y');
     arrow(pen, x, y, reach(scene, seen.input[0]), -reach(scene, seen.input[1]));
     magnified(pen, w, h, seen, scale, 'x', 'y', canvas);
     rule(pen, X, w, h, scale);
@@ -231,7 +231,7 @@ const DRAW = {
     }
     places(pen, scene, X, Y, w + h, canvas);
     beliefs(pen, seen, (belief, look, dash) => ellipse(pen, X, Y, belief, 'x', 'y', look, dash));
-    crosses(pen, scene, X, Y, 'x', 'y', canvas);
+    crosses(pen, scene, X, Y, 'x', 'y');
     const heading = scene.drawing.heading;
     const a = heading ? truth[heading] : Math.atan2(truth.v_y ?? 0, truth.v_x ?? 1);
     canvas.body = [X(truth.x), Y(truth.y)];
@@ -276,7 +276,7 @@ let moved = null;  // the sensor that is dragged, with its place
 function places(pen, scene, X, Y, far, canvas) {
   for (const [name, sensor] of Object.entries(scene.sensors)) {
     if (!sensor.place) continue;
-    canvas.readings = 'lines';
+    canvas.lines = true;
     const is = moved?.name === name ? moved.place : page.places[name] ?? sensor.place, row = last(`reading ${name}`);
     const [x, y] = [X(is[0]), Y(is[1])], believed = scene.initial.places[name];
     const triangle = (px, py) => { pen.beginPath(); pen.moveTo(px - 6, py + 5); pen.lineTo(px + 6, py + 5); pen.lineTo(px, py - 7); pen.closePath(); pen.stroke(); };
@@ -349,7 +349,8 @@ export function drawSystem(canvas, scene) {
   area.pen.textAlign = 'left';
   area.pen.textBaseline = 'alphabetic';
   canvas.handles = [];
-  canvas.place = canvas.readings = null;
+  canvas.place = null;
+  canvas.lines = false;
   canvas.taken = [];  // places with a name beside them
   DRAW[scene.drawing.kind](area.pen, area.width, area.height, scene, now(scene), canvas);
   if (canvas.pull && canvas.body) {

@@ -38,7 +38,7 @@ export function traces(scene) {
       marks: [{ rows: data.rows[`innovation ${s}`], value: (r) => r[1 + k], look: 'ink', dot: true }],
     })));
     add(`NIS ${s}`, 'innovations', () => ({
-      title: `NIS of ${s}: ${m} on average, 95 % below the dashes`,
+      title: `NIS of ${s}: innovation² / S, mean ${m}, 95 % below dashes`,
       marks: [{ rows: data.rows[`innovation ${s}`], value: (r) => r[1 + 2 * m], look: 'ink', dot: true }],
       lines: [{ value: m, look: 'estimate' }, { value: CHI[m - 1] ?? m + 2.5 * Math.sqrt(2 * m), look: 'estimate', dash: 'dashed' }],
     }));
