@@ -14,7 +14,7 @@ import { dragHandles } from './handles.js';
 import { $, acted, element, page } from './page.js';
 import { drawPaths } from './path.js';
 import { forgetColours, plot, short } from './plots.js';
-import { mainStates, RECENT, saying, troubled } from './saying.js';
+import { blamed, mainStates, RECENT, saying } from './saying.js';
 import { answered, connect, forget, Newest, send } from './socket.js';
 import { drawSystem } from './system.js';
 import { traces } from './traces.js';
@@ -324,11 +324,11 @@ const ACT = {
   reset: () => send({ do: page.status.failed ? 'restart' : 'reset' }),
   push: () => (page.scene.input.names.length ? push(0, 1) : open('push')),
   mend: () => {
-    const ends = ['plant', 'estimator'].map((node) => `${node}/${troubled()}.`), { values } = page.scene.initial;
+    const ends = ['plant', 'estimator'].map((node) => `${node}/${blamed()}.`), { values } = page.scene.initial;
     const changed = Object.keys(values).filter((key) => ends.some((end) => key.startsWith(end)) && page.values[key] !== values[key]);
     for (const key of changed) send({ do: 'set', key, value: values[key] });
-    const [now, place] = [page.places, page.scene.initial.places].map((places) => places[troubled()]);
-    if (String(now) !== String(place)) send({ do: 'place', sensor: troubled(), x: place[0], y: place[1] });
+    const [now, place] = [page.places, page.scene.initial.places].map((places) => places[blamed()]);
+    if (String(now) !== String(place)) send({ do: 'place', sensor: blamed(), x: place[0], y: place[1] });
     else if (!changed.length) open('faults');
   },
   theme: () => useTheme(!document.documentElement.classList.contains('dark')),

@@ -12,6 +12,7 @@ export const RECENT = 2;  // seconds over which an error is averaged
 const FALLEN = 1.3;    // radians at which no force brings the pole up again
 const TOO_SURE = 2;    // the error beyond this many times the 2σ is too large to be chance
 const SHOWN = 6000;    // milliseconds for which the end of a motion is told
+const FAST = 20, QUIET = 300;  // readings a second of a fast sensor, and the milliseconds after which it is quiet
 const RESUMED = 2000;  // milliseconds for which the end of a pause is told
 const FELT = 4000;     // milliseconds for which a push is told
 const ended = { state: '', at: 0 };
@@ -54,7 +55,16 @@ function fallen() {
 }
 
 // the sensor that is not as the filter believes; '' where all are
-export const troubled = () => Object.keys(page.status.sensors ?? {})[0] ?? '';
+const troubled = () => Object.keys(page.status.sensors ?? {})[0] ?? '';
+
+// a fast sensor of which nothing has arrived lately, before its silence is sure; '' where there is none
+function quiet() {
+  const since = ([name, at]) => page.values[`plant/${name}.rate`] > FAST && performance.now() - at > QUIET;
+  return Object.entries(data.arrived).find(since)?.[0] ?? '';
+}
+
+// the sensor that the sentence blames
+export const blamed = () => troubled() || quiet();
 
 const SAID = {
   silent: ({ seconds }) => `has sent nothing for ${short(seconds, 2)} ${data.unit}${page.values[`plant/${troubled()}.enabled`] === false ? ', switched off' : ''}`,
@@ -90,7 +100,8 @@ export function saying() {
   if (plant?.level === 2) return { text: `The plant: ${plant.message}.`, help: 'reset' };
   if (sensor && fallen()) return { text: `${sensor}; the pole has fallen.`, help: 'mend' };
   if (sensor && controller?.level === 2) return { text: `${sensor}. The controller: ${controller.message}.`, help: 'mend' };
-  if (controller?.level === 2) return { text: `The controller: ${controller.message}.`, help: 'reset' };
+  if (controller?.level === 2) return quiet() ? { text: `The sensor ${quiet()} sends nothing. The controller: ${controller.message}.`, help: 'mend' } : { text: `The controller: ${controller.message}.`, help: 'reset' };
+  if (fallen() && quiet()) return { text: `The sensor ${quiet()} sends nothing; the pole has fallen.`, help: 'mend' };
   if (fallen()) return { text: 'The pole has fallen: no force that the regulator knows brings it up.', help: 'reset' };
   const error = errors();
   const much = error?.wrong > error?.believed ? ', more than that' : '';
