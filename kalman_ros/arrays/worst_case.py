@@ -170,8 +170,10 @@ def _ends(intervals: Intervals) -> dict[str, tuple[float, float]]:
     for name, pair in intervals.items():
         if isinstance(pair, str) or np.size(pair) != 2:
             raise ValueError(f'{name}: expected a low and a high end, got {got(pair)}')
-        low, high = pair
-        ends[str(name)] = (number(name, low), number(name, high))
+        low, high = (number(name, end) for end in pair)
+        if not np.isfinite((low, high)).all():
+            raise ValueError(f'{name}: expected finite ends, got {low:g} and {high:g}')
+        ends[str(name)] = (low, high)
     return ends
 
 

@@ -81,10 +81,14 @@ class LeastDistance:
     """
 
     def __init__(self, A: Array, softness: Array, *, compiled: bool | None = None) -> None:
-        self._A, self._softness = np.ascontiguousarray(A), softness
+        # rows of length 1, so that tolerances mean the same whatever the units
+        lengths = np.linalg.norm(A, axis=1)
+        self._lengths = np.where(lengths > 0.0, lengths, 1.0)
+        self._A = np.ascontiguousarray(A / self._lengths[:, np.newaxis])
+        self._softness = softness / self._lengths**2
         self._search: Any = self._by_least_squares
         if has_daqp() if compiled is None else compiled:
-            self._search = _Daqp(self._A, softness)
+            self._search = _Daqp(self._A, self._softness)
             return
         from scipy.optimize import nnls  # slow to import
 
@@ -111,14 +115,18 @@ class LeastDistance:
         """
         if not (b < 0.0).any():
             return Shortest(np.zeros(self._A.shape[1]), ())
+        b = b / self._lengths
+        size = float(np.abs(b[b < 0.0]).max())
+        b = b / size
         z, rows = self._search(b, active, deadline)
-        return self._exact(b, rows, z)
+        found = self._exact(b, rows, z)
+        return Shortest(size * found.z, found.active)
 
     def _by_least_squares(
         self, b: Array, active: Sequence[int], deadline: float
     ) -> tuple[Array, list[int]]:
         """Return the vector, and the limits that act."""
-        A, size = self._A, float(np.abs(b[b < 0.0]).max())
+        A = self._A
         z, likely, y = np.zeros(A.shape[1]), [*active], np.zeros(len(active))
         allowed = _EXCEEDED * np.maximum(np.abs(b), 1.0)
         for _ in range(_MOST):
@@ -133,7 +141,7 @@ class LeastDistance:
                 break
             likely = [*dict.fromkeys((*likely, *new))]
             rows = A[likely]
-            E = np.vstack((-rows.T, np.diag(np.sqrt(self._softness[likely])), -b[likely] / size))
+            E = np.vstack((-rows.T, np.diag(np.sqrt(self._softness[likely])), -b[likely]))
             f = np.zeros(len(E))
             f[-1] = 1.0
             try:
@@ -143,7 +151,7 @@ class LeastDistance:
             residual = E @ y - f
             if left < _INSIDE:
                 raise InfeasibleError('no input keeps the limits')
-            z = -size * residual[: A.shape[1]] / residual[-1]
+            z = -residual[: A.shape[1]] / residual[-1]
         raise LateError('no solution in time')
 
     def _exact(self, b: Array, rows: list[int], z: Array) -> Shortest:

@@ -95,6 +95,22 @@ def test_an_object_of_matrices_keeps_its_limits_and_prints_them():
     np.testing.assert_allclose(control.gain, kr.lqr(*MASS, dt=0.1).gain)
 
 
+@pytest.mark.parametrize('mass', [1.0, 1e4, 1e7])
+def test_a_heavy_mass_keeps_its_hard_limit_as_a_light_one(mass):
+    cost = np.diag([1.0, 0.1]) * mass**2
+    control = kr.mpc(
+        [[0, 1], [0, 0]], [0, 1 / mass], cost, 0.1, dt=0.1, input_limit=0.5 * mass,
+        state_limit={'x1': (-0.4, 0.4)}, state_price=np.inf,
+    )  # fmt: skip
+    x, F, G = np.array([2.0, 0.0]), np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([0.005, 0.1])
+    slowest = 0.0
+    for _ in range(60):
+        x = F @ x + G * (control.step(x) / mass)
+        slowest = min(slowest, x[1])
+    assert slowest == pytest.approx(-0.4, abs=1e-6)
+    assert control.infeasible == 0
+
+
 def test_its_plan_is_drawn(tmp_path):
     control = kr.mpc(*MASS, dt=0.1, input_limit=0.5, state_limit={'x1': (-0.4, 0.4)})
     control.step([2.0, 0.0])

@@ -96,6 +96,7 @@ def test_an_actuator_that_is_too_strong_is_found_at_the_gain_margin() -> None:
         ({'mass': 3}, 'mass: expected a low and a high end, got 3'),
         ({'mass': 'ab'}, "mass: expected a low and a high end, got 'ab'"),
         ({'mass': (float('nan'), 2.0)}, 'mass: expected'),
+        ({'mass': (0.5, inf)}, 'mass: expected finite ends, got 0.5 and inf'),
         ({'mass': (-1.0, 2.0)}, 'mass: expected at least'),
         ({'position.noise': (0.1, 0.2)}, 'position.noise: expected the name of one number'),
         ({'initial_std.x': (0.1, 2.0)}, 'initial_std.x: expected a parameter that changes'),

@@ -146,3 +146,21 @@ def test_a_solution_keeps_the_conditions_of_karush_kuhn_and_tucker(compiled):
         np.testing.assert_allclose(found.z, y[: A.shape[1]], atol=2e-7 * scale)
         others = np.setdiff1d(np.arange(len(b)), rows)
         assert (A[others] @ found.z - b[others]).max(initial=0.0) < 1e-8 * scale
+
+
+@pytest.mark.parametrize('compiled', SOLVERS)
+@pytest.mark.parametrize('factor', [1e-8, 1e-4, 1e4, 1e8])
+def test_units_do_not_matter(compiled, factor):
+    """The same problem with z, some rows, or all bounds in other units."""
+    for seed in range(20):
+        A, softness, b = random_problem(seed)
+        softness = np.maximum(softness, 1e-6)
+        expected = LeastDistance(A, softness, compiled=compiled).solve(b).z
+        scale = max(1.0, np.abs(expected).max())
+        of_z = LeastDistance(A / factor, softness / factor**2, compiled=compiled).solve(b).z
+        np.testing.assert_allclose(of_z / factor, expected, atol=1e-9 * scale)
+        units = np.where(np.arange(len(b)) % 2, factor, 1.0)
+        rows = LeastDistance(A * units[:, None], softness * units**2, compiled=compiled)
+        np.testing.assert_allclose(rows.solve(b * units).z, expected, atol=1e-9 * scale)
+        of_b = LeastDistance(A, softness, compiled=compiled).solve(b * factor).z
+        np.testing.assert_allclose(of_b / factor, expected, atol=1e-9 * scale)
