@@ -187,9 +187,10 @@ class LeastDistance:
         The rounding of the first solution is corrected, since the matrix has the squares of the
         limits (N. Higham, Accuracy and Stability of Numerical Algorithms, 2002, chapter 12).
         """
-        A, bounds, softness = self._A[rows], b[rows], self._softness[rows]
+        index = np.array(rows)
+        A, bounds, softness = self._A[index], b[index], self._softness[index]
         M = A @ A.T
-        M[np.diag_indices(len(rows))] += softness
+        M.flat[:: len(rows) + 1] += softness
         factor, multipliers, failed = dposv(M, -bounds)
         if failed:
             raise np.linalg.LinAlgError('the matrix is singular')

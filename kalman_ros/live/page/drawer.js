@@ -44,6 +44,13 @@ function chooseSensor(place, task) {
   place.append(element('label', { className: 'speed' }, 'sensor ', choice));
 }
 
+// the first noise of the model that acts, in the plant and as believed
+function processNoise() {
+  const all = keys(/^(estimator|plant|controller)\/model_parameters\..*noise/, 100), name = ({ key }) => key.split('/').slice(1).join('/');
+  const first = all.find(({ key }) => page.values[key] > 0) ?? all[0];
+  return first ? all.filter((control) => name(control) === name(first)).slice(0, 2) : [];
+}
+
 const noInput = () => (page.scene.input.names.length ? '' : 'the model has no input');
 
 // the states with the largest weights, else those that are measured
@@ -92,7 +99,7 @@ const TASKS = {
       const row = element('div', { className: 'selects' });
       place.append(row);
       chooseSensor(row, 'filter');
-      list(place, [...keys(new RegExp(`/${firstSensor()}\\.noise/0$`), 2), ...keys(/^(estimator|plant|controller)\/model_parameters\..*noise/, 2)]);
+      list(place, [...keys(new RegExp(`/${firstSensor()}\\.noise/0$`), 2), ...processNoise()]);
       drawer.tell = buildGhost(place, row);
     },
     effects: () => [`state ${sensedBy(firstSensor())}`, `NIS ${firstSensor()}`],

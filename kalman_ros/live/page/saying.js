@@ -105,7 +105,7 @@ export function saying() {
   if (fallen()) return { text: 'The pole has fallen: no force that the regulator knows brings it up.', help: 'reset' };
   const error = errors();
   const much = error?.wrong > error?.believed ? ', more than that' : '';
-  const wrong = error && `${mainStates().join(', ')} within ${quantity(error.believed, error.unit)}; it is wrong by ${quantity(error.wrong, error.unit)}`;
+  const wrong = error && `${mainStates().join(', ')} within ${quantity(error.believed, error.unit)}; over ${RECENT} s it is wrong by ${quantity(error.wrong, error.unit)}`;
   if (sensor) return { text: error ? `${sensor}: the filter believes ${wrong}.` : `${sensor}.`, help: 'mend' };
   if (error && page.acted.what && performance.now() - page.acted.at < FELT) return { text: `${page.acted.what}, unknown to the filter: it believes ${wrong}.`, help: '' };
   if (error && error.wrong > TOO_SURE * error.believed) return { text: `The filter is too sure: it believes ${wrong}${unseen()}.`, help: 'reset' };
