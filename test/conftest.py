@@ -3,8 +3,10 @@
 
 import os
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
+import nursery
 import pytest
 from hypothesis import settings
 
@@ -14,7 +16,7 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ.setdefault('KALMAN_ROS_ARITHMETIC', 'numpy')
 
 # the same examples each time where the tests decide, new ones each time by hand
-settings.register_profile('fixed', derandomize=True, deadline=None, max_examples=100)
+settings.register_profile('fixed', derandomize=True, deadline=None, max_examples=50)
 settings.register_profile('fresh', derandomize=False, deadline=None, max_examples=200)
 settings.register_profile('quick', derandomize=False, deadline=None, max_examples=50)
 
@@ -70,6 +72,13 @@ def pytest_collection_modifyitems(config, items):
         items[:] = [item for item in items if item not in set(deselected)]
     if config.option.fast:
         sys.addaudithook(refuse_process)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """Fork nodes where no process is the subject, which saves their imports."""
+    if item.get_closest_marker('slow') and find_spec('rclpy'):
+        nursery.choose(any(map(item.get_closest_marker, ('executables', 'real_time'))))
 
 
 #: What starts a process, by its audit event.

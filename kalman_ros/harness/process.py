@@ -11,12 +11,27 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from rclpy.utilities import get_rmw_implementation_identifier as rmw
 
 from kalman_ros.nodes.middleware.transport import PROFILES, PROMPT, RANGE, loopback, profiles
 
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG, linux/prctl.h
+
+
+def spawn(
+    command: Sequence[str], environment: Mapping[str, str], output: IO[bytes]
+) -> subprocess.Popen[bytes]:
+    """Start a command with a complete environment and its output in a file."""
+    return subprocess.Popen(
+        command,
+        env=dict(environment),
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=subprocess.STDOUT,
+        preexec_fn=_lead_a_group,
+    )
 
 
 class NodeProcess:
@@ -34,20 +49,16 @@ class NodeProcess:
         File for the output.
     """
 
+    #: Starts the process.
+    start = staticmethod(spawn)
+
     def __init__(
         self, name: str, command: Sequence[str], environment: Mapping[str, str], log: Path
     ) -> None:
         self.name = name
         self.log = log
         with log.open('wb') as output:
-            self._process = subprocess.Popen(
-                command,
-                env=dict(environment),
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                preexec_fn=_lead_a_group,
-            )
+            self._process = self.start(command, environment, output)
 
     @property
     def pid(self) -> int:

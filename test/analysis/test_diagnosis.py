@@ -84,6 +84,7 @@ def test_two_faults_are_both_found():
     assert {'outliers', 'clock offset'} <= set(kinds[:4])
 
 
+@pytest.mark.thorough
 def test_a_delay_beside_outliers_is_no_offset_of_a_clock():
     late = Injection({'imu': {'outliers': 0.03, 'delay': 0.05}})
     found = found_in(late, 20.0, scenario='gnss_imu')

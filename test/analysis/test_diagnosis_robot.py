@@ -115,6 +115,7 @@ def turned(v):
         ('rotated', turned),
     ],
 )
+@pytest.mark.thorough
 def test_speeds_may_be_wrong_beside_a_turn_rate_that_is_right(kind, wrong):
     _, readings = drive(11)
     received, stamp, wheels, none = readings['wheels']

@@ -144,6 +144,7 @@ def test_design_prints_and_draws(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_pictures(tmp_path):
     run = kr.simulate('cart_pole', seconds=5)
     for what in ('overview', 'states', 'errors', 'gains', 'innovations', 'force'):

@@ -86,6 +86,7 @@ def rms(error):
     return np.sqrt(np.square(error).sum(axis=1).mean())
 
 
+@pytest.mark.thorough
 def test_the_place_of_the_car_is_nearer_than_that_of_its_receiver(car, errors):
     _, error, P = errors('whole')
     stamps, fixes = car.fixes()

@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from thorough import thorough
 from tuned_cases import COVERED, likelihood, recorded
 
 import kalman_ros as kr
@@ -43,9 +44,18 @@ def with_casadi(monkeypatch, tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.usefixtures('with_casadi')
 @pytest.mark.parametrize(
-    'name', ['cart_pole', 'robot_3d', 'inertial', 'lidar_radar', 'two_bearings']
+    ('name', 'filter'),
+    [
+        ('cart_pole', 'ukf'),
+        ('robot_3d', 'ekf'),
+        thorough('robot_3d', 'ukf'),
+        ('inertial', 'ekf'),
+        thorough('inertial', 'ukf'),
+        ('lidar_radar', 'ukf'),
+        thorough('lidar_radar', 'ekf'),
+        ('two_bearings', 'gaussian_sum'),
+    ],
 )
-@pytest.mark.parametrize('filter', ['ekf', 'ukf', 'gaussian_sum'])
 def test_estimates_and_smoothed_ones_are_those_of_numpy(name, filter):
     fast = estimates(name, filter=filter)
     plain = estimates(name, filter=filter, arithmetic='numpy')

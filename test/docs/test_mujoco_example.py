@@ -93,6 +93,7 @@ def test_without_limits_the_same_cart_leaves_them(example):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_robot_on_wheels_follows_a_path(example):
     loop = example.run('robot', seconds=12.0, reference=example.path_of(PATH))
     position = loop.truth[:, :2]
@@ -106,6 +107,7 @@ def test_the_robot_on_wheels_follows_a_path(example):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_quadrotor_flies_a_circle(example):
     loop = example.run('quadrotor', seconds=7.5, reference=example.circle_of(1.0, 5.0))
     x, z = loop.truth[:, 0], loop.truth[:, 1]

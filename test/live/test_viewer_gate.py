@@ -215,6 +215,7 @@ def test_a_server_that_does_not_answer_ends_the_connection():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_connections_that_say_nothing_shut_nobody_out(gated):
     silent = [socket.create_connection(('127.0.0.1', gated.port), 5) for _ in range(140)]
     try:

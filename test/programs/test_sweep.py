@@ -113,6 +113,7 @@ def test_faults_of_the_plant_are_swept(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_two_parameters_make_a_map(tmp_path):
     points = swept(
         tmp_path, '--over', 'plant.model_parameters.mass=0.5..2:log:2',

@@ -34,11 +34,11 @@ def main(rate, count):
         publish()
         time.sleep(max(0.0, start + sent / rate - time.monotonic()))
     for _ in range(PAIRS):
-        publisher.wait_for_all_acked()
+        connected.acknowledged(publisher)
         for _ in range(5):
             publish()
     print(count + 5 * PAIRS)
-    publisher.wait_for_all_acked()
+    connected.acknowledged(publisher)
     node.destroy_node()
     rclpy.shutdown()
 

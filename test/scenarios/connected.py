@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A publisher that waits for its subscribers, for programs that the tests start."""
+"""A publisher that waits for its subscribers, for tests and the programs that they start."""
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.task import Future
 
@@ -19,3 +20,8 @@ def publisher(node, kind, topic, qos, subscribers):
     )
     rclpy.spin_until_future_complete(node, found)
     return created
+
+
+def acknowledged(publisher):
+    """Wait until every subscriber has what was published; a subscriber that ended fails."""
+    assert publisher.wait_for_all_acked(Duration(seconds=60.0)), 'not acknowledged within 60 s'

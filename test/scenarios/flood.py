@@ -42,7 +42,7 @@ def main(rate, seconds, lag, reliable):
             stamp = time.time_ns() - round(lag * 1e9)
             publisher.publish(write(stamp, STD * rng.standard_normal(2), R))
             sent += 1
-    publisher.wait_for_all_acked()
+    connected.acknowledged(publisher)
     print(sent, start, time.time())
     node.destroy_node()
     rclpy.shutdown()

@@ -10,6 +10,7 @@ from thorough import thorough
 
 pytest.importorskip('rclpy')
 
+from connected import acknowledged
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool
@@ -31,7 +32,8 @@ def publish(run, kind, topic, x, y=0.0, v=0.0):
     if kind is Odometry:
         message.twist.twist.linear.x = v
     publisher.publish(message)
-    run.spin(0.3)
+    acknowledged(publisher)
+    run.settle('controller')
     return publisher
 
 
@@ -109,10 +111,10 @@ def test_integral_action_holds_to_its_theory():
 def test_no_force_is_larger_or_changes_faster_than_allowed():
     limits = {'input_limit': [0.8, 0.5], 'input_rate_limit': [20.0]}
     with Run(overrides=limits) as run:
-        run.advance(8.0)
+        run.advance(2.0)
         loop = run.trajectory()
-        run.spin(1.2)
-        assert int(run.reported('controller', 'forces limited')) > 0
+        limited = lambda: run.reported('controller', 'forces limited')  # noqa: E731
+        run.wait(lambda: int(limited() or 0) > 0, 60.0, lambda: f'limited: {limited()}')
     assert np.all(np.abs(loop.input).max(axis=0) <= [0.8, 0.5])
     assert np.abs(loop.input[:, 0]).max() == 0.8
     assert np.abs(np.diff(loop.input, axis=0)).max() <= 20.0 * 0.01 + 1e-12
@@ -368,7 +370,9 @@ def test_a_model_that_raises_ends_the_controller_with_its_force_at_zero(monkeypa
         assert feed.answer(1.0, age=0.05) < -0.5
         feed.send(9.0, age=0.05)
         assert process.wait(10.0)
-        run._context.spin(0.5)
+        end = time.monotonic() + 60.0
+        while feed.forces[-1].wrench.force.x != 0.0 and time.monotonic() < end:
+            run._context.spin(0.02)
         assert feed.forces[-1].wrench.force.x == 0.0
         assert process.exit_code == 1
         assert 'RuntimeError: out of range' in process.output()

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from builtin_interfaces.msg import Time
+from connected import acknowledged
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
@@ -103,7 +104,7 @@ def test_a_long_message_is_dropped_and_its_memory_comes_back():
         for _ in range(30):
             publisher.publish(data)
             # one after the other, so that none of them is lost
-            publisher.wait_for_all_acked()
+            acknowledged(publisher)
         said = f'30, the last of {len(data)} bytes'
         run.wait(lambda: dropped() == said, 60.0, lambda: f'{dropped()}, not {said}')
         grown = usage(process.pid).resident - before

@@ -23,6 +23,7 @@ def tracker(**options):
     return Run(NAME, **options)
 
 
+@pytest.mark.thorough
 def test_a_sound_is_tracked_and_found():
     with tracker(seed=1) as run:
         run.advance(36.0)

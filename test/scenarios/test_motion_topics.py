@@ -127,6 +127,7 @@ def test_a_new_path_in_the_middle_is_followed_without_a_jump():
     np.testing.assert_allclose(followed.truth[-1, :2], [2.0, 0.1], atol=0.15)
 
 
+@pytest.mark.thorough
 def test_a_path_that_a_planner_publishes_again_and_again_does_not_slow_the_robot():
     with Run(ROBOT, seed=2) as run:
         paths = publisher_of(run, Path, 'reference/path')
@@ -141,6 +142,7 @@ def test_a_path_that_a_planner_publishes_again_and_again_does_not_slow_the_robot
     assert followed.truth[-1, 0] > 2.4
 
 
+@pytest.mark.thorough
 def test_the_example_of_the_page_follows_its_path():
     file = Path_(__file__).parents[2] / 'docs' / 'examples' / 'robot_on_a_path.yaml'
     with Run(str(file)) as run:

@@ -49,6 +49,7 @@ def test_limits_are_changed_while_it_runs():
     assert np.abs(followed.truth[-1, 0]) < 1.0
 
 
+@pytest.mark.thorough
 def test_the_law_changes_without_a_bump():
     with Run('cart_pole') as run:
         run.advance(1.0)

@@ -27,6 +27,7 @@ def robot(monkeypatch):
 
 
 @pytest.mark.parametrize('filter', mostly_thorough(['ekf', 'ukf'], 'ekf'))
+@pytest.mark.executables
 def test_a_class_and_a_parameter_file_make_a_robot(robot, filter):
     with Run(robot, {'filter': filter}) as run:
         run.advance(4.0)

@@ -13,6 +13,7 @@ from thorough import mostly_thorough
 
 pytest.importorskip('rclpy')
 
+from connected import acknowledged
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64, String
@@ -230,7 +231,7 @@ def test_what_a_killed_recorder_had_a_second_ago_is_in_the_file(recording):
     for k in range(500):
         publisher.publish(Float64(data=float(k)))
     other.publish(Float64())
-    found.until(lambda: publisher.wait_for_all_acked(), 'not received')
+    acknowledged(publisher)
     published = time.monotonic()
     found.until(lambda: time.monotonic() - published > 1.0, 'the clock stands')
     code, _ = found.end(signal.SIGKILL)

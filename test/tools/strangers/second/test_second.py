@@ -110,8 +110,9 @@ def test_readings_are_finite_the_same_again_and_all_in_the_recording(
     assert count == {f'/{channel.topic}': len(channel.time) for channel in readings.values()}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
-@pytest.mark.parametrize('name', MOSTLY_THOROUGH)
+@pytest.mark.parametrize('name', RECORDINGS)
 def test_a_fault_changes_the_readings_or_the_file(name: str) -> None:
     recording = RECORDINGS[name]
     system = SYSTEMS[recording.system]
