@@ -20,10 +20,14 @@ from .responses import Fit, Responses
 _COST = 10.0
 #: Kinds of courses, from the simplest on.
 _KINDS = ('constant', 'ramp', 'step', 'walk')
+#: What a course is called.
+_NAMES = {'ramp': 'drift', 'walk': 'random walk'}
 #: A simpler course is preferred if its gain is smaller by no more than chance and the first share.
 #: A simpler course is tried in addition to a walk if its gain is smaller by no more than the
 #: second share, since predicted gains hold for a linearisation only.
 _AS_MUCH, _NEARLY = 0.005, 0.1
+#: Number of standard deviations up to which an offset is as declared.
+_DECLARED = 3.0
 #: Trial intensities of random walks, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
 
@@ -105,12 +109,13 @@ def _best_course(responses: Responses, columns: Sequence[int], kind: str, cost: 
         return replace(walk, gain=walk.gain - cost)
     B = len(columns)
     bases: list[tuple[int, Array]]
+    pieces = np.arange(float(B))
     if kind == 'ramp':
-        bases = [(0, np.arange(0.5, B)[:, None])]
+        bases = [(0, pieces[:, None] + 0.5)]
     else:
         first_pieces = range(1, B) if kind == 'step' else (0,)
-        bases = [(j, (np.arange(B) >= j).astype(float)[:, None]) for j in first_pieces]
-    penalty = cost + (2.0 * np.log(max(B, 2)) if kind == 'step' else 0.0)
+        bases = [(j, (pieces >= j).astype(float)[:, None]) for j in first_pieces]
+    penalty = cost + 2.0 * np.log(max(B, 2)) * (_numbers_of(kind) - 1)
     best = Course(kind, np.zeros(B), -np.inf)
     for first_piece, basis in bases:
         fit = responses.fit(basis, columns)
@@ -144,7 +149,7 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
     evidence, record = case.evidence, case.evidence.sensors[name]
     space = evidence.scenario.sensors[name].sensor.output
     main = max(courses.values(), key=lambda course: course.gain)
-    kind = {'ramp': 'drift', 'walk': 'random walk'}.get(main.kind, 'bias')
+    kind = _NAMES.get(main.kind, 'bias')
     words = ', '.join(
         f'{space.label(space.names[index])} {_describe(course, limits)}'
         for index, course in courses.items()
@@ -163,19 +168,35 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
             value[:, index] -= course.values[np.minimum(pieces, len(course.values) - 1)]
         return evidence.with_sensor(name, replace(record, value=value))
 
+    declared = _is_declared(evidence, name, courses)
+    remedy = (
+        'That is within what bias_std and bias_noise declare, and the estimator follows it.'
+        if declared
+        else 'Calibrate it, or let the estimator follow it (bias_std).'
+    )
     return Finding(
-        kind, name,
-        f'readings of {name} are off: {words}. No parameter takes a bias away: calibrate it, or '
-        'add it to the states of the model.',
-        gain**0.5, gain=gain, dues=sum(course.dues for course in courses.values()),
-        parameters=sum(_numbers(course) for course in courses.values()),
+        kind, name, f'readings of {name} are off: {words}. {remedy}', gain**0.5, gain=gain,
+        note=declared, dues=sum(course.dues for course in courses.values()),
+        parameters=sum(_numbers_of(course.kind) for course in courses.values()),
         figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
     )  # fmt: skip
 
 
-def _numbers(course: Course) -> int:
+def _is_declared(evidence: Evidence, name: str, courses: Mapping[int, Course]) -> bool:
+    """Return whether offsets are within three standard deviations of the bias that is believed."""
+    bias = evidence.scenario.sensors[name].bias
+    if bias is None:
+        return False
+    std = np.sqrt((bias.covariance + evidence.duration * bias.density).diagonal())
+    return all(
+        float(np.abs(course.values).max()) <= _DECLARED * std[index]
+        for index, course in courses.items()
+    )
+
+
+def _numbers_of(kind: str) -> int:
     """Return how many numbers are fitted: a size, and when a step begins."""
-    return 2 if course.kind == 'step' else 1
+    return 2 if kind == 'step' else 1
 
 
 def _describe(course: Course, limits: Array) -> str:

@@ -15,12 +15,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import log
+from math import exp, log
 
 import numpy as np
 
 from . import (
     bias,
+    common_noise,
     contradicted_parameters,
     first_belief,
     frozen,
@@ -28,13 +29,17 @@ from . import (
     gross,
     inputs,
     lateness,
+    leftover,
+    lever_arms,
     message_covariances,
     mounting,
     noise_levels,
     outliers,
     quantisation,
     rate,
+    saturation,
     stamps,
+    stretch,
     units,
     unobserved_states,
     unrelated,
@@ -49,12 +54,13 @@ Detector = Callable[[Examination], Iterable[Finding]]
 #: Detectors of findings that need no filter.
 PLAIN: Sequence[Detector] = (
     stamps.find, message_covariances.find, lateness.find, rate.find, frozen.find,
-    quantisation.find,
+    quantisation.find, saturation.find,
 )  # fmt: skip
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
     units.find, mounting.find, unrelated.find, outliers.find, lateness.hidden, bias.find,
     inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
+    lever_arms.find, stretch.find,
 )  # fmt: skip
 #: Largest numbers of rounds, of findings that are tried in a round, and of those of one kind.
 _ROUNDS, _TRIED, _ALIKE = 6, 5, 2
@@ -66,6 +72,8 @@ _CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
 #: A change is proven by a replay of the first seconds if it explains this share of the misfit. A
 #: smaller effect is hidden by the other faults, which the replay does not correct.
 PROOF, _PROVEN = 20.0, 0.01
+#: By how much the likelihood is tempered, as a share of the gain.
+_TEMPER = 0.05
 #: A gain below this share of the number of values read is irrelevant, even if it is significant.
 _RELEVANT = 0.002
 
@@ -97,18 +105,20 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
     remarks = tuple(finding for finding in plain if finding.note)
     if not case.passage.events:
         return Diagnosis(_rank(findings), remarks, before, before)
-    notes = (*remarks, *unobserved_states.find(case))
+    notes = [*remarks, *unobserved_states.find(case)]
     findings += gates.find(case)
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}')
-        best = _find_best(case, findings)
+        best = _find_best(case, [*findings, *notes])
         if best is None:
             break
         finding, case = best
-        findings.append(finding)
+        (notes if finding.note else findings).append(finding)
+    findings += common_noise.find(case)
+    notes += leftover.find(case)
     progress('proofs')
     proven = tuple(_prove(evidence, finding) for finding in _rank(findings))
-    return Diagnosis(proven, notes, before, case.passage.misfit)
+    return Diagnosis(proven, tuple(notes), before, case.passage.misfit)
 
 
 def _find_without_filter(evidence: Evidence) -> tuple[list[Finding], Examination]:
@@ -152,7 +162,8 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
     share = _CLOSER if sure else _CLOSE
     # findings of filter passes come first: for a lost filter, regressions predict arbitrary gains
     from_passes = gross.find(case)
-    others = [f for f in promised if _is_new(f, (*known, *from_passes))]
+    sentences = {finding.sentence for finding in from_passes}
+    others = [f for f in promised if _is_new(f, known) and f.sentence not in sentences]
     for finding in [*from_passes, *_limit_kinds(others)][:_TRIED]:
         if finding.gain <= threshold or not _is_new(finding, known):
             continue
@@ -171,12 +182,26 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
         return None
     finding, after = max(tried, key=lambda pair: pair[0].gain)
     finding, after = _refine(case, finding, after, dimension)
+    rivals = [other.gain for other, _ in tried if not same(other, finding)]
+    finding = replace(finding, certainty=certainty(finding.gain, rivals))
     equivalent = [
         (other.kind, other.subject)
         for other, _ in tried
         if other.gain > 0.85 * finding.gain and not same(other, finding)
     ]
     return replace(finding, same_as=(*finding.same_as, *equivalent)), after
+
+
+def certainty(gain: float, rivals: Iterable[float]) -> float:
+    """Return the posterior share of a cause among its rivals, each with its gain.
+
+    The gains are differences of the Bayesian information criterion, so that weights are
+    exp(gain / 2) (R. Kass and A. Raftery, Bayes Factors, J. American Statistical Association 90,
+    1995), of a likelihood that is tempered by `_TEMPER` of the gain: no model is exact, and its
+    error grows with the misfit.
+    """
+    scale = 2.0 + _TEMPER * gain
+    return 1.0 / (1.0 + sum(exp(min(0.0, other - gain) / scale) for other in rivals))
 
 
 def _refine(

@@ -65,6 +65,8 @@ class Finding:
         Whether a sensor has no usable reading, so that no likelihood measures its effect.
     dues
         Cost of the correction in -2 log likelihood, in addition to the misfit after it.
+    certainty
+        Posterior share of this cause among those that were tried.
     parameters
         The number of fitted numbers; each costs the logarithm of the number of values read.
     note
@@ -91,6 +93,7 @@ class Finding:
     same_as: tuple[tuple[str, str], ...] = ()
     silent: bool = False
     dues: float = 0.0
+    certainty: float = 1.0
     parameters: float = 1.0
     note: bool = False
     again: Callable[[Any], Finding | None] | None = field(default=None, repr=False, compare=False)

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import takewhile
-from math import pi
+from math import log, pi
 
 import numpy as np
 
@@ -24,6 +24,8 @@ _LOST = 2.0
 _SECONDS, _SOONER = 8.0, 2.0
 #: Rotations are estimated on the first seconds; no smaller rotation (rad) causes a lost filter.
 _ROTATION_SECONDS, _SMALLEST_ROTATION = 20.0, 0.2
+#: Two sizes are alike if the logarithm of their ratio is below this.
+_ALIKE = 0.3
 #: Trial factors of each coordinate.
 _FACTORS = (-1.0, pi / 180.0, 180.0 / pi, 1.0 / 3.6, 1e-3)
 
@@ -87,13 +89,26 @@ def _candidates(case: Examination) -> Iterator[Finding]:
         space = case.evidence.scenario.sensors[name].sensor.output
         for group in groups(space):
             sensible = conversions(case, name, group)
-            for factor in _FACTORS:
-                if factor > 0.0 and factor not in sensible:
-                    continue
+            usual = [factor for factor in _FACTORS if factor < 0.0 or factor in sensible]
+            for factor in dict.fromkeys((*usual, *_by_size(case, name, group, sensible))):
                 yield scaled(case, name, group, factor, 0.0, 0.0)
         if space.size == 2:
             yield exchanged(case, name, (1, 0), 0.0)
         yield from _rotation_findings(case, name)
+
+
+def _by_size(
+    case: Examination, name: str, group: Sequence[int], conversions: Iterable[float]
+) -> list[float]:
+    """Return the conversion by which readings have the size of the first prediction."""
+    first, record = case.evidence.scenario.initial_belief.mean, case.evidence.sensors[name]
+    expected = case.evidence.scenario.sensors[name].sensor.measure(first)[list(group)]
+    read = np.nanmedian(record.value[:, list(group)], axis=0)
+    if not np.all(expected * read > 0.0):
+        return []
+    ratio = float(np.median(expected / read))
+    near = min(conversions, key=lambda factor: abs(log(ratio / factor)), default=1.0)
+    return [near] if abs(log(ratio / near)) < _ALIKE < abs(log(ratio)) else []
 
 
 def _rotation_findings(case: Examination, name: str) -> Iterator[Finding]:

@@ -8,7 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from kalman_ros.core import Array, Dynamics, options_of
+from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.body_roles import body_of
 from kalman_ros.scenario.declarations import model_of
+from kalman_ros.scenario.lever_arm import LeverArm
 from kalman_ros.scenario.parameter_files import section
 from kalman_ros.scenario.wiring import system
 
@@ -54,12 +57,13 @@ def columns(evidence: Evidence, passage: Passage, tones: Array | None = None) ->
 def _sensor_columns(
     evidence: Evidence, passage: Passage, name: str
 ) -> tuple[Array, list[tuple[str, ...]]]:
-    """Return the columns of a sensor: mixed coordinates, piecewise offsets, and early stamps."""
+    """Return the columns of a sensor: mixed coordinates, offsets, early stamps, lever arm."""
     model = evidence.scenario.model
     events = [passage.events[i] for i in passage.of(name)]
     recorded = evidence.sensors[name].value[[event.index for event in events]]
     # predictions, since the noise of a reading is correlated with its innovation
-    values = evidence.scenario.sensors[name].sensor.measure(np.array([e.x for e in events]))
+    X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
+    values = evidence.scenario.sensors[name].sensor.measure(X)
     N, k = values.shape
     pieces = np.searchsorted(edges(passage), [event.time for event in events], 'right') - 1
     B = len(edges(passage)) - 1
@@ -73,10 +77,34 @@ def _sensor_columns(
     for i in range(k):
         block[np.arange(N), i, len(labels) + pieces] = 1.0
         labels += [('offset', name, str(i), str(b)) for b in range(B)]
-    X, U = np.array([event.x for event in events]), np.array([event.u for event in events])
     H = np.array([event.H for event in events])
     block[:, :, -1] = np.einsum('eij,ej->ei', H, model.time_derivative(X, U))
-    return block, [*labels, ('stamp', name)]
+    labels.append(('stamp', name))
+    arms = displaced(evidence.scenario, name, X)
+    if arms is not None:
+        block = np.concatenate((block, arms), axis=2)
+        labels += [('arm', name, axis) for axis in 'xyz']
+    return block, labels
+
+
+def displaced(scenario: Scenario, name: str, X: Array) -> Array | None:
+    """Return what an arm of 1 m along each axis adds to readings (N, k, 3) at states (N, n).
+
+    An axis with a constant effect, which is that of a bias, is omitted: it has zeros.
+    None if the state lacks the attitude or the rates that this takes.
+    """
+    source = scenario.sensors[name]
+    try:
+        body = body_of(scenario.model.state, scenario.state)
+        at_centre, *displaced = (
+            LeverArm(source.sensor, body, source.signal.fields, arm).measure(X)
+            for arm in (np.zeros(3), *np.eye(3))
+        )
+    except ValueError:
+        return None
+    added = np.stack([(each - at_centre) for each in displaced], axis=-1)
+    added[:, :, np.ptp(added, axis=0).max(axis=0) < 1e-6] = 0.0
+    return added
 
 
 def _state_columns(
@@ -120,8 +148,8 @@ def _input_columns(
     """Return the columns of an input (E, p): gain, pieces, delays, dead zones and tones."""
     times = np.array([event.time for event in passage.events])
     u = np.array([event.u[index] for event in passage.events])
-    labels: list[tuple[str, ...]] = [('gain',)]
-    pushes: list[Array] = [u]
+    labels: list[tuple[str, ...]] = [('gain',), ('half',)]
+    pushes: list[Array] = [u, np.maximum(u, 0.0)]
     pieces = np.searchsorted(edges(passage), times, 'right') - 1
     for b in range(len(edges(passage)) - 1):
         labels.append(('push', str(b)))

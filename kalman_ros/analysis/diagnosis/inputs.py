@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -32,6 +33,7 @@ def find(case: Examination) -> list[Finding]:
             delays += _find_delay(case, name, index)
     return [
         *_find_gains(case),
+        *_find_asymmetries(case),
         *delays,
         *_find_dead_zones(case),
         *_find_disturbances(case),
@@ -76,6 +78,34 @@ def _gain_finding(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Fin
         gain=total,
         mended=lambda: mended,
     )
+
+
+def _find_asymmetries(case: Examination) -> list[Finding]:
+    """Return the inputs that act with another gain in one direction."""
+    evidence, findings = case.evidence, []
+    for index, name in enumerate(evidence.scenario.model.input.names):
+        columns = [case.responses.columns(kind, name) for kind in ('gain', 'half')]
+        if not all(columns):
+            continue
+        fit = case.responses.fit(np.eye(2), [column for (column,) in columns])
+        gains = 1.0 + float(fit.size.sum()), 1.0 + float(fit.size[0])
+        if fit.gain < CHANCE or abs(gains[0] - gains[1]) < _RELEVANT:
+            continue
+        u = evidence.inputs.value[:, index]
+        mended = _with_input(evidence, index, np.where(u > 0.0, gains[0], gains[1]) * u)
+        findings.append(
+            Finding(
+                'asymmetric gain', name,
+                f'the input {name} acts at {gains[0]:.3g} of its command where that is positive, '
+                f'and at {gains[1]:.3g} where it is negative.',
+                fit.gain**0.5, gain=fit.gain, parameters=2, mended=partial(_same, mended),
+            )
+        )  # fmt: skip
+    return findings
+
+
+def _same(evidence: Evidence) -> Evidence:
+    return evidence
 
 
 def _find_delay(case: Examination, name: str, index: int) -> list[Finding]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.special import gammainccinv
@@ -17,6 +18,8 @@ from .passage import DROPPED, gated
 
 #: Probability of an outlier under the declared noise, and largest share of outliers.
 _RARE, _MOST = 1e-6, 0.25
+#: Number of outliers in a row, on average, from which something disturbs the sensor for a time.
+_CLUSTERED = 8
 
 
 def find(case: Examination) -> list[Finding]:
@@ -62,13 +65,22 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
         value[rows] = np.nan
         return case.evidence.with_sensor(name, replace(record, value=value))
 
+    runs = runs_of(np.isin(indices, rows))
+    together = len(rows) >= _CLUSTERED * runs
+    course = f', in {runs} stretch{"es" if runs > 1 else ""}' if together else ''
     return Finding(
-        'outliers', name,
-        f'{len(rows)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers, '
-        f'about {size:.2g} standard deviations off. A gate rejects them.',
+        'disturbed' if together else 'outliers', name,
+        f'{len(rows)} of {len(events)} readings of {name} ({100.0 * share:.2g} %) are outliers'
+        f'{course}, about {size:.2g} standard deviations off. A gate rejects them.',
         gain**0.5, change, gain=gain, figure=_picture(case, name, events, squares, limit),
         mended=mended, passage=passage,
     )  # fmt: skip
+
+
+def runs_of(mask: Any) -> int:
+    """Return the number of runs of True in a mask (N,)."""
+    padded = np.concatenate(([False], mask))
+    return int(np.sum(~padded[:-1] & padded[1:]))
 
 
 def _picture(case: Examination, name: str, events: Array, squares: Array, limit: float) -> Figure:

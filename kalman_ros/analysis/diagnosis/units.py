@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import log, pi
 from typing import Any
@@ -17,34 +17,48 @@ from kalman_ros.sensors import options
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
-from .responses import Fit
+from .responses import Fit, fitted
 
 _LENGTH, _SPEED, _ANGLE, _TURN = ('m',), ('m/s',), ('rad', 'rad/s'), ('rad/s',)
-_DEGREES, _ACCELERATION = ('deg', 'deg/s'), ('m/s^2',)
+_DEGREES, _ACCELERATION, _PRESSURE = ('deg', 'deg/s'), ('m/s^2',), ('Pa',)
 #: Factor from the unit of a reading to the unit of the model, the unit of the reading, and the
 #: units that the model can have (empty for any unit).
-UNITS: dict[float, tuple[str, tuple[str, ...]]] = {
-    pi / 180.0: ('degrees', _ANGLE),
-    180.0 / pi: ('radians, where degrees are expected', _DEGREES),
-    1.0 / 3.6: ('km/h', _SPEED),
-    3.6: ('m/s, where km/h are expected', ('km/h',)),
-    1e-3: ('thousandths (mm, mm/s)', ()),
-    1e3: ('thousands (km)', ()),
-    1e-2: ('hundredths (cm, cm/s)', (*_LENGTH, *_SPEED)),
-    1e2: ('metres, where centimetres are expected', ('cm', 'cm/s')),
-    0.3048: ('feet', _LENGTH),
-    1.0 / 0.3048: ('metres, where feet are expected', ('ft',)),
-    0.44704: ('miles an hour', _SPEED),
-    9.80665: ('g', _ACCELERATION),
-    1.0 / 9.80665: ('m/s^2, where g are expected', ('g',)),
-    2.0 * pi / 60.0: ('revolutions a minute', _TURN),
-    2.0 * pi: ('turns', _ANGLE),
+UNITS: Sequence[tuple[float, str, tuple[str, ...]]] = (
+    (pi / 180.0, 'degrees', _ANGLE),
+    (180.0 / pi, 'radians, where degrees are expected', _DEGREES),
+    (1.0 / 3.6, 'km/h', _SPEED),
+    (3.6, 'm/s, where km/h are expected', ('km/h',)),
+    (1e-3, 'thousandths (mm, mm/s)', ()),
+    (1e3, 'thousands (km, kPa)', ()),
+    (1e-2, 'hundredths (cm, cm/s)', (*_LENGTH, *_SPEED)),
+    (1e2, 'metres, where centimetres are expected', ('cm', 'cm/s')),
+    (1e2, 'hPa (millibars)', _PRESSURE),
+    (1e5, 'bar', _PRESSURE),
+    (6894.757, 'pounds a square inch', _PRESSURE),
+    (0.3048, 'feet', _LENGTH),
+    (1.0 / 0.3048, 'metres, where feet are expected', ('ft',)),
+    (0.44704, 'miles an hour', _SPEED),
+    (0.514444, 'knots', _SPEED),
+    (9.80665, 'g', _ACCELERATION),
+    (1.0 / 9.80665, 'm/s^2, where g are expected', ('g',)),
+    (2.0 * pi / 60.0, 'revolutions a minute', _TURN),
+    (2.0 * pi, 'turns', _ANGLE),
+)
+#: Scale and zero of readings of a temperature, by what they are in.
+AFFINE = {
+    'degrees Fahrenheit': (1.0 / 1.8, -32.0 / 1.8),
+    'kelvin, where degrees Celsius are expected': (1.0, -273.15),
+    'degrees Celsius, where kelvin are expected': (1.0, 273.15),
 }
+#: Units of a temperature.
+_TEMPERATURE = ('', 'K', 'C', 'degC')
 #: A unit that differs from the fitted factor must explain this share of the misfit.
 _EXPLAINED = 0.5
+#: A temperature in another unit has this share of the gain of the best scale and zero.
+_SAME = 0.98
 #: Two factors are equal if their relative difference is below the first number. A factor that
 #: differs from 1 by less than the second number is no finding.
-_CLOSE, _RELEVANT = 0.05, 0.01
+_CLOSE, _RELEVANT = 0.05, 0.003
 
 
 def find(case: Examination) -> list[Finding]:
@@ -62,7 +76,52 @@ def find(case: Examination) -> list[Finding]:
             if fit.gain > CHANCE * _inflation(case, name) and relevant:
                 factor, std = _likeliest_factor(case, name, group, factor, std)
                 findings.append(scaled(case, name, group, factor, std, fit.gain))
+        findings += _temperatures(case, name)
     return findings
+
+
+def _temperatures(case: Examination, name: str) -> list[Finding]:
+    """Return the coordinates that are a temperature in another unit, with another zero.
+
+    As `replaced`, of which the correction is M y + b.
+    """
+    findings, responses = [], case.responses
+    space = case.evidence.scenario.sensors[name].sensor.output
+    for index in (i for i, unit in enumerate(space.units) if unit in _TEMPERATURE):
+        scale = responses.columns('read', name, str(index), str(index))
+        columns = [*scale, *responses.columns('offset', name, str(index))]
+        basis = np.zeros((len(columns), 2))
+        basis[: len(scale), 0] = basis[len(scale) :, 1] = 1.0
+        gradient = basis.T @ responses.gradient[columns]
+        information = basis.T @ responses.information[np.ix_(columns, columns)] @ basis
+        for unit, (factor, zero) in AFFINE.items():
+            size = np.array([1.0 - factor, -zero])
+            dues = -2.0 * len(case.passage.of(name)) * log(factor)
+            gain = float(2.0 * size @ gradient - size @ information @ size) - dues
+            likeliest = fitted(gradient, information).gain
+            if gain > CHANCE and gain > _SAME * likeliest:
+                findings.append(_temperature(case, name, index, unit, gain, dues))
+    return findings
+
+
+def _temperature(
+    case: Examination, name: str, index: int, unit: str, gain: float, dues: float
+) -> Finding:
+    """Return the finding that a coordinate is a temperature in another unit."""
+    record, (factor, zero) = case.evidence.sensors[name], AFFINE[unit]
+    label = label_of(case, name, (index,))
+
+    def mended() -> Evidence:
+        value = record.value.copy()
+        value[:, index] = factor * value[:, index] + zero
+        return case.evidence.with_sensor(name, replace(record, value=value))
+
+    return Finding(
+        'unit', label,
+        f'readings of {label} fit the model once multiplied by {factor:.4g} and moved by '
+        f'{zero:+.4g}: they are in {unit}.',
+        gain**0.5, gain=gain, dues=dues, mended=mended,
+    )  # fmt: skip
 
 
 def _fit(case: Examination, name: str, group: Sequence[int]) -> Fit | None:
@@ -122,13 +181,13 @@ def _likeliest_factor(
     return (best, 0.0) if likelier else (factor, std)
 
 
-def conversions(case: Examination, name: str, group: tuple[int, ...]) -> list[float]:
-    """Return the factors of `UNITS` that apply to the units of a group of coordinates."""
+def conversions(case: Examination, name: str, group: tuple[int, ...]) -> dict[float, str]:
+    """Return the factors of `UNITS` that apply to a group of coordinates, with their units."""
     space = case.evidence.scenario.sensors[name].sensor.output
     group_units = {space.units[index] for index in group}
-    return [
-        factor for factor, (_, units) in UNITS.items() if not units or group_units <= {'', *units}
-    ]
+    return {
+        factor: text for factor, text, units in UNITS if not units or group_units <= {'', *units}
+    }
 
 
 def scaling(case: Examination, name: str, group: tuple[int, ...], factor: float) -> Array:
@@ -186,7 +245,7 @@ def scaled(
 
 
 def _classify_factor(
-    factor: float, std: float, conversions: Sequence[float]
+    factor: float, std: float, conversions: Mapping[float, str]
 ) -> tuple[str, float, str]:
     """Return the kind of a factor, the exact factor of a near unit or sign, and the reason."""
     if factor < 0.0:
@@ -196,7 +255,7 @@ def _classify_factor(
     near = min(conversions, key=lambda unit: abs(log(factor / unit)))
     close = max(_CLOSE, min(4.0 * std / factor, 0.25))
     if factor > 0.0 and abs(log(factor / near)) < close:
-        return 'unit', near, f': they are in {UNITS[near][0]}'
+        return 'unit', near, f': they are in {conversions[near]}'
     return 'scale', factor, f' +- {std:.1g}: their scale is wrong'
 
 

@@ -16,15 +16,16 @@ from kalman_ros.scenario.parameter_text import yaml_value
 
 
 def findings_table(diagnosis: Diagnosis) -> Table:
-    """Return the ranked findings: kind, subject, share of the misfit that each explains."""
-    table = plain_table('', ('of', 'explains', 'misfit', 'by replay'))
+    """Return the ranked findings: kind, subject, certainty, share of the misfit explained."""
+    table = plain_table('', ('of', 'sure', 'explains', 'misfit', 'by replay'))
     for column in table.columns[:2]:
         column.no_wrap, column.overflow, column.justify = False, 'fold', 'left'
     for number, finding in enumerate(diagnosis.findings, start=1):
         explains = f'{100.0 * finding.share:.0f} %' if finding.gain > 0.0 else '-'
         gain = f'-{finding.gain:.4g}' if finding.gain > 0.0 else '-'
         proof = f'{-finding.proof:.4g}' if isfinite(finding.proof) else '-'
-        table.add_row(f'{number} {finding.kind}', finding.subject, explains, gain, proof)
+        sure = f'{min(99.0, 100.0 * finding.certainty):.0f} %'
+        table.add_row(f'{number} {finding.kind}', finding.subject, sure, explains, gain, proof)
     return table
 
 
@@ -74,6 +75,7 @@ def _finding_json(finding: Finding) -> dict[str, Any]:
         'change': dict(finding.change),
         'gain': float(finding.gain),
         'share': float(finding.share),
+        'certainty': float(finding.certainty),
         'proof': float(finding.proof) if isfinite(finding.proof) else None,
         'same as': [list(other) for other in finding.same_as],
     }

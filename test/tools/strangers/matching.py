@@ -20,13 +20,15 @@ from .recordings import Recording
 Finding = Mapping[str, Any]
 #: Kinds of findings that name a kind of fault. No finding names the kinds that are not here.
 NAMES = {
-    'scale': ('scale',), 'units': ('unit', 'scale'), 'sign': ('sign',), 'bias': ('bias',),
+    'scale': ('scale',), 'units': ('unit', 'scale'), 'sign': ('sign',), 'bias': ('bias', 'unit'),
     'drift': ('drift',), 'random walk': ('random walk',),
-    'mounting': ('rotated',), 'frame': ('rotated',),
+    'mounting': ('rotated',), 'frame': ('rotated', 'disturbed'),
     'axes': ('swapped', 'rotated'), 'delay': ('stamps late',),
     'clock offset': ('stamps early', 'stamps late', 'clock offset'), 'frozen': ('frozen',),
     'clock drift': ('clock drift',), 'initial state': ('first belief too narrow',),
-    'outliers': ('outliers',), 'disturbed': ('outliers', 'random walk'),
+    'outliers': ('outliers', 'disturbed'), 'disturbed': ('disturbed', 'outliers', 'random walk'),
+    'lever arm': ('lever arm',), 'saturation': ('saturated',),
+    'correlated noise': ('correlated noise',),
     'coloured noise': ('random walk',), 'losses': ('losses', 'losses in bursts'),
     'stamps': ('stamps duplicated', 'stamps backward', 'stamps late', 'stamps early', 'jitter',
                'stamps rounded'),
@@ -41,6 +43,7 @@ INPUT_NAMES = {
     'sign': ('input sign',),
     'input delay': ('input delay',),
     'dead zone': ('dead zone',),
+    'asymmetry': ('asymmetric gain',),
 }
 #: Kinds of faults whose size is what a finding estimates.
 SIZED = ('scale', 'units', 'bias', 'drift', 'delay', 'parameter', 'noise')
@@ -84,6 +87,9 @@ def is_right(finding: Finding, recording: Recording) -> bool:
     if recording.kind == 'noise' and pairs[0][0] == 'noise':
         return bool(kind.endswith('small') == (recording.size > 1.0))
     if kind == 'unit':
+        moved = search(rf'moved by {_NUMBER}', finding['sentence'])
+        if moved and recording.kind == 'bias':
+            return abs(abs(float(moved[1])) / recording.size - 1.0) < _WITHIN
         factor = search(rf'multiplied by {_NUMBER}', finding['sentence'])
         return factor is not None and abs(float(factor[1]) * recording.size - 1.0) < _WITHIN
     return True

@@ -9,8 +9,7 @@ is 'clean'), no finding is right as well.
 A *remark* is a finding about what the file or the messages do not declare, which is true of most
 recordings, clean ones included: a rate, or a covariance of zero. Remarks count in the shares 'as
 printed' only. All other findings are claims. A first claim that is wrong is *false and confident*
-if it explains half of the misfit or more, or if chance cannot cause it (z is infinite). The doctor
-prints no other confidence.
+if the doctor is sure of it by 90 % or more.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +28,8 @@ from .sets import RECORDINGS, write
 
 #: Kinds of findings that are remarks.
 REMARKS = ('rate', 'covariance zero')
-#: Share of the misfit from which a claim is confident.
-_HALF = 0.5
+#: Certainty from which a claim is confident.
+_SURE = 0.9
 _RUN = 'from kalman_ros import entry; entry.doctor()'
 
 
@@ -83,8 +81,7 @@ def judge(name: str, run: Mapping[str, Any]) -> Row:
 
 
 def _sure(finding: Finding) -> bool:
-    z = inf if finding['z'] is None else finding['z']
-    return z == inf or finding['share'] >= _HALF
+    return bool(finding['certainty'] >= _SURE)
 
 
 def _brief(finding: Finding) -> str:

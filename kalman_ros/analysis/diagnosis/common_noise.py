@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Noise that two sensors have in common."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import log1p
+
+import numpy as np
+
+from kalman_ros.core import Array
+
+from .examination import CHANCE, Examination
+from .finding import Curve, Figure, Finding
+
+#: Fewest pairs of readings, and smallest correlation that is a finding.
+_FEWEST, _RELEVANT = 50, 0.1
+#: Largest difference of the stamps of a pair, as a share of the interval of the sensor.
+_TOGETHER = 0.3
+
+
+def find(case: Examination) -> list[Finding]:
+    """Return the pairs of sensors whose innovations at the same time are correlated.
+
+    The whitened innovations of a filter are independent (T. Kailath, An Innovations Approach to
+    Least-Squares Estimation, IEEE Trans. Automatic Control 13(6), 1968). Whatever the model lacks
+    correlates them, too: this is for a pass in which nothing else is left to be explained.
+    """
+    names = [*dict.fromkeys(event.sensor for event in case.passage.events)]
+    found = [_find(case, *pair) for pair in combinations(names, 2)]
+    return [finding for finding in found if finding is not None]
+
+
+def _find(case: Examination, one: str, other: str) -> Finding | None:
+    pairs = _pairs(case, one, other)
+    if len(pairs) < _FEWEST:
+        return None
+    A, B = (np.array([case.passage.whitened[i] for i in column]) for column in pairs.T)
+    scale = np.sqrt(np.outer(np.mean(A * A, axis=0), np.mean(B * B, axis=0)))
+    r = (A.T @ B) / len(A) / np.maximum(scale, 1e-300)
+    i, j = np.unravel_index(int(np.argmax(np.abs(r))), r.shape)
+    correlation = float(np.clip(r[i, j], -0.999999, 0.999999))
+    gain = -len(A) * log1p(-(correlation**2))
+    if gain < CHANCE or abs(correlation) < _RELEVANT:
+        return None
+    sensors = case.evidence.scenario.sensors
+    labels = [
+        f'{name}.{sensors[name].sensor.output.names[k]}' for name, k in ((one, i), (other, j))
+    ]
+    curves = (Curve('at the same time', A[:, i], B[:, j], 'dots'),)
+    return Finding(
+        'correlated noise', f'{one} and {other}',
+        f'innovations of {labels[0]} and {labels[1]} at the same time have the correlation '
+        f'{correlation:+.2f}: their noise is in part the same (one receiver, one clock, one '
+        'vibration). The filter takes them for independent and is surer than it should be: give '
+        'both as one sensor with its whole covariance, or use one of them.',
+        gain**0.5, gain=gain, figure=Figure('Whitened innovations', labels[0], labels[1], curves),
+    )  # fmt: skip
+
+
+def _pairs(case: Examination, one: str, other: str) -> Array:
+    """Return the indices of events of two sensors at the same time (N, 2)."""
+    first, second = case.passage.of(one), case.passage.of(other)
+    times = np.array([event.time for event in case.passage.events])
+    if len(first) < 2 or len(second) < 2:
+        return np.zeros((0, 2), dtype=int)
+    right = np.clip(np.searchsorted(times[second], times[first]), 1, len(second) - 1)
+    closer = np.where(
+        times[first] - times[second][right - 1] < times[second][right] - times[first],
+        right - 1, right,
+    )  # fmt: skip
+    interval = min(np.median(np.diff(times[first])), np.median(np.diff(times[second])))
+    together = np.abs(times[second][closer] - times[first]) <= _TOGETHER * interval
+    return np.column_stack((first[together], second[closer[together]]))
