@@ -3,10 +3,11 @@
 
 A finding is right if its kind is one of `NAMES` for the kind of the fault, and its subject is the
 same sensor, input or parameter. If the fault concerns one coordinate, a finding of a coordinate
-must be of this one. A unit must have the right factor within 5 %, and noise the right direction.
-What the table calls alike is right too, except 'scale and bias', of which one finding names a
-half. A finding whose 'same as' has the right kind and subject is tied. An interval is two of the
-printed standard deviations, or the range that is printed; each must contain the size.
+must be of this one. Correlated noise may be named at either sensor. A unit must have the right
+factor within 5 %, and noise the right direction. What the table calls alike is right too, except
+'scale and bias', of which one finding names a half. A finding whose 'same as' has the right kind
+and subject is tied. An interval is two of the printed standard deviations, or the range that is
+printed; each must contain the size.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 from .recordings import Recording
 
 Finding = Mapping[str, Any]
-#: Kinds of findings that name a kind of fault. No finding names the kinds that are not here.
+#: Kinds of findings that name a kind of fault. A kind that is not here is named by its own word.
 NAMES = {
     'scale': ('scale',), 'units': ('unit', 'scale'), 'sign': ('sign',), 'bias': ('bias', 'unit'),
     'drift': ('drift',), 'random walk': ('random walk',),
@@ -35,6 +36,10 @@ NAMES = {
     'noise': ('noise too small', 'noise too large'), 'parameter': ('parameter',),
     'quantised': ('quantised',), 'scale 0': ('scale', 'unrelated'),
     'process noise': ('process noise too small', 'process noise too large'),
+    'saturation': ('saturation', 'saturated'), 'asymmetry': ('asymmetry', 'asymmetric'),
+    'gate': ('gate', 'gate too narrow'), 'cross-axis': ('cross-axis', 'rotated'),
+    'hard iron': ('hard iron', 'bias', 'random walk'), 'bias step': ('bias step', 'bias'),
+    'slip': ('slip', 'outliers', 'random walk'),
 }  # fmt: skip
 #: The same for faults of the input. A command that is recorded late acts before its stamp, and
 #: 'input delay' is the opposite: a command that acts after its stamp.
@@ -44,6 +49,8 @@ INPUT_NAMES = {
     'input delay': ('input delay',),
     'dead zone': ('dead zone',),
     'asymmetry': ('asymmetric gain',),
+    'mounting': ('input rotated',),
+    'axes': ('input swapped', 'input rotated'),
 }
 #: Kinds of faults whose size is what a finding estimates.
 SIZED = ('scale', 'units', 'bias', 'drift', 'delay', 'parameter', 'noise')
@@ -67,11 +74,13 @@ def is_meant(kind: str, subject: str, fault: str, concerned: str) -> bool:
     """Return whether a kind and a subject of a finding name a fault and what it concerns."""
     if concerned == 'input':
         return kind in INPUT_NAMES.get(fault, ())
-    if kind not in NAMES.get(fault, ()):
+    if kind not in NAMES.get(fault, (fault,)):
         return False
     words = concerned.replace(',', ' ').split()
     if fault == 'parameter':
         return subject in words
+    if fault == 'correlated noise':
+        return any(word in subject for word in words)
     sensor, _, coordinate = subject.partition('.')
     if fault == 'process noise' or concerned == 'all':
         return True

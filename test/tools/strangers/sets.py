@@ -8,16 +8,21 @@ from pathlib import Path
 from . import recordings
 from .recordings import Recording
 from .second import recordings as second
+from .third import recordings as third
 
 #: The recordings of each set, by name.
 SETS: dict[str, dict[str, Recording]] = {
     'first': recordings.RECORDINGS,
     'second': second.RECORDINGS,
+    'third': third.RECORDINGS,
 }
 #: The recordings of all sets.
-RECORDINGS: dict[str, Recording] = recordings.RECORDINGS | second.RECORDINGS
+RECORDINGS: dict[str, Recording] = {
+    name: recording for table in SETS.values() for name, recording in table.items()
+}
 
 
 def write(name: str, folder: str | Path) -> None:
     """Write the two files of a recording of any set into a new or an empty folder."""
-    (second if name in second.RECORDINGS else recordings).write(name, folder)
+    writer = next(s for s in (recordings, second, third) if name in s.RECORDINGS)
+    writer.write(name, folder)

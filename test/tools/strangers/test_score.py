@@ -12,8 +12,8 @@ from .matching import NAMES, interval, is_right, is_tied
 from .recordings import RECORDINGS, TABLE
 from .score import Row, examine, judge, shares
 
-#: Kinds of faults for which the doctor has no finding.
-UNNAMED = {'lever arm', 'model', 'correlated noise', 'asymmetry', 'clean'}
+#: Kinds of faults without names of findings: only a finding of the same word names them.
+UNNAMED = {'lever arm', 'model', 'correlated noise', 'clean'}
 
 
 def finding(
