@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from . import recordings
+from .real import recordings as real
 from .recordings import Recording
 from .second import recordings as second
 
@@ -13,11 +14,13 @@ from .second import recordings as second
 SETS: dict[str, dict[str, Recording]] = {
     'first': recordings.RECORDINGS,
     'second': second.RECORDINGS,
+    'real': real.RECORDINGS,
 }
 #: The recordings of all sets.
-RECORDINGS: dict[str, Recording] = recordings.RECORDINGS | second.RECORDINGS
+RECORDINGS: dict[str, Recording] = recordings.RECORDINGS | second.RECORDINGS | real.RECORDINGS
 
 
 def write(name: str, folder: str | Path) -> None:
     """Write the two files of a recording of any set into a new or an empty folder."""
-    (second if name in second.RECORDINGS else recordings).write(name, folder)
+    set_of = next(each for each in (recordings, second, real) if name in each.RECORDINGS)
+    set_of.write(name, folder)
