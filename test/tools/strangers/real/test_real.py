@@ -91,7 +91,7 @@ def test_a_recording_as_it_is_is_replayed(system: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('name', 'sensor', 'delay'),
     [
-        ('car_60s_gnss_100_ms', 'gnss', 0.1),
+        ('car_60s_gnss_500_ms', 'gnss', 0.5),
         ('diff_drive_gyro_100_ms', 'gyro', 0.1),
         ('uwb_robot_odometry_500_ms', 'odometry', 0.5),
     ],
