@@ -41,9 +41,10 @@ def _each(sensors: Sequence[str], *kinds: str) -> str:
 #: What each recording has by itself with the file of its careful owner: README.md.
 OWN = {
     'diff_drive': 'noise of all; clock offset of heading; process noise',
-    'car_60s': 'coloured noise of gnss; noise of all; scale of wheels; process noise',
+    'car_60s': _each(('gnss',), 'losses', 'coloured noise')
+    + '; noise of all; scale of wheels; process noise',
     'uwb_robot': _each(_ANCHORS, 'outliers', 'noise', 'coloured noise', 'bias')
-    + '; process noise',
+    + '; losses of anchor_105; losses of anchor_108; process noise',
     'lidar_radar': 'process noise',
     'driven_pendulum': _each(('velocity', 'torque'), 'noise', 'outliers')
     + '; coloured noise of torque; quantised of all; '
