@@ -67,7 +67,7 @@ def quantised(channel: Channel, rng: Generator, step: float) -> None:
     channel.noise[:] = 0.0
 
 
-def _about(axis: int, angle: float) -> Array:
+def about(axis: int, angle: float) -> Array:
     """Return the matrix that turns vectors about an axis, by the right hand."""
     c, s = math.cos(angle), math.sin(angle)
     first, second = (axis + 1) % 3, (axis + 2) % 3
@@ -79,7 +79,7 @@ def _about(axis: int, angle: float) -> Array:
 
 def mounted(channel: Channel, rng: Generator, axis: float, degrees: float) -> None:
     """Turn the housing of an IMU on the robot: its axes see what others would have seen."""
-    back = _about(int(axis), math.radians(degrees)).T
+    back = about(int(axis), math.radians(degrees)).T
     for triad in (slice(0, 3), slice(3, 6)):
         channel.value[:, triad] = channel.value[:, triad] @ back.T
 
@@ -87,7 +87,7 @@ def mounted(channel: Channel, rng: Generator, axis: float, degrees: float) -> No
 def turned(channel: Channel, rng: Generator, degrees: float, begin: float, seconds: float) -> None:
     """Give places in the plane in a frame that is turned, for a stretch of time."""
     rows = (channel.time >= begin) & (channel.time < begin + seconds)
-    spin = _about(2, math.radians(degrees))[:2, :2]
+    spin = about(2, math.radians(degrees))[:2, :2]
     channel.value[rows] = channel.value[rows] @ spin.T
 
 

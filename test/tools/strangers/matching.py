@@ -5,14 +5,15 @@ A finding is right if its kind is one of `NAMES` for the kind of the fault, and 
 same sensor, input or parameter. If the fault concerns one coordinate, a finding of a coordinate
 must be of this one. Correlated noise may be named at either sensor. A unit must have the right
 factor within 5 %, and noise the right direction. What the table calls alike is right too, except
-'scale and bias', of which one finding names a half. A finding whose 'same as' has the right kind
-and subject is tied. An interval is two of the printed standard deviations, or the range that is
-printed; each must contain the size.
+'scale and bias', of which one finding names a half. What a real recording has wrong by itself is
+neither right nor wrong. A finding whose 'same as' has the right kind and subject is tied. An
+interval is two of the printed standard deviations, or the range that is printed; each must contain
+the size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from re import findall, search
 from typing import Any
 
@@ -45,6 +46,7 @@ NAMES = {
 #: 'input delay' is the opposite: a command that acts after its stamp.
 INPUT_NAMES = {
     'scale': ('input gain',),
+    'units': ('input gain',),
     'sign': ('input sign',),
     'input delay': ('input delay',),
     'dead zone': ('dead zone',),
@@ -59,15 +61,19 @@ _WITHIN = 0.05
 _NUMBER = r'([-+]?\d+\.?\d*(?:e[-+]\d+)?)'
 
 
+def causes(words: str, subject: str = '') -> Iterator[tuple[str, str]]:
+    """Yield the kind and the subject of each cause in words, 'kind of subject; kind; ...'."""
+    for cause in words.split('; ') if words else ():
+        kind, _, concerned = cause.partition(' of ')
+        if kind.startswith('parameter '):
+            kind, concerned = kind.split(' ', 1)
+        yield kind, concerned or subject
+
+
 def meanings(recording: Recording) -> list[tuple[str, str]]:
     """Return the kind and the subject of a fault, and of what is alike."""
-    pairs = [(recording.kind, recording.subject)]
-    for alike in recording.alike.split('; ') if recording.alike else ():
-        kind, _, subject = alike.partition(' of ')
-        if kind.startswith('parameter '):
-            kind, subject = kind.split(' ', 1)
-        pairs.append((kind, subject or recording.subject))
-    return pairs
+    alike = causes(recording.alike, recording.subject)
+    return [(recording.kind, recording.subject), *alike]
 
 
 def is_meant(kind: str, subject: str, fault: str, concerned: str) -> bool:
@@ -102,6 +108,12 @@ def is_right(finding: Finding, recording: Recording) -> bool:
         factor = search(rf'multiplied by {_NUMBER}', finding['sentence'])
         return factor is not None and abs(float(factor[1]) * recording.size - 1.0) < _WITHIN
     return True
+
+
+def is_own(finding: Finding, recording: Recording) -> bool:
+    """Return whether a finding names what a recording has wrong by itself, and not the fault."""
+    named = (is_meant(finding['kind'], finding['subject'], *own) for own in causes(recording.own))
+    return any(named) and not is_right(finding, recording)
 
 
 def is_tied(finding: Finding, recording: Recording) -> bool:

@@ -62,6 +62,9 @@ class Recording:
     alike
         What the readings cannot tell from it, in words, or several such separated by '; ';
         'clean' if nothing shows it at all.
+    own
+        What a real recording has wrong by itself, in the words of ``alike``: findings of it may
+        come before that of the fault.
     physics, edits
         True parameters that differ from those of the file; replacements in the file.
     """
@@ -75,6 +78,7 @@ class Recording:
     unit: str = ''
     fault: Fault = clean
     alike: str = ''
+    own: str = ''
     physics: Mapping[str, float] = field(default_factory=dict)
     edits: Mapping[str, str] = field(default_factory=dict)
 
@@ -87,7 +91,7 @@ class Recording:
     def truth(self) -> str:
         """What is wrong, in a line."""
         if self.kind == 'clean':
-            return self.kind
+            return f'{self.kind} but for {self.own}' if self.own else self.kind
         alike = f' (like {self.alike})' if self.alike else ''
         return f'{self.kind} of {self.subject}: {self.size:.4g} {self.unit}'.rstrip() + alike
 

@@ -8,8 +8,9 @@ is 'clean'), no finding is right as well.
 
 A *remark* is a finding about what the file or the messages do not declare, which is true of most
 recordings, clean ones included: a rate, or a covariance of zero. Remarks count in the shares 'as
-printed' only. All other findings are claims. A first claim that is wrong is *false and confident*
-if the doctor is sure of it by 90 % or more.
+printed' only, and so do findings of what a real recording has wrong by itself. All other findings
+are claims. A first claim that is wrong is *false and confident* if the doctor is sure of it by 90 %
+or more.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from .matching import Finding, interval, is_right, is_tied
+from .matching import Finding, interval, is_own, is_right, is_tied
 from .sets import RECORDINGS, write
 
 #: Kinds of findings that are remarks.
@@ -58,7 +59,8 @@ class Row:
 def judge(name: str, run: Mapping[str, Any]) -> Row:
     """Return the row of a recording from the JSON of a run of the doctor."""
     recording, findings = RECORDINGS[name], run['findings'] or ()
-    claims = [finding for finding in findings if finding['kind'] not in REMARKS]
+    said = [finding for finding in findings if finding['kind'] not in REMARKS]
+    claims = [finding for finding in said if not is_own(finding, recording)]
     right = [is_right(f, recording) or is_tied(f, recording) for f in claims]
     rank = right.index(True) + 1 if any(right) else 0
     best = claims[rank - 1] if rank else None
@@ -74,7 +76,7 @@ def judge(name: str, run: Mapping[str, Any]) -> Row:
     else:
         verdict = 'first' if rank == 1 else 'within three' if rank <= 3 else 'later'
     return Row(
-        name, recording.kind, recording.truth, [_brief(f) for f in claims[:3]], verdict, rank,
+        name, recording.kind, recording.truth, [_brief(f) for f in said[:3]], verdict, rank,
         findings.index(best) + 1 if best else 0, tied,
         confident, bool(findings), interval(best, recording) if best else '', run['seconds'],
     )  # fmt: skip

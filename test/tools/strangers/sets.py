@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from . import recordings
+from .real import recordings as real
 from .recordings import Recording
 from .second import recordings as second
 from .third import recordings as third
@@ -15,6 +16,7 @@ SETS: dict[str, dict[str, Recording]] = {
     'first': recordings.RECORDINGS,
     'second': second.RECORDINGS,
     'third': third.RECORDINGS,
+    'real': real.RECORDINGS,
 }
 #: The recordings of all sets.
 RECORDINGS: dict[str, Recording] = {
@@ -24,5 +26,5 @@ RECORDINGS: dict[str, Recording] = {
 
 def write(name: str, folder: str | Path) -> None:
     """Write the two files of a recording of any set into a new or an empty folder."""
-    writer = next(s for s in (recordings, second, third) if name in s.RECORDINGS)
+    writer = next(each for each in (recordings, second, third, real) if name in each.RECORDINGS)
     writer.write(name, folder)
