@@ -37,7 +37,7 @@ NAMES = {
     'noise': ('noise too small', 'noise too large'), 'parameter': ('parameter',),
     'quantised': ('quantised',), 'scale 0': ('scale', 'unrelated'),
     'process noise': ('process noise too small', 'process noise too large'),
-    'saturation': ('saturation', 'saturated'), 'asymmetry': ('asymmetry', 'asymmetric'),
+    'asymmetry': ('asymmetric scale', 'asymmetric gain'),
     'gate': ('gate', 'gate too narrow'), 'cross-axis': ('cross-axis', 'rotated'),
     'hard iron': ('hard iron', 'bias', 'random walk'), 'bias step': ('bias step', 'bias'),
     'slip': ('slip', 'outliers', 'random walk'),

@@ -9,8 +9,8 @@ is 'clean'), no finding is right as well.
 A *remark* is a finding about what the file or the messages do not declare, which is true of most
 recordings, clean ones included: a rate, or a covariance of zero. Remarks count in the shares 'as
 printed' only, and so do findings of what a real recording has wrong by itself. All other findings
-are claims. A first claim that is wrong is *false and confident* if the doctor is sure of it by 90 %
-or more.
+are claims. A first claim that is wrong is *false and confident* if the doctor is sure of it by 90
+percent or more.
 """
 
 from __future__ import annotations

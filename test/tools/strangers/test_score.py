@@ -13,16 +13,16 @@ from .recordings import RECORDINGS, TABLE
 from .score import Row, examine, judge, shares
 
 #: Kinds of faults without names of findings: only a finding of the same word names them.
-UNNAMED = {'lever arm', 'model', 'correlated noise', 'clean'}
+UNNAMED = {'model', 'clean'}
 
 
 def finding(
     kind: str, subject: str, sentence: str = '', share: float = 1.0, z: float | None = 9.0,
-    same: Sequence[tuple[str, str]] = (),
+    same: Sequence[tuple[str, str]] = (), certainty: float = 1.0,
 ) -> dict[str, Any]:  # fmt: skip
     return {
         'kind': kind, 'subject': subject, 'sentence': sentence, 'share': share, 'gain': share,
-        'z': z, 'same as': [list(pair) for pair in same],
+        'z': z, 'certainty': certainty, 'same as': [list(pair) for pair in same],
     }  # fmt: skip
 
 
@@ -105,7 +105,10 @@ def test_an_interval_has_the_size_or_not(
 
 
 def test_verdicts() -> None:
-    rate, wrong = finding('rate', 'gyro', z=None, share=0.0), finding('drift', 'gnss', share=0.6)
+    rate, wrong = (
+        finding('rate', 'gyro', z=None, share=0.0),
+        finding('drift', 'gnss', certainty=0.9),
+    )
     right = finding('sign', 'gyro.omega', share=0.4)
     assert row('rover_clean', rate).verdict == 'clean'
     assert row('rover_clean', rate).flagged
@@ -116,7 +119,7 @@ def test_verdicts() -> None:
     scored = row('rover_gyro_sign', rate, wrong, right)
     assert (scored.verdict, scored.rank, scored.printed) == ('within three', 2, 3)
     assert scored.confident
-    assert not row('rover_gyro_sign', {**wrong, 'share': 0.3}, right).confident
+    assert not row('rover_gyro_sign', {**wrong, 'certainty': 0.89}, right).confident
     assert judge('rover_gyro_sign', {'findings': None, 'seconds': 1.0}).verdict == 'failed'
 
 

@@ -47,10 +47,11 @@ def pair(name: str) -> tuple[Readings, Readings]:
     return read(recording), read(RECORDINGS[f'{recording.system}_as_is'])
 
 
-def test_names_and_seeds_are_unique_among_all_sets() -> None:
+def test_names_are_unique_among_all_sets_and_seeds_in_each() -> None:
     everything = [recording for each in SETS.values() for recording in each.values()]
     assert len({recording.name for recording in everything}) == len(everything)
-    assert len({recording.seed for recording in everything}) == len(everything)
+    for each in SETS.values():
+        assert len({recording.seed for recording in each.values()}) == len(each)
     assert len(RECORDINGS) == len(TABLE)
     assert {*OWN} == {*SYSTEMS} == {recording.system for recording in TABLE}
 
@@ -147,7 +148,7 @@ def test_a_third_is_lost_and_the_rest_is_unchanged() -> None:
 def claim(kind: str, subject: str, share: float = 0.4) -> dict[str, object]:
     return {
         'kind': kind, 'subject': subject, 'sentence': '', 'share': share, 'gain': share, 'z': 9.0,
-        'same as': [],
+        'certainty': 1.0, 'same as': [],
     }  # fmt: skip
 
 

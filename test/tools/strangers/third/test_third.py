@@ -149,7 +149,7 @@ def test_clean_recordings_are_consistent_and_a_fault_is_not(tmp_path: Path) -> N
         ('conveyor_correlated', 'correlated noise', 'laser.v', True),
         ('conveyor_correlated', 'correlated noise', 'marks.s', False),
         ('forklift_scanner_ahead', 'lever arm', 'scanner', True),
-        ('rov_weak_astern', 'input asymmetry', 'surge', True),
+        ('rov_weak_astern', 'asymmetric gain', 'surge', True),
         ('drone_imu_5_degrees' if AVAILABLE else 'boom_imu_2_degrees', 'rotated', 'gnss', False),
     ],
 )
