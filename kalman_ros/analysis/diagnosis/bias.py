@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from kalman_ros.core import Array
 
@@ -27,7 +28,7 @@ _NAMES = {'ramp': 'drift', 'walk': 'random walk'}
 #: second share, since predicted gains hold for a linearisation only.
 _AS_MUCH, _NEARLY = 0.005, 0.1
 #: Number of standard deviations up to which an offset is as declared.
-_DECLARED = 3.0
+_DECLARED = 4.0
 #: Trial intensities of random walks, relative to the variance that the data allow.
 _INTENSITIES = np.geomspace(1e-4, 1e4, 33)
 
@@ -53,7 +54,7 @@ def find(case: Examination) -> list[Finding]:
     """Return the offsets of each sensor: a bias, a drift or a random walk of its coordinates."""
     findings = []
     limits = edges(case.passage)
-    for name in case.evidence.sensors:
+    for name in case.judged:
         size = case.evidence.scenario.sensors[name].sensor.output.size
         groups = {i: case.responses.columns('offset', name, str(i)) for i in range(size)}
         courses = courses_of(case.responses, groups)
@@ -65,6 +66,45 @@ def find(case: Examination) -> list[Finding]:
         if similar and _kind_of(courses) == 'walk':
             findings.append(_finding(case, name, simpler, limits))
     return findings
+
+
+def without_declared(case: Examination) -> Evidence:
+    """Return the evidence without the biases that the estimator follows: the likeliest ones.
+
+    Of offsets b of the pieces with the prior covariance S, of a random walk, these are
+    (M + S^-1)^-1 g, where g and M are gradient and information. A bias that is larger than it is
+    declared to be remains.
+    """
+    evidence, limits = case.evidence, edges(case.passage)
+    middles = 0.5 * (limits[1:] + limits[:-1]) - limits[0]
+    priors: list[tuple[str, int, Array]] = []
+    columns: list[int] = []
+    for name in case.judged:
+        bias = evidence.scenario.sensors[name].bias
+        for index in range(0 if bias is None else len(bias.covariance)):
+            assert bias is not None
+            walk = bias.density[index, index] * np.minimum.outer(middles, middles)
+            priors.append((name, index, bias.covariance[index, index] + walk))
+            columns += case.responses.columns('offset', name, str(index))
+    if not priors:
+        return evidence
+    prior = block_diag(*(covariance for _, _, covariance in priors))
+    information = case.responses.information[np.ix_(columns, columns)]
+    gradient = case.responses.gradient[columns]
+    offsets = prior @ np.linalg.solve(np.eye(len(prior)) + information @ prior, gradient)
+    for (name, index, covariance), path in zip(priors, offsets.reshape(len(priors), -1)):
+        if np.abs(path).max() <= _DECLARED * covariance.diagonal().max() ** 0.5:
+            evidence = _shifted(evidence, name, index, path, limits)
+    return evidence
+
+
+def _shifted(evidence: Evidence, name: str, index: int, path: Array, limits: Array) -> Evidence:
+    """Return the evidence without an offset of a coordinate in each piece."""
+    record = evidence.sensors[name]
+    pieces = np.clip(np.searchsorted(limits, record.stamp, 'right') - 1, 0, len(path) - 1)
+    value = record.value.copy()
+    value[:, index] -= path[pieces]
+    return evidence.with_sensor(name, replace(record, value=value))
 
 
 def _kind_of(courses: Mapping[int, Course]) -> str:
@@ -146,7 +186,7 @@ def _likeliest_walk(responses: Responses, columns: Sequence[int]) -> Course:
 
 
 def _finding(case: Examination, name: str, courses: dict[int, Course], limits: Array) -> Finding:
-    evidence, record = case.evidence, case.evidence.sensors[name]
+    evidence = case.evidence
     space = evidence.scenario.sensors[name].sensor.output
     main = max(courses.values(), key=lambda course: course.gain)
     kind = _NAMES.get(main.kind, 'bias')
@@ -162,36 +202,19 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
     gain = sum(course.gain for course in courses.values())
 
     def mended() -> Evidence:
-        value = record.value.copy()
+        corrected = evidence
         for index, course in courses.items():
-            pieces = np.clip(np.searchsorted(limits, record.stamp, 'right') - 1, 0, None)
-            value[:, index] -= course.values[np.minimum(pieces, len(course.values) - 1)]
-        return evidence.with_sensor(name, replace(record, value=value))
+            corrected = _shifted(corrected, name, index, course.values, limits)
+        return corrected
 
-    declared = _is_declared(evidence, name, courses)
-    remedy = (
-        'That is within what bias_std and bias_noise declare, and the estimator follows it.'
-        if declared
-        else 'Calibrate it, or let the estimator follow it (bias_std).'
-    )
     return Finding(
-        kind, name, f'readings of {name} are off: {words}. {remedy}', gain**0.5, gain=gain,
-        note=declared, dues=sum(course.dues for course in courses.values()),
+        kind, name,
+        f'readings of {name} are off: {words}. Calibrate it, or let the estimator follow it '
+        '(bias_std).',
+        gain**0.5, gain=gain, dues=sum(course.dues for course in courses.values()),
         parameters=sum(_numbers_of(course.kind) for course in courses.values()),
         figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
     )  # fmt: skip
-
-
-def _is_declared(evidence: Evidence, name: str, courses: Mapping[int, Course]) -> bool:
-    """Return whether offsets are within three standard deviations of the bias that is believed."""
-    bias = evidence.scenario.sensors[name].bias
-    if bias is None:
-        return False
-    std = np.sqrt((bias.covariance + evidence.duration * bias.density).diagonal())
-    return all(
-        float(np.abs(course.values).max()) <= _DECLARED * std[index]
-        for index, course in courses.items()
-    )
 
 
 def _numbers_of(kind: str) -> int:

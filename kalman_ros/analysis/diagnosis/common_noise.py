@@ -26,8 +26,7 @@ def find(case: Examination) -> list[Finding]:
     Least-Squares Estimation, IEEE Trans. Automatic Control 13(6), 1968). Whatever the model lacks
     correlates them, too: this is for a pass in which nothing else is left to be explained.
     """
-    names = [*dict.fromkeys(event.sensor for event in case.passage.events)]
-    found = [_find(case, *pair) for pair in combinations(names, 2)]
+    found = [_find(case, *pair) for pair in combinations(case.judged, 2)]
     return [finding for finding in found if finding is not None]
 
 

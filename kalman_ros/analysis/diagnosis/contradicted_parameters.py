@@ -10,7 +10,7 @@ import numpy as np
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Finding
-from .hypotheses import value_of
+from .parameters import Parameter, parameter
 from .responses import Fit
 
 #: Relative changes below this are no finding.
@@ -29,19 +29,19 @@ def find(case: Examination) -> list[Finding]:
         fit = case.responses.alone(column)
         if fit.gain < CHANCE or not np.isfinite(fit.size[0]):
             continue
-        value = value_of(case.evidence, name)
-        if abs(float(fit.size[0])) < _RELEVANT * max(abs(value), 1e-9):
+        found = parameter(case.evidence, name)
+        if abs(float(fit.size[0])) < _RELEVANT * max(abs(found.value), 1e-9):
             continue
-        finding = _changed(case.evidence, name, value, fit)
+        finding = _changed(case.evidence, found, fit)
         if finding is not None:
             findings.append(finding)
     return findings
 
 
-def _changed(evidence: Evidence, name: str, value: float, fit: Fit) -> Finding | None:
-    """Return the finding that a parameter is a step from ``value`` away; None if invalid."""
-    fitted = value + float(fit.size[0])
-    change = {f'model_parameters.{name}': float(f'{fitted:.3g}')}
+def _changed(evidence: Evidence, found: Parameter, fit: Fit) -> Finding | None:
+    """Return the finding that a parameter is a fitted step away; None if that is invalid."""
+    name, fitted = found.name, found.value + float(fit.size[0])
+    change = found.change(fitted)
     try:
         evidence.adopting(change)
     except ValueError:
@@ -52,13 +52,13 @@ def _changed(evidence: Evidence, name: str, value: float, fit: Fit) -> Finding |
         more = after.responses.alone(column[0]) if column else None
         if more is None or not abs(float(more.size[0])) > 2.0 * float(more.std[0]):
             return None
-        return _changed(evidence, name, value_of(after.evidence, name), more)
+        return _changed(evidence, parameter(after.evidence, name), more)
 
     return Finding(
         'parameter',
         name,
         f'the data contradict {name}: {fitted:.3g} +- {fit.std[0]:.1g} fits, '
-        f'{value_of(evidence, name):g} is configured.',
+        f'{parameter(evidence, name).value:g} is configured.',
         fit.gain**0.5,
         change,
         gain=fit.gain,

@@ -53,8 +53,8 @@ Detector = Callable[[Examination], Iterable[Finding]]
 
 #: Detectors of findings that need no filter.
 PLAIN: Sequence[Detector] = (
-    stamps.find, message_covariances.find, lateness.find, rate.find, frozen.find,
-    quantisation.find, saturation.find,
+    stamps.find, message_covariances.find, lateness.find, rate.find,
+    saturation.find, frozen.find, quantisation.find,
 )  # fmt: skip
 #: Detectors of findings in the innovations of a filter.
 FITTED: Sequence[Detector] = (
@@ -63,7 +63,7 @@ FITTED: Sequence[Detector] = (
     lever_arms.find, stretch.find,
 )  # fmt: skip
 #: Largest numbers of rounds, of findings that are tried in a round, and of those of one kind.
-_ROUNDS, _TRIED, _ALIKE = 6, 5, 2
+_ROUNDS, _TRIED, _ALIKE = 6, 8, 3
 #: How often the size of a finding is fitted again.
 _REFINED = 3
 #: A finding is tried if its predicted gain is at least this share of the best gain. The second
@@ -106,14 +106,16 @@ def diagnose(evidence: Evidence, progress: Callable[[str], None] = lambda text: 
     if not case.passage.events:
         return Diagnosis(_rank(findings), remarks, before, before)
     notes = [*remarks, *unobserved_states.find(case)]
+    if any(source.bias is not None for source in evidence.scenario.enabled.values()):
+        case = Examination(bias.without_declared(case))
     findings += gates.find(case)
     for number in range(_ROUNDS):
         progress(f'causes of the misfit, {number + 1}')
-        best = _find_best(case, [*findings, *notes])
+        best = _find_best(case, findings)
         if best is None:
             break
         finding, case = best
-        (notes if finding.note else findings).append(finding)
+        findings.append(finding)
     findings += common_noise.find(case)
     notes += leftover.find(case)
     progress('proofs')

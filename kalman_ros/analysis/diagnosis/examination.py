@@ -11,8 +11,9 @@ import numpy as np
 from kalman_ros.core import Array
 
 from .evidence import Evidence
-from .hypotheses import columns, effect, value_of, varied
+from .hypotheses import columns, effect
 from .noise_scores import NoiseScores, noise_scores
+from .parameters import varied
 from .passage import Passage, passage
 from .responses import Responses, responses
 
@@ -39,6 +40,13 @@ class Examination:
         return self.known or passage(self.evidence, strict=self.strict)
 
     @cached_property
+    def judged(self) -> list[str]:
+        """Sensors of the pass whose readings can be wrong: zeros that no sensor took cannot."""
+        sources = self.evidence.scenario.sensors
+        names = dict.fromkeys(event.sensor for event in self.passage.events)
+        return [name for name in names if sources[name].judged]
+
+    @cached_property
     def responses(self) -> Responses:
         """Regression of the innovations on every additive fault."""
         return responses(self.passage, columns(self.evidence, self.passage, self.tones))
@@ -48,7 +56,7 @@ class Examination:
         """Scores of every noise variance."""
         noise = {
             name: np.median(self.evidence.sensors[name].covariance, axis=0).diagonal()
-            for name in dict.fromkeys(event.sensor for event in self.passage.events)
+            for name in self.judged
         }
         return noise_scores(self.passage, noise, self.densities)
 
@@ -57,10 +65,10 @@ class Examination:
         """Spectral density (n, n) of each parameter of the process noise, by name."""
         model, x = self.evidence.scenario.model, self.passage.events[-1].x
         by_parameter = {}
-        for name, other, size in varied(self.evidence):
+        for parameter, other, size in varied(self.evidence):
             change = (other.noise_density(x) - model.noise_density(x)) / size
-            if 'noise' in name and np.any(change):
-                by_parameter[name] = change * value_of(self.evidence, name)
+            if 'noise' in parameter.name and np.any(change):
+                by_parameter[parameter.name] = change * parameter.value
         return by_parameter
 
     @cached_property

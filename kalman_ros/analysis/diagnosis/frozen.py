@@ -11,12 +11,13 @@ import numpy as np
 from kalman_ros.analysis.records import SensorRecord
 from kalman_ros.core import Array
 
-from .evidence import Evidence
 from .examination import Examination
 from .finding import Curve, Figure, Finding
 
 #: A value is frozen if it is repeated this number of times, and for this time in seconds.
 _REPEATED, _FROZEN = 10, 0.5
+#: Mean of normalised squares up to which readings of zero are those of a body at rest.
+_AGREES = 2.0
 
 
 def find(case: Examination) -> list[Finding]:
@@ -26,13 +27,27 @@ def find(case: Examination) -> list[Finding]:
         finding
         for name, record in case.evidence.sensors.items()
         if len(record) > _REPEATED and sources[name].judged
-        for finding in _frozen(case.evidence, name, record)
+        for finding in _frozen(case, name, record)
     ]
 
 
-def _frozen(evidence: Evidence, name: str, record: SensorRecord) -> Iterator[Finding]:
-    rows = repeats(record)
-    if rows is None:
+def _rests(case: Examination, name: str, record: SensorRecord, rows: Array) -> bool:
+    """Return whether the frozen value is that of a body at rest, and the filter agrees."""
+    if record.value[rows].any():
+        return False
+    events = (case.passage.events[i] for i in case.passage.of(name))
+    frozen = {*rows.tolist()}
+    squares = [
+        float(e @ e) / len(e)
+        for event, e in zip(events, (case.passage.whitened[i] for i in case.passage.of(name)))
+        if event.index in frozen
+    ]
+    return bool(squares) and float(np.mean(squares)) < _AGREES
+
+
+def _frozen(case: Examination, name: str, record: SensorRecord) -> Iterator[Finding]:
+    rows, evidence = repeats(record), case.evidence
+    if rows is None or _rests(case, name, record, rows):
         return
     seconds = float(np.ptp(record.stamp[rows]))
     start = float(record.stamp[rows][0]) - evidence.start

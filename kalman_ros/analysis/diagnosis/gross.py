@@ -85,7 +85,7 @@ def lost(case: Examination) -> bool:
 
 
 def _candidates(case: Examination) -> Iterator[Finding]:
-    for name in dict.fromkeys(event.sensor for event in case.passage.events):
+    for name in case.judged:
         space = case.evidence.scenario.sensors[name].sensor.output
         for group in groups(space):
             sensible = conversions(case, name, group)

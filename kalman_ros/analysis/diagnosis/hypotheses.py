@@ -7,26 +7,23 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from kalman_ros.core import Array, Dynamics, options_of
+from kalman_ros.core import Array, Dynamics
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
-from kalman_ros.scenario.declarations import model_of
 from kalman_ros.scenario.lever_arm import LeverArm
-from kalman_ros.scenario.parameter_files import section
-from kalman_ros.scenario.wiring import system
 
 from .evidence import Evidence
+from .parameters import STEP, varied
 from .passage import Passage
 from .responses import Columns
 
 #: A changing offset is constant in each piece: largest number of pieces, and shortest piece (s).
 PIECES, _SHORTEST = 30, 1.0
-#: Delays of inputs, in samples of the loop.
-LAGS = (1, 2, 3, 5, 8, 12, 20, 30)
+#: Number of trial delays of inputs, from one sample of the loop on, and the longest (s), also as a
+#: share of the recording.
+_LAGS, _LONGEST, _LONGEST_SHARE = 12, 10.0, 0.1
 #: Trial dead zones, as quantiles of the magnitude of the input.
 DEAD = (0.2, 0.35, 0.5, 0.65, 0.8)
-#: Relative step of numerical derivatives.
-_STEP = 1e-4
 
 
 def edges(passage: Passage) -> Array:
@@ -67,7 +64,7 @@ def _sensor_columns(
     N, k = values.shape
     pieces = np.searchsorted(edges(passage), [event.time for event in events], 'right') - 1
     B = len(edges(passage)) - 1
-    block = np.zeros((N, k, 2 * k * k + k * B + 1))
+    block = np.zeros((N, k, 2 * k * k + k * B + k + 1))
     labels: list[tuple[str, ...]] = []
     for kind, mixed in (('mix', values), ('read', recorded)):
         for i in range(k):
@@ -77,6 +74,9 @@ def _sensor_columns(
     for i in range(k):
         block[np.arange(N), i, len(labels) + pieces] = 1.0
         labels += [('offset', name, str(i), str(b)) for b in range(B)]
+    for i in range(k):
+        block[:, i, len(labels)] = np.maximum(values[:, i], 0.0)
+        labels.append(('half', name, str(i)))
     H = np.array([event.H for event in events])
     block[:, :, -1] = np.einsum('eij,ej->ei', H, model.time_derivative(X, U))
     labels.append(('stamp', name))
@@ -126,9 +126,9 @@ def _state_columns(
         )
     names: list[tuple[str, ...]] = []
     blocks: list[Array] = []
-    for name, varied_model, size in varied(evidence):
+    for parameter, varied_model, size in varied(evidence):
         change = (varied_model.time_derivative(X, U) - model.time_derivative(X, U)) / size
-        names.append(('parameter', name))
+        names.append(('parameter', parameter.name))
         blocks.append(change * dt[:, None])
     yield names, np.stack(blocks, axis=2) if blocks else np.zeros((E, n, 0))
 
@@ -136,7 +136,7 @@ def _state_columns(
 def effect(model: Dynamics, X: Array, U: Array, index: int) -> Array:
     """Return the derivative of the rate by an input (E, n), at states (E, n), inputs (E, m)."""
     step = np.zeros(U.shape[1])
-    step[index] = _STEP * max(1.0, float(np.abs(U[:, index]).max(initial=0.0)))
+    step[index] = STEP * max(1.0, float(np.abs(U[:, index]).max(initial=0.0)))
     return np.asarray(
         (model.time_derivative(X, U + step) - model.time_derivative(X, U)) / step[index]
     )
@@ -155,7 +155,8 @@ def _input_columns(
         labels.append(('push', str(b)))
         pushes.append((pieces == b).astype(float))
     stamps, values = evidence.inputs.stamp, evidence.inputs.value[:, index]
-    for lag in LAGS:
+    longest = evidence.scenario.rate * min(_LONGEST, _LONGEST_SHARE * evidence.duration)
+    for lag in np.unique(np.geomspace(1.0, max(longest, 1.0), _LAGS).round().astype(int)):
         labels.append(('lag', str(lag)))
         seconds = lag / evidence.scenario.rate
         pushes.append(held(stamps, values, times - seconds) - u)
@@ -175,31 +176,3 @@ def held(stamps: Array, values: Array, times: Array) -> Array:
         return np.zeros(len(times))
     rows = np.searchsorted(stamps, times - 1e-6, 'right') - 1
     return np.asarray(values[np.maximum(rows, 0)])
-
-
-def value_of(evidence: Evidence, name: str) -> float:
-    """Return the value of a parameter of the model, or its default if the file has none."""
-    value = evidence.parameters.get(f'model_parameters.{name}')
-    if value is not None:
-        return float(value)
-    options = options_of(system(str(evidence.parameters.get('model', ''))).build)
-    return float(next(option.default for option in options if option.name == name))  # type: ignore[arg-type]
-
-
-def varied(evidence: Evidence) -> Iterator[tuple[str, Dynamics, float]]:
-    """Yield each numerical parameter of the model, the model with a changed value, the change."""
-    values = section(evidence.parameters, 'model_parameters')
-    declaration = system(str(evidence.parameters.get('model', '')))
-    for option in options_of(declaration.build):
-        value = values.get(option.name, option.default)
-        if not isinstance(value, (int, float)) or isinstance(value, bool):
-            continue
-        size = _STEP * (abs(float(value)) or 1.0)
-        try:
-            yield (
-                option.name,
-                model_of(declaration, {**values, option.name: float(value) + size}),
-                size,
-            )
-        except ValueError:
-            continue

@@ -68,7 +68,8 @@ def hidden(case: Examination) -> list[Finding]:
     The reading h(x(t + tau)) is h(x) + tau d h(x)/dt to first order. A regression estimates tau.
     """
     findings = []
-    for name, record in case.evidence.sensors.items():
+    for name in case.judged:
+        record = case.evidence.sensors[name]
         for column in case.responses.columns('stamp', name):
             fit = case.responses.alone(column)
             most = max(_LATEST, _SHARE * case.evidence.duration)

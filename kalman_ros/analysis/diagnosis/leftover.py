@@ -22,7 +22,7 @@ def find(case: Examination) -> list[Finding]:
     Variances and Adaptive Kalman Filtering, IEEE Trans. Automatic Control 15(2), 1970).
     """
     notes = []
-    for name in dict.fromkeys(event.sensor for event in case.passage.events):
+    for name in case.judged:
         e = np.array([case.passage.whitened[i] for i in case.passage.of(name)])
         said = _unexpected(np.clip(e, -5.0, 5.0)) if len(e) >= _FEWEST else ''
         if said:

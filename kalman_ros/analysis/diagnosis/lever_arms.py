@@ -22,7 +22,7 @@ def find(case: Examination) -> list[Finding]:
     What an arm adds turns with the body, so that it is no constant offset of the readings.
     """
     findings = []
-    for name in case.evidence.sensors:
+    for name in case.judged:
         fit = _fit(case, name)
         if fit is not None and fit.gain >= CHANCE and np.abs(fit.size).max() >= _RELEVANT:
             finding = _moved(case, name, fit)

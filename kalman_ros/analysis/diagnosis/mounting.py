@@ -22,7 +22,7 @@ _SMALL, _NEAR = 0.03, 0.1
 def find(case: Examination) -> list[Finding]:
     """Return the sensors whose readings fit after an exchange or a rotation of axes."""
     findings = []
-    for name in case.evidence.sensors:
+    for name in case.judged:
         space = case.evidence.scenario.sensors[name].sensor.output
         if space.size < 2 or not case.responses.columns('mix', name):
             continue

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.core import Array
+from kalman_ros.scenario.parameter_text import yaml_value
 
 from .evidence import Evidence
 from .examination import CHANCE, Examination
 from .finding import Curve, Figure, Finding
-from .hypotheses import value_of
+from .parameters import parameter
 from .refilter import misfits
 
 #: A variance is suspected if its score exceeds this number of standard deviations.
@@ -135,16 +136,16 @@ def _process_finding(
     case: Examination, name: str, factor: float, gain: float, spread: float
 ) -> list[Finding]:
     way, size = _describe(factor, spread)
-    value = value_of(case.evidence, name)
-    change = {f'model_parameters.{name}': float(f'{value * factor**2:.3g}')}
+    found = parameter(case.evidence, name)
+    change = found.change(found.value * factor**2)
     try:
         mended = case.evidence.adopting(change)
     except ValueError:
         return []
     finding = Finding(
         f'process noise too {way}', name,
-        f'the process noise {name}, {value:g}, is too {way}, its root {size}: '
-        f'{value * factor**2:.3g} fits.',
+        f'the process noise {name} is too {way}, its root {size}: '
+        f'{yaml_value(next(iter(change.values())))} fits.',
         gain**0.5, change, gain=gain, mended=lambda: mended,
         figure=innovations(case, case.passage.events[0].sensor, 0),
     )  # fmt: skip

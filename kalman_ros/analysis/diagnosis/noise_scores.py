@@ -55,7 +55,7 @@ def noise_scores(
     passage
         Filter pass.
     noise
-        Variances (k,) of the coordinates, by sensor.
+        Variances (k,) of the coordinates, by sensor; those of others are kept.
     densities
         Spectral density (n, n) of the process noise, by parameter.
     most
@@ -94,7 +94,8 @@ class _Sensitivity:
 
     def take(self, event: Event, e: Array) -> None:
         """Propagate to an event and add the terms of its innovation."""
-        F, H, K, dR = event.F, event.H, event.K, self._dR[event.sensor]
+        F, H, K = event.F, event.H, event.K
+        dR = self._dR.get(event.sensor, np.zeros((1, len(H), len(H))))
         dP = F @ self._dP @ F.T
         if event.dt > 0.0:
             dP += event.dt * self._rates

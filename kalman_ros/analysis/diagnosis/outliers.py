@@ -30,7 +30,7 @@ def find(case: Examination) -> list[Finding]:
     Statistical Association 69, 1974).
     """
     findings = []
-    for name in case.evidence.sensors:
+    for name in case.judged:
         finding = _find_outliers(case, name)
         if finding is not None:
             findings.append(finding)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings at the end of the range of a sensor."""
+"""Readings at the end of the range of a sensor, or in its dead zone."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from .finding import Curve, Figure, Finding
 _FEWEST, _LEAST = 5, 0.003
 #: An end is repeated more often than any other value, by this factor.
 _OFTEN = 3
+#: Mean of normalised squares from which zeros contradict the filter.
+_CONTRADICTED = 1.5
 
 
 def find(case: Examination) -> list[Finding]:
@@ -29,11 +32,27 @@ def find(case: Examination) -> list[Finding]:
     for name, record in case.evidence.sensors.items():
         space = case.evidence.scenario.sensors[name].sensor.output
         for index, label in enumerate(space.names):
+            if _is_dead(case, name, index):
+                findings.append(_dead(case, name, index))
+                continue
             column = record.value[:, index]
             ends = [] if label in space.angles else ends_of(column[np.isfinite(column)])
             if ends:
-                findings.append(_finding(case, name, index, ends))
+                findings.append(_saturated(case, name, index, ends))
     return findings
+
+
+def _is_dead(case: Examination, name: str, index: int) -> bool:
+    """Return whether a coordinate reads exactly zero again and again where it should not."""
+    column = case.evidence.sensors[name].value[:, index]
+    levels, counts = np.unique(column[np.isfinite(column)], return_counts=True)
+    at_zero = int(counts[levels == 0.0].sum())
+    others = counts[levels != 0.0]
+    if not len(others) or np.median(others) > 1 or at_zero < max(_FEWEST, _OFTEN * others.max()):
+        return False
+    events = [case.passage.events[i] for i in case.passage.of(name)]
+    squares = [e.innovation[index] ** 2 / e.S[index, index] for e in events if not column[e.index]]
+    return len(squares) >= _FEWEST and float(np.mean(squares)) > _CONTRADICTED
 
 
 def ends_of(values: Array) -> list[float]:
@@ -46,10 +65,29 @@ def ends_of(values: Array) -> list[float]:
     return [float(levels[i]) for i in (0, -1) if counts[i] >= max(fewest, usual)]
 
 
-def _finding(case: Examination, name: str, index: int, ends: list[float]) -> Finding:
+def _saturated(case: Examination, name: str, index: int, ends: list[float]) -> Finding:
+    at_end = np.isin(case.evidence.sensors[name].value[:, index], ends)
+    bounds = ' and '.join(f'{end:.4g}' for end in ends)
+    return _finding(
+        case, name, index, at_end, 'saturated',
+        f'exactly {bounds}: the end of the range of the sensor, beyond which it says nothing.',
+    )  # fmt: skip
+
+
+def _dead(case: Examination, name: str, index: int) -> Finding:
+    value = case.evidence.sensors[name].value[:, index]
+    least = float(np.abs(value[value != 0.0]).min())
+    return _finding(
+        case, name, index, value == 0.0, 'dead zone',
+        f'exactly 0, and no other is below {least:.3g}: small values are not read at all.',
+    )  # fmt: skip
+
+
+def _finding(
+    case: Examination, name: str, index: int, at_end: Any, kind: str, words: str
+) -> Finding:
     record = case.evidence.sensors[name]
     label = case.evidence.scenario.sensors[name].sensor.output.names[index]
-    at_end = np.isin(record.value[:, index], ends)
 
     def mended() -> Evidence:
         value = record.value.copy()
@@ -58,10 +96,8 @@ def _finding(case: Examination, name: str, index: int, ends: list[float]) -> Fin
 
     times = record.stamp - case.evidence.start
     curves = (Curve(label, times, record.value[:, index], 'dots'),)
-    bounds = ' and '.join(f'{end:.4g}' for end in ends)
     return Finding(
-        'saturated', f'{name}.{label}',
-        f'{int(at_end.sum())} of {len(record)} readings of {name}.{label} are exactly {bounds}: '
-        'the end of the range of the sensor, beyond which it says nothing.',
+        kind, f'{name}.{label}',
+        f'{int(at_end.sum())} of {len(record)} readings of {name}.{label} are {words}',
         inf, figure=Figure(f'{name}: range of {label}', 'time [s]', label, curves), mended=mended,
     )  # fmt: skip

@@ -38,7 +38,7 @@ class Stretch(NamedTuple):
 
 def find(case: Examination) -> list[Finding]:
     """Return the sensors that contradict the filter from one time to another, and only then."""
-    contradicting = (_find(case, name) for name in case.evidence.sensors)
+    contradicting = (_find(case, name) for name in case.judged)
     return [*filter(None, contradicting), *_find_offset(case)]
 
 
@@ -68,7 +68,7 @@ def _find_offset(case: Examination) -> list[Finding]:
     if len(limits) < 4:
         return []
     candidates = []
-    for name in dict.fromkeys(event.sensor for event in case.passage.events):
+    for name in case.judged:
         for index in range(case.evidence.scenario.sensors[name].sensor.output.size):
             columns = case.responses.columns('offset', name, str(index))
             information = case.responses.information[np.ix_(columns, columns)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import log, pi
 from typing import Any
 
@@ -59,12 +60,16 @@ _SAME = 0.98
 #: Two factors are equal if their relative difference is below the first number. A factor that
 #: differs from 1 by less than the second number is no finding.
 _CLOSE, _RELEVANT = 0.05, 0.003
+#: Two scales of a coordinate, above and below zero, that differ by less are no finding.
+_UNEVEN = 0.03
+#: Least share of the squares of readings on either side of zero.
+_BOTH = 0.1
 
 
 def find(case: Examination) -> list[Finding]:
     """Return the sensors and coordinates that fit after a multiplication by a factor."""
     findings = []
-    for name in case.evidence.sensors:
+    for name in case.judged:
         output = case.evidence.scenario.sensors[name].sensor.output
         whole = tuple(range(output.size))
         for group in dict.fromkeys((*groups(output), whole)):
@@ -77,7 +82,45 @@ def find(case: Examination) -> list[Finding]:
                 factor, std = _likeliest_factor(case, name, group, factor, std)
                 findings.append(scaled(case, name, group, factor, std, fit.gain))
         findings += _temperatures(case, name)
+        findings += _asymmetries(case, name)
     return findings
+
+
+def _asymmetries(case: Examination, name: str) -> list[Finding]:
+    """Return the coordinates with another scale where they are negative."""
+    findings = []
+    record, space = case.evidence.sensors[name], case.evidence.scenario.sensors[name].sensor.output
+    for index in range(space.size):
+        columns = [
+            *case.responses.columns('mix', name, str(index), str(index)),
+            *case.responses.columns('half', name, str(index)),
+        ]
+        y = record.value[np.isfinite(record.value[:, index]), index]
+        either = min(float(np.sum(np.maximum(side, 0.0) ** 2)) for side in (y, -y))
+        if len(columns) < 2 or either < _BOTH * float(np.sum(y**2)):
+            continue
+        fit = case.responses.fit(np.eye(2), columns)
+        factors = 1.0 - float(fit.size.sum()), 1.0 - float(fit.size[0])
+        differ = abs(factors[0] - factors[1]) > max(_UNEVEN, 4.0 * float(fit.std[1]))
+        if fit.gain < CHANCE or min(factors) <= 0.0 or not differ:
+            continue
+        value = record.value.copy()
+        value[:, index] *= np.where(value[:, index] > 0.0, *factors)
+        mended = case.evidence.with_sensor(name, replace(record, value=value))
+        label = label_of(case, name, (index,))
+        findings.append(
+            Finding(
+                'asymmetric scale', label,
+                f'readings of {label} fit the model once multiplied by {factors[0]:.4g} where '
+                f'they are positive, and by {factors[1]:.4g} where they are negative.',
+                fit.gain**0.5, gain=fit.gain, parameters=2, mended=partial(_same, mended),
+            )
+        )  # fmt: skip
+    return findings
+
+
+def _same(evidence: Evidence) -> Evidence:
+    return evidence
 
 
 def _temperatures(case: Examination, name: str) -> list[Finding]:

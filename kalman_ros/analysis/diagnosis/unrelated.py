@@ -53,7 +53,7 @@ def find(case: Examination) -> list[Finding]:
     readings follow neither the predictions nor any state, at any lag, they are of an unmodelled
     quantity.
     """
-    names = dict.fromkeys(event.sensor for event in case.passage.events)
+    names = case.judged
     findings = []
     for name in names if len(names) > 1 else ():
         squares = [

@@ -84,7 +84,7 @@ def is_meant(kind: str, subject: str, fault: str, concerned: str) -> bool:
         return False
     words = concerned.replace(',', ' ').split()
     if fault == 'parameter':
-        return subject in words
+        return subject.partition('[')[0] in words
     if fault == 'correlated noise':
         return any(word in subject for word in words)
     sensor, _, coordinate = subject.partition('.')

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Causes that recordings of strangers had and the diagnosis lacked, each alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kalman_ros.analysis.diagnosis import common_noise, leftover, saturation, stretch
+from kalman_ros.analysis.diagnosis.bias import without_declared
+from kalman_ros.analysis.diagnosis.diagnose import certainty, diagnose
+from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.outliers import runs_of
+from kalman_ros.analysis.diagnosis.parameters import parameter, parameters
+from kalman_ros.analysis.diagnosis.units import conversions
+from kalman_ros.programs.doctor.recordings import Injection, recorded
+
+
+def edited(evidence, name, change):
+    """Return evidence with other values of a sensor: ``change`` takes seconds (N,) and values."""
+    record = evidence.sensors[name]
+    value = change(record.stamp - record.stamp[0], record.value.copy())
+    return evidence.with_sensor(name, replace(record, value=value))
+
+
+def first(evidence):
+    finding = diagnose(evidence).findings[0]
+    return finding.kind, finding.subject
+
+
+@pytest.fixture(scope='module')
+def spring():
+    return recorded('mass_spring_damper', None, 12.0, 5)
+
+
+@pytest.fixture(scope='module')
+def cart():
+    return recorded('cart_pole', None, 12.0, 5)
+
+
+def shifted(t, y):
+    y[(t > 4.0) & (t < 7.0)] += 0.8
+    return y
+
+
+def uneven(t, y):
+    y[:, 0] *= np.where(y[:, 0] > 0.0, 1.3, 1.0)
+    return y
+
+
+def dead(t, y):
+    y[np.abs(y[:, 0]) < 0.05, 0] = 0.0
+    return y
+
+
+def clipped(t, y):
+    y[:, 0] = np.minimum(y[:, 0], np.quantile(y[:, 0], 0.95))
+    return y
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('name', 'change', 'kind'),
+    [
+        ('position', shifted, 'disturbed'),
+    ],
+)
+def test_it_is_found_on_a_spring(spring, name, change, kind):
+    assert first(edited(spring, name, change)) == (kind, name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('change', 'kind'),
+    [
+        (uneven, 'asymmetric scale'),
+        (clipped, 'saturated'),
+        (dead, 'dead zone'),
+    ],
+)
+def test_it_is_found_on_a_cart(cart, change, kind):
+    assert first(edited(cart, 'joint_states', change)) == (kind, 'joint_states.x')
+
+
+@pytest.mark.slow
+def test_a_disturbance_has_its_time_and_size(spring):
+    finding = diagnose(edited(spring, 'position', shifted)).findings[0]
+    assert 'from t = 4 to 7 s' in finding.sentence
+    size = float(finding.sentence.partition(' by ')[2].split()[0])
+    assert size == pytest.approx(0.8, abs=0.1)
+    assert 0.5 < finding.certainty < 0.9
+    assert ('random walk', 'position') in finding.same_as
+
+
+@pytest.mark.slow
+def test_an_input_that_is_weaker_one_way_is_found(cart):
+    u = cart.inputs.value
+    stronger = replace(cart.inputs, value=np.where(u > 0.0, u / 0.5, u))
+    finding = diagnose(replace(cart, inputs=stronger)).findings[0]
+    assert finding.kind == 'asymmetric gain'
+    assert 'at 0.5' in finding.sentence
+
+
+@pytest.mark.slow
+def test_noise_in_common_is_found_where_nothing_else_is_wrong(spring):
+    one, other = (spring.sensors[name] for name in ('position', 'velocity'))
+    noise = np.random.default_rng(3).standard_normal((len(one), 1))
+    std = [np.sqrt(record.covariance[:, 0]) for record in (one, other)]
+    at = np.minimum(np.searchsorted(one.stamp, other.stamp - 1e-6), len(one) - 1)
+    both = spring.with_sensor('position', replace(one, value=one.value + 2.0 * std[0] * noise))
+    both = both.with_sensor(
+        'velocity', replace(other, value=other.value + 2.0 * std[1] * noise[at])
+    )
+    wider = {
+        name: replace(record, covariance=5.0 * record.covariance)
+        for name, record in both.sensors.items()
+    }
+    findings = common_noise.find(Examination(replace(both, sensors=wider)))
+    assert [finding.kind for finding in findings] == ['correlated noise']
+    assert common_noise.find(Examination(spring)) == []
+
+
+@pytest.mark.slow
+def test_a_bias_that_the_estimator_follows_is_no_finding():
+    def of(bias):
+        followed = {'velocity.bias_std': [0.5]}
+        injection = Injection({'velocity': {'bias': [bias]}}, estimator=followed)
+        return recorded('mass_spring_damper', injection, 12.0, 5)
+
+    biased = of(0.4)
+    assert diagnose(biased).findings == ()
+    value = without_declared(Examination(biased)).sensors['velocity'].value
+    assert np.mean(biased.sensors['velocity'].value - value) == pytest.approx(0.4, abs=0.1)
+    assert diagnose(of(4.0)).findings[0].kind == 'bias'
+
+
+@pytest.mark.slow
+def test_zeros_that_no_sensor_took_have_no_unit(spring):
+    source = spring.scenario.sensors['velocity']
+    zero = replace(source, signal=replace(source.signal, zero=True))
+    sources = {**spring.scenario.sensors, 'velocity': zero}
+    zeros = replace(spring, scenario=replace(spring.scenario, sensors=sources))
+    case = Examination(edited(zeros, 'velocity', lambda t, y: 0.0 * y))
+    assert case.judged == ['position']
+    assert all(label[0] != 'velocity' for label in case.scores.labels)
+
+
+@pytest.mark.slow
+def test_what_no_cause_explains_is_told(spring):
+    noise = np.random.default_rng(1).standard_normal(len(spring.sensors['position']))
+    coloured = np.convolve(noise, np.ones(8) / np.sqrt(8.0), 'same')[:, None]
+    std = np.sqrt(spring.sensors['position'].covariance[:, 0])
+    case = Examination(edited(spring, 'position', lambda t, y: y + 2.0 * std * coloured))
+    assert [note.subject for note in leftover.find(case)] == ['position']
+    assert leftover.find(Examination(spring)) == []
+
+
+def test_the_numbers_of_a_linear_model_are_those_of_its_matrices(spring):
+    values = {
+        'model': 'linear', 'model_parameters.A': [0.0, 1.0, -2.0, 0.0],
+        'model_parameters.noise_density': [0.0, 0.5],
+    }  # fmt: skip
+    evidence = replace(spring, parameters=values)
+    found = {each.name: each.value for each in parameters(evidence)}
+    assert {name: found[name] for name in ('A[1]', 'A[2]', 'noise_density')} == {
+        'A[1]': 1.0, 'A[2]': -2.0, 'noise_density': 1.0,
+    }  # fmt: skip
+    assert 'A[0]' not in found
+    changed = parameter(evidence, 'A[2]').change(-3.0001)
+    assert changed == {'model_parameters.A': [0.0, 1.0, -3.0, 0.0]}
+    doubled = parameter(evidence, 'noise_density').change(2.0)
+    assert doubled == {'model_parameters.noise_density': [0.0, 1.0]}
+
+
+def test_the_certainty_of_a_cause_is_its_share_among_rivals():
+    assert certainty(100.0, []) == 1.0
+    assert certainty(100.0, [100.0]) == 0.5
+    assert certainty(1e4, [9e3]) == pytest.approx(1.0 / (1.0 + np.exp(-1000.0 / 502.0)))
+    assert certainty(1e4, [1e3, 10.0]) > 0.99
+
+
+def test_the_heaviest_range_and_the_likeliest_stretch():
+    assert stretch.heaviest(np.array([-1.0, 2.0, -0.5, 3.0, -4.0, 1.0])) == (1, 4)
+    g, M = np.zeros(6), np.diag(np.full(6, 4.0))
+    g[2:5] = 8.0
+    found = stretch.likeliest(g, M)
+    assert (found.begin, found.end, found.size) == (2, 5, 2.0)
+    assert found.gain == pytest.approx(24.0**2 / 12.0)
+    assert found.std == pytest.approx(12.0**-0.5)
+
+
+@pytest.mark.parametrize(
+    ('values', 'ends'),
+    [
+        (np.clip(np.random.default_rng(0).standard_normal(500), -9.0, 1.5), [1.5]),
+        (np.random.default_rng(0).standard_normal(500), []),
+        (np.round(np.random.default_rng(0).standard_normal(500), 1), []),
+    ],
+)
+def test_the_ends_of_a_range_are_repeated(values, ends):
+    assert saturation.ends_of(values) == ends
+
+
+def test_outliers_in_a_row_are_runs():
+    assert runs_of(np.array([True, True, False, True, False, False, True])) == 3
+    assert runs_of(np.zeros(4, dtype=bool)) == 0
+
+
+@pytest.mark.slow
+def test_units_go_by_the_unit_of_the_model(spring):
+    of_place = conversions(Examination(spring), 'position', (0,))
+    assert of_place[0.3048] == 'feet'
+    assert 1e5 not in of_place
