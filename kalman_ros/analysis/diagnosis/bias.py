@@ -207,6 +207,17 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
             corrected = _shifted(corrected, name, index, course.values, limits)
         return corrected
 
+    def again(after: Examination) -> Finding | None:
+        """Return the constant offsets with what remains of them."""
+        nearer = {}
+        for index, course in courses.items():
+            columns = after.responses.columns('offset', name, str(index))
+            if course.kind != 'constant' or not columns:
+                return None
+            more = _best_course(after.responses, columns, 'constant', 0.0)
+            nearer[index] = replace(more, values=course.values + more.values[0], gain=course.gain)
+        return _finding(case, name, nearer, limits)
+
     return Finding(
         kind, name,
         f'readings of {name} are off: {words}. Calibrate it, or let the estimator follow it '
@@ -214,6 +225,7 @@ def _finding(case: Examination, name: str, courses: dict[int, Course], limits: A
         gain**0.5, gain=gain, dues=sum(course.dues for course in courses.values()),
         parameters=sum(_numbers_of(course.kind) for course in courses.values()),
         figure=Figure(f'{name}: its offset', 'time [s]', 'offset', curves), mended=mended,
+        again=again,
     )  # fmt: skip
 
 

@@ -62,8 +62,14 @@ FITTED: Sequence[Detector] = (
     inputs.find, contradicted_parameters.find, first_belief.find, noise_levels.find,
     lever_arms.find, stretch.find,
 )  # fmt: skip
+#: Detectors of findings that hold from the first seconds on.
+SIMPLE: Sequence[Detector] = (
+    units.find, mounting.find, bias.find, inputs.find, contradicted_parameters.find,
+)  # fmt: skip
 #: Largest numbers of rounds, of findings that are tried in a round, and of those of one kind.
-_ROUNDS, _TRIED, _ALIKE = 6, 8, 3
+_ROUNDS, _TRIED, _ALIKE = 6, 10, 3
+#: Number of causes of the first seconds of a lost filter that are tried.
+_EARLY = 3
 #: How often the size of a finding is fitted again.
 _REFINED = 3
 #: A finding is tried if its predicted gain is at least this share of the best gain. The second
@@ -163,7 +169,7 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
     sure = bool(promised) and promised[0].gain > _SURE and not gross.lost(case)
     share = _CLOSER if sure else _CLOSE
     # findings of filter passes come first: for a lost filter, regressions predict arbitrary gains
-    from_passes = gross.find(case)
+    from_passes = [*gross.find(case), *_from_the_beginning(case)]
     sentences = {finding.sentence for finding in from_passes}
     others = [f for f in promised if _is_new(f, known) and f.sentence not in sentences]
     for finding in [*from_passes, *_limit_kinds(others)][:_TRIED]:
@@ -192,6 +198,17 @@ def _find_best(case: Examination, known: Sequence[Finding]) -> tuple[Finding, Ex
         if other.gain > 0.85 * finding.gain and not same(other, finding)
     ]
     return replace(finding, same_as=(*finding.same_as, *equivalent)), after
+
+
+def _from_the_beginning(case: Examination) -> list[Finding]:
+    """Return the causes that explain the first seconds, with gains as of the whole recording."""
+    if not gross.lost(case):
+        return []
+    first = gross.beginning(case)
+    ratio = len(case.passage.events) / len(first.passage.events)
+    found = (finding for detector in SIMPLE for finding in detector(first))
+    scaled = (replace(finding, gain=ratio * finding.gain) for finding in found)
+    return sorted(scaled, key=_gain, reverse=True)[:_EARLY]
 
 
 def certainty(gain: float, rivals: Iterable[float]) -> float:

@@ -54,6 +54,17 @@ def find(case: Examination) -> list[Finding]:
     return sorted(findings, key=lambda finding: -finding.gain)[:2]
 
 
+def beginning(case: Examination) -> Examination:
+    """Return the first seconds of a case, in which a filter is not yet lost.
+
+    Linearisations hold there, and find causes of the later misfit, too.
+    """
+    until = case.passage.events[0].time + _SECONDS
+    events = list(takewhile(lambda event: event.time <= until, case.passage.events))
+    known = Passage(events, case.passage.whitened[: len(events)])
+    return Examination(case.evidence, strict=False, known=known)
+
+
 class _Span:
     """The first seconds of a recording, up to a stamp, on which candidates are evaluated."""
 
