@@ -76,7 +76,7 @@ def _sensor_columns(
         labels += [('offset', name, str(i), str(b)) for b in range(B)]
     for i in range(k):
         block[:, i, len(labels)] = np.maximum(values[:, i], 0.0)
-        labels.append(('half', name, str(i)))
+        labels.append(('upper', name, str(i)))
     H = np.array([event.H for event in events])
     block[:, :, -1] = np.einsum('eij,ej->ei', H, model.time_derivative(X, U))
     labels.append(('stamp', name))

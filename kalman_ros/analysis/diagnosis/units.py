@@ -93,7 +93,7 @@ def _asymmetries(case: Examination, name: str) -> list[Finding]:
     for index in range(space.size):
         columns = [
             *case.responses.columns('mix', name, str(index), str(index)),
-            *case.responses.columns('half', name, str(index)),
+            *case.responses.columns('upper', name, str(index)),
         ]
         y = record.value[np.isfinite(record.value[:, index]), index]
         either = min(float(np.sum(np.maximum(side, 0.0) ** 2)) for side in (y, -y))
