@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -82,30 +81,30 @@ def _gain_finding(evidence: Evidence, kind: str, fits: Mapping[int, Fit]) -> Fin
 
 def _find_asymmetries(case: Examination) -> list[Finding]:
     """Return the inputs that act with another gain in one direction."""
-    evidence, findings = case.evidence, []
-    for index, name in enumerate(evidence.scenario.model.input.names):
+    findings = []
+    for index, name in enumerate(case.evidence.scenario.model.input.names):
         columns = [case.responses.columns(kind, name) for kind in ('gain', 'half')]
         if not all(columns):
             continue
         fit = case.responses.fit(np.eye(2), [column for (column,) in columns])
         gains = 1.0 + float(fit.size.sum()), 1.0 + float(fit.size[0])
-        if fit.gain < CHANCE or abs(gains[0] - gains[1]) < _RELEVANT:
-            continue
-        u = evidence.inputs.value[:, index]
-        mended = _with_input(evidence, index, np.where(u > 0.0, gains[0], gains[1]) * u)
-        findings.append(
-            Finding(
-                'asymmetric gain', name,
-                f'the input {name} acts at {gains[0]:.3g} of its command where that is positive, '
-                f'and at {gains[1]:.3g} where it is negative.',
-                fit.gain**0.5, gain=fit.gain, parameters=2, mended=partial(_same, mended),
-            )
-        )  # fmt: skip
+        if fit.gain >= CHANCE and abs(gains[0] - gains[1]) >= _RELEVANT:
+            findings.append(_asymmetric(case.evidence, index, gains, fit.gain))
     return findings
 
 
-def _same(evidence: Evidence) -> Evidence:
-    return evidence
+def _asymmetric(
+    evidence: Evidence, index: int, gains: tuple[float, float], gain: float
+) -> Finding:
+    """Return the finding of an input with these gains where it is positive, and negative."""
+    name, u = evidence.scenario.model.input.names[index], evidence.inputs.value[:, index]
+    return Finding(
+        'asymmetric gain', name,
+        f'the input {name} acts at {gains[0]:.3g} of its command where that is positive, and at '
+        f'{gains[1]:.3g} where it is negative.',
+        gain**0.5, gain=gain, parameters=2,
+        mended=lambda: _with_input(evidence, index, np.where(u > 0.0, *gains) * u),
+    )  # fmt: skip
 
 
 def _find_delay(case: Examination, name: str, index: int) -> list[Finding]:

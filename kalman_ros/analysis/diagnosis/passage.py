@@ -94,6 +94,14 @@ class Passage:
             by_sensor[event.sensor].append(index)
         return by_sensor
 
+    @cached_property
+    def terms(self) -> dict[tuple[str, int], tuple[float, float, int]]:
+        """Square e'e, log |2 pi S| and size of each reading, by sensor and index."""
+        return {
+            (event.sensor, event.index): (float(e.dot(e)), event.log, len(e))
+            for event, e in zip(self.events, self.whitened)
+        }
+
     def selected(self, sensor: str, rows: Any) -> Passage:
         """Return the pass over a record that is reduced to ``rows``, in this order.
 
@@ -239,18 +247,10 @@ def explained(before: Passage, after: Passage) -> float:
 
     A reading that the correction omits counts by the excess of its misfit over the expectation.
     """
-
-    def terms_of(filter_pass: Passage) -> dict[tuple[str, int], tuple[float, float, int]]:
-        terms = {}
-        for event, e in zip(filter_pass.events, filter_pass.whitened):
-            terms[event.sensor, event.index] = (float(e.dot(e)), event.log, len(e))
-        return terms
-
-    terms_before, terms_after = terms_of(before), terms_of(after)
     gain = 0.0
-    for key, (square, log_size, k) in terms_before.items():
-        if key in terms_after:
-            gain += square + log_size - terms_after[key][0] - terms_after[key][1]
+    for key, (square, log_size, k) in before.terms.items():
+        if key in after.terms:
+            gain += square + log_size - after.terms[key][0] - after.terms[key][1]
         else:
             gain += square - k - DROPPED
     return gain

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from math import log, pi
 from typing import Any
 
@@ -88,9 +87,8 @@ def find(case: Examination) -> list[Finding]:
 
 def _asymmetries(case: Examination, name: str) -> list[Finding]:
     """Return the coordinates with another scale where they are negative."""
-    findings = []
-    record, space = case.evidence.sensors[name], case.evidence.scenario.sensors[name].sensor.output
-    for index in range(space.size):
+    findings, record = [], case.evidence.sensors[name]
+    for index in range(record.value.shape[1]):
         columns = [
             *case.responses.columns('mix', name, str(index), str(index)),
             *case.responses.columns('upper', name, str(index)),
@@ -102,25 +100,28 @@ def _asymmetries(case: Examination, name: str) -> list[Finding]:
         fit = case.responses.fit(np.eye(2), columns)
         factors = 1.0 - float(fit.size.sum()), 1.0 - float(fit.size[0])
         differ = abs(factors[0] - factors[1]) > max(_UNEVEN, 4.0 * float(fit.std[1]))
-        if fit.gain < CHANCE or min(factors) <= 0.0 or not differ:
-            continue
-        value = record.value.copy()
-        value[:, index] *= np.where(value[:, index] > 0.0, *factors)
-        mended = case.evidence.with_sensor(name, replace(record, value=value))
-        label = label_of(case, name, (index,))
-        findings.append(
-            Finding(
-                'asymmetric scale', label,
-                f'readings of {label} fit the model once multiplied by {factors[0]:.4g} where '
-                f'they are positive, and by {factors[1]:.4g} where they are negative.',
-                fit.gain**0.5, gain=fit.gain, parameters=2, mended=partial(_same, mended),
-            )
-        )  # fmt: skip
+        if fit.gain >= CHANCE and min(factors) > 0.0 and differ:
+            findings.append(_asymmetric(case, name, index, factors, fit.gain))
     return findings
 
 
-def _same(evidence: Evidence) -> Evidence:
-    return evidence
+def _asymmetric(
+    case: Examination, name: str, index: int, factors: tuple[float, float], gain: float
+) -> Finding:
+    """Return the finding of a coordinate with these factors above zero, and below."""
+    record, label = case.evidence.sensors[name], label_of(case, name, (index,))
+
+    def mended() -> Evidence:
+        value = record.value.copy()
+        value[:, index] *= np.where(value[:, index] > 0.0, *factors)
+        return case.evidence.with_sensor(name, replace(record, value=value))
+
+    return Finding(
+        'asymmetric scale', label,
+        f'readings of {label} fit the model once multiplied by {factors[0]:.4g} where they are '
+        f'positive, and by {factors[1]:.4g} where they are negative.',
+        gain**0.5, gain=gain, parameters=2, mended=mended,
+    )  # fmt: skip
 
 
 def _temperatures(case: Examination, name: str) -> list[Finding]:

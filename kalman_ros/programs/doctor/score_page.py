@@ -19,7 +19,8 @@ another cause and adds that this one fits the data as well: a bias of one of two
 contradict each other, or a force and the bias that looks like it.
 
 Sizes of faults were chosen so that they show. A loss of commands on the mass is left out: the
-commands change by less than the noise of the force.
+commands change by less than the noise of the force. [Recordings that were made
+elsewhere](doctor_elsewhere.md) have their own page.
 """
 _FIRST = """
 The search is a forward selection by likelihood. What stamps and values show without a filter

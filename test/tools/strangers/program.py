@@ -10,6 +10,7 @@ from pathlib import Path
 from kalman_ros.core import refuse_unknown
 from kalman_ros.programs.refusal import refuse
 
+from .page import write_page
 from .score import score
 from .sets import SETS, write
 
@@ -32,6 +33,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         '--score', action='store_true', help='run the doctor on the recordings in --out, and judge'
     )
     parser.add_argument(
+        '--page', type=Path, metavar='FILE',
+        help='write the results of all sets in --out, a folder SET each, as a page',
+    )  # fmt: skip
+    parser.add_argument(
         '--limit', type=float, default=300.0, metavar='S',
         help='for one run of the doctor (default: %(default)g)',
     )  # fmt: skip
@@ -39,6 +44,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     chosen = SETS[options.set]
     try:
         refuse_unknown(options.names, chosen, 'recording')
+        if options.page:
+            write_page(options.page, options.out)
+            return
         if options.score:
             score(options.names or [*chosen], options.out, options.limit)
             return

@@ -39,7 +39,8 @@ class Row:
     """The score of a recording.
 
     ``rank`` is the place of the first right claim, from 1 on, or 0; ``printed`` is its place among
-    all findings. ``interval`` is 'in' or 'out' if the right claim has an interval of the size.
+    all findings. ``interval`` is 'in' or 'out' if the right claim has an interval of the size, and
+    ``certainty`` is that of the first claim, 0 without one.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Row:
     flagged: bool
     interval: str
     seconds: float
+    certainty: float
 
 
 def judge(name: str, run: Mapping[str, Any]) -> Row:
@@ -79,6 +81,7 @@ def judge(name: str, run: Mapping[str, Any]) -> Row:
         name, recording.kind, recording.truth, [_brief(f) for f in said[:3]], verdict, rank,
         findings.index(best) + 1 if best else 0, tied,
         confident, bool(findings), interval(best, recording) if best else '', run['seconds'],
+        claims[0]['certainty'] if claims else 0.0,
     )  # fmt: skip
 
 
