@@ -79,7 +79,7 @@ _CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
 #: smaller effect is hidden by the other faults, which the replay does not correct.
 PROOF, _PROVEN = 20.0, 0.01
 #: By how much the likelihood is tempered, as a share of the gain.
-_TEMPER = 0.05
+_TEMPER = 0.15
 #: A gain below this share of the number of values read is irrelevant, even if it is significant.
 _RELEVANT = 0.002
 
