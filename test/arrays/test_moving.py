@@ -7,6 +7,8 @@ from thorough import thorough
 
 import kalman_ros as kr
 
+pytestmark = pytest.mark.slow
+
 ROBOT = 'diff_drive', {'model_parameters.command_time': 0.2, 'initial_state': [0.0] * 5}
 
 

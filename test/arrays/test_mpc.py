@@ -6,6 +6,8 @@ import pytest
 
 import kalman_ros as kr
 
+pytestmark = pytest.mark.slow
+
 LINEAR = ['mass_spring_damper', 'mass_spring_damper_2d', 'dc_motor', 'submersible']
 MASS = [[0.0, 1.0], [0.0, 0.0]], [0.0, 1.0], [1.0, 0.1], 0.1
 
@@ -32,7 +34,6 @@ def test_a_pole_stands_and_its_cart_stays_on_the_track_where_the_cut_off_regulat
     assert np.abs(lost.truth[:, 2]).max() > 1.5
 
 
-@pytest.mark.slow
 def test_a_robot_on_wheels_keeps_limits_of_its_states_along_a_path():
     robot = {'model_parameters.command_time': 0.2, 'initial_state': [0.0] * 5, 'law': 'mpc',
              'horizon': 0.6, 'state_limit.omega': [-1.5, 1.5]}  # fmt: skip
@@ -185,7 +186,6 @@ def test_limits_of_states_are_a_section():
         kr.load('cart_pole', {'law': 'lqr', 'state_limit.x': [-1.0, 1.0]})
 
 
-@pytest.mark.slow
 def test_a_limit_of_an_angle_may_be_beyond_half_a_turn():
     robot = {'model_parameters.command_time': 0.2, 'initial_state': [0.0, 0.0, 0.0, 3.0, 0.0],
              'initial_estimate': [0.0, 0.0, 0.0, 3.0, 0.0], 'law': 'mpc',

@@ -17,6 +17,8 @@ from kalman_ros.core import LinearSystem
 from kalman_ros.models.mass_spring_damper import mass_spring_damper
 from kalman_ros.scenario import build
 
+pytestmark = pytest.mark.slow
+
 CART = {'pole_mass': (0.15, 0.25), 'length': (0.25, 0.35)}
 
 
@@ -36,7 +38,6 @@ def check_samples(count: int) -> None:
     assert min(disks) >= at.found * (1.0 - 1e-6)
 
 
-@pytest.mark.slow
 def test_samples_are_within_the_bounds() -> None:
     check_samples(120)
 
@@ -46,7 +47,6 @@ def test_a_hundred_thousand_samples_are_within_the_bounds() -> None:
     check_samples(100_000)
 
 
-@pytest.mark.slow
 def test_margins_and_cost_are_those_of_the_worst_plant() -> None:
     worst = kr.worst_case(kr.design('cart_pole'), CART)
     assert worst.cost.point == pytest.approx({'pole_mass': 0.15, 'length': 0.25})
@@ -149,7 +149,6 @@ def test_an_unstable_loop_in_the_box_is_no_stable_box() -> None:
     assert wide.unstable['mass'] == pytest.approx(1.23, abs=0.015)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     'intervals',
     [

@@ -21,6 +21,8 @@ from kalman_ros.models.cart_pole import CartPole
 from kalman_ros.models.diff_drive import diff_drive
 from kalman_ros.models.submersible import Submersible
 
+pytestmark = pytest.mark.slow
+
 DT = 0.02
 MASS = LinearSystem(
     [[0.0, 1.0], [-2.0, -0.3]], [[0.0], [1.0]], np.zeros((2, 2)),

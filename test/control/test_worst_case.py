@@ -13,6 +13,8 @@ from kalman_ros.control.state_space import StateSpace
 from kalman_ros.control.worst_case import stability_limit, worst_cost, worst_peak
 from kalman_ros.core import Array
 
+pytestmark = pytest.mark.slow
+
 ONE = np.eye(1)
 
 

@@ -17,6 +17,8 @@ from kalman_ros.scenario.regulator import feedback
 from kalman_ros.simulation import closed_loop
 from kalman_ros.simulation.faults.plant_faults import PlantFaults
 
+pytestmark = pytest.mark.slow
+
 FRAME = 0.03
 
 

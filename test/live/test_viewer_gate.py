@@ -17,6 +17,8 @@ from websockets.sync.server import serve
 from kalman_ros.live.viewer_gate import ViewerGate
 from kalman_ros.live.web_access import Access
 
+pytestmark = pytest.mark.slow
+
 HEADERS = {
     'Upgrade': 'websocket',
     'Connection': 'Upgrade',
@@ -214,7 +216,6 @@ def test_a_server_that_does_not_answer_ends_the_connection():
             viewer.recv(10)
 
 
-@pytest.mark.slow
 @pytest.mark.thorough
 def test_connections_that_say_nothing_shut_nobody_out(gated):
     silent = [socket.create_connection(('127.0.0.1', gated.port), 5) for _ in range(140)]

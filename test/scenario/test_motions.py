@@ -11,6 +11,8 @@ from kalman_ros.scenario.motions import motion_of, moving_point
 from kalman_ros.scenario.reference_motions import Beginning, along_path, in_time
 from kalman_ros.scenario.regulator import feedback, limits, steered
 
+pytestmark = pytest.mark.slow
+
 ROBOT = {'model': 'diff_drive', 'model_parameters.command_time': 0.2}
 CORNER = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0]])
 LINE = CORNER[:2]

@@ -11,6 +11,8 @@ import kalman_ros as kr
 from .recordings import RECORDINGS, TABLE, write
 from .systems import SYSTEMS
 
+pytestmark = pytest.mark.slow
+
 
 def test_every_name_is_unique() -> None:
     assert len(RECORDINGS) == len(TABLE) >= 40
