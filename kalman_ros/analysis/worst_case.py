@@ -194,7 +194,7 @@ def worst_cases(
     for index, name in enumerate(scenario.model.input.names):
         nominal_disk[name] = margins_of(loops.broken(nominal, index)).disk.alpha
         disk[name] = worst_peak(partial(loops.difference, input=index), low, high)
-        margins[name] = _margins_or_none(loops.broken(disk[name].point, index))
+        margins[name] = margins_or_none(loops.broken(disk[name].point, index))
     unstable = [at.point for at in (cost, *disk.values()) if at.reached == inf]
     return WorstCases(
         names, nominal, low, high, nominal_cost,
@@ -255,7 +255,8 @@ def _check(box: Mapping[str, tuple[float, float, float]]) -> None:
             )
 
 
-def _margins_or_none(loop: StateSpace) -> Margins | None:
+def margins_or_none(loop: StateSpace) -> Margins | None:
+    """Return the margins of a broken loop; None if it is unstable once closed."""
     try:
         return margins_of(loop)
     except DesignError:

@@ -4,18 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 
-from kalman_ros.analysis.input_loops import even_estimator
-from kalman_ros.analysis.observability import stacked
-from kalman_ros.control.compensator import current_compensator
-from kalman_ros.control.delay import sampled_plant
+import numpy as np
+
+from kalman_ros.analysis.worst_case import Plant, PlantLoops, margins_or_none
 from kalman_ros.control.margins import Margins, margins
-from kalman_ros.control.state_space import StateSpace
-from kalman_ros.core import DesignError, Dynamics, linearize
+from kalman_ros.core import Dynamics
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.regulator import feedback
 
 
 @dataclass(frozen=True)
@@ -56,32 +53,23 @@ def robust_margins(scenario: Scenario, plants: Iterable[Dynamics]) -> list[Robus
     DesignError
         If the model has no design.
     """
-    model, dt = scenario.model, 1.0 / scenario.rate
-    law, point = feedback(scenario), scenario.model.equilibrium
-    C = stacked(scenario, point.state)
-
-    def sampled(plant: Dynamics) -> StateSpace:
-        return sampled_plant(linearize(plant, *plant.equilibrium), C, dt)
-
-    estimator = even_estimator(scenario, point)
-    H = current_compensator(sampled(model), law.system(dt), estimator)
-    loops = [H @ sampled(plant) for plant in plants]
-    nominal, results = H @ sampled(model), []
-    for index, name in enumerate(model.input.names):
-        fitted = margins(nominal.channel(index))
-        stable = [fitted]
-        for loop in loops:
-            try:
-                stable.append(margins(loop.channel(index)))
-            except DesignError:
-                continue
+    models = [scenario.model, *plants]
+    loops = PlantLoops(scenario, lambda at: Plant(replace(scenario, model=models[int(at[0])])))
+    results = []
+    for index, name in enumerate(scenario.model.input.names):
+        fitted = margins(loops.broken(np.zeros(1), index))
+        others = [
+            margins_or_none(loops.broken(np.array([float(k)]), index))
+            for k in range(1, len(models))
+        ]
+        stable = [fitted, *filter(None, others)]
         results.append(
             RobustMargins(
                 name, fitted,
                 min(other.upper_gain.value for other in stable),
                 degrees(min(other.lag.value for other in stable)),
                 min(other.delay.value for other in stable),
-                len(loops) + 1 - len(stable), len(loops),
+                len(models) - len(stable), len(others),
             )
         )  # fmt: skip
     return results
