@@ -18,7 +18,7 @@ from kalman_ros.control.lqe import LqeDesign, dlqe
 from kalman_ros.control.margins import DiskMargin, Margins, loop_at_a_time, margins
 from kalman_ros.control.simultaneous import simultaneous_disk
 from kalman_ros.control.state_space import StateSpace
-from kalman_ros.core import DesignError, OperatingPoint, linearize
+from kalman_ros.core import Array, DesignError, OperatingPoint, linearize
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import regulator
 
@@ -89,12 +89,26 @@ class Together:
 Broken = Callable[[float], StateSpace]
 
 
+def even_noise(scenario: Scenario) -> Array:
+    """Return the covariance (p, p) of all readings as if each sensor read at every step.
+
+    That of a sensor that measures in a share of the steps is divided by that share, so that the
+    information per second stays the same.
+    """
+    return np.asarray(
+        block_diag(*(
+            source.sensor.covariance * scenario.rate / source.timed.rate
+            for source in scenario.enabled.values()
+        )),
+        dtype=float,
+    )  # fmt: skip
+
+
 def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
     """Return the steady-state Kalman filter as if each sensor read at every step.
 
-    The covariance of a sensor that measures in a share of the steps is divided by that share, so
-    that the information per second stays the same. The loop is then time-invariant and has
-    frequency responses. The result is exact if every sensor measures at every step.
+    The loop is then time-invariant and has frequency responses. The result is exact if every
+    sensor measures at every step.
 
     Raises
     ------
@@ -102,12 +116,7 @@ def even_estimator(scenario: Scenario, point: OperatingPoint) -> LqeDesign:
         If the error has no steady state.
     """
     step = scenario.model.transition(*point, 1.0 / scenario.rate)
-    covariances = [
-        source.sensor.covariance * scenario.rate / source.timed.rate
-        for source in scenario.enabled.values()
-    ]
-    R = np.asarray(block_diag(*covariances), dtype=float)
-    return dlqe(step.F, stacked(scenario, point.state), step.Q, R)
+    return dlqe(step.F, stacked(scenario, point.state), step.Q, even_noise(scenario))
 
 
 def input_loops(

@@ -10,7 +10,6 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from kalman_ros.control.compensator import current_compensator
 from kalman_ros.control.lqr import Cost
@@ -29,7 +28,7 @@ from kalman_ros.core import Array, DesignError, is_finite
 from kalman_ros.scenario import Scenario, build
 from kalman_ros.scenario.regulator import feedback, price
 
-from .input_loops import even_estimator
+from .input_loops import even_estimator, even_noise
 from .observability import stacked
 from .tuning.named_parameters import NamedParameters
 
@@ -149,13 +148,9 @@ class PlantLoops:
         point = scenario.model.equilibrium
         step = scenario.model.transition(*point, self._dt)
         C = stacked(scenario, point.state)
-        V = block_diag(*(
-            source.sensor.covariance / (self._dt * source.timed.rate)
-            for source in scenario.enabled.values()
-        ))  # fmt: skip
         G = plant.gain * step.G
         direct = np.zeros((len(C), G.shape[1]))
-        return StateSpace(step.F, G, C, direct, self._dt), step.Q, np.asarray(V, dtype=float)
+        return StateSpace(step.F, G, C, direct, self._dt), step.Q, even_noise(scenario)
 
 
 def worst_cases(
