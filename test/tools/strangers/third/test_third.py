@@ -21,6 +21,8 @@ from .messages import FORMS
 from .recordings import RECORDINGS, TABLE, write
 from .systems import MUJOCO, SYSTEMS
 
+#: Names of the systems that MuJoCo simulates.
+BODIES = {system.name for system in MUJOCO}
 #: Recordings of the tests that decide: one of each system.
 ALWAYS = (
     'forklift_wheel_slip', 'hovercraft_locked_out', 'glider_pitot_iced', 'walker_vision_repeated',
@@ -55,9 +57,8 @@ def test_the_set_is_large_and_its_names_and_seeds_are_unique() -> None:
 
 
 def test_systems_of_mujoco_are_in_the_set_where_it_can_be_imported() -> None:
-    bodies = {system.name for system in MUJOCO}
-    assert {recording.system for recording in TABLE} == {*SYSTEMS} | bodies
-    assert bodies & {*SYSTEMS} == (bodies if AVAILABLE else set())
+    assert {recording.system for recording in TABLE} == {*SYSTEMS} | BODIES
+    assert BODIES & {*SYSTEMS} == (BODIES if AVAILABLE else set())
     assert {recording.system for recording in RECORDINGS.values()} == {*SYSTEMS}
 
 
@@ -67,7 +68,11 @@ def test_only_clean_recordings_are_without_a_fault() -> None:
         assert recording.kind == 'clean' or (changed and recording.subject), recording.name
 
 
-@pytest.mark.parametrize('system', SYSTEMS)
+@pytest.mark.parametrize(
+    'system',
+    # the import of mujoco starts a process
+    [pytest.param(n, marks=[pytest.mark.slow] if n in BODIES else []) for n in SYSTEMS],
+)
 def test_a_short_recording_is_the_same_again_and_is_read(system: str, tmp_path: Path) -> None:
     recording = Recording(system, 'short', 1, physics={'seconds': 3.0})
     for folder in 'ab':
