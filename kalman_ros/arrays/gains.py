@@ -122,13 +122,15 @@ def _named() -> Iterator[None]:
 
 
 def _cost(plant: Plant, Q: Any, R: Any, N: Any) -> regulation.Cost:
+    """Return weights; in discrete time R may be semi-definite, where Q weighs the input, too."""
     n, m = plant.B.shape
     if not m:
         raise ValueError('B: expected at least one input, got a system without')
     cross = None if N is None else columns('N', N, n)
-    Q, R = weight('Q', Q, n), weight('R', R, m, definite=True)
+    definite = plant.dt is None
+    Q, R = weight('Q', Q, n), weight('R', R, m, definite=definite)
     try:
-        return regulation.cost(Q, R, (n, m), cross)
+        return regulation.cost(Q, R, (n, m), cross, definite=definite)
     except ValueError as error:
         raise ValueError(f'N: {error}') from None
 

@@ -51,6 +51,8 @@ def cost(
     input_cost: ArrayLike,
     size: tuple[int, int],
     cross_cost: ArrayLike | None = None,
+    *,
+    definite: bool = True,
 ) -> Cost:
     """Return checked weights for ``size`` = (n, m).
 
@@ -58,11 +60,12 @@ def cost(
     ------
     ValueError
         If ``state_cost`` is not symmetric positive semi-definite, ``input_cost`` not symmetric
-        positive definite, a size is wrong, or all three together are not positive semi-definite.
+        positive definite (or semi-definite, unless ``definite``), a size is wrong, or all three
+        together are not positive semi-definite.
     """
     n, m = size
     Q = semidefinite('state_cost', state_cost, n)
-    R = semidefinite('input_cost', input_cost, m, definite=True)
+    R = semidefinite('input_cost', input_cost, m, definite=definite)
     N = np.zeros((n, m)) if cross_cost is None else matrix('cross_cost', cross_cost, (n, m))
     if cross_cost is not None:
         semidefinite('cross_cost with state_cost and input_cost', Cost(Q, R, N).weight, n + m)
@@ -90,7 +93,8 @@ def dlqr(F: Array, G: Array, weights: Cost) -> LqrDesign:
     """Return the gain that minimises the sum of the cost along x' = F x + G u.
 
     K = (R + G'S G)^-1 (G'S F + N'), with S from the discrete Riccati equation (same source,
-    chapter 3).
+    chapter 3). ``input_cost`` may be singular where ``state_cost`` weighs the input, a sample
+    later.
 
     Raises
     ------

@@ -160,7 +160,7 @@ def discrete(F: Array, G: Array, Q: Array, R: Array, N: Array, terms: Terms) -> 
     Raises
     ------
     DesignError
-        If R is not positive definite, or no stabilising solution exists.
+        If neither R nor R + G'Q G is positive definite, or no stabilising solution exists.
     """
     from scipy.linalg import solve_discrete_are
 
@@ -267,15 +267,18 @@ def _scaled(
     A, B, Q, R, N = given
     if not all(np.all(np.isfinite(part)) for part in (A, B, Q, N)):
         raise DesignError(f'system: expected finite matrices and {terms.state_weight}')
-    variances = R.diagonal()
+    # the least that weighs an input: a sample later its effect has the weight of the state, too
+    weights = R + B.T @ Q @ B if sampled and _is_singular(R) else R
+    variances = weights.diagonal()
     if not np.all(np.isfinite(R)) or not np.all((variances > _SMALLEST) & (variances < _LARGEST)):
         raise DesignError(
             f'{terms.weight}: expected a positive definite matrix with a diagonal between '
             f'{_SMALLEST:g} and {_LARGEST:g}, got the diagonal {_listed(variances)}'
         )
     units = 1.0 / np.sqrt(variances)
+    weights = weights * np.outer(units, units)
     R, B, N = R * np.outer(units, units), B * units, N * units
-    smallest = float(np.linalg.eigvalsh(symmetric(R))[0]) if len(R) else 1.0
+    smallest = float(np.linalg.eigvalsh(symmetric(weights))[0]) if len(R) else 1.0
     if smallest < _SINGULAR:
         raise DesignError(
             f'{terms.weight}: expected a positive definite matrix, got one that is singular: its '
@@ -297,6 +300,15 @@ def _scaled(
     rate = 1.0 if sampled else _rate(A, Q)
     B, N, root = B / rate**0.5, N / rate**0.5, root * rate**0.5
     return _Problem(A / rate, B, Q / rate, R, N), _Units(states, units * root, size, rate)
+
+
+def _is_singular(R: Array) -> bool:
+    """Return whether a weight is positive semi-definite only, whatever the units of its inputs."""
+    if not np.all(np.isfinite(R)) or np.any(R.diagonal() < 0.0):
+        return False
+    units = 1.0 / np.sqrt(np.where(R.diagonal() > 0.0, R.diagonal(), 1.0))
+    smallest = np.linalg.eigvalsh(symmetric(R * np.outer(units, units))).min(initial=1.0)
+    return bool(-_SINGULAR < smallest < _SINGULAR)
 
 
 def _rate(A: Array, Q: Array) -> float:
@@ -357,7 +369,7 @@ def _reason(
 
 def _uncrossed(A: Array, B: Array, Q: Array, R: Array, N: Array) -> tuple[Array, Array]:
     """Return A and Q once u = v - R^-1 N'x moves the cross weight into that of the state."""
-    K = solve(R, N.T)
+    K = np.linalg.pinv(R) @ N.T
     return A - B @ K, Q - N @ K
 
 

@@ -195,8 +195,23 @@ def test_a_gain_of_several_inputs_prints_what_all_tolerate_at_once():
     assert 'margins at all inputs at once: gain 0 to inf, phase +-90 deg, disk 2' in str(gain)
 
 
-@pytest.mark.parametrize('R', [0.0, -1.0, 1e-300, 1e300])
-@pytest.mark.parametrize('design', [kr.lqr, kr.dlqr])
-def test_a_weight_that_no_design_has_is_named_as_it_was_given(design, R):
-    with pytest.raises(DesignError, match=r'^R: expected a positive definite matrix'):
+@pytest.mark.parametrize(
+    ('design', 'R', 'what'),
+    [
+        (kr.lqr, 0.0, 'definite'), (kr.lqr, -1.0, 'definite'), (kr.lqr, 1e-300, 'definite'),
+        (kr.lqr, 1e300, 'definite'), (kr.dlqr, -1.0, 'semi-definite'),
+        (kr.dlqr, 1e-300, 'definite'), (kr.dlqr, 1e300, 'definite'),
+    ],
+)  # fmt: skip
+def test_a_weight_that_no_design_has_is_named_as_it_was_given(design, R, what):
+    with pytest.raises(DesignError, match=f'^R: expected a positive {what} matrix'):
         design([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), R)
+
+
+def test_in_discrete_time_an_input_may_be_free():
+    # the input that leaves no state one sample later: S = Q where G has an inverse
+    gain = kr.dlqr([[2.0, -1.0], [1.0, 0.0]], np.eye(2), 1, 0)
+    np.testing.assert_allclose(gain.K, [[2.0, -1.0], [1.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(gain.S, np.eye(2), atol=1e-12)
+    with pytest.raises(DesignError, match=r'^R: expected a positive definite matrix'):
+        kr.dlqr([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [1.0, 0.0], 0)

@@ -60,12 +60,31 @@ WRONG = [
 @pytest.mark.parametrize('design', [lqr, dlqr, lqe, dlqe])
 def test_a_singular_or_absurd_weight_is_named(design, R):
     A, one = np.array([[0.0, 0.5], [-0.5, 0.1]]), np.eye(2)
+    # in discrete time, the weight of the state is that of the input, too
+    Q = one if design in (lqr, lqe) else np.zeros((2, 2))
     name = 'input_cost' if design in (lqr, dlqr) else 'noise of the readings'
     with pytest.raises(DesignError, match=f'^{name}: expected a positive definite matrix'):
         if design in (lqr, dlqr):
-            design(A, one, Cost(one, R, np.zeros((2, 2))))
+            design(A, one, Cost(Q, R, np.zeros((2, 2))))
         else:
-            design(A, one, one, R)
+            design(A, one, Q, R)
+
+
+@pytest.mark.parametrize('R', [np.zeros((2, 2)), np.ones((2, 2)), np.diag([0.0, 1e-20])], ids=str)
+def test_without_a_weight_of_its_own_an_input_has_that_of_the_state_after_it(R):
+    # P. Benner, A. Laub, V. Mehrmann, A Collection of Benchmark Examples for Algebraic Riccati
+    # Equations II (DAREX), 1995, example 1.1 has such an R
+    F, G = np.array([[2.0, -1.0], [1.0, 0.0]]), np.array([[1.0, 0.3], [0.0, 2.0]])
+    found = dlqr(F, G, Cost(np.eye(2), R, np.zeros((2, 2))))
+    S, K = found.cost_to_go, found.gain
+    np.testing.assert_allclose(K, np.linalg.solve(R + G.T @ S @ G, G.T @ S @ F), atol=1e-12)
+    np.testing.assert_allclose(S, np.eye(2) + F.T @ S @ (F - G @ K), atol=1e-11)
+    if not R.any():
+        np.testing.assert_allclose(S, np.eye(2), atol=1e-12)
+        np.testing.assert_allclose(G @ K, F, atol=1e-12)
+    # the dual: a filter whose readings have no noise
+    L = dlqe(F.T, G.T, np.eye(2), R).gain
+    assert np.abs(np.linalg.eigvals(F.T @ (np.eye(2) - L @ G.T))).max() < 1.0
 
 
 INTEGRATORS = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
