@@ -88,7 +88,8 @@ def is_meant(kind: str, subject: str, fault: str, concerned: str) -> bool:
     if fault == 'correlated noise':
         return any(word in subject for word in words)
     sensor, _, coordinate = subject.partition('.')
-    if fault == 'process noise' or concerned == 'all':
+    # the finding of a first belief names initial_std, and its sentence the state
+    if fault in ('process noise', 'initial state') or concerned == 'all':
         return True
     return sensor == words[0] and (len(words) == 1 or coordinate in ('', words[1]))
 

@@ -21,11 +21,11 @@ users do: the executable, with its windows, gates and outcomes. Made by
   beacons, lidar and radar, a pendulum, an IMU in a hand), and these as they are. Two causes of
   false alarms in them were mended after a first score.
 - *first* and *second*: other simulated systems. Causes that they have and the doctor lacked were
-  added since, so that these figures flatter it.
+  added since, so that their figures would flatter it; where they are missing they were not scored.
 
 A cause is right if its kind and its sensor, input or parameter are; it is *tied* where the first
-finding adds that the right one fits as well. What a real recording has wrong by itself counts
-neither way. *Wrong and sure* is a first finding that is wrong and said with 90 % or more.
+finding adds that the right one fits as well. Faults that a real recording has already count
+neither way. *Wrong and sure* is a first finding that is wrong with a certainty of 90 % or more.
 """
 _CERTAIN = ((0.99, '99 % or more'), (0.9, '90 to 99 %'), (0.5, '50 to 90 %'), (0.0, 'less'))
 

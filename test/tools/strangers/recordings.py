@@ -91,7 +91,7 @@ class Recording:
     def truth(self) -> str:
         """What is wrong, in a line."""
         if self.kind == 'clean':
-            return f'{self.kind} but for {self.own}' if self.own else self.kind
+            return f'{self.kind} except {self.own}' if self.own else self.kind
         alike = f' (like {self.alike})' if self.alike else ''
         return f'{self.kind} of {self.subject}: {self.size:.4g} {self.unit}'.rstrip() + alike
 
