@@ -8,8 +8,9 @@ import pytest
 
 from kalman_ros.analysis.diagnosis import common_noise, leftover, saturation, stretch
 from kalman_ros.analysis.diagnosis.bias import without_declared
-from kalman_ros.analysis.diagnosis.diagnose import certainty, diagnose
+from kalman_ros.analysis.diagnosis.diagnose import _rank, certainty, diagnose
 from kalman_ros.analysis.diagnosis.examination import Examination
+from kalman_ros.analysis.diagnosis.finding import Finding
 from kalman_ros.analysis.diagnosis.outliers import runs_of
 from kalman_ros.analysis.diagnosis.parameters import parameter, parameters
 from kalman_ros.analysis.diagnosis.units import conversions
@@ -177,6 +178,13 @@ def test_the_certainty_of_a_cause_is_its_share_among_rivals():
     assert certainty(100.0, [100.0]) == 0.5
     assert certainty(1e4, [9e3]) == pytest.approx(1.0 / (1.0 + np.exp(-1000.0 / 1502.0)))
     assert certainty(1e4, [1e3, 10.0]) > 0.99
+
+
+def test_caution_ranks_after_what_is_wrong():
+    kinds = [('noise too large', 90.0), ('drift', 1.0), ('losses', 0.0), ('bias', 9.0)]
+    ranked = _rank([Finding(kind, 'imu', '', 1.0, gain=gain) for kind, gain in kinds])
+    assert [finding.kind for finding in ranked] == ['bias', 'losses', 'drift', 'noise too large']
+    assert [finding.share for finding in ranked] == [0.09, 0.0, 0.01, 0.9]
 
 
 def test_the_heaviest_range_and_the_likeliest_stretch():

@@ -15,6 +15,8 @@ from .finding import Curve, Figure, Finding
 
 #: Fewest pairs of readings, and smallest correlation that is a finding.
 _FEWEST, _RELEVANT = 50, 0.1
+#: How much larger it is than that of successive innovations, which shows another cause.
+_MORE = 2.0
 #: Largest difference of the stamps of a pair, as a share of the interval of the sensor.
 _TOGETHER = 0.3
 
@@ -40,7 +42,8 @@ def _find(case: Examination, one: str, other: str) -> Finding | None:
     i, j = np.unravel_index(int(np.argmax(np.abs(r))), r.shape)
     correlation = float(np.clip(r[i, j], -0.999999, 0.999999))
     gain = -len(A) * log1p(-(correlation**2))
-    if gain < CHANCE or abs(correlation) < _RELEVANT:
+    in_time = max(_in_time(case, one, int(i)), _in_time(case, other, int(j)))
+    if gain < CHANCE or abs(correlation) < max(_RELEVANT, _MORE * in_time):
         return None
     sensors = case.evidence.scenario.sensors
     labels = [
@@ -55,6 +58,12 @@ def _find(case: Examination, one: str, other: str) -> Finding | None:
         'both as one sensor with its whole covariance, or use one of them.',
         gain**0.5, gain=gain, figure=Figure('Whitened innovations', labels[0], labels[1], curves),
     )  # fmt: skip
+
+
+def _in_time(case: Examination, name: str, index: int) -> float:
+    """Return the magnitude of the correlation of innovations of successive readings."""
+    e = np.array([case.passage.whitened[i][index] for i in case.passage.of(name)])
+    return abs(float(e[1:] @ e[:-1])) / max(float(e @ e), 1e-300)
 
 
 def _pairs(case: Examination, one: str, other: str) -> Array:

@@ -80,6 +80,8 @@ _CLOSE, _CLOSER, _SURE = 0.4, 0.6, 1000.0
 PROOF, _PROVEN = 20.0, 0.01
 #: By how much the likelihood is tempered, as a share of the gain.
 _TEMPER = 0.15
+#: A share of the misfit below this is little.
+_LITTLE = 0.05
 #: A gain below this share of the number of values read is irrelevant, even if it is significant.
 _RELEVANT = 0.002
 
@@ -274,10 +276,18 @@ def _prove(evidence: Evidence, finding: Finding) -> Finding:
 
 
 def _rank(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return findings with their shares: silent sensors first, then by their weighted gain."""
+    """Return findings with their shares: silent sensors first, then by gain.
+
+    What explains little comes after facts without a likelihood, such as losses; cautions are last.
+    """
     total = sum(max(0.0, finding.gain) for finding in findings)
     shared = [
         replace(finding, share=max(0.0, finding.gain) / total if total > 0.0 else 0.0)
         for finding in findings
     ]
-    return tuple(sorted(shared, key=lambda f: (not f.silent, -f.gain)))
+
+    def order(finding: Finding) -> tuple[bool, bool, bool, float]:
+        little = 0.0 < finding.share < _LITTLE
+        return not finding.silent, finding.cautious, little, -finding.gain
+
+    return tuple(sorted(shared, key=order))

@@ -99,3 +99,8 @@ class Finding:
     again: Callable[[Any], Finding | None] | None = field(default=None, repr=False, compare=False)
     mended: Callable[[], Evidence] | None = field(default=None, repr=False, compare=False)
     passage: Passage | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def cautious(self) -> bool:
+        """Whether it makes the filter less sure than it could be, and nothing wrong."""
+        return self.kind.endswith('too large')

@@ -16,7 +16,9 @@ users do: the executable, with its windows, gates and outcomes. Made by
 `./dev strangers --page docs/explanation/doctor_elsewhere.md`, after `--score` for each set.
 
 - *third*: twelve systems, three of them by MuJoCo, simulated by code that shares nothing with the
-  package. The doctor was not changed after these results: **this is the figure that counts.**
+  package: **this is the figure that counts.** After these results only the order of findings was
+  changed: noise that is too large, which harms least, comes last, and before it what explains less
+  than 5 % of the misfit.
 - *real*: faults injected into six real recordings (a robot on wheels, a car, ranges of radio
   beacons, lidar and radar, a pendulum, an IMU in a hand), and these as they are. Two causes of
   false alarms in them were mended after a first score.
