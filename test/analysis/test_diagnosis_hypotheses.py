@@ -105,13 +105,14 @@ def test_an_input_that_is_weaker_one_way_is_found(cart):
 @pytest.mark.slow
 def test_noise_in_common_is_found_where_nothing_else_is_wrong(spring):
     one, other = (spring.sensors[name] for name in ('position', 'velocity'))
-    noise = np.random.default_rng(3).standard_normal((len(one), 1))
+    rng = np.random.default_rng(3)
+    noise, alone = rng.standard_normal((len(one), 1)), rng.standard_normal((len(other), 1))
     std = [np.sqrt(record.covariance[:, 0]) for record in (one, other)]
     at = np.minimum(np.searchsorted(one.stamp, other.stamp - 1e-6), len(one) - 1)
+    together = np.abs(one.stamp[at] - other.stamp)[:, None] < 1e-3
     both = spring.with_sensor('position', replace(one, value=one.value + 2.0 * std[0] * noise))
-    both = both.with_sensor(
-        'velocity', replace(other, value=other.value + 2.0 * std[1] * noise[at])
-    )
+    value = other.value + 2.0 * std[1] * np.where(together, noise[at], alone)
+    both = both.with_sensor('velocity', replace(other, value=value))
     wider = {
         name: replace(record, covariance=5.0 * record.covariance)
         for name, record in both.sensors.items()
