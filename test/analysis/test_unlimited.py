@@ -48,7 +48,7 @@ def acts(scenario: Scenario, limits: Limits, start: Array) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', mostly_thorough(CASES, 'input', 'states'))
+@pytest.mark.parametrize('name', mostly_thorough(CASES, 'input'))
 def test_limits_act_only_outside_the_region(name: str) -> None:
     values, limits = CASES[name]
     scenario = build(values)

@@ -47,6 +47,7 @@ def test_a_hundred_thousand_samples_are_within_the_bounds() -> None:
     check_samples(100_000)
 
 
+@pytest.mark.thorough
 def test_margins_and_cost_are_those_of_the_worst_plant() -> None:
     worst = kr.worst_case(kr.design('cart_pole'), CART)
     assert worst.cost.point == pytest.approx({'pole_mass': 0.15, 'length': 0.25})

@@ -107,6 +107,7 @@ def dead_reckoning(*, slope):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
+@pytest.mark.thorough
 def test_in_the_plane_it_ends_where_its_readings_lead_without_the_slope(tmp_path):
     """The wheels measure the way along the ground; in a plane there is no slope to project it."""
     level = dead_reckoning(slope=False)

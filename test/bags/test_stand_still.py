@@ -77,6 +77,7 @@ def test_readings_of_zero_hold_the_place_and_find_the_biases(bag):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_readings_of_zero_are_not_judged(bag):
     """They neither scatter nor change, and no sensor is to blame for that."""
     checked = statistics.checks(replay(bag, INERTIAL, TURN), None)

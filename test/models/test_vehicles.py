@@ -101,6 +101,7 @@ def test_the_biases_of_the_imu_are_found(outage):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_in_an_outage_the_covariance_grows_and_covers_the_error(outage):
     _, errors, covariances = outage
     position = spread(covariances)

@@ -91,6 +91,7 @@ def test_the_parameter_file_of_the_second_set_is_accepted(name: str, tmp_path: P
 
 @pytest.mark.slow
 @pytest.mark.parametrize('name', MOSTLY_THOROUGH)
+@pytest.mark.thorough
 def test_readings_are_finite_the_same_again_and_all_in_the_recording(
     name: str, tmp_path: Path
 ) -> None:

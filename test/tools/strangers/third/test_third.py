@@ -95,6 +95,7 @@ def test_the_parameter_file_of_the_third_set_is_accepted(name: str, tmp_path: Pa
 
 @pytest.mark.slow
 @pytest.mark.parametrize('name', MOSTLY_THOROUGH)
+@pytest.mark.thorough
 def test_readings_are_finite_the_same_again_and_all_in_the_recording(
     name: str, tmp_path: Path
 ) -> None:
@@ -116,6 +117,7 @@ def test_readings_are_finite_the_same_again_and_all_in_the_recording(
 
 @pytest.mark.slow
 @pytest.mark.parametrize('name', MOSTLY_THOROUGH)
+@pytest.mark.thorough
 def test_a_fault_changes_the_readings_or_the_file(name: str) -> None:
     recording = RECORDINGS[name]
     system = SYSTEMS[recording.system]
