@@ -21,7 +21,7 @@ def edited(evidence, name, change):
     """Return evidence with other values of a sensor: ``change`` takes seconds (N,) and values."""
     record = evidence.sensors[name]
     value = change(record.stamp - record.stamp[0], record.value.copy())
-    return evidence.with_sensor(name, replace(record, value=value))
+    return evidence.with_values(name, value)
 
 
 def first(evidence):
@@ -120,6 +120,19 @@ def test_noise_in_common_is_found_where_nothing_else_is_wrong(spring):
     findings = common_noise.find(Examination(replace(both, sensors=wider)))
     assert [finding.kind for finding in findings] == ['correlated noise']
     assert common_noise.find(Examination(spring)) == []
+
+
+@pytest.mark.slow
+def test_a_lever_arm_is_found_with_its_length():
+    field = recorded('gnss_imu', None, 60.0, 5)
+    case, value = Examination(field), field.sensors['gnss'].value.copy()
+    psi = field.scenario.model.state.names.index('psi')
+    for event in (case.passage.events[i] for i in case.passage.of('gnss')):
+        value[event.index] += [5.0 * np.cos(event.x[psi]), 5.0 * np.sin(event.x[psi])]
+    finding = diagnose(field.with_values('gnss', value)).findings[0]
+    assert (finding.kind, finding.subject) == ('lever arm', 'gnss')
+    arm = finding.change['gnss.mount.translation']
+    np.testing.assert_allclose(arm[:2], [5.0, 0.0], atol=1.0)
 
 
 @pytest.mark.slow

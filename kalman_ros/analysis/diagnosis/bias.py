@@ -21,7 +21,7 @@ from .responses import Fit, Responses
 _COST = 10.0
 #: Kinds of courses, from the simplest on.
 _KINDS = ('constant', 'ramp', 'step', 'walk')
-#: What a course is called.
+#: Kind of the finding of a course; of any other it is a bias.
 _NAMES = {'ramp': 'drift', 'walk': 'random walk'}
 #: A simpler course is preferred if its gain is smaller by no more than chance and the first share.
 #: A simpler course is tried in addition to a walk if its gain is smaller by no more than the
@@ -104,7 +104,7 @@ def _shifted(evidence: Evidence, name: str, index: int, path: Array, limits: Arr
     pieces = np.clip(np.searchsorted(limits, record.stamp, 'right') - 1, 0, len(path) - 1)
     value = record.value.copy()
     value[:, index] -= path[pieces]
-    return evidence.with_sensor(name, replace(record, value=value))
+    return evidence.with_values(name, value)
 
 
 def _kind_of(courses: Mapping[int, Course]) -> str:

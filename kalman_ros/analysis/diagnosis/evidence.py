@@ -55,6 +55,10 @@ class Evidence:
         """Return the evidence with another record of one sensor."""
         return replace(self, sensors={**self.sensors, name: record})
 
+    def with_values(self, name: str, value: Array) -> Evidence:
+        """Return the evidence with other values (N, k) of one sensor."""
+        return self.with_sensor(name, replace(self.sensors[name], value=value))
+
     def adopting(self, changes: Mapping[str, Any]) -> Evidence:
         """Return the evidence with other parameters, without a replay.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What no cause explains: innovations that are too large, or alike from reading to reading."""
+"""Innovations that are still too large, or correlated in time, after all corrections."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def find(case: Examination) -> list[Finding]:
     notes = []
     for name in case.judged:
         e = np.array([case.passage.whitened[i] for i in case.passage.of(name)])
-        said = _unexpected(np.clip(e, -5.0, 5.0)) if len(e) >= _FEWEST else ''
-        if said:
+        reason = _unexpected(np.clip(e, -5.0, 5.0)) if len(e) >= _FEWEST else ''
+        if reason:
             notes.append(
                 Finding(
                     'unexplained', name,
-                    f'innovations of {name} {said}, also with all findings corrected: something '
+                    f'innovations of {name} {reason}, also with all findings corrected: something '
                     'is wrong that has no name here.',
                     inf, note=True, figure=innovations(case, name, 0),
                 )

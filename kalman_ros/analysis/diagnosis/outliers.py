@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +62,7 @@ def _find_outliers(case: Examination, name: str) -> Finding | None:
     def mended() -> Evidence:
         value = record.value.copy()
         value[rows] = np.nan
-        return case.evidence.with_sensor(name, replace(record, value=value))
+        return case.evidence.with_values(name, value)
 
     runs = runs_of(np.isin(indices, rows))
     together = len(rows) >= _CLUSTERED * runs

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf
 from typing import Any
 
@@ -92,7 +91,7 @@ def _finding(
     def mended() -> Evidence:
         value = record.value.copy()
         value[at_end] = np.nan
-        return case.evidence.with_sensor(name, replace(record, value=value))
+        return case.evidence.with_values(name, value)
 
     times = record.stamp - case.evidence.start
     curves = (Curve(label, times, record.value[:, index], 'dots'),)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -113,7 +112,7 @@ def _shifted(case: Examination, name: str, index: int, found: Stretch, limits: A
     def mended() -> Evidence:
         value = record.value.copy()
         value[(record.stamp >= since) & (record.stamp < until), index] -= found.size
-        return case.evidence.with_sensor(name, replace(record, value=value))
+        return case.evidence.with_values(name, value)
 
     start = case.evidence.start
     return Finding(
@@ -157,7 +156,7 @@ def _find(case: Examination, name: str) -> Finding | None:
     def mended() -> Evidence:
         value = record.value.copy()
         value[(record.stamp >= since) & (record.stamp <= until)] = np.nan
-        return case.evidence.with_sensor(name, replace(record, value=value))
+        return case.evidence.with_values(name, value)
 
     start = case.evidence.start
     return Finding(

@@ -114,7 +114,7 @@ def _asymmetric(
     def mended() -> Evidence:
         value = record.value.copy()
         value[:, index] *= np.where(value[:, index] > 0.0, *factors)
-        return case.evidence.with_sensor(name, replace(record, value=value))
+        return case.evidence.with_values(name, value)
 
     return Finding(
         'asymmetric scale', label,
@@ -158,7 +158,7 @@ def _temperature(
     def mended() -> Evidence:
         value = record.value.copy()
         value[:, index] = factor * value[:, index] + zero
-        return case.evidence.with_sensor(name, replace(record, value=value))
+        return case.evidence.with_values(name, value)
 
     return Finding(
         'unit', label,
