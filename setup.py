@@ -8,15 +8,23 @@ from setuptools import find_packages, setup
 PACKAGE = 'kalman_ros'
 NODES = ('plant', 'estimator', 'controller', 'monitor', 'markers', 'microphone_array')
 COMMANDS = (
-    'allan', 'demo', 'design', 'doctor', 'from_robot_localization', 'live', 'record', 'replay',
-    'study', 'sweep', 'tune', 'view',
+    'allan', 'demo', 'design', 'doctor', 'export', 'from_robot_localization', 'live', 'record',
+    'replay', 'study', 'sweep', 'tune', 'view',
 )  # fmt: skip
 
 setup(
     name=PACKAGE,
     version='0.1.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed', 'compiled/*.c', 'nodes/middleware/*.xml', 'live/page/*']},
+    package_data={
+        PACKAGE: [
+            'py.typed',
+            'compiled/*.c',
+            'embedded/c/*',
+            'nodes/middleware/*.xml',
+            'live/page/*',
+        ]
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

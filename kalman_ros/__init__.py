@@ -13,7 +13,7 @@ any but `Run` and `replay`. Names load lazily, so the import itself takes no tim
 - a loop of your own: `KalmanFilter`, `ExtendedKalmanFilter`, `UnscentedKalmanFilter`,
   `OnlineEstimator`, `Regulator`, `Correction`; `compile` makes a model fast
 - whole loops: `make_scenario`, `load`, `design`, `worst_case`, `simulate`, `monte_carlo` for many
-  runs at once, and `Run`, on the real nodes; `motion` follows a path
+  runs at once, and `Run`, on the real nodes; `motion` follows a path, `export` writes C
 - recordings: `replay`
 """
 
@@ -25,6 +25,7 @@ __version__ = '0.1.0'
 if TYPE_CHECKING:
     from .arrays.checking import consistency as consistency
     from .arrays.designing import design as design
+    from .arrays.exporting import export as export
     from .arrays.filtering import filter as filter
     from .arrays.filtering import smooth as smooth
     from .arrays.fitting import tune as tune
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
 _WHERE = {
     'arrays.checking': ('consistency',),
     'arrays.designing': ('design',),
+    'arrays.exporting': ('export',),
     'arrays.filtering': ('filter', 'smooth'),
     'arrays.fitting': ('tune',),
     'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),

@@ -95,6 +95,7 @@ allan = partial(_program, 'allan', 'allan.program')
 demo = partial(_program, 'demo')
 design = partial(_program, 'design')
 doctor = partial(_program, 'doctor', 'doctor.program')
+export = partial(_program, 'export')
 from_robot_localization = partial(
     _program, 'from_robot_localization', 'from_robot_localization.program'
 )

@@ -27,6 +27,7 @@ from .source import source
 _address: Callable[[Any], int] = ctypes.addressof
 _memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_double
+_STEPS = 'flow.c', 'step.c', 'members.c'
 
 
 class _Numbered:
@@ -341,6 +342,7 @@ def _model_source(parameters: Parameters) -> str:
     formulas = of_model(model, parameters)
     constants = {
         'N': model.state.size,
+        'ORDER': model.state.size,
         'M': model.input.size,
         'COUNT': len(parameters.values),
         'MOST_SUBSTEPS': formulas.most,
@@ -348,7 +350,7 @@ def _model_source(parameters: Parameters) -> str:
     sparse = {'A': formulas.jacobian, 'W': formulas.density}
     if formulas.slope is not None:
         constants['SLOPE'], sparse['F'] = 1, formulas.slope
-    return source('step.c', constants, formulas.traces, sparse)
+    return source(_STEPS, constants, formulas.traces, sparse)
 
 
 @lru_cache(maxsize=64)
@@ -356,12 +358,12 @@ def _sensor_source(parameters: Parameters, state: Space) -> str:
     sensor: Any = parameters.original
     formulas = of_sensor(sensor, state, parameters)
     sizes = {'N': state.size, 'K': sensor.output.size, 'COUNT': len(parameters.values)}
-    return source('sensor.c', sizes, formulas._asdict(), {'H': formulas.jacobian})
+    return source(['sensor.c'], sizes, formulas._asdict(), {'H': formulas.jacobian})
 
 
 @lru_cache(maxsize=32)
 def _space_source(space: Space) -> str:
-    return source('space.c', {'N': space.size}, of_space(space)._asdict(), {})
+    return source(['space.c'], {'N': space.size}, of_space(space)._asdict(), {})
 
 
 def forget_formulas() -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -13,6 +13,8 @@ from .tracing import Trace
 
 _HEAD = """#include <math.h>
 #include <string.h>
+typedef double real;
+#define NEGLIGIBLE 1e-16
 /* the processor of this machine may have wider registers than all of its kind */
 #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
 #define FAST __attribute__((target_clones("avx2", "default")))
@@ -38,7 +40,7 @@ def places(name: str, result: Any) -> str:
 
 
 def source(
-    ending: str,
+    endings: Sequence[str],
     constants: Mapping[str, int],
     traces: Mapping[str, Trace],
     sparse: Mapping[str, Trace],
@@ -47,8 +49,8 @@ def source(
 
     Parameters
     ----------
-    ending
-        The name of the file of this package that uses all that is before it.
+    endings
+        The names of the files of this package that use all that is before them.
     constants
         Numbers by name.
     traces
@@ -75,5 +77,5 @@ def source(
         )
     defined = [f'#define {name} {value}\n' for name, value in constants.items()]
     defined += [places(name, trace.result) for name, trace in sparse.items()]
-    text = files(__package__).joinpath(ending).read_text()
-    return '\n'.join((_HEAD, generator.dump(), ''.join(defined), *wrappers, text))
+    texts = (files(__package__).joinpath(ending).read_text() for ending in endings)
+    return '\n'.join((_HEAD, generator.dump(), ''.join(defined), *wrappers, *texts))

@@ -50,7 +50,9 @@ class Symbol:
     def __mod__(self, other: Any) -> Symbol:
         """Return the remainder that has the sign of the divisor, as Python's does."""
         divisor = formula(other)
-        return Symbol(self.formula - divisor * casadi.floor(self.formula / divisor))
+        remainder = casadi.fmod(self.formula, divisor)  # exact, however large the number
+        opposite = remainder * divisor < 0
+        return Symbol(remainder + casadi.if_else(opposite, divisor, 0))
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         return getattr(ufunc, method)(*map(_array, inputs), **options)

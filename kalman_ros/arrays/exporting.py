@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A designed loop as C, from a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from kalman_ros import scenario as scenarios
+from kalman_ros.control.limiter import LIMITS
+from kalman_ros.core import ArrayLike
+from kalman_ros.embedded.loop import loop
+from kalman_ros.embedded.writing import Built, Written, build, write
+from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.regulator import limits
+
+from . import text
+from .accept import numbers
+from .known_names import KnownNames
+from .scenarios import BELIEVED, values_of
+
+
+@dataclass(frozen=True, repr=False)
+class Export(KnownNames):
+    """A loop that was written as C.
+
+    Parameters
+    ----------
+    written
+        The folder, its files and the name.
+    built
+        Sizes, time and the largest difference from Python; None if it was not built.
+    """
+
+    written: Written
+    built: Built | None
+
+    def __repr__(self) -> str:
+        written = self.written
+        lines = text.sentence(f'{written.name} in {written.folder}: {", ".join(written.files)}')
+        if self.built is None:
+            return '\n'.join([*lines, 'not built'])
+        return '\n'.join([*lines, *text.table(['', self.built.command], self.built.rows)])
+
+
+def export(
+    scenario: Scenario | str | Path | Mapping[str, Any],
+    out: str | Path,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    name: str = '',
+    precision: str = 'float64',
+    control: bool = True,
+    input_limit: ArrayLike | None = None,
+    input_rate_limit: ArrayLike | None = None,
+    compile: bool = True,
+) -> Export:
+    """Write the estimator and the law of a loop as C99, and check it against Python.
+
+    Parameters
+    ----------
+    scenario, overrides
+        As for `load`, with the parameters of estimator and controller; `make_scenario` makes one
+        of a model, sensors, a filter and a law.
+    out
+        A folder that is not there yet.
+    name
+        The beginning of every public name in C; by default that of the file, or ``loop``.
+    precision
+        ``'float64'`` or ``'float32'``.
+    control
+        Whether the law is exported, if there is an input.
+    input_limit, input_rate_limit
+        Of the input; by default those of the file, or none.
+    compile
+        Whether to build and check it, if there is a C compiler.
+
+    Raises
+    ------
+    ValueError
+        If something cannot be exported; the message says what, and why.
+    """
+    values: Mapping[str, Any] = {}
+    if not isinstance(scenario, Scenario):
+        values = values_of(scenario, {} if overrides is None else overrides, *BELIEVED)
+        named = scenario if isinstance(scenario, (str, Path)) else ''
+        name = name or Path(named).stem
+        scenario = scenarios.build(values)
+    elif overrides:
+        raise ValueError('overrides: expected none for a Scenario, whose objects are built')
+    given = dict(zip(LIMITS, (input_limit, input_rate_limit)))
+    bounds = limits(
+        scenario,
+        *(
+            numbers(each, values.get(each, inf) if own is None else own).ravel()
+            for each, own in given.items()
+        ),
+    )
+    found = loop(scenario, limits=bounds, control=control)
+    source = f'{name}.yaml' if values and name else 'a scenario of Python'
+    written = write(found, Path(out), name or 'loop', precision, source)
+    return Export(written, build(written) if compile else None)

@@ -1,0 +1,93 @@
+/* u = u_e - K (x - x_e) - K_q q, within what the actuators can do. */
+
+static void begin(loop_state *s)
+{
+    memcpy(s->state, REST_STATE, sizeof s->state);
+    memcpy(s->held, REST_INPUT, sizeof s->held);
+    memcpy(s->output, IDLE, sizeof s->output);
+}
+
+/* Move the output towards a wanted one. */
+static void toward(loop_state *s, const real *wanted, real seconds)
+{
+    for (int j = 0; j < M; j++) {
+        real u = wanted[j], reach = RATE[j] < INFINITY ? RATE[j] * seconds : RATE[j];
+        u = fmin(fmax(u, -MAGNITUDE[j]), MAGNITUDE[j]);
+        s->output[j] = fmin(fmax(u, s->output[j] - reach), s->output[j] + reach);
+    }
+}
+
+NAME_outcome NAME_hold(loop_state *s, const real *reference)
+{
+    real r[N_MODEL], x[N_MODEL], u[M], largest = 0;
+    if (!are_finite(reference, N_MODEL))
+        return PREFIX_NOT_FINITE;
+    model_difference(reference, REST_STATE, r);
+    for (int i = 0; i < N_MODEL; i++) {
+        x[i] = 0;
+        for (int j = 0; j < N_MODEL; j++)
+            x[i] += STATE_GAIN[i * N_MODEL + j] * r[j];
+        largest = fmax(largest, fabs(r[i]));
+    }
+    for (int i = 0; i < N_MODEL; i++)
+        if (!(fabs(x[i] - r[i]) <= REACHED * largest))
+            return PREFIX_UNREACHABLE;
+    for (int i = 0; i < M; i++) {
+        u[i] = REST_INPUT[i];
+        for (int j = 0; j < N_MODEL; j++)
+            u[i] += INPUT_GAIN[i * N_MODEL + j] * r[j];
+    }
+    if (!are_finite(u, M))
+        return PREFIX_NOT_FINITE;
+    for (int i = 0; i < N_MODEL; i++)
+        s->state[i] = REST_STATE[i] + x[i];
+    memcpy(s->held, u, sizeof u);
+    return PREFIX_FUSED;
+}
+
+NAME_outcome NAME_control(loop_state *s, real dt, real *u)
+{
+    real error[N_MODEL], wanted[M];
+    if (!(dt >= 0 && dt < INFINITY))
+        return PREFIX_BAD_TIME;
+    model_difference(s->x, s->state, error);
+    for (int j = 0; j < M; j++) {
+        real sum = 0;
+        for (int i = 0; i < N_MODEL; i++)
+            sum += GAIN[j * N_MODEL + i] * error[i];
+        wanted[j] = s->held[j] - sum;
+#ifdef TRACKED
+        sum = 0;
+        for (int i = 0; i < TRACKED; i++)
+            sum += INTEGRAL_GAIN[j * TRACKED + i] * s->integral[i];
+        wanted[j] -= sum;
+#endif
+    }
+    if (!are_finite(wanted, M)) {
+        NAME_idle(s, dt, u);
+        return PREFIX_NOT_FINITE;
+    }
+    toward(s, wanted, dt > 0 ? dt : R(STEP));
+#ifdef TRACKED
+    const real passed = s->begun ? dt : 0;
+    int saturated = 0;
+    for (int j = 0; j < M; j++) {
+        real more = 0;
+        for (int i = 0; i < TRACKED; i++)
+            more -= INTEGRAL_GAIN[j * TRACKED + i] * error[PLACES[i]];
+        saturated |= more * (wanted[j] - s->output[j]) > 0;
+    }
+    for (int i = 0; i < TRACKED && !saturated; i++)
+        s->integral[i] += error[PLACES[i]] * passed;
+    s->begun = 1;
+#endif
+    memcpy(u, s->output, sizeof s->output);
+    return NAME_input(s, u);
+}
+
+void NAME_idle(loop_state *s, real dt, real *u)
+{
+    toward(s, IDLE, dt > 0 ? dt : 0);
+    memcpy(u, s->output, sizeof s->output);
+    (void)NAME_input(s, u);
+}

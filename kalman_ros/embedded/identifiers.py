@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names of a parameter file that become C: identifiers, or refused."""
+
+from __future__ import annotations
+
+import re
+
+_KEYWORDS = set(
+    # those of C, and what C++ adds, since it may read the header
+    """
+    auto break case char const continue default do double else enum extern float for goto if
+    inline int long register restrict return short signed sizeof static struct switch typedef
+    union unsigned void volatile while _Bool _Complex _Imaginary alignas alignof and and_eq asm
+    bitand bitor bool catch class compl concept const_cast constexpr decltype delete
+    dynamic_cast explicit export false friend mutable namespace new noexcept not not_eq nullptr
+    operator or or_eq private protected public reinterpret_cast requires static_assert
+    static_cast template this thread_local throw true try typeid typename using virtual wchar_t
+    xor xor_eq
+    """.split()  # noqa: SIM905
+)
+_IDENTIFIER = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,62}', re.ASCII)
+_IN_A_COMMENT = re.compile(r'[^ -~]|\*/|/\*|//|\\')
+
+
+def identifier(argument: str, name: str) -> str:
+    """Return a name that C takes; ValueError, which names the argument, if it does not."""
+    if not _IDENTIFIER.fullmatch(name) or name in _KEYWORDS:
+        reason = 'that is a keyword' if name in _KEYWORDS else 'letters, digits and _'
+        raise ValueError(f"{argument}: expected a name for C, got '{comment(name)}' ({reason})")
+    return name
+
+
+def part(argument: str, name: str) -> str:
+    """Return what follows an underscore in an identifier; a dot becomes another underscore."""
+    found = name.replace('.', '_')
+    identifier(argument, f'x_{found}')
+    return found
+
+
+def comment(text: str) -> str:
+    """Return a text that cannot end a comment, in printable ASCII on one line."""
+    return _IN_A_COMMENT.sub('?', text)

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is exported: an estimator, and a law if there is one, as numbers and formulas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kalman_ros.control.feedback import Feedback
+from kalman_ros.control.limiter import Limits, check_idle
+from kalman_ros.control.tracking import FeedForward
+from kalman_ros.core import Array, OperatingPoint, Sensor, Space
+from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
+from kalman_ros.estimators.filters.kf import KalmanFilter
+from kalman_ros.estimators.filters.ukf import UnscentedKalmanFilter
+from kalman_ros.estimators.fixed_gain import FixedGainObserver
+from kalman_ros.estimators.policy import Policy
+from kalman_ros.scenario import Scenario
+from kalman_ros.scenario import regulator as regulators
+from kalman_ros.scenario.estimation import Estimation, estimation
+
+#: What C has beside what `OnlineEstimator` has: readings come in the order of their stamps.
+_IN_ORDER = 0.0
+_LAWS = 'lqr', 'lqi', 'placement'
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law about a point at rest, with its limits.
+
+    Parameters
+    ----------
+    space
+        The state (n,) that it regulates, the first of the estimator's.
+    feedback, limits
+        Gains and limits.
+    rest
+        The state and the input at rest.
+    equilibria
+        Where else it rests, for references.
+    """
+
+    space: Space
+    feedback: Feedback
+    limits: Limits
+    rest: OperatingPoint
+    equilibria: FeedForward
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A loop that C can run.
+
+    Parameters
+    ----------
+    scenario
+        Whose it is.
+    estimation
+        The filter, with the enabled sensors, the first belief and the policy.
+    idle
+        The input (m,) while no controller acts.
+    law
+        None without a controller.
+    """
+
+    scenario: Scenario
+    estimation: Estimation
+    idle: Array
+    law: Law | None
+
+    @property
+    def rate(self) -> float:
+        """Steps a second."""
+        return self.scenario.rate
+
+    @property
+    def sensors(self) -> dict[str, Sensor]:
+        """The enabled sensors, as they were declared."""
+        believed = self.scenario.believed.sensors
+        return {name: believed[name] for name in self.scenario.enabled}
+
+
+def loop(
+    scenario: Scenario,
+    policy: Policy | None = None,
+    limits: Limits | None = None,
+    idle: Array | None = None,
+    *,
+    control: bool = True,
+) -> Loop:
+    """Return the loop of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        Model, sensors, filter and law.
+    policy
+        Of which recovery and the longest gap matter.
+    limits, idle
+        Of the input; without limits, and zero, by default.
+    control
+        Whether the law is exported, if there is an input.
+
+    Raises
+    ------
+    ValueError
+        If something is not supported; the message says what, and why.
+    """
+    scenario = _enabled(scenario)
+    policy = replace(policy or Policy(), window=_IN_ORDER)
+    if policy.from_reading:
+        raise ValueError('initialize: expected belief, got reading, which C does not have')
+    if policy.rest_until_input:
+        raise ValueError('rest_until_input: expected false, which is all that C has')
+    found = estimation(scenario, policy)
+    _check(scenario, found)
+    m = scenario.model.input.size
+    at_rest = np.zeros(m) if idle is None else idle
+    law = None
+    if control and m:
+        law = _law(scenario, limits or Limits.none(m), at_rest)
+    return Loop(scenario, found, at_rest, law)
+
+
+def _enabled(scenario: Scenario) -> Scenario:
+    """Return a scenario with its enabled sensors alone."""
+    if not scenario.enabled:
+        raise ValueError('sensors: expected one that is enabled, got none')
+    return replace(scenario, sensors=scenario.enabled)
+
+
+def _check(scenario: Scenario, found: Estimation) -> None:
+    model, kind = scenario.believed.model, type(found.filter)
+    supported = kind in (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter)
+    if not supported and not issubclass(kind, FixedGainObserver):
+        raise ValueError(
+            f'filter: expected kf, ekf, ukf, steady_state or luenberger for C, '
+            f'got {scenario.filter}'
+        )
+    if model.is_discrete and not model.is_linear:
+        raise ValueError(
+            'model: expected one that is linear or in continuous time for C, got '
+            f'{type(model).__name__}'
+        )
+    if kind is UnscentedKalmanFilter:
+        spaces = {'the state': model.state}
+        spaces |= {name: each.output for name, each in found.sensors.items()}
+        for name, space in spaces.items():
+            if space.rotations:
+                raise ValueError(
+                    f'filter: ukf is exported for states and readings without rotations, and '
+                    f'{name} has ({", ".join(space.rotations[0])}); ekf takes it'
+                )
+
+
+def _law(scenario: Scenario, limits: Limits, idle: Array) -> Law:
+    alone = '; the estimator alone can be exported'
+    if scenario.law not in _LAWS:
+        raise ValueError(f'law: expected {", ".join(_LAWS)} for C, got {scenario.law}{alone}')
+    if regulators.steered(scenario):
+        raise ValueError(
+            'law: at rest no input moves some of the states, and motions are not exported' + alone
+        )
+    check_idle(limits, idle)
+    model = scenario.model
+    return Law(
+        model.state,
+        regulators.feedback(scenario),
+        limits,
+        model.equilibrium,
+        regulators.tracking(scenario),
+    )

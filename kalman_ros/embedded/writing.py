@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A loop written as a folder of C, and built there where there is a compiler."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from kalman_ros.compiled.library import compiler
+
+from .loop import Loop
+from .source import Texts
+from .vectors import recorded, text
+
+#: Test vectors are of a run of this many steps.
+STEPS = 400
+#: A compiler or a check that takes longer, in seconds, is given up.
+_PATIENCE = 300.0
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written.
+
+    Parameters
+    ----------
+    folder, name
+        Where, and the beginning of all public names.
+    files
+        Their names.
+    calls
+        Number of recorded calls.
+    """
+
+    folder: Path
+    name: str
+    files: Sequence[str]
+    calls: int
+
+
+@dataclass(frozen=True)
+class Built:
+    """What a compiler made of it, on this machine.
+
+    Parameters
+    ----------
+    command
+        The compiler.
+    flash
+        Bytes of code and constants.
+    ram
+        Bytes of the struct.
+    stack
+        A bound of the stack in bytes; None where the compiler does not say.
+    microseconds
+        Of a step in which every sensor reads.
+    difference
+        The largest from what Python computed.
+    """
+
+    command: str
+    flash: int
+    ram: int
+    stack: int | None
+    microseconds: float
+    difference: float
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """Names and values of all figures."""
+        stack = [] if self.stack is None else [('stack, at most', f'{self.stack} bytes')]
+        return [
+            ('flash: code and constants', f'{self.flash} bytes'),
+            ('RAM: the struct', f'{self.ram} bytes'),
+            *stack,
+            ('a step in which every sensor reads', f'{self.microseconds:.2f} us'),
+            ('largest difference from Python', f'{self.difference:.1e}'),
+        ]
+
+
+def write(
+    loop: Loop,
+    folder: Path,
+    name: str,
+    precision: str = 'float64',
+    source: str = 'a scenario',
+    *,
+    steps: int = STEPS,
+) -> Written:
+    """Write a loop into a new folder.
+
+    Parameters
+    ----------
+    loop
+        What is exported.
+    folder
+        Where; made if it is not there.
+    name
+        The beginning of all public names.
+    precision
+        float64 or float32.
+    source
+        Where the loop is from, for the header.
+    steps
+        Of the run that the test vectors are recorded of.
+
+    Raises
+    ------
+    ValueError
+        If the folder is not empty, C does not accept a name, or a function cannot be traced.
+    """
+    if not 1 <= steps <= 1_000_000:
+        raise ValueError(f'steps: expected 1 to 1000000, got {steps}')
+    found = Texts(loop, name, precision, source).files()
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ValueError(f"out: '{folder}' is there already: name another folder")
+    calls = [*recorded(loop, steps)]
+    found['vectors.txt'] = text(loop, calls)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for file, contents in found.items():
+            (folder / file).write_text(contents)
+    except OSError as error:
+        raise ValueError(f'out: cannot write to {folder}: {error.strerror}') from None
+    return Written(folder, name, [*found], len(calls))
+
+
+def build(written: Written) -> Built | None:
+    """Compile and check what was written; None without a compiler.
+
+    Raises
+    ------
+    ValueError
+        If the compiler fails, or C does not compute what Python did.
+    """
+    command = compiler()
+    if not command:
+        return None
+    here, name = written.folder, written.name
+    flags = '-O2 -fstack-usage' if 'clang' not in command[0] else '-O2'
+    out = _run(here, ['make', f'CC={" ".join(command)}', f'CFLAGS={flags}', 'check'])
+    found = dict(line.split(' ', 1) for line in out.splitlines() if line[:5] in ('size ', 'step '))
+    text_, data, *_ = _run(here, ['size', f'{name}.o']).splitlines()[1].split()
+    difference = out.rpartition('largest difference ')[2].partition(' ')[0]
+    usage = [*here.glob('*.su')]
+    stack = sum(map(_frames, (each for each in usage if each.stem.startswith(name))))
+    for each in usage:
+        each.unlink()
+    _run(here, ['make', 'clean'])
+    return Built(
+        ' '.join(command),
+        int(text_) + int(data),
+        int(found['size']),
+        stack if usage else None,
+        float(found['step']),
+        float(difference),
+    )
+
+
+def _frames(usage: Path) -> int:
+    """Return the sum of the frames of all functions of a file, more than any chain of calls."""
+    return sum(int(line.split('\t')[1]) for line in usage.read_text().splitlines())
+
+
+def _run(folder: Path, command: Sequence[str]) -> str:
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, timeout=_PATIENCE,
+            stdin=subprocess.DEVNULL, errors='replace', env={**os.environ, 'LC_ALL': 'C'},
+        )  # fmt: skip
+    except (OSError, subprocess.SubprocessError) as error:
+        raise ValueError(f'{command[0]} failed: {error}') from None
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if 'error' in line or 'check:' in line]
+        said = lines[0] if lines else (done.stderr.splitlines() or [''])[0]
+        raise ValueError(f'{command[0]} failed in {folder}: {said.strip()}')
+    return done.stdout

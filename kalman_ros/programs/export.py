@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A designed loop as C99: estimator, law and limits, with the numbers of Python."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from kalman_ros.core import options_of
+from kalman_ros.embedded.loop import Loop, loop
+from kalman_ros.embedded.source import PRECISIONS
+from kalman_ros.embedded.writing import STEPS, Built, Written, build, write
+from kalman_ros.pipeline.estimator_options import EstimatorOptions
+from kalman_ros.pipeline.fusion import policy
+from kalman_ros.pipeline.idle import idle_input
+from kalman_ros.programs.common_arguments import add_parameters, add_scenario
+from kalman_ros.programs.design import believed, limits_of_inputs
+from kalman_ros.programs.refusal import refuse
+from kalman_ros.scenario import shipped
+from kalman_ros.scenario.parameter_files import from_file, overrides
+
+
+def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the parsed command line."""
+    parser = argparse.ArgumentParser(
+        prog='export',
+        description='Write the estimator and the controller of a scenario as C99 without heap, '
+        'with test vectors, and check it against Python if there is a C compiler.',
+        epilog='Exit code: 0 if all was written, and passed where it could be built; 2 otherwise.',
+    )
+    add_scenario(parser)
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='a new folder (default: out/SCENARIO/export)'
+    )
+    parser.add_argument(
+        '--name', default='', help="the beginning of every public name (default: the file's)"
+    )
+    parser.add_argument(
+        '--precision', choices=[*PRECISIONS], default='float64', help='(default: %(default)s)'
+    )
+    parser.add_argument(
+        '--estimator-only', action='store_true', help='without the law of the controller'
+    )
+    parser.add_argument(
+        '--steps', type=int, default=STEPS, metavar='N',
+        help='of the run that the test vectors are of (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--no-build', action='store_true', help='do not compile, even if there is a compiler'
+    )
+    add_parameters(parser, 'a parameter, over those of the file')
+    return parser.parse_args(argv)
+
+
+def of_file(path: Path, changes: Mapping[str, Any], *, control: bool) -> Loop:
+    """Return the loop of a parameter file.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is wrong, or something is not supported.
+    """
+    built = believed(path, dict(changes))
+    values = {**from_file(path, 'controller', 'estimator'), **changes}
+    known = {option.name: option for option in options_of(EstimatorOptions)}
+    options: Any = EstimatorOptions
+    chosen = options(**{k: known[k].check(v) for k, v in values.items() if k in known})
+    idle = idle_input(built.model, chosen.idle_input)
+    limits = limits_of_inputs(path, dict(changes), built)
+    found = policy(built, replace(chosen, rest_until_input=False))
+    return loop(built, found, limits, idle, control=control)
+
+
+def report(console: Console, written: Written, built: Built | None) -> None:
+    """Print what was written, and its sizes."""
+    console.print(f'In {written.folder}: {", ".join(written.files)}', soft_wrap=True)
+    console.print(f'Test vectors: {written.calls} calls of a simulated run, by Python.')
+    if built is None:
+        console.print('There is no C compiler here, so it was not built: make check does that.')
+        return
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column(f'Built by {built.command} -O2, on this machine')
+    table.add_column('', justify='right')
+    for row in built.rows:
+        table.add_row(*row)
+    console.print(table)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Export a scenario."""
+    options = arguments(argv)
+    console = Console(highlight=False)
+    try:
+        path = shipped.file(options.scenario)
+        found = of_file(path, overrides(options.parameters), control=not options.estimator_only)
+        folder = options.out or Path('out') / path.stem / 'export'
+        name = options.name or path.stem
+        written = write(found, folder, name, options.precision, path.name, steps=options.steps)
+        built = None if options.no_build else build(written)
+    except (ValueError, RuntimeError, OSError) as error:
+        refuse('export', error)
+    report(console, written, built)

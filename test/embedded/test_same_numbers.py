@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""C computes what Python does, call by call, outcome by outcome."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from thorough import mostly_thorough
+
+from kalman_ros.control.limiter import limits_of
+from kalman_ros.embedded.vectors import OUTCOMES, Calls, recorded
+from kalman_ros.estimators.policy import Policy
+from kalman_ros.scenario import shipped
+
+pytest.importorskip('casadi')
+from exported import Exported, differences, needs_a_compiler, of_scenario
+
+pytestmark = [pytest.mark.slow, needs_a_compiler]
+#: Relative; the difference of two ways of summing.
+CLOSE = 1e-12
+#: Mixtures of Gaussians.
+REFUSED = ('bearing_tracker', 'sound_tracker', 'two_bearings')
+SHIPPED = [name for name in shipped.names() if name not in REFUSED]
+FILTERS = ('kf', 'ekf', 'ukf', 'steady_state', 'luenberger')
+GATED = {'position.gate': 0.99, 'velocity.gate': 0.99}
+
+
+@pytest.fixture(autouse=True)
+def _exact_derivatives(monkeypatch):
+    """Let Python compute with the formulas that C is made of, not with differences."""
+    monkeypatch.setenv('KALMAN_ROS_ARITHMETIC', 'compiled')
+
+
+@pytest.mark.parametrize(
+    'name', mostly_thorough(SHIPPED, 'cart_pole', 'inertial', 'lidar_radar', 'nile')
+)
+def test_a_shipped_scenario_has_the_same_numbers(name, tmp_path):
+    loop = of_scenario(name)
+    assert differences(Exported(loop, tmp_path), recorded(loop, 300)).max() < CLOSE
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('name', SHIPPED)
+def test_a_hundred_thousand_steps_have_the_same_numbers(name, tmp_path):
+    loop = of_scenario(name)
+    steps = recorded(loop, 100_000, hostile=False)
+    assert differences(Exported(loop, tmp_path), steps).max() < CLOSE
+
+
+@pytest.mark.parametrize('filter', mostly_thorough([*FILTERS], 'ukf', 'luenberger'))
+def test_a_filter_has_the_same_numbers_and_outcomes(filter, tmp_path):
+    loop = of_scenario('mass_spring_damper', changes={'filter': filter, **GATED})
+    calls = [*recorded(loop, 600)]
+    assert differences(Exported(loop, tmp_path), calls).max() < CLOSE
+    assert {*OUTCOMES.values()} - {each.outcome for each in calls} <= {1, 3, 4}
+
+
+def test_it_recovers_and_outvotes_as_python_does(tmp_path):
+    gates = {f'{name}.gate': 0.99 for name in ('position', 'odometry', 'imu')}
+    loop = of_scenario('robot_2d', changes=gates, policy=Policy(recover_after=5))
+    python, random = Calls(loop), np.random.default_rng(3)
+    sensors, truth = [*loop.sensors.values()], loop.estimation.initial.mean.copy()
+    calls = []
+    for step in range(300):
+        if step == 150:
+            truth[:2] += 50.0  # somebody carries it away
+        calls.append(python.predict(0.02))
+        for index, sensor in enumerate(sensors):
+            noise = np.sqrt(sensor.covariance.diagonal()) * random.standard_normal(
+                sensor.output.size
+            )
+            y = sensor.measure(truth) + noise
+            if index == 1 and 60 <= step < 90:
+                y += 1.0  # wheels that slip, which the gyroscope contradicts in part
+            calls.append(python.correct(index, y))
+    # P is up to 1e8 times as large after a recovery as before, and so is what rounding does
+    assert differences(Exported(loop, tmp_path), calls).max() < 1e-6
+    counts = Counter(each.outcome for each in calls if each.kind == 'C')
+    assert min(counts[0], counts[1], counts[2], counts[3]) > 0, counts
+
+
+def test_integral_action_and_limits_are_the_same(tmp_path):
+    changes = {'law': 'lqi', 'integral_cost': [50.0]}
+    limits = limits_of(1, 0.8, 4.0)
+    loop = of_scenario('dc_motor', changes=changes, limits=limits)
+    calls = [*recorded(loop, 500)]
+    assert differences(Exported(loop, tmp_path), calls).max() < CLOSE
+    inputs = np.array([each.input for each in calls])
+    assert np.abs(inputs).max() == 0.8  # the limit acts
+
+
+def test_a_long_silence_restarts(tmp_path):
+    loop = of_scenario('cart_pole', policy=Policy(max_gap=2.0))
+    python, c = Calls(loop), Exported(loop, tmp_path)
+    y = [0.1, 0.02]
+    calls = [python.predict(0.1), python.correct(0, np.array(y)), python.predict(2.5)]
+    assert differences(c, calls).max() < CLOSE
+    assert (calls[-1].outcome, c.restarts) == (8, 1)
+    assert np.array_equal(c.mean, loop.estimation.initial.mean)
+
+
+def test_biases_of_sensors_are_states(tmp_path):
+    loop = of_scenario('gnss_imu', changes={'imu.bias_std': [0.1], 'imu.bias_noise': [1e-4]})
+    assert loop.scenario.believed.model.state.size > loop.scenario.model.state.size
+    assert differences(Exported(loop, tmp_path), recorded(loop, 200)).max() < CLOSE
+
+
+def test_single_precision_is_near(tmp_path):
+    loop = of_scenario('cart_pole')
+    steps = recorded(loop, 300, hostile=False)
+    assert 1e-9 < differences(Exported(loop, tmp_path, 'float32'), steps).max() < 1e-4
+
+
+@pytest.mark.parametrize('name', ['cart_pole', 'inertial', 'lidar_radar'])
+def test_no_reading_makes_it_lose_its_mind(name, tmp_path):
+    loop = of_scenario(name, changes=None)
+    loop = replace(
+        loop,
+        estimation=replace(
+            loop.estimation,
+            policy=replace(loop.estimation.policy, gates=dict.fromkeys(loop.sensors, 9.0)),
+        ),
+    )
+    python, c = Calls(loop), Exported(loop, tmp_path)
+    random = np.random.default_rng(0)
+    values = [np.nan, np.inf, -np.inf, 1e308, -1e308, 1e154, 5e-324, -0.0, 1e-300, 0.0, 0.1]
+    sizes = [each.output.size for each in loop.sensors.values()]
+    calls = []
+    for _ in range(400):
+        index = int(random.integers(len(sizes)))
+        y = random.choice(values, sizes[index])
+        with np.errstate(all='ignore'):
+            calls += [python.predict(random.choice([1e-9, 0.0, -1.0, np.nan, np.inf, 1e9]))]
+            calls += [python.predict(0.01)]  # Python sorts readings of one time
+            calls += [python.correct(index, y)]
+    for each in calls:
+        assert c.call(each.kind, each.sensor, each.given) == each.outcome
+        assert np.isfinite(c.mean).all() and np.isfinite(c.covariance).all()
+        np.linalg.cholesky(c.covariance)

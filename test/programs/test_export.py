@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command that writes C: what it prints, and what it refuses in one line."""
+
+import re
+
+import pytest
+
+from kalman_ros.compiled.library import compiler
+from kalman_ros.embedded import writing
+from kalman_ros.programs import export
+
+pytest.importorskip('casadi')
+
+
+def refused(capsys, *arguments):
+    """Return the line with which a call is refused."""
+    with pytest.raises(SystemExit) as ended:
+        export.main([*map(str, arguments)])
+    assert ended.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not compiler(), reason='there is no C compiler')
+def test_it_writes_builds_checks_and_says_the_sizes(capsys, tmp_path):
+    export.main(['dc_motor', '--out', str(tmp_path / 'c'), '--name', 'motor'])
+    out = capsys.readouterr().out
+    assert all(len(line) <= 80 for line in out.splitlines()[1:])
+    assert re.search(r'flash: code and constants +\d+ bytes', out)
+    assert re.search(r'largest difference from Python +\d\.\de-1\d', out)
+    files = {each.name for each in (tmp_path / 'c').iterdir()}
+    assert files == {'motor.c', 'motor.h', 'check.c', 'vectors.txt', 'Makefile'}
+
+
+def test_limits_idle_input_and_options_of_the_file_are_carried(tmp_path):
+    mine = tmp_path / 'mine.yaml'
+    mine.write_text(
+        '/**:\n  ros__parameters: {model: dc_motor, filter: kf, sensors: [encoder]}\n'
+        'estimator:\n  ros__parameters: {max_gap: 3.0, gate_recover_after: 7}\n'
+        'controller:\n  ros__parameters: {input_limit: 2.5, input_rate_limit: 9.0}\n'
+    )
+    export.main([str(mine), '--out', str(tmp_path / 'c'), '--no-build'])
+    text = (tmp_path / 'c' / 'mine.c').read_text()
+    for expected in (
+        'MAGNITUDE[] = {R(2.5)}', 'RATE[] = {R(9.0)}',
+        'MAX_GAP INT64_C(3000000000)', 'RECOVER_AFTER 7',
+    ):  # fmt: skip
+        assert expected in text
+
+
+def test_without_a_compiler_it_says_so(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(writing, 'compiler', lambda: ())
+    export.main(['dc_motor', '--out', str(tmp_path / 'c'), '--steps', '5'])
+    assert 'There is no C compiler here' in capsys.readouterr().out
+
+
+def test_a_compiler_that_fails_is_named(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(writing, 'compiler', lambda: ('false',))
+    line = refused(capsys, 'dc_motor', '--out', tmp_path / 'c', '--steps', 5)
+    assert line.startswith('export: make failed')
+
+
+def test_it_refuses_in_one_line(capsys, tmp_path):
+    (tmp_path / 'file').write_text('')
+    for expected, *arguments in (
+        ('is there already', 'dc_motor', '--out', tmp_path),
+        ('is there already', 'dc_motor', '--out', tmp_path / 'file'),
+        ('cannot write to', 'dc_motor', '--out', '/proc/none', '--steps', 5),
+        ('name: expected a name for C', 'dc_motor', '--out', tmp_path / 'c', '--name', 'a;b'),
+        ('unknown scenario', 'dc_moter', '--out', tmp_path / 'c'),
+        ('steps: expected 1 to', 'dc_motor', '--out', tmp_path / 'c', '--steps', -1),
+        (
+            "unknown parameter 'lor'",
+            'dc_motor',
+            '-p',
+            'lor:=1',
+            '--out',
+            tmp_path / 'c',
+        ),
+        ('initialize: expected belief', 'dc_motor', '-p', 'initialize:=reading'),
+    ):
+        assert expected in refused(capsys, *arguments)
+    assert not (tmp_path / 'c').exists()
