@@ -13,7 +13,7 @@ from kalman_ros.core import Gaussian
 from kalman_ros.core.named_options import nearest
 from kalman_ros.pipeline.fuser import Fused, Fuser, Received
 from kalman_ros.pipeline.fusion import fusion
-from kalman_ros.pipeline.initial_pose import PoseReader
+from kalman_ros.pipeline.initial_pose import POSES, PoseReader
 from kalman_ros.pipeline.intake import Intake
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
 from kalman_ros.pipeline.mounts import TOPIC, TYPE, Mounts
@@ -32,7 +32,7 @@ from .collecting import (
 )
 from .reading import Bag
 
-TICK, CLOCK, POSE = 'tick', '/clock', 'initialpose'
+TICK, CLOCK = 'tick', '/clock'
 TICK_TYPE, CLOCK_TYPE = 'sensor_msgs/msg/TimeReference', 'rosgraph_msgs/msg/Clock'
 #: Nanoseconds beyond which a simulated clock that goes back has been set back.
 _BACK = 100_000_000
@@ -84,7 +84,7 @@ class Feed:
         )
         self._intake = Intake(lambda _: None)
         self._intake.longest = settings.options.max_message_size
-        self._read_pose = PoseReader(scenario)
+        self._read_pose = PoseReader(scenario, settings.options.frame)
         self._resolve = resolve
         #: Function that takes the messages of each topic, by its full name.
         self._take: dict[str, Callable[[bytes], object]] = {}
@@ -149,8 +149,9 @@ class Feed:
             bag.check(CLOCK, CLOCK_TYPE, 'use_sim_time')
             self._take[CLOCK] = self._on_clock
         pose = full_type('geometry_msgs/PoseWithCovarianceStamped')
-        if bag.topics.get(resolve(POSE)) == {pose}:
-            self._take[resolve(POSE)] = self._on_pose
+        for topic in map(resolve, POSES):
+            if bag.topics.get(topic) == {pose}:
+                self._take[topic] = self._on_pose
 
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now."""

@@ -11,11 +11,12 @@ from math import inf
 from pathlib import Path
 from threading import Event
 
-from kalman_ros.bags.feed import POSE, TICK
+from kalman_ros.bags.feed import TICK
 from kalman_ros.bags.recording_writer import RecordingWriter
 from kalman_ros.bags.replay import estimator_settings
 from kalman_ros.harness.graph_recorder import GraphRecorder
 from kalman_ros.pipeline.estimate_topics import published_signals
+from kalman_ros.pipeline.initial_pose import POSES
 from kalman_ros.programs.refusal import refuse
 
 
@@ -47,7 +48,7 @@ def topics_of(file: str) -> list[str]:
     if scenario.input.fields:
         topics.append(scenario.input.topic)
     topics += [signal.topic for signal in published_signals(scenario)]
-    return [*topics, 'ground_truth', TICK, POSE, '/clock']
+    return [*topics, 'ground_truth', TICK, *POSES, '/clock']
 
 
 def main(argv: Sequence[str] | None = None) -> None:

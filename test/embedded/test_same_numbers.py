@@ -19,6 +19,9 @@ from exported import Exported, differences, needs_a_compiler, of_scenario
 pytestmark = [pytest.mark.slow, needs_a_compiler]
 #: Relative; the difference of two ways of summing.
 CLOSE = 1e-12
+#: Where a path loses what little is known, rounding grows as errors do: a heading while it stands,
+#: a place that no reading tells.
+LESS = {'turn_rate': 1e-10, 'robot_3d': 1e-11}
 #: Mixtures of Gaussians.
 REFUSED = ('bearing_tracker', 'sound_tracker', 'two_bearings')
 SHIPPED = [name for name in shipped.names() if name not in REFUSED]
@@ -45,7 +48,7 @@ def test_a_shipped_scenario_has_the_same_numbers(name, tmp_path):
 def test_a_hundred_thousand_steps_have_the_same_numbers(name, tmp_path):
     loop = of_scenario(name)
     steps = recorded(loop, 100_000, hostile=False)
-    assert differences(Exported(loop, tmp_path), steps).max() < CLOSE
+    assert differences(Exported(loop, tmp_path), steps).max() < LESS.get(name, CLOSE)
 
 
 @pytest.mark.parametrize('filter', mostly_thorough([*FILTERS], 'ukf', 'luenberger'))

@@ -8,6 +8,7 @@ pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
 
 from kalman_ros.codecs.messages import nanoseconds, write_stamp
 from kalman_ros.harness import Run
@@ -113,6 +114,25 @@ def test_initialpose_moves_the_belief_and_a_bad_one_does_not():
         feed.send(np.nan, 0.0, feed.pose)
         run.wait(lambda: 'expected finite' in log(), 60.0, lambda: 'no warning of a bad pose')
         assert abs(feed.answer(40.0).pose.pose.position.x - 40.0) < 0.1
+
+
+def test_states_are_set_by_name_and_poses_on_the_topic_of_robot_localization():
+    with alone() as run:
+        feed = Feed(run)
+        feed.answer(0.0)
+        create, log = run.node.create_publisher, run.processes['estimator'].output
+        states = create(JointState, 'estimator/set_state', 10)
+        poses = create(PoseWithCovarianceStamped, 'set_pose', 10)
+        heard = lambda: states.get_subscription_count() and poses.get_subscription_count()  # noqa: E731
+        run.wait(heard, 60.0, lambda: 'nobody subscribes')
+        states.publish(JointState(name=['x', 'v_x'], position=[30.0, 0.0], effort=[0.01, 0.01]))
+        feed.reported('resets', '2')
+        assert abs(feed.answer(30.0).pose.pose.position.x - 30.0) < 0.1
+        feed.send(-20.0, 0.0, poses, std=0.01)
+        feed.reported('resets', '3')
+        assert abs(feed.answer(-20.0).pose.pose.position.x + 20.0) < 0.1
+        states.publish(JointState(name=['nose'], position=[1.0]))
+        run.wait(lambda: 'set_state: name: expected' in log(), 60.0, lambda: 'no warning')
 
 
 def test_a_fixed_rate_predicts_to_now():

@@ -26,7 +26,7 @@ INNOVATIONS = {'/estimate/innovation/position', '/estimate/innovation/velocity'}
 TOPICS = {
     'plant': ({'/disturbance', '/force'}, {'/ground_truth', *READINGS}),
     'estimator': (
-        {'/force', '/initialpose', *READINGS},
+        {'/force', '/initialpose', '/set_pose', *READINGS},
         {'/estimate', '/estimate/covariance', '/estimate/state', *INNOVATIONS},
     ),
     'controller': (

@@ -17,8 +17,9 @@ from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
 from kalman_ros.pipeline.fusion import fusion
-from kalman_ros.pipeline.initial_pose import PoseReader
+from kalman_ros.pipeline.initial_pose import POSES, PoseReader
 from kalman_ros.pipeline.mounts import TOPIC, Mounts, static_type
+from kalman_ros.pipeline.named_state import StateReader
 from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
 
@@ -53,7 +54,8 @@ class EstimatorNode(runtime.ScenarioNode):
         self._publish = EstimatePublisher(self, scenario, options, origin)
         tf = options.publish_tf
         self._transforms = TransformPublisher(self, scenario, options) if tf else None
-        self._read_pose = PoseReader(scenario)
+        self._read_pose = PoseReader(scenario, options.frame)
+        self._read_state = StateReader(scenario)
         self._latency = Latency()
         self._mounts = mounts = Mounts(scenario, options.child_frame, self.get_logger().warning)
         self._static = static_type() if mounts.needed else None
@@ -92,8 +94,9 @@ class EstimatorNode(runtime.ScenarioNode):
             self._transforms.subscribe()
         if self._static is not None:
             self.create_subscription(self._static, TOPIC, self._on_static, STATIC, raw=True)
-        pose = self._read_pose.message_type
-        self.create_subscription(pose, 'initialpose', self._on_initial_pose, QUEUE, raw=True)
+        for topic in POSES:
+            self._take_belief(topic, self._read_pose)
+        self._take_belief('~/set_state', self._read_state)
         self.create_service(Trigger, '~/reset', self._on_reset)
 
     def publish(self, time: int, belief: Gaussian) -> None:
@@ -114,15 +117,21 @@ class EstimatorNode(runtime.ScenarioNode):
         """Return the options of the filter."""
         return estimator_extra(chosen)
 
-    def _on_initial_pose(self, data: bytes) -> None:
-        try:
-            belief = self._read_pose(data, self.scenario.believed.initial)
-        except ValueError as error:
-            self._fuser.warn(f'initialpose: {error}')
-            return
-        self._fuser.reset(belief)
-        self.diagnostics.soon()
-        self.get_logger().info('reset to initialpose', throttle_duration_sec=1.0)
+    def _take_belief(self, topic: str, read: PoseReader | StateReader) -> None:
+        """Restart from the beliefs that a topic brings."""
+        name = topic.rpartition('/')[2]
+
+        def on_message(data: bytes) -> None:
+            try:
+                belief = read(data, self.scenario.believed.initial)
+            except ValueError as error:
+                self._fuser.warn(f'{name}: {error}')
+                return
+            self._fuser.reset(belief)
+            self.diagnostics.soon()
+            self.get_logger().info(f'reset to {name}', throttle_duration_sec=1.0)
+
+        self.create_subscription(read.message_type, topic, on_message, QUEUE, raw=True)
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._fuser.reset(self.scenario.believed.initial)
