@@ -408,7 +408,7 @@ void NAME_idle(NAME_loop *loop, NAME_real dt, NAME_real *u);
 
 #: In single precision no number is promoted.
 _SINGLE = ''.join(f'#undef {each}\n#define {each} {each}f\n' for each in FUNCTIONS)
-_TIMED = '        NAME_control(&loop, (NAME_real){dt!r}, u);'
+_TIMED = '            NAME_control(&loop, (NAME_real){dt!r}, u);'
 #: The calls of check.c.
 _LAW_CASES = """\
         case 'H': outcome = NAME_hold(&loop, given); break;

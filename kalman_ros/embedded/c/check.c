@@ -52,22 +52,27 @@ static NAME_outcome correct(NAME_loop *loop, int index, const NAME_real *y, cons
     }
 }
 
-/* Microseconds of a step in which every sensor reads. */
+/* Microseconds of a step in which every sensor reads, of the best of some batches of steps. */
 static double step(const NAME_loop *end)
 {
     static NAME_loop loop;
-    enum { STEPS = 2000 };
+    enum { BATCHES = 20, STEPS = 200 };
     NAME_real u[M + 1] = {0};
-    const clock_t start = clock();
-    for (int k = 0; k < STEPS; k++) {
-        loop = *end;
-        NAME_predict(&loop, (NAME_real){{dt}});
-        for (int index = 0; index < PREFIX_SENSORS; index++)
-            correct(&loop, index, last[index], 0);
+    double best = 1e9;
+    for (int batch = 0; batch < BATCHES; batch++) {
+        const clock_t start = clock();
+        for (int k = 0; k < STEPS; k++) {
+            loop = *end;
+            NAME_predict(&loop, (NAME_real){{dt}});
+            for (int index = 0; index < PREFIX_SENSORS; index++)
+                correct(&loop, index, last[index], 0);
 {{control}}
+        }
+        const double took = (double)(clock() - start) / CLOCKS_PER_SEC / STEPS * 1e6;
+        best = took < best ? took : best;
     }
     (void)u;
-    return (double)(clock() - start) / CLOCKS_PER_SEC / STEPS * 1e6;
+    return best;
 }
 
 int main(int argc, char **argv)

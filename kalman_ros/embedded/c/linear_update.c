@@ -17,7 +17,7 @@ static int corrected(const real *x, const real *P, const sensor *of, const real 
 {
     const int k = of->size;
     real expected[K_MOST], H[K_MOST * N], HP[K_MOST * N], L[K_MOST * K_MOST], K[N * K_MOST];
-    real moved[N], I_KH[N * N], joseph[N * N], KRK[N * N];
+    real moved[N], AP[N], joseph[N * N];
     of->measure(x, expected);
     of->difference(y, expected, c->innovation);
     of->jacobian(x, H);
@@ -41,29 +41,30 @@ static int corrected(const real *x, const real *P, const sensor *of, const real 
             solved(L, k, column);
             memcpy(K + j * k, column, (size_t)k * sizeof *K);
         }
+    /* A P, with A = I - K H; then A P A' + K R K' = A P - (A P H' - K R) K' */
     for (int i = 0; i < N; i++) {
+        real APH_KR[K_MOST] = {0};
         moved[i] = x[i];
-        for (int l = 0; l < k; l++)
+        memcpy(AP, P + i * N, sizeof AP);
+        for (int l = 0; l < k; l++) {
             moved[i] += K[i * k + l] * c->innovation[l];
-        for (int j = 0; j < N; j++) {
-            I_KH[i * N + j] = (real)(i == j);
-            for (int l = 0; l < k; l++)
-                I_KH[i * N + j] -= K[i * k + l] * H[l * N + j];
+            for (int j = 0; j < N; j++)
+                AP[j] -= K[i * k + l] * HP[l * N + j];
         }
-        real KR[K_MOST];
-        for (int j = 0; j < k; j++) {
-            KR[j] = 0;
-            for (int l = 0; l < k; l++)
-                KR[j] += K[i * k + l] * R_y[l * k + j];
+        for (int l = 0; l < k; l++) {
+            for (int j = 0; j < N; j++)
+                APH_KR[l] += AP[j] * H[l * N + j];
+            for (int m = 0; m < k; m++)
+                APH_KR[l] -= K[i * k + m] * R_y[m * k + l];
         }
-        for (int j = 0; j < N; j++) {
-            KRK[i * N + j] = 0;
+        for (int j = 0; j <= i; j++) {
+            real sum = AP[j];
             for (int l = 0; l < k; l++)
-                KRK[i * N + j] += KR[l] * K[j * k + l];
+                sum -= APH_KR[l] * K[j * k + l];
+            joseph[i * N + j] = sum;
+            joseph[j * N + i] = sum;
         }
     }
-    memcpy(joseph, P, sizeof joseph);
-    sandwich(I_KH, KRK, joseph);
     arrived(moved, x, joseph, c->x, c->P);
     return 1;
 }
