@@ -12,6 +12,8 @@ from kalman_ros.core import Dynamics, Sensor
 from . import Outcome, attempt
 
 COMPILED, NUMPY = 'compiled', 'numpy'
+#: Of an estimator's node and a replay: the whole filter in C.
+IN_C = 'c'
 #: An environment variable: what it names is used, whatever is chosen.
 VARIABLE = 'KALMAN_ROS_ARITHMETIC'
 

@@ -11,11 +11,8 @@ import casadi
 
 from .tracing import Trace
 
-_HEAD = """#include <math.h>
-#include <string.h>
-typedef double real;
-#define NEGLIGIBLE 1e-16
-/* the processor of this machine may have wider registers than all of its kind */
+#: Functions marked FAST are compiled for wider registers, too.
+FAST = """/* the processor of this machine may have wider registers than all of its kind */
 #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
 #define FAST __attribute__((target_clones("avx2", "default")))
 #define INLINE static inline __attribute__((always_inline))
@@ -24,6 +21,11 @@ typedef double real;
 #define INLINE static inline
 #endif
 """
+_HEAD = f"""#include <math.h>
+#include <string.h>
+typedef double real;
+#define NEGLIGIBLE 1e-16
+{FAST}"""
 
 
 def places(name: str, result: Any) -> str:

@@ -76,9 +76,8 @@ class Loop:
 
     @property
     def sensors(self) -> dict[str, Sensor]:
-        """The enabled sensors, as they were declared."""
-        believed = self.scenario.believed.sensors
-        return {name: believed[name] for name in self.scenario.enabled}
+        """The sensors, as they were declared."""
+        return dict(self.scenario.believed.sensors)
 
 
 def loop(
@@ -114,7 +113,7 @@ def loop(
     if policy.rest_until_input:
         raise ValueError('rest_until_input: expected false, which is all that C has')
     found = estimation(scenario, policy)
-    _check(scenario, found)
+    check_estimator(scenario, found)
     m = scenario.model.input.size
     at_rest = np.zeros(m) if idle is None else idle
     law = None
@@ -130,7 +129,8 @@ def _enabled(scenario: Scenario) -> Scenario:
     return replace(scenario, sensors=scenario.enabled)
 
 
-def _check(scenario: Scenario, found: Estimation) -> None:
+def check_estimator(scenario: Scenario, found: Estimation) -> None:
+    """Raise ValueError if an estimation cannot be one in C."""
     model, kind = scenario.believed.model, type(found.filter)
     supported = kind in (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter)
     if not supported and not issubclass(kind, FixedGainObserver):

@@ -12,7 +12,7 @@ import numpy as np
 
 from kalman_ros.compiled.formulas import of_model, of_sensor, of_space
 from kalman_ros.compiled.free_parameters import Parameters
-from kalman_ros.compiled.source import places
+from kalman_ros.compiled.source import FAST, places
 from kalman_ros.compiled.symbols import UntraceableError
 from kalman_ros.compiled.tracing import trace
 from kalman_ros.core import Array, Sensor, Space
@@ -78,6 +78,13 @@ class Texts:
             'check.c': self._named(self._filled('check.c')),
             'Makefile': self._named(_text('Makefile')),
         }
+
+    def filter(self) -> str:
+        """Return a file with the filter alone, for `FilterInC`."""
+        header = self._filled('loop.h')
+        head = f'{header}\nunsigned long filter_size(void) {{ return sizeof(NAME_loop); }}\n'
+        body = '\n'.join([*self._parts_of_filter(FAST), _text('filter.c')])
+        return self._named(head + body.replace('#include "NAME.h"', ''))
 
     def _named(self, text: str) -> str:
         """Return a text with the name of the loop in the place of NAME and PREFIX."""
@@ -186,12 +193,25 @@ class Texts:
     # --- the source ---------------------------------------------------------------------------
 
     def _whole(self) -> str:
+        law = self._loop.law
+        return '\n'.join(
+            [
+                *self._parts_of_filter('#define FAST\n#define INLINE static inline\n'),
+                _text('gate.c'),
+                *(() if law is None else _of_law(law, self._loop.rate)),
+                _text('estimator.c'),
+                *self._corrections(),
+            ]
+        )
+
+    def _parts_of_filter(self, fast: str) -> list[str]:
+        """Return the texts up to the update, for a processor that ``fast`` is about."""
         try:
-            return '\n'.join(self._parts())
+            return self._parts(fast)
         except UntraceableError as error:
             raise ValueError(f'{error}, so that there is no C of it') from None
 
-    def _parts(self) -> list[str]:
+    def _parts(self, fast: str) -> list[str]:
         _, repairs, negligible, reached = PRECISIONS[self._precision]
         policy, first = self._loop.estimation.policy, self._loop.estimation.initial
         defined = {
@@ -208,6 +228,7 @@ class Texts:
         update = 'unscented_update.c' if self._ukf else 'linear_update.c'
         return [
             _text('head.c'),
+            fast,
             *([_SINGLE] if self._precision == 'float32' else ()),
             ''.join(f'#define {key} {value}\n' for key, value in defined.items()),
             numbers('FIRST_MEAN', first.mean),
@@ -219,10 +240,6 @@ class Texts:
             *(self._of_points() if self._ukf else ()),
             _text('update.c'),
             _text(update),
-            _text('gate.c'),
-            *(() if self._loop.law is None else _of_law(self._loop.law, self._loop.rate)),
-            _text('estimator.c'),
-            *self._corrections(),
         ]
 
     def _of_model(self) -> list[str]:

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from kalman_ros.compiled.parts import COMPILED, IN_C
 from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
+from kalman_ros.estimators import NATIVE
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
@@ -30,14 +32,24 @@ def fusion(
     ValueError
         If an option is wrong, as for `estimation`.
     """
-    return estimation(
+    in_c = options.arithmetic == IN_C
+    found = estimation(
         scenario,
         policy(scenario, options),
         options=extra,
         implementation=options.implementation,
-        arithmetic=options.arithmetic,
-        wait=wait,
+        arithmetic=COMPILED if in_c else options.arithmetic,
+        wait=wait or in_c,
     )
+    return _in_c(scenario, found, options) if in_c else found
+
+
+def _in_c(scenario: Scenario, found: Estimation, options: EstimatorOptions) -> Estimation:
+    if options.implementation != NATIVE:
+        raise ValueError(f'arithmetic: expected no {IN_C} with {options.implementation}')
+    from kalman_ros.embedded.filter_in_c import in_c  # CasADi is slow to load
+
+    return in_c(scenario, found)
 
 
 def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:

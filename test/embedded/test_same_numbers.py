@@ -19,9 +19,9 @@ from exported import Exported, differences, needs_a_compiler, of_scenario
 pytestmark = [pytest.mark.slow, needs_a_compiler]
 #: Relative; the difference of two ways of summing.
 CLOSE = 1e-12
-#: Where a path loses what little is known, rounding grows as errors do: a heading while it stands,
-#: a place that no reading tells.
-LESS = {'turn_rate': 1e-10, 'robot_3d': 1e-11}
+#: Where for a while little is known, rounding grows as errors do: a heading while a target stands,
+#: a place that no reading tells. Seen were 1.0e-12, 2.8e-12, 2.2e-11 and 1.9e-11.
+LESS = {'constant_velocity': 1e-11, 'lidar_radar': 1e-11, 'robot_3d': 1e-10, 'turn_rate': 1e-10}
 #: Mixtures of Gaussians.
 REFUSED = ('bearing_tracker', 'sound_tracker', 'two_bearings')
 SHIPPED = [name for name in shipped.names() if name not in REFUSED]

@@ -8,6 +8,4 @@
 typedef NAME_real real;
 typedef NAME_loop loop_state;
 
-#define FAST
-#define INLINE static inline
 #define R(number) ((real)(number))

@@ -12,7 +12,7 @@ static void innovation_covariance(const real *HP, const real *H, const real *R_y
 }
 
 /* x + K z, (I - K H) P (I - K H)' + K R K': the Joseph form. 0 if there is no gain. */
-static int corrected(const real *x, const real *P, const sensor *of, const real *y,
+FAST static int corrected(const real *x, const real *P, const sensor *of, const real *y,
                      const real *R_y, correction *c)
 {
     const int k = of->size;
@@ -69,7 +69,7 @@ static int corrected(const real *x, const real *P, const sensor *of, const real 
     return 1;
 }
 
-static int predicted(loop_state *s, real dt, real *x, real *P)
+FAST static int predicted(loop_state *s, real dt, real *x, real *P)
 {
     const int count = parts(dt);
     real F[N * N], Q[N * N], moved[N];

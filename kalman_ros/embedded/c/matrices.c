@@ -1,5 +1,5 @@
 /* P = F P F' + Q, in place */
-static void sandwich(const real *F, const real *Q, real *P)
+INLINE void sandwich(const real *F, const real *Q, real *P)
 {
     real FP[N * N];
     for (int i = 0; i < N; i++) {

@@ -29,7 +29,7 @@ static void mean_of(const real *points, int size, const signed char *angles, rea
     }
 }
 
-static int predicted(loop_state *s, real dt, real *x, real *P)
+FAST static int predicted(loop_state *s, real dt, real *x, real *P)
 {
     const int count = parts(dt);
     const real h = dt / (real)count;
@@ -65,7 +65,7 @@ static int predicted(loop_state *s, real dt, real *x, real *P)
 }
 
 /* K = P_xy S^-1, P = sum of W (dx - K dy) (dx - K dy)' + K R K'. 0 if there is no gain. */
-static int corrected(const real *x, const real *P, const sensor *of, const real *y,
+FAST static int corrected(const real *x, const real *P, const sensor *of, const real *y,
                      const real *R_y, correction *c)
 {
     const int k = of->size;

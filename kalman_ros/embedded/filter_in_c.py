@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A filter whose predictions and corrections are the exported C, in the place of Python's."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.compiled.library import CompilerError, load
+from kalman_ros.core import Array, Gaussian, Sensor, unchecked
+from kalman_ros.estimators.filter import Correction, Filter, Prediction, SmoothableFilter
+from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.estimation import Estimation
+
+from .loop import Loop, check_estimator
+from .source import Texts
+
+_address: Callable[[Any], int] = ctypes.addressof
+_memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
+
+
+class FilterInC(Filter):
+    """A filter in C.
+
+    Parameters
+    ----------
+    original
+        The same filter in Python.
+    library
+        The compiled one.
+    sensors
+        Their places in C, by name.
+    """
+
+    def __init__(self, original: Filter, library: ctypes.CDLL, sensors: dict[str, int]) -> None:
+        self.model, self._original, self._sensors = original.model, original, sensors
+        vars(self).update(
+            optimal=original.optimal, fixed_gain=original.fixed_gain, mixture=original.mixture
+        )
+        if original.fixed_gain:
+            self.gains = original.gains  # type: ignore[attr-defined]
+        n, m = self.model.state.size, self.model.input.size
+        self._n, self._m, self._whole = n, m, n + n * n
+        library.filter_predict.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double]
+        library.filter_correct.argtypes = [ctypes.c_void_p, ctypes.c_int]
+        library.filter_size.restype = ctypes.c_ulong
+        self._library = library
+        self._loop = ctypes.create_string_buffer(library.filter_size())
+
+    def _belief(self, v: Array) -> Gaussian:
+        n = self._n
+        return unchecked((v[:n], v[n : self._whole].reshape(n, n)))
+
+    def predict(self, belief: Gaussian, u: Array, dt: float) -> Gaussian:
+        """Return the belief ``dt`` seconds later, with the input ``u`` (m,) held."""
+        if belief.mean.ndim > 1:
+            return self._original.predict(belief, u, dt)
+        x, P = belief
+        v = np.empty(self._whole + self._m + 1)
+        v[: self._n], v[self._n : self._whole] = x, P.ravel()
+        v[self._whole : -1] = u
+        if self._library.filter_predict(self._loop, _address(_memory(v)), dt):
+            raise np.linalg.LinAlgError('the prediction has no finite result')
+        return self._belief(v)
+
+    def correct(self, belief: Gaussian, y: Array, sensor: Sensor) -> Correction:
+        """Return the belief corrected by the reading ``y`` (k,) of ``sensor``."""
+        index = self._sensors.get(sensor.name)
+        if index is None or belief.mean.ndim > 1:
+            return self._original.correct(belief, y, sensor)
+        x, P = belief
+        k, n, whole = y.size, self._n, self._whole
+        v = np.empty(whole + k + k * k + 1)
+        v[:n], v[n:whole], v[whole : whole + k] = x, P.ravel(), y
+        v[whole + k : -1] = sensor.covariance.ravel()
+        if self._library.filter_correct(_address(_memory(v)), index):
+            raise np.linalg.LinAlgError('the innovation covariance is not positive definite')
+        S = v[whole + k : -1].reshape(k, k)
+        return Correction(self._belief(v), v[whole : whole + k], S, nis=float(v[-1]))
+
+
+class SmoothableInC(FilterInC, SmoothableFilter):
+    """A filter in C whose steps are linearised by the one in Python."""
+
+    def linearized(self, belief: Gaussian, u: Array, dt: float) -> Prediction:
+        """Return what `predict` does, with the F and Q of the whole step."""
+        original: Any = self._original
+        found: Prediction = original.linearized(belief, u, dt)
+        return found
+
+
+def in_c(scenario: Scenario, found: Estimation) -> Estimation:
+    """Return an estimation with its filter in C.
+
+    Raises
+    ------
+    ValueError
+        If the filter or the model is not supported, or there is no compiler.
+    """
+    try:
+        check_estimator(scenario, found)
+        loop = Loop(scenario, found, np.zeros(scenario.model.input.size), None)
+        source = Texts(loop, 'loop', 'float64', 'a scenario').filter()
+        library = load(source)
+    except (ValueError, CompilerError) as error:
+        raise ValueError(f'arithmetic: c is not possible here: {error}') from None
+    places = {name: k for k, name in enumerate(loop.sensors)}
+    kind = SmoothableInC if isinstance(found.filter, SmoothableFilter) else FilterInC
+    return replace(found, filter=kind(found.filter, library, places), arithmetic='c', pending=())
