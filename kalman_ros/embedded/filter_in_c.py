@@ -17,7 +17,7 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.estimation import Estimation
 
 from .loop import Loop, check_estimator
-from .source import Texts
+from .source import filter_source
 
 _address: Callable[[Any], int] = ctypes.addressof
 _memory: Callable[[Any], Any] = ctypes.c_char.from_buffer
@@ -104,7 +104,7 @@ def in_c(scenario: Scenario, found: Estimation) -> Estimation:
     try:
         check_estimator(scenario, found)
         loop = Loop(scenario, found, np.zeros(scenario.model.input.size), None)
-        source = Texts(loop, 'loop', 'float64', 'a scenario').filter()
+        source = filter_source(loop)
         library = load(source)
     except (ValueError, CompilerError) as error:
         raise ValueError(f'arithmetic: c is not possible here: {error}') from None

@@ -4,6 +4,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from .loop import Loop
 
 _KEYWORDS = set(
     # those of C, and what C++ adds, since it may read the header
@@ -40,3 +44,47 @@ def part(argument: str, name: str) -> str:
 def comment(text: str) -> str:
     """Return a text that cannot end a comment, in printable ASCII on one line."""
     return _IN_A_COMMENT.sub('?', text)
+
+
+@dataclass(frozen=True)
+class Names:
+    """The names of a loop in C.
+
+    Parameters
+    ----------
+    name
+        The beginning of every public name.
+    sensors, states, inputs
+        What follows it, by name in the scenario.
+    """
+
+    name: str
+    sensors: dict[str, str]
+    states: dict[str, str]
+    inputs: dict[str, str]
+
+    @classmethod
+    def of(cls, loop: Loop, name: str) -> Names:
+        """Return the names of a loop.
+
+        Raises
+        ------
+        ValueError
+            If C does not accept one, or two are the same there.
+        """
+        return cls(
+            identifier('name', name),
+            _parts('sensors', loop.sensors),
+            _parts('states', loop.space.names),
+            _parts('inputs', loop.scenario.model.input.names),
+        )
+
+
+def _parts(argument: str, names: Iterable[str]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for name in names:
+        own = part(argument, name)
+        if own in found.values():
+            raise ValueError(f"{argument}: expected names that differ in C, got '{own}' twice")
+        found[name] = own
+    return found

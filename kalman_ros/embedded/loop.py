@@ -75,6 +75,16 @@ class Loop:
         return self.scenario.rate
 
     @property
+    def space(self) -> Space:
+        """The state of the estimator, with the biases of sensors."""
+        return self.scenario.believed.model.state
+
+    @property
+    def longest_reading(self) -> int:
+        """The most numbers of a reading."""
+        return max(each.output.size for each in self.sensors.values())
+
+    @property
     def sensors(self) -> dict[str, Sensor]:
         """The sensors, as they were declared."""
         return dict(self.scenario.believed.sensors)

@@ -12,7 +12,7 @@ from pathlib import Path
 from kalman_ros.compiled.library import compiler
 
 from .loop import Loop
-from .source import Texts
+from .source import loop_files
 from .vectors import recorded, text
 
 #: Test vectors are of a run of this many steps.
@@ -114,7 +114,7 @@ def write(
     """
     if not 1 <= steps <= 1_000_000:
         raise ValueError(f'steps: expected 1 to 1000000, got {steps}')
-    found = Texts(loop, name, precision, source).files()
+    found = loop_files(loop, name, precision, source)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ValueError(f"out: '{folder}' is there already: name another folder")
     calls = [*recorded(loop, steps)]

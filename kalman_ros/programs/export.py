@@ -15,7 +15,7 @@ from rich.table import Table
 
 from kalman_ros.core import options_of
 from kalman_ros.embedded.loop import Loop, loop
-from kalman_ros.embedded.source import PRECISIONS
+from kalman_ros.embedded.texts import PRECISIONS
 from kalman_ros.embedded.writing import STEPS, Built, Written, build, write
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fusion import policy

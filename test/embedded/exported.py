@@ -10,7 +10,7 @@ import pytest
 from kalman_ros import scenario
 from kalman_ros.compiled.library import compiler
 from kalman_ros.embedded.loop import loop
-from kalman_ros.embedded.source import Texts
+from kalman_ros.embedded.source import loop_files
 from kalman_ros.scenario import shipped
 from kalman_ros.scenario.parameter_files import from_file
 
@@ -40,7 +40,7 @@ class Exported:
 
     def __init__(self, loop, folder, precision='float64', flags=('-O2',)):
         self.number = ctypes.c_double if precision == 'float64' else ctypes.c_float
-        for file, text in Texts(loop, 'loop', precision, 'a test').files().items():
+        for file, text in loop_files(loop, 'loop', precision, 'a test').items():
             (folder / file).write_text(text)
         (folder / 'shim.c').write_text(_SHIM.format(name='loop'))
         library = folder / 'loop.so'

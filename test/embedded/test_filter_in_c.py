@@ -81,7 +81,7 @@ def test_the_nodes_have_the_verdict_and_the_estimates_of_python(name):
     loops = []
     for arithmetic in ('compiled', 'c'):
         with Run(name, only={'estimator': {'arithmetic': arithmetic}}) as run:
-            run.advance(200.0 / run.scenario.rate)
+            run.advance(max(200.0 / run.scenario.rate, 10.0))  # enough to judge
             loops.append(run.trajectory())
             said = run.reported('estimator', 'arithmetic')
     assert said == 'c'

@@ -12,7 +12,7 @@ pytest.importorskip('casadi')
 from exported import of_scenario
 
 from kalman_ros.embedded.identifiers import comment, identifier, part
-from kalman_ros.embedded.source import Texts
+from kalman_ros.embedded.source import loop_files
 from kalman_ros.embedded.writing import write
 
 ROOT = Path(__file__).parents[2]
@@ -96,6 +96,6 @@ def test_a_folder_with_something_in_it_is_left_alone(tmp_path):
 
 def test_names_that_are_one_in_c_are_refused():
     loop = of_scenario('linear', {'sensors': ['position']})
-    texts = Texts(loop, 'loop', 'float64', 'x').files()
+    texts = loop_files(loop, 'loop', 'float64', 'x')
     assert 'loop_correct_position' in texts['loop.h']
-    assert '*/ x' not in Texts(loop, 'loop', 'float64', '*/ x').files()['loop.h']
+    assert '*/ x' not in loop_files(loop, 'loop', 'float64', '*/ x')['loop.h']

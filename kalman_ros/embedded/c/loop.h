@@ -74,7 +74,7 @@ typedef struct {
     NAME_real nis;                      /* and its normalised square */
     int64_t time;                       /* ns since NAME_init */
     uint32_t restarts, repairs;         /* of the estimate, of covariances lost to rounding */
-    NAME_record records[{{most_sensors}}];
+    NAME_record records[{{SENSORS}}];
 {{model_fields}}{{law_fields}}} NAME_loop;
 
 /* The first belief, at time 0, and the idle input. */

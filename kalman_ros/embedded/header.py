@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The header of an exported loop, its check and its Makefile."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from kalman_ros.core import Space
+
+from . import law_text
+from .identifiers import Names, comment
+from .loop import Loop
+from .texts import PRECISIONS, text
+
+
+def header_texts(loop: Loop, names: Names, precision: str, source: str) -> dict[str, str]:
+    """Return the files beside the source, by name.
+
+    Parameters
+    ----------
+    loop, names
+        What is exported, and as what.
+    precision
+        One of `PRECISIONS`.
+    source
+        Where the loop is from.
+    """
+    fields = _fields(loop, names, precision, source)
+
+    def filled(file: str) -> str:
+        return re.sub(r'\{\{(\w+)\}\}', lambda field: fields[field[1]], text(file))
+
+    return {
+        f'{names.name}.h': filled('loop.h'),
+        'check.c': filled('check.c'),
+        'Makefile': text('Makefile'),
+    }
+
+
+def _fields(loop: Loop, names: Names, precision: str, source: str) -> dict[str, str]:
+    n, m, law = loop.space.size, loop.idle.size, loop.law
+    allowed = {key: each.allowed for key, each in PRECISIONS.items()}
+    whole = {
+        'title': comment(f'{names.name}: {_summary(loop)}'),
+        'summary': f'Precision: {precision}. Rate: {loop.rate:g} steps a second.',
+        'source': comment(source),
+        'real': PRECISIONS[precision].type,
+        'STATES': str(n),
+        'INPUTS': str(m),
+        'SENSORS': str(len(loop.sensors)),
+        'most_inputs': str(max(m, 1)),
+        'readings': str(loop.longest_reading),
+        'states': _listed(loop.space),
+        'inputs': _listed(loop.scenario.model.input),
+        'sensors': '\n'.join(_sensor_lines(loop, names)),
+        'calls': _calls(loop),
+        'state_places': _places(f'{names.name.upper()}_X', names.states),
+        'input_places': '',
+        'model_fields': _model_fields(loop),
+        'corrections': '\n'.join(
+            f'NAME_outcome NAME_correct_{own}(NAME_loop *loop, const NAME_real *y, '
+            'const NAME_real *R);'
+            for own in names.sensors.values()
+        ),
+        'cases': '\n'.join(
+            f'    case {k}: return NAME_correct_{own}(loop, y, R);'
+            for k, own in enumerate(names.sensors.values())
+        ),
+        'sizes': ', '.join(str(each.output.size) for each in loop.sensors.values()),
+        'dt': repr(1.0 / loop.rate),
+        'allowed': allowed['float64'],
+        'allowed_float': allowed['float32'],
+        'law_fields': '' if law is None else law_text.fields(law),
+        'law_functions': '' if law is None else law_text.FUNCTIONS,
+        'law_cases': '' if law is None else law_text.CASES,
+        'control': '' if law is None else law_text.timed(loop.rate),
+    }
+    if m:
+        places = _places(f'{names.name.upper()}_U', names.inputs)
+        whole['input_places'] = f'\n/* Places in u. */\nenum {{\n{places}\n}};\n'
+    return whole
+
+
+def _summary(loop: Loop) -> str:
+    control = f' and its law ({loop.scenario.law})' if loop.law else ''
+    return f'an estimator ({loop.scenario.filter}){control} in C99, without heap'
+
+
+def _calls(loop: Loop) -> str:
+    """Return what is called last in a step."""
+    if loop.law is not None:
+        return ' *     NAME_control(&loop, dt, u);              what to send to the actuators'
+    if loop.idle.size:
+        return ' *     NAME_input(&loop, u);                    the input that acts from now on'
+    return ' *'
+
+
+def _places(prefix: str, names: dict[str, str]) -> str:
+    return ',\n'.join(f'    {prefix}_{own} = {k}' for k, own in enumerate(names.values()))
+
+
+def _model_fields(loop: Loop) -> str:
+    n, m = loop.space.size, loop.idle.size
+    if not loop.scenario.believed.model.is_linear:
+        return ''
+    return (
+        f'    NAME_real dt, F[{n} * {n}], G[{max(n * m, 1)}], Q[{n} * {n}]; '
+        '/* of the last length of a step */\n'
+    )
+
+
+def _sensor_lines(loop: Loop, names: Names) -> list[str]:
+    lines = []
+    for name, each in loop.sensors.items():
+        signal = loop.scenario.sensors[name].signal
+        turned = ', in the axes of the body' if signal.mounting.turned else ''
+        std = ', '.join(f'{value:g}' for value in np.sqrt(each.covariance.diagonal()))
+        lines.append(
+            f' *     {names.sensors[name]}: {comment(str(each.output))}{turned}; '
+            f'standard deviation {std}'
+        )
+    return lines
+
+
+def _listed(space: Space) -> str:
+    lines = [f' *     {k}: {comment(space.label(name))}' for k, name in enumerate(space.names)]
+    for rotation in space.rotations:
+        lines.append(f' *     ({comment(", ".join(rotation))}) is a rotation vector')
+    return '\n'.join(lines) or ' *     none'

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The C of a law: gains, limits, set points."""
+
+from __future__ import annotations
+
+from .expressions import numbers
+from .loop import Law
+from .texts import difference, text
+
+#: What the header declares.
+FUNCTIONS = """
+/* Hold a state of the model from now on, if an input holds it there. */
+NAME_outcome NAME_hold(NAME_loop *loop, const NAME_real *reference);
+
+/* The input u for the estimate, within its limits, dt seconds after the last call; it acts. */
+NAME_outcome NAME_control(NAME_loop *loop, NAME_real dt, NAME_real *u);
+
+/* The input u towards the idle one, within its rate limit; it acts. */
+void NAME_idle(NAME_loop *loop, NAME_real dt, NAME_real *u);
+"""
+#: The calls of check.c, and the one that it takes the time of.
+CASES = """\
+        case 'H': outcome = NAME_hold(&loop, given); break;
+        case 'U': outcome = NAME_control(&loop, given[0], u); break;
+        case 'O': NAME_idle(&loop, given[0], u); break;"""
+_TIMED = '            NAME_control(&loop, (NAME_real){dt!r}, u);'
+
+
+def law_texts(law: Law, rate: float) -> list[str]:
+    """Return the texts of a law that acts at a ``rate``, in 1/s."""
+    feedback, limits = law.feedback, law.limits
+    texts = [
+        f'#define LAW\n#define N_MODEL {law.space.size}\n#define STEP {1.0 / rate!r}\n',
+        numbers('GAIN', feedback.gain),
+        numbers('REST_STATE', law.rest.state),
+        numbers('REST_INPUT', law.rest.input),
+        numbers('STATE_GAIN', law.equilibria.state_gain),
+        numbers('INPUT_GAIN', law.equilibria.input_gain),
+        numbers('MAGNITUDE', limits.magnitude),
+        numbers('RATE', limits.rate),
+        difference('model_difference', law.space),
+    ]
+    if feedback.tracked:
+        listed = ', '.join(map(str, feedback.tracked))
+        texts += [
+            f'#define TRACKED {len(feedback.tracked)}\n'
+            f'static const int PLACES[] = {{{listed}}};\n',
+            numbers('INTEGRAL_GAIN', feedback.integral_gain),
+        ]
+    return [*texts, text('law.c')]
+
+
+def fields(law: Law) -> str:
+    """Return what the struct has for a law."""
+    n, m, p = law.space.size, law.rest.input.size, len(law.feedback.tracked)
+    integral = (
+        f'    NAME_real integral[{p}]; /* of the errors of tracked states */\n    int8_t begun;\n'
+    )
+    return (
+        f'    NAME_real state[{n}], held[{m}]; /* what is held, and the input that holds it */\n'
+        f'    NAME_real output[{m}];          /* the last input, within its limits */\n'
+        f'{integral if p else ""}'
+    )
+
+
+def timed(rate: float) -> str:
+    """Return the call that check.c takes the time of."""
+    return _TIMED.format(dt=1.0 / rate)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The C of a model: a step and its linearisation, by formulas or by matrices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from kalman_ros.compiled.formulas import of_model
+from kalman_ros.compiled.free_parameters import Parameters
+from kalman_ros.compiled.source import places
+from kalman_ros.compiled.tracing import trace
+from kalman_ros.core.discrete_model import _MOST_PERIODS
+from kalman_ros.core.model import MOST_SUBSTEPS
+
+from .expressions import function, number, numbers
+from .texts import constant, constant_places, probes, shared, text
+
+
+def model_texts(model: Any, *, points: bool) -> list[str]:
+    """Return the texts of a model, with a step of `points` alone for filters that need it."""
+    if not model.is_linear:
+        return [*_nonlinear(model), *([text('nonlinear_points.c')] if points else ())]
+    wrap = trace(model.state.wrap, *((each,) for each in probes(model.state.size)))
+    linear = _discrete(model) if model.is_discrete else _continuous(model)
+    return [function('wrap', wrap, ['x']), *linear, text('linear_model.c')]
+
+
+def _discrete(model: Any) -> list[str]:
+    step = model.transition(np.zeros(model.state.size), np.zeros(model.input.size), model.period)
+    return [
+        'enum { DONE = 0, OVERFLOW_WITHIN = 2 };\n'
+        f'#define PERIOD {number(model.period)}\n#define MOST_PERIODS {_MOST_PERIODS}\n',
+        numbers('STATE_MATRIX', step.F),
+        numbers('INPUT_MATRIX', step.G),
+        numbers('NOISE_COVARIANCE', step.Q),
+        text('periods.c'),
+    ]
+
+
+def _continuous(model: Any) -> list[str]:
+    """Return the flow of the state with its input behind it."""
+    n, m = model.state.size, model.input.size
+    zeros = np.zeros(n), np.zeros(m)
+    whole, density = np.zeros((n + m, n + m)), np.zeros((n + m, n + m))
+    whole[:n, :n], whole[:n, n:] = model.state_jacobian(*zeros), model.input_jacobian(*zeros)
+    density[:n, :n] = model.noise_density(zeros[0])
+    return [
+        '#define ORDER (N + M)\n',
+        constant('jacobian', whole, 'xup'),
+        constant('density', density, 'xp'),
+        constant_places('A', whole),
+        constant_places('W', density),
+        shared('flow.c'),
+        text('sample.c'),
+    ]
+
+
+def _nonlinear(model: Any) -> list[str]:
+    parameters = Parameters(model)
+    formulas = of_model(model, parameters)
+    texts = [
+        f'#define ORDER N\n#define MOST_SUBSTEPS {min(formulas.most, MOST_SUBSTEPS)}\n'
+        f'#define MAX_STEP {number(model.max_step)}\n',
+        numbers('NUMBERS', parameters.values),
+        function('substep', formulas.substep, ['x', 'u', 'h', 'p']),
+        function('wrap', formulas.wrap, ['x']),
+    ]
+    sparse = [
+        ('A', 'jacobian', formulas.jacobian, 'xup'),
+        ('W', 'density', formulas.density, 'xp'),
+    ]
+    if formulas.slope is not None:
+        texts.append('#define SLOPE\n')
+        sparse.append(('F', 'slope', formulas.slope, 'xuhp'))
+    for key, name, formula, arguments in sparse:
+        texts.append(function(name, formula, [*arguments], by_rows=True, dense=False))
+        texts.append(places(key, formula.result))
+    return [*texts, shared('flow.c'), shared('step.c'), text('nonlinear_model.c')]

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The texts in c/, and what they are filled with: constants, places and small functions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+
+from kalman_ros.compiled.tracing import trace
+from kalman_ros.core import Array, Space
+
+from .expressions import FUNCTIONS, function, number
+
+
+class Precision(NamedTuple):
+    """A precision: its type in C, what is defined for it, and how near a result has to be.
+
+    ``repairs`` of a covariance are relative to its largest variance, a term of a series below
+    ``negligible`` ends it, a reference is ``reached`` within a share of its size, and test vectors
+    may differ by a share ``allowed``.
+    """
+
+    type: str
+    repairs: str
+    negligible: str
+    reached: str
+    allowed: str
+    functions: str = ''
+
+
+PRECISIONS: Mapping[str, Precision] = {
+    'float64': Precision('double', '{1e-14, 1e-12, 1e-10, 1e-8}', '1e-16', '1e-9', '1e-9'),
+    'float32': Precision(
+        'float',
+        '{1e-6f, 1e-5f, 1e-4f, 1e-3f}',
+        '1e-8f',
+        '1e-4f',
+        '1e-2',
+        # no number is promoted
+        ''.join(f'#undef {each}\n#define {each} {each}f\n' for each in FUNCTIONS),
+    ),
+}
+
+
+def text(name: str) -> str:
+    """Return a text of this package."""
+    return files(__package__).joinpath(f'c/{name}').read_text()
+
+
+def shared(name: str) -> str:
+    """Return a text that models are compiled with, too."""
+    return files('kalman_ros.compiled').joinpath(name).read_text()
+
+
+def probes(n: int) -> Array:
+    """Return vectors (3, n) at which formulas are compared with functions."""
+    return 2.0 * np.random.default_rng(0).standard_normal((3, n))
+
+
+def difference(name: str, space: Space) -> str:
+    """Return the function a - b of vectors of a space."""
+    points = 0.3 * probes(space.size)
+    found = trace(space.subtract, *zip(points, points[::-1] + 0.1))
+    return function(name, found, ['a', 'b'])
+
+
+def angles(name: str, space: Space) -> str:
+    """Return the marks of the angles among the coordinates of a space."""
+    marks = ', '.join('1' if each in space.angles else '0' for each in space.names)
+    return f'static const signed char {name}[] = {{{marks}}};\n'
+
+
+def constant(name: str, matrix: Array, arguments: Sequence[str]) -> str:
+    """Return a function that writes the numbers of a matrix that are not zero, row by row."""
+    entries = matrix[np.nonzero(matrix)].tolist()
+    body = ''.join(f'    result[{k}] = {number(value)};\n' for k, value in enumerate(entries))
+    unused = ''.join(f'    (void){each};\n' for each in arguments)
+    listed = ', '.join(f'const real *{each}' for each in arguments)
+    silent = '' if entries else '    (void)result;\n'
+    return f'static void {name}({listed}, real *result)\n{{\n{unused}{silent}{body}}}\n'
+
+
+def constant_places(name: str, matrix: Array) -> str:
+    """Return the rows and columns of the numbers of a matrix that are not zero, as C."""
+    where = np.nonzero(matrix)
+    text = f'enum {{ {name}_COUNT = {len(where[0])} }};\n'
+    for kind, values in zip(('ROW', 'COLUMN'), where):
+        listed = ', '.join(map(str, values.tolist())) or '0'
+        text += f'static const int {name}_{kind}[] = {{{listed}}};\n'
+    return text
