@@ -14,11 +14,13 @@ from kalman_ros.control.limiter import LIMITS
 from kalman_ros.core import ArrayLike
 from kalman_ros.embedded.loop import loop
 from kalman_ros.embedded.writing import Built, Written, build, write
+from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
+from kalman_ros.scenario.idle import idle_input as idle_of
 from kalman_ros.scenario.regulator import limits
 
 from . import text
-from .accept import numbers
+from .accept import number, numbers, whole
 from .known_names import KnownNames
 from .scenarios import BELIEVED, values_of
 
@@ -56,6 +58,9 @@ def export(
     control: bool = True,
     input_limit: ArrayLike | None = None,
     input_rate_limit: ArrayLike | None = None,
+    idle_input: str | None = None,
+    recover_after: int | None = None,
+    max_gap: float | None = None,
     compile: bool = True,
 ) -> Export:
     """Write the estimator and the law of a loop as C99, and check it against Python.
@@ -75,6 +80,12 @@ def export(
         Whether the law is exported, if there is an input.
     input_limit, input_rate_limit
         Of the input; by default those of the file, or none.
+    idle_input
+        The input while no controller acts, ``'zero'`` or ``'equilibrium'``.
+    recover_after
+        Rejections in a row after which the covariance is widened; 0: never.
+    max_gap
+        Seconds without a prediction after which the estimate restarts; 0: never.
     compile
         Whether to build and check it, if there is a C compiler.
 
@@ -99,7 +110,20 @@ def export(
             for each, own in given.items()
         ),
     )
-    found = loop(scenario, limits=bounds, control=control)
+    choices = {
+        'idle_input': (idle_input, 'zero'),
+        'gate_recover_after': (recover_after, Policy.recover_after),
+        'max_gap': (max_gap, Policy.max_gap),
+    }
+    idle, rejections, gap = (  # as in the file
+        values.get(key, default) if own is None else own for key, (own, default) in choices.items()
+    )
+    policy = Policy(
+        recover_after=whole('recover_after', rejections, 0),
+        max_gap=number('max_gap', gap, 'a number of seconds'),
+    )
+    at_rest = idle_of(scenario.model, str(idle))
+    found = loop(scenario, policy, bounds, at_rest, control=control)
     source = f'{name}.yaml' if values and name else 'a scenario of Python'
     written = write(found, Path(out), name or 'loop', precision, source)
     return Export(written, build(written) if compile else None)

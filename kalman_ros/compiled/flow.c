@@ -24,7 +24,8 @@ INLINE void product(int count, const int *rows, const int *columns, const real *
             for (int j = 0; j < ORDER; j++)
                 sum[j] += share * row[j];
         }
-        memcpy(C + i * ORDER, sum, sizeof sum);
+        for (int j = 0; j < ORDER; j++)
+            C[i * ORDER + j] = sum[j];
     }
 }
 

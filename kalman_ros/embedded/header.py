@@ -12,7 +12,7 @@ from kalman_ros.core import Space
 from . import law_text
 from .identifiers import Names, comment
 from .loop import Loop
-from .texts import PRECISIONS, text
+from .texts import PRECISIONS, named, text
 
 
 def header_texts(loop: Loop, names: Names, precision: str, source: str) -> dict[str, str]:
@@ -27,34 +27,33 @@ def header_texts(loop: Loop, names: Names, precision: str, source: str) -> dict[
     source
         Where the loop is from.
     """
-    fields = _fields(loop, names, precision, source)
+    fields = {k: named(v, names.name) for k, v in _fields(loop, names, precision).items()}
+    fields |= _descriptions(loop, names, source)
 
     def filled(file: str) -> str:
-        return re.sub(r'\{\{(\w+)\}\}', lambda field: fields[field[1]], text(file))
+        whole = named(text(file), names.name)
+        return re.sub(r'\{\{(\w+)\}\}', lambda field: fields[field[1]], whole)
 
     return {
         f'{names.name}.h': filled('loop.h'),
         'check.c': filled('check.c'),
-        'Makefile': text('Makefile'),
+        'Makefile': filled('Makefile'),
     }
 
 
-def _fields(loop: Loop, names: Names, precision: str, source: str) -> dict[str, str]:
+def _fields(loop: Loop, names: Names, precision: str) -> dict[str, str]:
     n, m, law = loop.space.size, loop.idle.size, loop.law
     allowed = {key: each.allowed for key, each in PRECISIONS.items()}
     whole = {
-        'title': comment(f'{names.name}: {_summary(loop)}'),
         'summary': f'Precision: {precision}. Rate: {loop.rate:g} steps a second.',
-        'source': comment(source),
         'real': PRECISIONS[precision].type,
         'STATES': str(n),
         'INPUTS': str(m),
         'SENSORS': str(len(loop.sensors)),
+        'states_in_words': _count(n),
+        'inputs_in_words': _count(m),
         'most_inputs': str(max(m, 1)),
         'readings': str(loop.longest_reading),
-        'states': _listed(loop.space),
-        'inputs': _listed(loop.scenario.model.input),
-        'sensors': '\n'.join(_sensor_lines(loop, names)),
         'calls': _calls(loop),
         'state_places': _places(f'{names.name.upper()}_X', names.states),
         'input_places': '',
@@ -81,6 +80,32 @@ def _fields(loop: Loop, names: Names, precision: str, source: str) -> dict[str, 
         places = _places(f'{names.name.upper()}_U', names.inputs)
         whole['input_places'] = f'\n/* Places in u. */\nenum {{\n{places}\n}};\n'
     return whole
+
+
+def _count(size: int) -> str:
+    return f'{size} number{"" if size == 1 else "s"}'
+
+
+def _descriptions(loop: Loop, names: Names, source: str) -> dict[str, str]:
+    """Return what a person wrote, in which no name is replaced."""
+    return {
+        'title': comment(f'{names.name}: {_summary(loop)}'),
+        'source': comment(source),
+        'states': _listed(loop.space),
+        'inputs': '\n'.join([_listed(loop.scenario.model.input), *_limit_lines(loop)]),
+        'sensors': '\n'.join(_sensor_lines(loop, names)),
+    }
+
+
+def _limit_lines(loop: Loop) -> list[str]:
+    if loop.law is None:
+        return []
+    pairs = ('at most', loop.law.limits.magnitude), ('a second at most', loop.law.limits.rate)
+    return [
+        f' *     {what}: {", ".join(f"{value:g}" for value in values)}'
+        for what, values in pairs
+        if np.isfinite(values).any()
+    ]
 
 
 def _summary(loop: Loop) -> str:

@@ -22,6 +22,13 @@ _KEYWORDS = set(
     xor xor_eq
     """.split()  # noqa: SIM905
 )
+#: Names of files that an exported folder or a compiler has.
+_FILES = set(
+    """
+    assert check complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal
+    stdarg stdbool stddef stdint stdio stdlib string tgmath time wchar wctype
+    """.split()  # noqa: SIM905
+)
 _IDENTIFIER = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,62}', re.ASCII)
 _IN_A_COMMENT = re.compile(r'[^ -~]|\*/|/\*|//|\\')
 
@@ -72,6 +79,8 @@ class Names:
         ValueError
             If C does not accept one, or two are the same there.
         """
+        if name in _FILES:
+            raise ValueError(f"name: expected another than '{name}', which is a file of C")
         return cls(
             identifier('name', name),
             _parts('sensors', loop.sensors),

@@ -3,16 +3,23 @@
 
 from __future__ import annotations
 
-from .expressions import numbers
+from .expressions import number, numbers
 from .loop import Law
 from .texts import difference, text
 
+#: A step of the law of this many seconds or more is refused.
+_LONGEST = 60.0
 #: What the header declares.
 FUNCTIONS = """
-/* Hold a state of the model from now on, if an input holds it there. */
+/* Hold a state of the model from now on, if an input holds it there. That the estimate restarts
+ * does not change what is held.
+ */
 NAME_outcome NAME_hold(NAME_loop *loop, const NAME_real *reference);
 
-/* The input u for the estimate, within its limits, dt seconds after the last call; it acts. */
+/* The input u for the estimate, within its limits, dt seconds after the last call; it acts. With
+ * dt = 0 the rate limit allows for a period of the loop; dt below 0 or of 60 s or more is refused,
+ * and u stays as it was. Where it would not be finite, u goes to the idle input.
+ */
 NAME_outcome NAME_control(NAME_loop *loop, NAME_real dt, NAME_real *u);
 
 /* The input u towards the idle one, within its rate limit; it acts. */
@@ -31,6 +38,7 @@ def law_texts(law: Law, rate: float) -> list[str]:
     feedback, limits = law.feedback, law.limits
     texts = [
         f'#define LAW\n#define N_MODEL {law.space.size}\n#define STEP {1.0 / rate!r}\n',
+        f'#define LONGEST {number(_LONGEST)}\n',
         numbers('GAIN', feedback.gain),
         numbers('REST_STATE', law.rest.state),
         numbers('REST_INPUT', law.rest.input),

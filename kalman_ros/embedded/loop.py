@@ -22,6 +22,8 @@ from kalman_ros.scenario.estimation import Estimation, estimation
 
 #: What C has beside what `OnlineEstimator` has: readings come in the order of their stamps.
 _IN_ORDER = 0.0
+#: What fits in the integers of C, with room.
+_LONGEST_GAP, _MOST_REJECTIONS = 1e9, 1_000_000_000
 _LAWS = 'lqr', 'lqi', 'placement'
 
 
@@ -118,6 +120,10 @@ def loop(
     """
     scenario = _enabled(scenario)
     policy = replace(policy or Policy(), window=_IN_ORDER)
+    if not 0.0 <= policy.max_gap <= _LONGEST_GAP:
+        raise ValueError(f'max_gap: expected at most {_LONGEST_GAP:g} s for C')
+    if not 0 <= policy.recover_after <= _MOST_REJECTIONS:
+        raise ValueError(f'gate_recover_after: expected at most {_MOST_REJECTIONS} for C')
     if policy.from_reading:
         raise ValueError('initialize: expected belief, got reading, which C does not have')
     if policy.rest_until_input:

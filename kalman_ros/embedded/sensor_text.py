@@ -23,9 +23,9 @@ def sensor_texts(loop: Loop, names: Names) -> list[str]:
     texts, rows = [text('sensors.c')], []
     gates = loop.estimation.policy.gates or {}
     filter: Any = loop.estimation.filter
-    for name, sensor in loop.sensors.items():
-        own, gain = names.sensors[name], '0'
-        texts += _of_sensor(own, sensor, loop.space)
+    for k, (name, sensor) in enumerate(loop.sensors.items()):
+        own, gain = str(k), '0'  # a name of a user may be that of another function
+        texts += [f'/* {names.sensors[name]} */\n', *_of_sensor(own, sensor, loop.space)]
         if isinstance(filter, FixedGainObserver):
             gain = f'GAIN_{own}'
             texts.append(numbers(gain, np.asarray(filter.gains[name])))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import re
+import numpy as np
 
 from kalman_ros.compiled.source import FAST
 from kalman_ros.compiled.symbols import UntraceableError
@@ -16,8 +16,10 @@ from .law_text import law_texts
 from .loop import Loop
 from .model_text import model_texts
 from .sensor_text import point_texts, sensor_texts
-from .texts import PRECISIONS, text
+from .texts import PRECISIONS, named, text
 
+#: The variances that single precision computes with.
+_VARIANCES = 1e12, 1e-15
 #: For any processor.
 _PLAIN = '#define FAST\n#define INLINE static inline\n'
 
@@ -51,8 +53,10 @@ def loop_files(loop: Loop, name: str, precision: str, source: str) -> dict[str, 
             f'NAME_outcome NAME_correct_{own}(NAME_loop *s, const real *y, const real *R_y)\n'
             f'{{\n    return correct(s, {k}, y, R_y);\n}}\n'
         )
-    files = header_texts(loop, names, precision, source) | {f'{name}.c': '\n'.join(parts)}
-    return {file: _named(contents, name) for file, contents in files.items()}
+    return {
+        **header_texts(loop, names, precision, source),
+        f'{name}.c': named('\n'.join(parts), name),
+    }
 
 
 def filter_source(loop: Loop) -> str:
@@ -68,12 +72,7 @@ def filter_source(loop: Loop) -> str:
     header = header_texts(loop, names, 'float64', '')[f'{name}.h']
     size = 'unsigned long filter_size(void) { return sizeof(NAME_loop); }\n'
     body = '\n'.join([*_filter(loop, names, 'float64', FAST), text('filter.c')])
-    return _named('\n'.join((header, size, body.replace('#include "NAME.h"', ''))), name)
-
-
-def _named(contents: str, name: str) -> str:
-    """Return a text with the name of the loop in the place of NAME and PREFIX."""
-    return re.sub(r'NAME(?=[_.]|\b)', name, re.sub('PREFIX_', f'{name.upper()}_', contents))
+    return '\n'.join((header, named(f'{size}\n{body}'.replace('#include "NAME.h"', ''), name)))
 
 
 def _filter(loop: Loop, names: Names, precision: str, fast: str) -> list[str]:
@@ -84,8 +83,23 @@ def _filter(loop: Loop, names: Names, precision: str, fast: str) -> list[str]:
         raise ValueError(f'{error}, so that there is no C of it') from None
 
 
+def _check_range(loop: Loop) -> None:
+    """Raise ValueError where single precision cannot hold the square of a variance."""
+    found = {name: each.covariance for name, each in loop.sensors.items()}
+    for name, covariance in {'initial_std': loop.estimation.initial.covariance, **found}.items():
+        variances = covariance.diagonal()
+        largest, least = _VARIANCES
+        if np.any(variances > largest) or np.any((variances > 0.0) & (variances < least)):
+            raise ValueError(
+                f'precision: float32 computes with variances from {least:g} to {largest:g}, and '
+                f'one of {name} is {variances.max():g}'
+            )
+
+
 def _parts(loop: Loop, names: Names, precision: str, fast: str) -> list[str]:
     chosen, policy = PRECISIONS[precision], loop.estimation.policy
+    if precision == 'float32':
+        _check_range(loop)
     filter, first = loop.estimation.filter, loop.estimation.initial
     defined = {
         'N': loop.space.size,

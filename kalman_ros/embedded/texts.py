@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import NamedTuple
@@ -48,6 +49,16 @@ PRECISIONS: Mapping[str, Precision] = {
 def text(name: str) -> str:
     """Return a text of this package."""
     return files(__package__).joinpath(f'c/{name}').read_text()
+
+
+def named(contents: str, name: str) -> str:
+    """Return a text with the name of a loop in the place of NAME and PREFIX, where these begin."""
+    upper = f'{name.upper()}_'
+    return re.sub(
+        r'\bPREFIX_|(?<![A-Za-z0-9_])NAME(?=[_.]|\b)|(?<=lib)NAME(?=[.])',
+        lambda found: upper if found[0] == 'PREFIX_' else name,
+        contents,
+    )
 
 
 def shared(name: str) -> str:

@@ -14,12 +14,12 @@ from kalman_ros.estimators import filter_options
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.estimation import Estimation
+from kalman_ros.scenario.idle import idle_input
 
 from . import names
 from .datum_file import read_datum
 from .estimator_options import EstimatorOptions
 from .fusion import check_start, fusion
-from .idle import idle_input
 from .input_timeout import InputTimeout
 
 #: Parameters that rclpy itself reads from the same files.

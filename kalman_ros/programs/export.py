@@ -13,17 +13,18 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from kalman_ros.compiled.library import compiler
 from kalman_ros.core import options_of
 from kalman_ros.embedded.loop import Loop, loop
 from kalman_ros.embedded.texts import PRECISIONS
 from kalman_ros.embedded.writing import STEPS, Built, Written, build, write
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fusion import policy
-from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.programs.common_arguments import add_parameters, add_scenario
 from kalman_ros.programs.design import believed, limits_of_inputs
 from kalman_ros.programs.refusal import refuse
 from kalman_ros.scenario import shipped
+from kalman_ros.scenario.idle import idle_input
 from kalman_ros.scenario.parameter_files import from_file, overrides
 
 
@@ -80,10 +81,12 @@ def of_file(path: Path, changes: Mapping[str, Any], *, control: bool) -> Loop:
 
 def report(console: Console, written: Written, built: Built | None) -> None:
     """Print what was written, and its sizes."""
-    console.print(f'In {written.folder}: {", ".join(written.files)}', soft_wrap=True)
+    listed = f'In {written.folder}: {", ".join(written.files)}'
+    console.print(listed, soft_wrap=True, markup=False)
     console.print(f'Test vectors: {written.calls} calls of a simulated run, by Python.')
     if built is None:
-        console.print('There is no C compiler here, so it was not built: make check does that.')
+        why = '' if compiler() else ', for there is no C compiler here'
+        console.print(f'It was not built{why}: make check does that.')
         return
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column(f'Built by {built.command} -O2, on this machine')

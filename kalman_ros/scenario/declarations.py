@@ -97,6 +97,9 @@ def sensor_names(value: Value) -> list[str]:
     names = [str(name) for name in value if name] if isinstance(value, list) else []
     if len({*names}) < len(names):
         raise ValueError(f'sensors: expected each name once, got ({", ".join(names)})')
+    for name in names:
+        if '.' in name:  # which separates the name of a sensor from that of its option
+            raise ValueError(f"sensors: expected names without a dot, got '{name}'")
     return names
 
 

@@ -141,3 +141,20 @@ def test_no_reading_makes_it_lose_its_mind(name, tmp_path):
         assert c.call(each.kind, each.sensor, each.given) == each.outcome
         assert np.isfinite(c.mean).all() and np.isfinite(c.covariance).all()
         np.linalg.cholesky(c.covariance)
+
+
+def test_absurd_times_break_nothing(tmp_path):
+    changes = {'law': 'lqi', 'integral_cost': [50.0], 'encoder.gate': 0.99}
+    loop = of_scenario('dc_motor', changes)
+    c = Exported(
+        loop, tmp_path, flags=('-O1', '-fsanitize=undefined', '-fno-sanitize-recover=all')
+    )
+    for _ in range(30):
+        assert c.call('P', 0, [999999999.0]) == 8
+        c.call('C', 0, [np.float64(7.0)])
+    for dt in (1e200, 60.0, -1.0, np.nan, np.inf):
+        assert c.call('U', 0, [dt]) == 9
+        assert np.isfinite(c.input).all()
+    for _ in range(100):
+        assert c.call('P', 0, [0.01]) == 0
+        assert c.call('U', 0, [0.01]) == 0

@@ -22,6 +22,10 @@ NAME_outcome NAME_predict(loop_state *s, real dt)
     if (dt == 0)
         return PREFIX_FUSED;
     const int64_t passed = (int64_t)llround(dt * R(1e9));
+    if (s->time > INT64_MAX / 4) { /* after 73 years: what was then says nothing now */
+        s->time = 0;
+        memset(s->records, 0, sizeof s->records);
+    }
     s->time += passed;
     memcpy(x, s->x, sizeof x);
     memcpy(P, s->P, sizeof P);

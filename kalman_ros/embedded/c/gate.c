@@ -19,10 +19,11 @@ static void recorded(NAME_record *of, int64_t now, int agrees)
 /* Whether another reading is expected of a sensor. */
 static int alive(const NAME_record *of, int64_t now)
 {
-    int64_t silence = now - of->time, longest = INTERVALS * of->interval;
+    const int64_t silence = now - of->time;
     if (!of->seen || (MAX_GAP > 0 && silence > MAX_GAP))
         return 0;
-    return !of->interval || silence <= (longest > SILENCE ? longest : SILENCE);
+    return !of->interval || silence <= SILENCE ||
+           (silence + INTERVALS - 1) / INTERVALS <= of->interval;
 }
 
 /* Which states each sensor sees: a slope may vanish at one point, so two are tried. */

@@ -48,8 +48,10 @@ NAME_outcome NAME_hold(loop_state *s, const real *reference)
 NAME_outcome NAME_control(loop_state *s, real dt, real *u)
 {
     real error[N_MODEL], wanted[M];
-    if (!(dt >= 0 && dt < INFINITY))
+    if (!(dt >= 0 && dt < LONGEST)) {
+        memcpy(u, s->output, sizeof s->output);
         return PREFIX_BAD_TIME;
+    }
     model_difference(s->x, s->state, error);
     for (int j = 0; j < M; j++) {
         real sum = 0;
@@ -64,6 +66,9 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
 #endif
     }
     if (!are_finite(wanted, M)) {
+#ifdef TRACKED
+        memset(s->integral, 0, sizeof s->integral);
+#endif
         NAME_idle(s, dt, u);
         return PREFIX_NOT_FINITE;
     }
@@ -87,7 +92,7 @@ NAME_outcome NAME_control(loop_state *s, real dt, real *u)
 
 void NAME_idle(loop_state *s, real dt, real *u)
 {
-    toward(s, IDLE, dt > 0 ? dt : 0);
+    toward(s, IDLE, dt > 0 && dt < LONGEST ? dt : 0);
     memcpy(u, s->output, sizeof s->output);
     (void)NAME_input(s, u);
 }

@@ -4,10 +4,10 @@
  *
  * {{summary}}
  *
- * The state x of the estimator ({{STATES}} numbers):
+ * The state x of the estimator ({{states_in_words}}):
 {{states}}
  *
- * The input u ({{INPUTS}} numbers):
+ * The input u ({{inputs_in_words}}):
 {{inputs}}
  *
  * The sensors, with what NAME_correct_SENSOR takes:
@@ -18,6 +18,11 @@
  *     NAME_predict(&loop, dt);                 seconds since the last call
  *     NAME_correct_SENSOR(&loop, y, 0);        for each sensor that has a new reading
 {{calls}}
+ *
+ * Every function says what became of it. PREFIX_RESTARTED and PREFIX_NOT_FINITE of NAME_predict or
+ * NAME_control are worth a look; a reading that is refused changes nothing but the records. A step
+ * takes the longer the longer dt is: it is integrated in parts, and a loop that waited may take a hundred
+ * times as long for one step. dt of NAME_predict is 0 or more.
  *
  * Nothing is allocated, nothing is recursive, no function waits, and all that changes is in the
  * struct: several loops, or several threads with a loop each, need nothing else.
@@ -71,7 +76,7 @@ typedef struct {
     NAME_real input[{{most_inputs}}];        /* the input that acts */
     NAME_real innovation[{{readings}}];   /* of the last reading: y - what was expected */
     NAME_real S[{{readings}} * {{readings}}]; /* its covariance, row by row without gaps */
-    NAME_real nis;                      /* and its normalised square */
+    NAME_real nis;                      /* and its normalised square; may be infinite */
     int64_t time;                       /* ns since NAME_init */
     uint32_t restarts, repairs;         /* of the estimate, of covariances lost to rounding */
     NAME_record records[{{SENSORS}}];
@@ -80,7 +85,7 @@ typedef struct {
 /* The first belief, at time 0, and the idle input. */
 void NAME_init(NAME_loop *loop);
 
-/* The input u ({{INPUTS}} numbers) acts from now on; for who computes it elsewhere. */
+/* The input u ({{inputs_in_words}}) acts from now on; for who computes it elsewhere. */
 NAME_outcome NAME_input(NAME_loop *loop, const NAME_real *u);
 
 /* dt seconds pass. */

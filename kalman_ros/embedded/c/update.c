@@ -15,5 +15,7 @@ static int weighed(const sensor *of, correction *c, real *L)
     c->nis = 0;
     for (int i = 0; i < of->size; i++)
         c->nis += c->innovation[i] * z[i];
+    if (!(c->nis >= 0))
+        c->nis = INFINITY;
     return 1;
 }

@@ -28,10 +28,10 @@ from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.meters import Latency, Rate
 from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE, STATIC, WATCH
-from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.pipeline.throttle import Throttle
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.body_roles import body_of
+from kalman_ros.scenario.idle import idle_input
 from kalman_ros.scenario.regulator import feedback, limits, tracking
 
 from .feed import EstimateFeed

@@ -20,8 +20,8 @@ from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.managed import ACTIVE
 from kalman_ros.nodes.middleware.meeting import Meeting
 from kalman_ros.nodes.middleware.topics import HISTORY, QUEUE, on_topic, refuse_shared
-from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import Scenario, sensor_names
+from kalman_ros.scenario.idle import idle_input
 from kalman_ros.simulation.faults import options_of_sensors
 from kalman_ros.simulation.faults.links import Links
 from kalman_ros.simulation.faults.plant_faults import PlantFaults

@@ -20,8 +20,8 @@ from kalman_ros.bags.replay import estimator_settings, replay_bag
 from kalman_ros.bags.replayed import Replayed, SensorReplay
 from kalman_ros.core import Array
 from kalman_ros.pipeline.fusion import policy as policy_of
-from kalman_ros.pipeline.idle import idle_input
 from kalman_ros.scenario import shipped
+from kalman_ros.scenario.idle import idle_input
 from kalman_ros.scenario.parameter_files import from_file
 
 #: Fewest numbers for each fitted parameter.

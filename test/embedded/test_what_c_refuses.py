@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import kalman_ros as kr
+from kalman_ros.estimators.policy import Policy
 
 pytest.importorskip('casadi')
-from exported import of_scenario
+from exported import needs_a_compiler, of_scenario
 
 from kalman_ros.embedded.identifiers import comment, identifier, part
 from kalman_ros.embedded.source import loop_files
-from kalman_ros.embedded.writing import write
+from kalman_ros.embedded.writing import build, write
 
 ROOT = Path(__file__).parents[2]
 
@@ -76,6 +77,8 @@ def test_a_function_that_cannot_be_traced_is_named(tmp_path):
     [
         ({'name': 'while'}, 'name: expected a name for C'),
         ({'precision': 'float16'}, 'precision: expected float64 or float32'),
+        ({'name': 'check'}, "expected another than 'check', which is a file of C"),
+        ({'name': 'math'}, "expected another than 'math', which is a file of C"),
         ({'steps': 0}, 'steps: expected 1 to 1000000'),
         ({'steps': 10**9}, 'steps: expected 1 to 1000000'),
     ],
@@ -94,8 +97,70 @@ def test_a_folder_with_something_in_it_is_left_alone(tmp_path):
     assert [each.name for each in tmp_path.iterdir()] == ['mine']
 
 
-def test_names_that_are_one_in_c_are_refused():
+def test_a_text_ends_no_comment():
     loop = of_scenario('linear', {'sensors': ['position']})
     texts = loop_files(loop, 'loop', 'float64', 'x')
     assert 'loop_correct_position' in texts['loop.h']
     assert '*/ x' not in loop_files(loop, 'loop', 'float64', '*/ x')['loop.h']
+
+
+@needs_a_compiler
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    'name', ['my_name', 'NAME', 'prefix', 'measure', 'state', 'loop', 'first']
+)
+def test_no_name_is_mixed_up_with_one_of_ours(name, tmp_path):
+    three = {'type': 'std_msgs/Float64', 'fields': ['data'], 'noise': [0.1], 'measures': ['x']}
+    sensors = ['gps', 'gps_of', 'NAME', 'init', 'predict']
+    changes = {f'{each}.{key}': value for each in sensors for key, value in three.items()}
+    loop = of_scenario('mass_spring_damper', {'sensors': sensors, **changes})
+    built = build(write(loop, tmp_path / 'c', name, source='NAME.yaml', steps=20))
+    assert built is not None
+    header = (tmp_path / 'c' / f'{name}.h').read_text()
+    assert 'from NAME.yaml' in header
+    assert f'{name}_correct_NAME(' in header or name == 'NAME'
+    assert f'{name.upper()}_STATES' in header
+
+
+@pytest.mark.parametrize(
+    ('policy', 'says'),
+    [
+        (Policy(max_gap=np.inf), 'max_gap: expected at most 1e'),
+        (Policy(max_gap=1e12), 'max_gap: expected at most 1e'),
+        (Policy(recover_after=5_000_000_000), 'gate_recover_after: expected at most 1000000000'),
+        (Policy(from_reading=True), 'initialize: expected belief, got reading'),
+        (Policy(rest_until_input=True), 'rest_until_input: expected false'),
+    ],
+)
+def test_what_does_not_fit_in_c_is_refused(policy, says):
+    with pytest.raises(ValueError, match=says):
+        of_scenario('dc_motor', policy=policy)
+
+
+@pytest.mark.parametrize(('std', 'noise'), [(1e20, 0.1), (1.0, 1e-23)])
+def test_variances_beyond_single_precision_are_refused(std, noise, tmp_path):
+    loop = of_scenario('dc_motor', {'initial_std': [std, 1.0, 1.0], 'encoder.noise': [noise]})
+    with pytest.raises(ValueError, match='precision: float32 computes with variances from 1e-15'):
+        write(loop, tmp_path / 'c', 'loop', 'float32')
+    write(loop, tmp_path / 'd', 'loop', steps=5)
+
+
+def test_a_name_of_a_sensor_has_no_dot():
+    with pytest.raises(ValueError, match="sensors: expected names without a dot, got 'a.b'"):
+        of_scenario('dc_motor', {'sensors': ['a.b']})
+
+
+def test_a_notebook_has_the_options_of_the_file(tmp_path):
+    mine = tmp_path / 'mine.yaml'
+    mine.write_text(
+        '/**:\n  ros__parameters: {model: dc_motor, filter: kf, sensors: [encoder]}\n'
+        'estimator:\n  ros__parameters: {max_gap: 5.0, gate_recover_after: 7}\n'
+    )
+    kr.export(mine, tmp_path / 'a', compile=False)
+    text = (tmp_path / 'a' / 'mine.c').read_text()
+    assert 'MAX_GAP INT64_C(5000000000)' in text
+    assert 'RECOVER_AFTER 7' in text
+    kr.export('dc_motor', tmp_path / 'b', max_gap=3.0, recover_after=0, compile=False)
+    text = (tmp_path / 'b' / 'dc_motor.c').read_text()
+    assert 'MAX_GAP INT64_C(3000000000)' in text
+    assert 'RECOVER_AFTER 0' in text
