@@ -9,7 +9,7 @@ any but `Run` and `replay`. Names load lazily, so the import itself takes no tim
 - models and sensors: `continuous_model`, `discrete_model`, `sensor`, or subclasses of `Model`,
   `DiscreteModel`, `Sensor`; `Space` names coordinates; `trim` finds an `OperatingPoint`, where
   `linearize` gives the linear system
-- estimation: `filter`, `smooth`, `consistency`, `Gaussian`; `tune` fits parameters
+- estimation: `filter`, `smooth`, `consistency`, `Gaussian`; `tune`, or `fit`, fits parameters
 - a loop of your own: `KalmanFilter`, `ExtendedKalmanFilter`, `UnscentedKalmanFilter`,
   `OnlineEstimator`, `Regulator`, `Correction`; `compile` makes a model fast
 - whole loops: `make_scenario`, `load`, `design`, `worst_case`, `simulate`, `monte_carlo` for many
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .arrays.exporting import export as export
     from .arrays.filtering import filter as filter
     from .arrays.filtering import smooth as smooth
+    from .arrays.fitting import fit as fit
     from .arrays.fitting import tune as tune
     from .arrays.gains import discretize as discretize
     from .arrays.gains import dlqr as dlqr
@@ -72,7 +73,7 @@ _WHERE = {
     'arrays.designing': ('design',),
     'arrays.exporting': ('export',),
     'arrays.filtering': ('filter', 'smooth'),
-    'arrays.fitting': ('tune',),
+    'arrays.fitting': ('fit', 'tune'),
     'arrays.gains': ('discretize', 'dlqr', 'lqr', 'margins', 'place'),
     'arrays.loop_shaping': ('loop_shaping',),
     'arrays.many_runs': ('monte_carlo',),

@@ -10,7 +10,8 @@ from typing import Any, Union
 
 import numpy as np
 
-from kalman_ros.analysis.tuning.fit import Fit, Fitted, fit
+from kalman_ros.analysis.tuning.fit import Fit, Fitted
+from kalman_ros.analysis.tuning.fit import fit as fit_likelihood
 from kalman_ros.analysis.tuning.held_out import Judgement, judge
 from kalman_ros.analysis.tuning.likelihood import Likelihood
 from kalman_ros.analysis.tuning.observations import Observations, Readings
@@ -192,7 +193,7 @@ def tune(
 
 def tuning(likelihood: Likelihood) -> Tuning:
     """Return the fit of a likelihood, judged on the readings after its end."""
-    found: Fit = fit(likelihood)
+    found: Fit = fit_likelihood(likelihood)
     if found.interrupted:
         raise KeyboardInterrupt
     held = None
@@ -215,3 +216,7 @@ def _observations(rows: Mapping[str, Rows], acts: Rows) -> Observations:
         for name, each in rows.items()
     }
     return Observations(readings, np.asarray(acts.stamps, dtype=np.int64), acts.values)
+
+
+#: The same by the name that others have for it.
+fit = tune

@@ -12,6 +12,7 @@ from kalman_ros.control import lqe as estimation
 from kalman_ros.core import Discretization, Dynamics, Sensor
 
 from .accept import columns, duration, rows, square, weight
+from .foreign import read_system
 from .gain_results import Observer
 
 
@@ -28,7 +29,9 @@ def lqe(
     """Return the steady-state Kalman filter of dx/dt = A x + G w, y = C x + v.
 
     ``lqe(A, C, W, V)``, or ``lqe(A, G, C, W, V)`` as in python-control, or ``lqe(model, sensor,
-    dt=...)`` with one sensor or several that measure together.
+    dt=...)`` with one sensor or several that measure together. ``lqe(system, W, V, N)`` takes A, G
+    and C from a state-space system of python-control or scipy.signal, whose noise acts where its
+    input does.
 
     Parameters
     ----------
@@ -50,6 +53,10 @@ def lqe(
     """
     if isinstance(A, Dynamics):
         return _of_model(A, G, dt)
+    if (system := read_system('A', A)) is not None:
+        if system.dt is not None:
+            return dlqe(A, G, C, W, dt=dt)
+        A, G, C, W, V, N = system.A, system.B, system.C, G, C, W
     if V is None and N is None:
         G, C, W, V = None, G, C, W
     A, G, C, W, V, N = _noises(A, G, C, W, V, N)
@@ -76,11 +83,16 @@ def dlqe(
 ) -> Observer:
     """Return the steady-state Kalman filter of x' = F x + G w, y = C x + v, in samples.
 
-    ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` as in python-control. Q and R are the
-    covariances of w and v; otherwise as for `lqe`.
+    ``dlqe(F, C, Q, R)``, or ``dlqe(F, G, C, Q, R)`` and ``dlqe(system, Q, R)`` as in
+    python-control. Q and R are the covariances of w and v; otherwise as for `lqe`.
     """
     if isinstance(F, Dynamics):
         return _of_model(F, G, dt)
+    if (system := read_system('F', F)) is not None:
+        if system.continuous:
+            raise ValueError('F: expected a system in discrete time, got one in continuous time')
+        F, G, C, Q, R, N = system.A, system.B, system.C, G, C, Q
+        dt = system.dt if dt is None else dt
     if R is None and N is None:
         G, C, Q, R = None, G, C, Q
     F, G, C, Q, R, N = _noises(F, G, C, Q, R, N)

@@ -2,7 +2,8 @@
 """Pole placement for state feedback and observers.
 
 With several inputs the method is that of Tits and Yang (IEEE Trans. Automatic Control 41(10),
-1996), whose poles are least sensitive to model errors; with one input the gain is unique.
+1996), whose poles are least sensitive to model errors; with one input the gain is unique. A pole
+that is repeated more often than there are inputs has chains of eigenvectors.
 """
 
 from __future__ import annotations
@@ -21,6 +22,10 @@ from .structure import ComplexArray, balancing, describe, eigenvalues, uncontrol
 #: Placed poles further from the requested ones than this, relative to the largest, are an error.
 _ACCURACY = 1e-4
 
+#: Coefficients of the polynomial of repeated poles may be off by this much, relative to the
+#: largest; the number of gains that are tried for them.
+_OFF, _TRIES = 1e-6, 12
+
 #: Each added pole lies this much further left, relative to the fastest one given.
 _SPREAD = 0.1
 
@@ -34,7 +39,7 @@ class PlacementDesign:
     gain
         K (m, n) of a state feedback u = -K x, or L (n, k) of an observer.
     poles
-        The eigenvalues (n,) achieved: of A - B K, or of A - L C.
+        The eigenvalues (n,) of A - B K, or of A - L C; as asked for where they are repeated.
     """
 
     gain: Array
@@ -58,24 +63,23 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
     ValueError
         If the number of poles is wrong, or a conjugate is missing.
     DesignError
-        If the input does not move every mode, or a pole is repeated more often than there
-        are independent inputs.
+        If the input does not move every mode, or moves one too little.
     """
     wanted = _checked(len(A), poles)
     stuck = uncontrollable_modes(A, B)
     if stuck.size:
         raise DesignError(f'poles: no input moves the modes at {describe(stuck)}')
-    independent = _rank(B)
-    for pole in wanted:
-        count = int(np.sum(wanted == pole))
-        if count > independent:
-            raise DesignError(
-                'poles: expected no pole more often than there are independent inputs '
-                f'(or readings), {independent}; got {describe(np.array([pole]))} {count} times'
-            )
+    independent, repeated = _rank(B), _most_repeated(wanted)
     # as robust as can be in the units that are given, unless they are too different
     for units in (np.ones(len(A)), balancing(A)):
         scaled = A * units / units[:, np.newaxis], B / units[:, np.newaxis]
+        if repeated > independent:
+            K = _chained_gain(*scaled, wanted)
+            # eigenvalues of a chain of k scatter by the k-th root of the rounding
+            if _same_polynomial(scaled[0] - scaled[1] @ K, wanted):
+                return PlacementDesign(K / units, wanted)
+            found = eigenvalues(scaled[0] - scaled[1] @ K)
+            continue
         K = _robust_gain(*scaled, wanted, independent)
         found = eigenvalues(scaled[0] - scaled[1] @ K)
         off = max(np.abs(found - pole).min() for pole in wanted)
@@ -109,6 +113,59 @@ def _robust_gain(A: Array, B: Array, poles: ComplexArray, rank: int) -> Array:
     return np.asarray(Vh[:rank].T / sizes[0] @ gain, dtype=float)
 
 
+def _most_repeated(poles: ComplexArray) -> int:
+    """Return how often the most frequent of some poles is there."""
+    return max(int(np.sum(poles == pole)) for pole in poles)
+
+
+def _chained_gain(A: Array, B: Array, poles: ComplexArray) -> Array:
+    """Return a K (m, n) for poles that are repeated, each of which has chains of eigenvectors.
+
+    With J a real Jordan form of the poles and any G, A X - X J = B G and K = G X^-1 give
+    (A - B K) X = X J (S. Bhattacharyya and E. de Souza, Pole assignment via Sylvester's equation,
+    Systems and Control Letters 1(4), 1982). The best conditioned X of some G is taken.
+    """
+    from scipy.linalg import solve_sylvester
+
+    n, m = B.shape
+    random = np.random.default_rng(0)
+    rate = max(float(np.abs(poles).max()), float(np.abs(eigenvalues(A)).max())) or 1.0
+    size = float(np.linalg.norm(B, 2)) / rate
+    J = _jordan(poles / rate)
+    best, least = np.zeros((m, n)), np.inf
+    for k in range(_TRIES):
+        # X has no solution where A has one of the poles: it is moved first
+        moved = np.zeros((m, n)) if k % 2 == 0 else 0.3 * random.standard_normal((m, n)) / size
+        G = random.standard_normal((m, n))
+        X = solve_sylvester(A / rate - B / rate @ moved, -J, B / rate / size @ G)
+        condition = float(np.linalg.cond(X)) if np.isfinite(X).all() else np.inf
+        if condition < least:
+            best, least = moved + np.linalg.solve(X.T, G.T).T / size, condition
+    return best
+
+
+def _same_polynomial(closed: Array, poles: ComplexArray) -> bool:
+    """Return whether a matrix has the characteristic polynomial of some poles."""
+    rate = float(np.abs(poles).max()) or 1.0
+    wanted, found = np.poly(poles / rate), np.poly(closed / rate)
+    return bool(np.abs(found - wanted).max() <= _OFF * np.abs(wanted).max())
+
+
+def _jordan(poles: ComplexArray) -> Array:
+    """Return a real matrix (n, n) with a chain of each pole as long as it is often."""
+    J = np.zeros((len(poles), len(poles)))
+    at = 0
+    for pole in np.unique(poles[poles.imag >= 0.0]):
+        count, width = int(np.sum(poles == pole)), 2 if pole.imag else 1
+        block = np.array([[pole.real, pole.imag], [-pole.imag, pole.real]])[:width, :width]
+        for k in range(count):
+            J[at : at + width, at : at + width] = block
+            if k + 1 < count:
+                J[at : at + width, at + width : at + 2 * width] = np.eye(width)
+            at += width
+    return J
+
+
 def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> PlacementDesign:
     """Return the gain for an input held over steps of ``dt``, with ``poles`` in 1/s.
 
@@ -127,8 +184,8 @@ def sampled_place(A: Array, B: Array, poles: Sequence[complex], dt: float) -> Pl
 def spread_poles(name: str, poles: Sequence[float], count: int) -> list[float]:
     """Return ``count`` real parts in 1/s, the given ones first.
 
-    The k-th added one is (1 + k / 10) times the fastest given one, so that no pole repeats,
-    which a single input could not place.
+    The k-th added one is (1 + k / 10) times the fastest given one, so that no pole repeats: a
+    repeated one is the most sensitive to errors of the model.
 
     Raises
     ------
@@ -178,8 +235,7 @@ def place_observer(A: Array, C: Array, poles: Sequence[complex]) -> PlacementDes
     ValueError
         As `place`.
     DesignError
-        If the readings do not see every mode, or one pole is asked for more often than there
-        are independent readings.
+        If the readings do not see every mode, or see one too little.
     """
     hidden = uncontrollable_modes(A.T, C.T)
     if hidden.size:

@@ -58,7 +58,7 @@ class SensorSource:
         return carried if carried.trace() > self.sensor.covariance.trace() else None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scenario:
     """A model, its sensors, its signals and its rate, built and checked as a whole."""
 
@@ -78,6 +78,24 @@ class Scenario:
     filter_options: Mapping[str, Value] = field(default_factory=dict)
     #: The origin of satellite fixes in metres; None for the first one.
     datum: Place | None = None
+
+    def __repr__(self) -> str:
+        """Return model, states, input, sensors and rate in five lines."""
+        law = f', law {self.law}' if self.law else ''
+        sensors = '; '.join(
+            f'{name}: {source.sensor.output} at {source.timed.rate:g} Hz'
+            + ('' if source.timed.enabled else ', disabled')
+            for name, source in self.sensors.items()
+        )
+        lines = {
+            'states': self.model.state,
+            'input': self.model.input,
+            'sensors': sensors or 'none',
+            'initial': f'mean {self.initial_belief.mean.tolist()}, '
+            f'std {self.initial_belief.std.tolist()}',
+        }
+        head = f'{type(self.model).__name__} at {self.rate:g} Hz, filter {self.filter}{law}'
+        return '\n'.join((head, *(f'{name}: {each}' for name, each in lines.items())))
 
     @property
     def plan(self) -> Plan:

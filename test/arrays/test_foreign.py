@@ -229,3 +229,28 @@ def test_the_sample_time_of_a_system_may_be_repeated():
     np.testing.assert_array_equal(kr.lqr(STEP, 1, 1, dt=0.1).gain, kr.lqr(STEP, 1, 1).gain)
     gain = kr.lqr(A, B, 1, 1)
     assert kr.margins(kr.continuous_model(A, B, W), gain) == kr.margins(gain)
+
+
+@pytest.mark.parametrize('dt', [None, 0.1])
+def test_an_observer_of_a_system_has_noise_where_its_input_acts(dt):
+    A, B, C = [[0.0, 1.0], [-2.0, -0.5]], [[0.0], [1.0]], [[1.0, 0.0]]
+    system = signal.StateSpace(A, B, C, [[0.0]])
+    if dt is None:
+        found, expected = kr.lqe(system, 2.0, 0.5), kr.lqe(A, B, C, 2.0, 0.5)
+        with pytest.raises(ValueError, match='F: expected a system in discrete time'):
+            kr.dlqe(system, 2.0, 0.5)
+    else:
+        system = system.to_discrete(dt)
+        found = kr.dlqe(system, 2.0, 0.5)
+        expected = kr.dlqe(system.A, system.B, system.C, 2.0, 0.5, dt=dt)
+        np.testing.assert_array_equal(kr.lqe(system, 2.0, 0.5).L, found.L)
+    np.testing.assert_array_equal(found.L, expected.L)
+    np.testing.assert_array_equal(found.poles, expected.poles)
+
+
+def test_fit_is_tune_and_a_scenario_prints_in_five_lines():
+    assert kr.fit is kr.tune
+    shown = repr(kr.load('robot_2d')).splitlines()
+    assert len(shown) == 5
+    assert shown[0] == 'Robot2D at 100 Hz, filter ekf'
+    assert shown[3].startswith('sensors: position: x [m], y [m] at 5 Hz; odometry: ')

@@ -58,14 +58,41 @@ def test_sampled_poles_go_where_the_exponential_takes_them():
     np.testing.assert_allclose(fast.gain, place(A, B, poles).gain, rtol=1e-3)
 
 
-def test_equal_poles_need_as_many_inputs():
+def test_equal_poles_are_placed_by_fewer_inputs_as_by_ackermann():
     near(place(A, np.eye(2), [-1.0, -1.0]).poles, [-1.0, -1.0])
-    with pytest.raises(DesignError, match=r'independent inputs .*, 1; got -1 2 times'):
-        place(A, B, [-1.0, -1.0])
+    controllable = np.hstack((B, A @ B))
+    square = (A + np.eye(2)) @ (A + np.eye(2))
+    expected = np.linalg.solve(controllable.T, [0.0, 1.0]) @ square  # e_n' C^-1 phi(A)
+    np.testing.assert_allclose(place(A, B, [-1.0, -1.0]).gain[0], expected, rtol=1e-9)
     twice = np.hstack((B, 2.0 * B))  # two inputs that do the same
     near(place(A, twice, [-1.0, -2.0]).poles, [-1.0, -2.0])
-    with pytest.raises(DesignError, match='got -1 2 times'):
-        place(A, twice, [-1.0, -1.0])
+    closed = A - twice @ place(A, twice, [-1.0, -1.0]).gain
+    np.testing.assert_allclose(np.poly(closed), [1.0, 2.0, 1.0], rtol=1e-7)
+
+
+def test_chains_of_poles_of_random_systems():
+    random = np.random.default_rng(1)
+    for _ in range(60):
+        n = int(random.integers(2, 7))
+        m = int(random.integers(1, min(3, n) + 1))
+        A, B = random.normal(size=(n, n)), random.normal(size=(n, m))
+        count = int(random.integers(2, n + 1))
+        pair = [complex(-2.0, 1.0), complex(-2.0, -1.0)] if n - count >= 2 else []
+        poles = [-1.0] * count + pair + [-3.0 - k for k in range(n - count - len(pair))]
+        found = np.poly(A - B @ place(A, B, poles).gain)
+        wanted = np.poly(np.array(poles)).real
+        assert np.abs(found - wanted).max() < 1e-6 * np.abs(wanted).max()
+
+
+def test_repeated_pairs_and_dead_beat():
+    chain, last = np.eye(4, k=1), np.eye(4)[:, 3:]
+    pairs = [complex(-1.0, 1.0), complex(-1.0, -1.0)] * 2
+    np.testing.assert_allclose(place(chain, last, pairs).gain, [[4.0, 8.0, 8.0, 4.0]], rtol=1e-9)
+    step, force = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]])
+    closed = step - force @ place(step, force, [0.0, 0.0]).gain
+    np.testing.assert_allclose(closed @ closed, np.zeros((2, 2)), atol=1e-12)
+    with pytest.raises(DesignError, match='no input moves'):
+        place(np.eye(2), np.eye(2)[:, :1], [-1.0, -1.0])
 
 
 @pytest.mark.parametrize(
