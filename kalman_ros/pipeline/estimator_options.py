@@ -56,9 +56,7 @@ class EstimatorOptions:
     learn_layouts: Learn = True
     realtime_priority: Priority = 20
     implementation: Annotated[str, About('native, or filterpy for a cross-check')] = 'native'
-    arithmetic: Annotated[
-        str, About("'compiled' where possible, 'numpy', or 'c', the whole filter")
-    ] = COMPILED
+    arithmetic: Annotated[str, About("'compiled', 'numpy' or 'c' (all of it)")] = COMPILED
     lockstep: Lockstep = False
     publish_rate: Annotated[
         float,
