@@ -61,7 +61,6 @@ ELSEWHERE = {
     'forced_response': 'simulate',
     'input_output_response': 'simulate',
     'lsim': 'simulate',
-    'fit': 'tune',
     'greyest': 'tune',
     'sysid': 'tune',
     'optimal_control': 'mpc, for limits; motion, for a motion that is planned',

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -116,9 +118,31 @@ class StateFeedback(_Gain):
         DesignError
             If the closed loop is not stable.
         """
+        return LoopMargins.of(self._loop)
+
+    @property
+    def _loop(self) -> StateSpace:
         m = len(self.gain)
-        loop = StateSpace(self.plant.A, self.plant.B, self.gain, np.zeros((m, m)), self.dt)
-        return LoopMargins.of(loop)
+        return StateSpace(self.plant.A, self.plant.B, self.gain, np.zeros((m, m)), self.dt)
+
+    def plot(self, path: str | Path | None = None) -> None:
+        """Draw Bode and Nyquist plots of the loop at each input, with its margins.
+
+        With a ``path`` the picture is saved there; else a notebook or ``plt.show()`` shows it.
+
+        Raises
+        ------
+        DesignError
+            If the closed loop is not stable.
+        """
+        from kalman_ros.analysis.input_loops import InputLoops, Loop
+        from kalman_ros.report.design_pictures import feedback_loops  # matplotlib is slow to load
+
+        channels = []
+        for k, (name, at) in enumerate(zip(self.plant.inputs, self.margins)):
+            channels.append(InputLoops(name, Loop(self._loop.channel(k), at, at), None, None))
+        rate = inf if self.dt is None else 1.0 / self.dt
+        feedback_loops(channels, rate, None if path is None else Path(path))
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.gain, self.cost_to_go, self.poles))

@@ -17,7 +17,6 @@ from kalman_ros.analysis.design_warnings import loop_names
 from kalman_ros.analysis.input_loops import InputLoops, Loop
 from kalman_ros.control.stability import Mode
 from kalman_ros.core import Array
-from kalman_ros.scenario import Scenario
 
 from .style import (
     ESTIMATE,
@@ -128,22 +127,42 @@ def loops(report: DesignReport, path: Path | None) -> None:
     channels = report.regulator.loops if report.regulator else ()
     with canvas(path, (9.5, 4.0 * len(channels) + 0.3)) as figure:
         parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]
+        known, estimated = loop_names(report.scenario.law)
+        names = f'{known}, all states known', f'{estimated}, with the estimate'
         for part, channel in zip(parts, channels):
-            _draw_input(part, channel, report.scenario)
+            _draw_input(part, channel, names, report.scenario.rate)
         legend_below(figure, parts[-1].axes[-1])
 
 
-def _draw_input(part: Any, channel: InputLoops, scenario: Scenario) -> None:
+def feedback_loops(channels: Sequence[InputLoops], rate: float, path: Path | None) -> None:
+    """Draw Bode and Nyquist plots of a feedback of the state at each input.
+
+    Parameters
+    ----------
+    channels
+        The loop of each input.
+    rate
+        Samples a second; infinite in continuous time.
+    path
+        Where to save the picture; None to show it.
+    """
+    with canvas(path, (9.5, 4.0 * len(channels) + 0.3)) as figure:
+        parts = figure.subfigures(len(channels), 1, squeeze=False)[:, 0]
+        for part, channel in zip(parts, channels):
+            _draw_input(part, channel, ('u = -K x', ''), rate)
+        legend_below(figure, parts[-1].axes[-1])
+
+
+def _draw_input(part: Any, channel: InputLoops, names: tuple[str, str], rate: float) -> None:
     """Draw the loop at one input: gain and phase on the left, Nyquist plot on the right."""
     grid = part.add_gridspec(2, 2, width_ratios=(1.2, 1.0))
     gain = part.add_subplot(grid[0, 0])
     phase = part.add_subplot(grid[1, 0], sharex=gain)
     plane = part.add_subplot(grid[:, 1])
-    known, estimated = loop_names(scenario.law)
-    drawn = {f'{known}, all states known': (channel.known, TRUTH)}
+    drawn = {names[0]: (channel.known, TRUTH)}
     if channel.estimated is not None:
-        drawn[f'{estimated}, with the estimate'] = (channel.estimated, ESTIMATE)
-    w = _frequencies([loop for loop, _ in drawn.values()], scenario.rate)
+        drawn[names[1]] = (channel.estimated, ESTIMATE)
+    w = _frequencies([loop for loop, _ in drawn.values()], rate)
     for label, (loop, colour) in drawn.items():
         _draw_bode((gain, phase), loop, w, colour, 'above' if loop is channel.known else 'below')
         _draw_nyquist(plane, loop, w, colour, label)
@@ -157,8 +176,10 @@ def _frequencies(loops: Sequence[Loop], rate: float) -> Array:
     marks = [
         mark.frequency for m in margins for mark in (m.lower_gain, m.upper_gain, m.lag, m.lead)
     ]
-    low = min((mark for mark in marks if 0.0 < mark < inf), default=0.01 * pi * rate)
-    return np.asarray(np.geomspace(0.1 * low, 0.97 * pi * rate, _POINTS), dtype=float)
+    finite = [mark for mark in marks if 0.0 < mark < inf]
+    low = min(finite, default=0.01 * pi * rate if rate < inf else 1.0)
+    high = 0.97 * pi * rate if rate < inf else 30.0 * max(finite, default=10.0)
+    return np.asarray(np.geomspace(0.1 * low, high, _POINTS), dtype=float)
 
 
 def _draw_bode(axes: tuple[Any, Any], loop: Loop, w: Array, colour: str, side: str) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains from matrices as people type them, against published values."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -215,3 +216,14 @@ def test_in_discrete_time_an_input_may_be_free():
     np.testing.assert_allclose(gain.S, np.eye(2), atol=1e-12)
     with pytest.raises(DesignError, match=r'^R: expected a positive definite matrix'):
         kr.dlqr([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], [1.0, 0.0], 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('dt', [None, 0.1])
+def test_a_gain_draws_its_loops(dt, tmp_path):
+    two = kr.lqr([[0, 1], [-2, -0.5]], np.eye(2), np.eye(2), np.eye(2), dt=dt)
+    two.plot(tmp_path / 'loops.png')
+    assert (tmp_path / 'loops.png').stat().st_size > 20_000
+    with pytest.raises(kr.DesignError, match='stable'):
+        replace(two, gain=-100.0 * two.gain).plot(tmp_path / 'none.png')
+    assert not (tmp_path / 'none.png').exists()
