@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from kalman_ros.compiled import is_available
 from kalman_ros.compiled.library import compiler
 
 from .loop import Loop
-from .source import loop_files
 from .vectors import recorded, text
 
 #: Test vectors are of a run of this many steps.
@@ -110,8 +110,13 @@ def write(
     Raises
     ------
     ValueError
-        If the folder is not empty, C does not accept a name, or a function cannot be traced.
+        If CasADi is not installed, the folder is not empty, C does not accept a name, or a
+        function cannot be traced.
     """
+    if not is_available():
+        raise ValueError('it takes CasADi, which writes formulas: pip install casadi')
+    from .source import loop_files  # CasADi is slow to load
+
     if not 1 <= steps <= 1_000_000:
         raise ValueError(f'steps: expected 1 to 1000000, got {steps}')
     found = loop_files(loop, name, precision, source)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from kalman_ros.compiled import is_available
 from kalman_ros.compiled.parts import COMPILED, IN_C
 from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
 from kalman_ros.estimators import NATIVE
@@ -47,6 +48,8 @@ def fusion(
 def _in_c(scenario: Scenario, found: Estimation, options: EstimatorOptions) -> Estimation:
     if options.implementation != NATIVE:
         raise ValueError(f'arithmetic: expected no {IN_C} with {options.implementation}')
+    if not is_available():
+        raise ValueError(f'arithmetic: {IN_C} is not possible here: CasADi is not installed')
     from kalman_ros.embedded.filter_in_c import in_c  # CasADi is slow to load
 
     return in_c(scenario, found)

@@ -16,7 +16,6 @@ from rich.table import Table
 from kalman_ros.compiled.library import compiler
 from kalman_ros.core import options_of
 from kalman_ros.embedded.loop import Loop, loop
-from kalman_ros.embedded.texts import PRECISIONS
 from kalman_ros.embedded.writing import STEPS, Built, Written, build, write
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fusion import policy
@@ -44,7 +43,7 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--name', default='', help="the beginning of every public name (default: the file's)"
     )
     parser.add_argument(
-        '--precision', choices=[*PRECISIONS], default='float64', help='(default: %(default)s)'
+        '--precision', default='float64', help='float64 or float32 (default: %(default)s)'
     )
     parser.add_argument(
         '--estimator-only', action='store_true', help='without the law of the controller'

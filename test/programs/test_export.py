@@ -2,6 +2,8 @@
 """The command that writes C: what it prints, and what it refuses in one line."""
 
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -71,6 +73,14 @@ def test_it_refuses_in_one_line(capsys, tmp_path):
         ('cannot write to', 'dc_motor', '--out', '/proc/none', '--steps', 5),
         ('name: expected a name for C', 'dc_motor', '--out', tmp_path / 'c', '--name', 'a;b'),
         ('unknown scenario', 'dc_moter', '--out', tmp_path / 'c'),
+        (
+            'precision: expected float64',
+            'dc_motor',
+            '--precision',
+            'half',
+            '--out',
+            tmp_path / 'c',
+        ),
         ('steps: expected 1 to', 'dc_motor', '--out', tmp_path / 'c', '--steps', -1),
         (
             "unknown parameter 'lor'",
@@ -84,3 +94,16 @@ def test_it_refuses_in_one_line(capsys, tmp_path):
     ):
         assert expected in refused(capsys, *arguments)
     assert not (tmp_path / 'c').exists()
+
+
+def test_without_casadi_one_line_says_what_to_install(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(writing, 'is_available', lambda: False)
+    line = refused(capsys, 'dc_motor', '--out', tmp_path / 'c')
+    assert line == 'export: it takes CasADi, which writes formulas: pip install casadi'
+
+
+@pytest.mark.slow
+def test_an_import_takes_no_casadi():
+    code = 'import sys, kalman_ros.programs.export as e; print("casadi" in sys.modules)'
+    out = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
+    assert out.stdout.strip() == 'False', out.stderr
