@@ -26,6 +26,9 @@ _ACCURACY = 1e-4
 #: largest; the number of gains that are tried for them.
 _OFF, _TRIES = 1e-6, 12
 
+#: Poles that differ by less, relative to the largest, are equal.
+_SAME = 1e-7
+
 #: Each added pole lies this much further left, relative to the fastest one given.
 _SPREAD = 0.1
 
@@ -65,26 +68,33 @@ def place(A: Array, B: Array, poles: Sequence[complex]) -> PlacementDesign:
     DesignError
         If the input does not move every mode, or moves one too little.
     """
-    wanted = _checked(len(A), poles)
+    wanted = _gathered(_checked(len(A), poles))
     stuck = uncontrollable_modes(A, B)
     if stuck.size:
         raise DesignError(f'poles: no input moves the modes at {describe(stuck)}')
     independent, repeated = _rank(B), _most_repeated(wanted)
+    methods = [_chained_gain]
+    if repeated <= independent:
+        methods.insert(0, lambda A, B, poles: _robust_gain(A, B, poles, independent))
+    best, off, found = None, np.inf, np.full(len(A), np.nan, dtype=complex)
     # as robust as can be in the units that are given, unless they are too different
-    for units in (np.ones(len(A)), balancing(A)):
-        scaled = A * units / units[:, np.newaxis], B / units[:, np.newaxis]
-        if repeated > independent:
-            K = _chained_gain(*scaled, wanted)
-            # eigenvalues of a chain of k scatter by the k-th root of the rounding
-            if _same_polynomial(scaled[0] - scaled[1] @ K, wanted):
-                return PlacementDesign(K / units, wanted)
-            found = eigenvalues(scaled[0] - scaled[1] @ K)
-            continue
-        K = _robust_gain(*scaled, wanted, independent)
-        found = eigenvalues(scaled[0] - scaled[1] @ K)
-        off = max(np.abs(found - pole).min() for pole in wanted)
-        if off <= _ACCURACY * np.abs(wanted).max():
-            return PlacementDesign(K / units, found)
+    for method in methods:
+        for units in (np.ones(len(A)), balancing(A)):
+            scaled = A * units / units[:, np.newaxis], B / units[:, np.newaxis]
+            try:
+                K = method(*scaled, wanted)
+            except (ValueError, np.linalg.LinAlgError):
+                continue
+            closed = scaled[0] - scaled[1] @ K
+            wrong = _distance(closed, wanted)
+            if wrong < off:
+                best, off, found = K / units, wrong, eigenvalues(closed)
+            if best is not None and off <= _OFF:
+                # eigenvalues of a chain of k scatter by the k-th root of the rounding
+                return PlacementDesign(best, found if repeated <= independent else wanted)
+    near = _farthest(found, wanted) <= _ACCURACY * np.abs(wanted).max()
+    if best is not None and repeated <= independent and near:
+        return PlacementDesign(best, found)
     raise DesignError(
         f'poles: some mode is moved too little to be placed: asked for '
         f'{describe(wanted)}, the best gain gives {describe(found)}'
@@ -111,6 +121,20 @@ def _robust_gain(A: Array, B: Array, poles: ComplexArray, rank: int) -> Array:
         warnings.simplefilter('ignore', UserWarning)
         gain = place_poles(A / rate, inputs, poles / rate).gain_matrix
     return np.asarray(Vh[:rank].T / sizes[0] @ gain, dtype=float)
+
+
+def _gathered(poles: ComplexArray) -> ComplexArray:
+    """Return poles of which those that differ by rounding are equal: 0.1 * 3 is 0.3."""
+    found: ComplexArray = poles.copy()
+    near = _SAME * (float(np.abs(poles).max()) or 1.0)
+    for k, pole in enumerate(found):
+        if abs(pole.imag) <= near:
+            found[k] = pole.real
+        for other in found[:k]:
+            for same in (other, other.conjugate()):
+                if abs(found[k] - same) <= near:
+                    found[k] = same
+    return found
 
 
 def _most_repeated(poles: ComplexArray) -> int:
@@ -144,11 +168,27 @@ def _chained_gain(A: Array, B: Array, poles: ComplexArray) -> Array:
     return best
 
 
-def _same_polynomial(closed: Array, poles: ComplexArray) -> bool:
-    """Return whether a matrix has the characteristic polynomial of some poles."""
+def _farthest(found: ComplexArray, wanted: ComplexArray) -> float:
+    """Return the largest distance of wanted poles from found ones, each of which counts once."""
+    away = np.abs(found[:, np.newaxis] - wanted)
+    farthest = 0.0
+    for _ in wanted:
+        i, k = np.unravel_index(np.argmin(away), away.shape)
+        farthest = max(farthest, float(away[i, k]))
+        away[i, :] = away[:, k] = np.inf
+    return farthest
+
+
+def _distance(closed: Array, poles: ComplexArray) -> float:
+    """Return how far the characteristic polynomial of a matrix is from that of some poles.
+
+    It is the largest difference of two coefficients, relative to the largest coefficient.
+    """
+    if not np.isfinite(closed).all():
+        return np.inf
     rate = float(np.abs(poles).max()) or 1.0
     wanted, found = np.poly(poles / rate), np.poly(closed / rate)
-    return bool(np.abs(found - wanted).max() <= _OFF * np.abs(wanted).max())
+    return float(np.abs(found - wanted).max() / np.abs(wanted).max())
 
 
 def _jordan(poles: ComplexArray) -> Array:

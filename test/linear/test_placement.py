@@ -84,6 +84,24 @@ def test_chains_of_poles_of_random_systems():
         assert np.abs(found - wanted).max() < 1e-6 * np.abs(wanted).max()
 
 
+@pytest.mark.parametrize(
+    'poles',
+    [
+        [-0.3, -0.1 * 3, -1.0],  # these differ by rounding
+        [-0.3, -0.1 * 3, -0.1 * 3],
+        [-1.0, -1.0 - 1e-9, -1.0 - 2e-9],
+        [-1.0, -1.0 - 1e-5, -1.0 - 2e-5],
+        [-2.0, complex(-1.0, 1e-9), complex(-1.0, -1e-9)],
+    ],
+)
+def test_nearly_equal_poles_are_all_there(poles):
+    chain, last = np.eye(3, k=1), np.eye(3)[:, 2:]
+    found = np.poly(chain - last @ place(chain, last, poles).gain)
+    np.testing.assert_allclose(found, np.poly(np.array(poles)).real, rtol=1e-5)
+    dual = place_observer(chain, np.eye(3)[:1], poles).gain
+    np.testing.assert_allclose(np.poly(chain - dual @ np.eye(3)[:1]), found, rtol=1e-5)
+
+
 def test_repeated_pairs_and_dead_beat():
     chain, last = np.eye(4, k=1), np.eye(4)[:, 3:]
     pairs = [complex(-1.0, 1.0), complex(-1.0, -1.0)] * 2
