@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.compiled.library import CompilerError, load
+from kalman_ros.compiled.library import CompilerError, compiler, load
 from kalman_ros.core import Array, Gaussian, Sensor, unchecked
 from kalman_ros.estimators.filter import Correction, Filter, Prediction, SmoothableFilter
 from kalman_ros.scenario import Scenario
@@ -93,21 +93,31 @@ class SmoothableInC(FilterInC, SmoothableFilter):
         return found
 
 
-def in_c(scenario: Scenario, found: Estimation) -> Estimation:
+def in_c(scenario: Scenario, found: Estimation, *, wait: bool = True) -> Estimation:
     """Return an estimation with its filter in C.
+
+    Without ``wait``, one that no earlier start has compiled is `Estimation.pending`, and the
+    filter in Python computes.
 
     Raises
     ------
     ValueError
         If the filter or the model is not supported, or there is no compiler.
     """
+    refused = 'arithmetic: c is not possible here'
     try:
         check_estimator(scenario, found)
         loop = Loop(scenario, found, np.zeros(scenario.model.input.size), None)
         source = filter_source(loop)
-        library = load(source)
-    except (ValueError, CompilerError) as error:
-        raise ValueError(f'arithmetic: c is not possible here: {error}') from None
+        library = load(source, wait=wait)
+    except ValueError as error:
+        raise ValueError(f'{refused}: {error}') from None
+    except CompilerError as error:
+        if wait or not compiler():
+            raise ValueError(f'{refused}: {error}') from None
+        pending = [*found.pending, error.pending] if error.pending else found.pending
+        said = f'{found.arithmetic} (c: {error})'
+        return replace(found, arithmetic=said, pending=pending)
     places = {name: k for k, name in enumerate(loop.sensors)}
     kind = SmoothableInC if isinstance(found.filter, SmoothableFilter) else FilterInC
     return replace(found, filter=kind(found.filter, library, places), arithmetic='c', pending=())

@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from kalman_ros.compiled.source import FAST
 from kalman_ros.compiled.symbols import UntraceableError
+from kalman_ros.core import Gaussian, Sensor
 from kalman_ros.estimators.filters.ukf import UnscentedKalmanFilter
+from kalman_ros.estimators.policy import Policy
 
 from .expressions import numbers
 from .header import header_texts
@@ -69,10 +73,30 @@ def filter_source(loop: Loop) -> str:
     """
     name = 'loop'
     names = Names.of(loop, name)
+    loop = _without_numbers(loop)
     header = header_texts(loop, names, 'float64', '')[f'{name}.h']
     size = 'unsigned long filter_size(void) { return sizeof(NAME_loop); }\n'
     body = '\n'.join([*_filter(loop, names, 'float64', FAST), text('filter.c')])
     return '\n'.join((header, named(f'{size}\n{body}'.replace('#include "NAME.h"', ''), name)))
+
+
+def _without_numbers(loop: Loop) -> Loop:
+    """Return a loop without what is given with each call, so that a change compiles nothing.
+
+    Those are the noise of sensors, the gates and the first belief.
+    """
+    found = loop.estimation
+    first = Gaussian(np.zeros_like(found.initial.mean), np.zeros_like(found.initial.covariance))
+    plain = replace(found, initial=first, policy=Policy())
+    sources = {
+        name: replace(source, timed=replace(source.timed, sensor=_noiseless(source.sensor)))
+        for name, source in loop.scenario.sensors.items()
+    }
+    return replace(loop, scenario=replace(loop.scenario, sensors=sources), estimation=plain)
+
+
+def _noiseless(sensor: Sensor) -> Sensor:
+    return sensor.with_covariance(np.eye(len(sensor.covariance)))
 
 
 def _filter(loop: Loop, names: Names, precision: str, fast: str) -> list[str]:

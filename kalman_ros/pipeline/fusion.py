@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kalman_ros.compiled import is_available
-from kalman_ros.compiled.parts import COMPILED, IN_C
+from kalman_ros.compiled.parts import COMPILED, IN_C, NUMPY
 from kalman_ros.core import Array, Gaussian, Sensor, Value, is_finite
 from kalman_ros.estimators import NATIVE
 from kalman_ros.estimators.filter import Filter
@@ -34,25 +34,33 @@ def fusion(
         If an option is wrong, as for `estimation`.
     """
     in_c = options.arithmetic == IN_C
+    if not in_c and options.arithmetic not in (COMPILED, NUMPY):
+        expected = f'{COMPILED}, {NUMPY} or {IN_C}'
+        raise ValueError(f"arithmetic: expected {expected}, got '{options.arithmetic}'")
     found = estimation(
         scenario,
         policy(scenario, options),
         options=extra,
         implementation=options.implementation,
         arithmetic=COMPILED if in_c else options.arithmetic,
-        wait=wait or in_c,
+        wait=wait,
     )
-    return _in_c(scenario, found, options) if in_c else found
+    return _in_c(scenario, found, options, wait=wait) if in_c else found
 
 
-def _in_c(scenario: Scenario, found: Estimation, options: EstimatorOptions) -> Estimation:
+def _in_c(
+    scenario: Scenario, found: Estimation, options: EstimatorOptions, *, wait: bool
+) -> Estimation:
     if options.implementation != NATIVE:
-        raise ValueError(f'arithmetic: expected no {IN_C} with {options.implementation}')
+        raise ValueError(
+            f'arithmetic: {IN_C} is a filter of this package, '
+            f'which implementation: {options.implementation} is not'
+        )
     if not is_available():
         raise ValueError(f'arithmetic: {IN_C} is not possible here: CasADi is not installed')
     from kalman_ros.embedded.filter_in_c import in_c  # CasADi is slow to load
 
-    return in_c(scenario, found)
+    return in_c(scenario, found, wait=wait)
 
 
 def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:

@@ -88,10 +88,18 @@ def test_filterpy_uses_numpy(start):
     assert arithmetic(start(implementation='filterpy').node) == 'numpy'
 
 
+def test_the_whole_filter_in_c_is_compiled_beside_the_work(start, tmp_path, monkeypatch):
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    library._known.clear()
+    found = start(arithmetic='c')
+    assert 'c: it is being compiled' in arithmetic(found.node)
+    found.until(lambda: arithmetic(found.node) == 'c', 'the node does not change over')
+
+
 def test_a_linear_estimator_needs_none(start):
     assert arithmetic(start('mass_spring_damper').node) == 'numpy'
 
 
 def test_an_arithmetic_that_is_unknown_is_refused(start):
-    with pytest.raises(ValueError, match=r"^arithmetic: expected compiled or numpy, got 'fast'$"):
+    with pytest.raises(ValueError, match=r"^arithmetic: expected compiled, numpy or c, got 'f"):
         start(arithmetic='fast')

@@ -133,6 +133,9 @@ def test_states_are_set_by_name_and_poses_on_the_topic_of_robot_localization():
         assert abs(feed.answer(-20.0).pose.pose.position.x + 20.0) < 0.1
         states.publish(JointState(name=['nose'], position=[1.0]))
         run.wait(lambda: 'set_state: name: expected' in log(), 60.0, lambda: 'no warning')
+        feed.send(0.0, 0.0, poses, std=1e150)
+        run.wait(lambda: 'no filter can compute with' in log(), 60.0, lambda: 'no warning')
+        assert abs(feed.answer(-20.0).pose.pose.position.x + 20.0) < 0.1
 
 
 def test_a_fixed_rate_predicts_to_now():

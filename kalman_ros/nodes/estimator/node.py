@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from std_srvs.srv import Trigger
@@ -16,7 +17,7 @@ from kalman_ros.nodes.middleware.meters import Latency
 from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
-from kalman_ros.pipeline.fusion import fusion
+from kalman_ros.pipeline.fusion import check_start, fusion
 from kalman_ros.pipeline.initial_pose import POSES, PoseReader
 from kalman_ros.pipeline.mounts import TOPIC, Mounts, static_type
 from kalman_ros.pipeline.named_state import StateReader
@@ -49,7 +50,7 @@ class EstimatorNode(runtime.ScenarioNode):
             raise ValueError(f'publish_rate: expected {expected}, got {options.publish_rate:g}')
         settings = Settings(scenario, options, self.extra)
         found, origin = settings.fusion(wait=options.lockstep), settings.origin()
-        self._online = settings.estimator(found)
+        self._online, self._estimation = settings.estimator(found), found
         seen = observability(scenario)
         self._publish = EstimatePublisher(self, scenario, options, origin)
         tf = options.publish_tf
@@ -124,6 +125,7 @@ class EstimatorNode(runtime.ScenarioNode):
         def on_message(data: bytes) -> None:
             try:
                 belief = read(data, self.scenario.believed.initial)
+                check_start(replace(self._estimation, initial=belief), self.scenario)
             except ValueError as error:
                 self._fuser.warn(f'{name}: {error}')
                 return
@@ -148,6 +150,7 @@ class EstimatorNode(runtime.ScenarioNode):
         found = fusion(mounted, options, extra, wait=options.lockstep)
 
         def apply() -> None:
+            self._estimation = found
             self._fuser.configure(mounted, found)
             self._mounts.configure(scenario)
             self._changeover.when_compiled(found.pending)
@@ -157,6 +160,7 @@ class EstimatorNode(runtime.ScenarioNode):
     def _use(self, scenario: Scenario) -> None:
         """Continue with a sensor whose mounting is known now, or with what is compiled now."""
         found = fusion(scenario, self.options, self.extra, wait=self.options.lockstep)
+        self._estimation = found
         self._fuser.configure(scenario, found)
         self._changeover.when_compiled(found.pending)
 
