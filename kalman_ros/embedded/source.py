@@ -57,10 +57,9 @@ def loop_files(loop: Loop, name: str, precision: str, source: str) -> dict[str, 
             f'NAME_outcome NAME_correct_{own}(NAME_loop *s, const real *y, const real *R_y)\n'
             f'{{\n    return correct(s, {k}, y, R_y);\n}}\n'
         )
-    return {
-        **header_texts(loop, names, precision, source),
-        f'{name}.c': named('\n'.join(parts), name),
-    }
+    whole = {f'{name}.c': named('\n'.join(parts), name)}
+    files = header_texts(loop, names, precision, source)
+    return {file: (whole | files)[file] for file in (f'{name}.h', *whole, *files)}
 
 
 def filter_source(loop: Loop) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -147,7 +148,8 @@ def build(written: Written) -> Built | None:
     here, name = written.folder, written.name
     flags = '-O2 -fstack-usage' if 'clang' not in command[0] else '-O2'
     out = _run(here, ['make', f'CC={" ".join(command)}', f'CFLAGS={flags}', 'check'])
-    found = dict(line.split(' ', 1) for line in out.splitlines() if line[:5] in ('size ', 'step '))
+    said = re.search(r'the struct has (\d+) bytes; .* takes (\S+) us', out)
+    assert said is not None, out
     text_, data, *_ = _run(here, ['size', f'{name}.o']).splitlines()[1].split()
     difference = out.rpartition('largest difference ')[2].partition(' ')[0]
     usage = [*here.glob('*.su')]
@@ -158,9 +160,9 @@ def build(written: Written) -> Built | None:
     return Built(
         ' '.join(command),
         int(text_) + int(data),
-        int(found['size']),
+        int(said[1]),
         stack if usage else None,
-        float(found['step']),
+        float(said[2]),
         float(difference),
     )
 

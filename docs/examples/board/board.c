@@ -39,12 +39,12 @@ __attribute__((section(".vectors"), used)) static void *const vectors[16] = {
 /* The loop, and a second one that stands for the cart: it is predicted and never corrected. */
 static cart_pole_loop loop, cart;
 
-/* What the interrupt does, every 20 ms: one step of the loop. */
+/* What the interrupt does, every 10 ms: one step of the loop. */
 static void tick(const float encoders[2], float force[1])
 {
-    (void)cart_pole_predict(&loop, 0.02f);
+    (void)cart_pole_predict(&loop, 0.01f);
     (void)cart_pole_correct_joint_states(&loop, encoders, 0);
-    (void)cart_pole_control(&loop, 0.02f, force);
+    (void)cart_pole_control(&loop, 0.01f, force);
 }
 
 int main(void)
@@ -57,7 +57,7 @@ int main(void)
     cart.x[CART_POLE_X_theta] = 0.05f;
     SYSTICK[1] = 0xFFFFFFu;
     SYSTICK[0] = 5u; /* on, by the processor's clock */
-    for (int k = 0; k < 500; k++) {
+    for (int k = 0; k < 1000; k++) {
         const float encoders[2] = {cart.x[CART_POLE_X_x], cart.x[CART_POLE_X_theta]};
         const uint32_t before = SYSTICK[2];
         tick(encoders, force);
@@ -65,9 +65,9 @@ int main(void)
         if (took > most)
             most = took;
         (void)cart_pole_input(&cart, force);
-        (void)cart_pole_predict(&cart, 0.02f);
-        if (k % 100 == 0)
-            printf("%4.1f s: cart %7.4f m, pole %7.4f rad, force %6.3f N\n", 0.02 * k,
+        (void)cart_pole_predict(&cart, 0.01f);
+        if (k % 200 == 0)
+            printf("%4.1f s: cart %7.4f m, pole %7.4f rad, force %6.3f N\n", 0.01 * k,
                    (double)encoders[0], (double)encoders[1], (double)force[0]);
     }
     printf("a step takes %lu ticks of the processor's timer at most\n", (unsigned long)most);
