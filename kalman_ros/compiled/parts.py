@@ -12,7 +12,7 @@ from kalman_ros.core import Dynamics, Sensor
 from . import Outcome, attempt
 
 COMPILED, NUMPY = 'compiled', 'numpy'
-#: Of an estimator's node and a replay: the whole filter in C.
+#: The arithmetic of a filter that is C as a whole, in an estimator's node and in a replay.
 IN_C = 'c'
 #: An environment variable: what it names is used, whatever is chosen.
 VARIABLE = 'KALMAN_ROS_ARITHMETIC'

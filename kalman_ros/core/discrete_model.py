@@ -16,7 +16,8 @@ from .space import Space, no_rotation
 
 #: A step may differ from a whole number of periods by this fraction of one; stamps are rounded.
 _TOLERANCE = 1e-3
-_MOST_PERIODS = 100_000
+#: The most periods of a step; after a longer gap an estimator restarts.
+MOST_PERIODS = 100_000
 
 
 class DiscreteModel(Dynamics):
@@ -83,10 +84,10 @@ class DiscreteModel(Dynamics):
             If the number is not whole, is negative, or is more than 100 000.
         """
         count = round(dt / self.period)
-        if not 0 <= count <= _MOST_PERIODS or abs(dt / self.period - count) > _TOLERANCE:
+        if not 0 <= count <= MOST_PERIODS or abs(dt / self.period - count) > _TOLERANCE:
             raise ValueError(
                 f'time: expected steps that are whole numbers of {self.period:g} s, the period '
-                f'of the model, and at most {_MOST_PERIODS} of them, got {dt:g} s'
+                f'of the model, and at most {MOST_PERIODS} of them, got {dt:g} s'
             )
         return count
 

@@ -9,7 +9,7 @@ from .texts import difference, text
 
 #: A step of the law of this many seconds or more is refused.
 _LONGEST = 60.0
-#: What the header declares.
+#: Declarations of a law's functions in the header.
 FUNCTIONS = """
 /* Hold a state of the model from now on, if an input holds it there. That the estimate restarts
  * does not change what is held.

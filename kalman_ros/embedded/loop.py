@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is exported: an estimator, and a law if there is one, as numbers and formulas."""
+"""The loop that is exported: an estimator and the law of a controller, if there is one."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario import regulator as regulators
 from kalman_ros.scenario.estimation import Estimation, estimation
 
-#: What C has beside what `OnlineEstimator` has: readings come in the order of their stamps.
+#: The window for late readings, which C does not have: they come in the order of their stamps.
 _IN_ORDER = 0.0
-#: What fits in the integers of C, with room.
+#: The largest gap in seconds and the most rejections that integers of C hold, with room.
 _LONGEST_GAP, _MOST_REJECTIONS = 1e9, 1_000_000_000
 _LAWS = 'lqr', 'lqi', 'placement'
 
@@ -107,7 +107,7 @@ def loop(
     scenario
         Model, sensors, filter and law.
     policy
-        Of which recovery and the longest gap matter.
+        Policy of the estimator, whose recovery and longest gap are used.
     limits, idle
         Of the input; without limits, and zero, by default.
     control

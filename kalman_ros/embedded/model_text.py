@@ -11,7 +11,7 @@ from kalman_ros.compiled.formulas import of_model
 from kalman_ros.compiled.free_parameters import Parameters
 from kalman_ros.compiled.source import places
 from kalman_ros.compiled.tracing import trace
-from kalman_ros.core.discrete_model import _MOST_PERIODS
+from kalman_ros.core.discrete_model import MOST_PERIODS
 from kalman_ros.core.model import MOST_SUBSTEPS
 
 from .expressions import function, number, numbers
@@ -31,7 +31,7 @@ def _discrete(model: Any) -> list[str]:
     step = model.transition(np.zeros(model.state.size), np.zeros(model.input.size), model.period)
     return [
         'enum { DONE = 0, OVERFLOW_WITHIN = 2 };\n'
-        f'#define PERIOD {number(model.period)}\n#define MOST_PERIODS {_MOST_PERIODS}\n',
+        f'#define PERIOD {number(model.period)}\n#define MOST_PERIODS {MOST_PERIODS}\n',
         numbers('STATE_MATRIX', step.F),
         numbers('INPUT_MATRIX', step.G),
         numbers('NOISE_COVARIANCE', step.Q),

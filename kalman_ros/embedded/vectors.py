@@ -10,8 +10,9 @@ import numpy as np
 
 from kalman_ros.control.feedback import Regulator
 from kalman_ros.control.limiter import Limiter
-from kalman_ros.core import Array, OperatingPoint
+from kalman_ros.core import Array
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.scenario import regulator as regulators
 from kalman_ros.simulation.simulated_plant import SimulatedPlant
 
 from .loop import Loop
@@ -107,10 +108,9 @@ class Calls:
         if not np.isfinite(reference).all():
             return self._call('H', 0, reference, OUTCOMES[Outcome.NOT_FINITE])
         try:
-            found = law.equilibria.equilibrium(law.space.subtract(reference, law.rest.state))
+            held = regulators.target(self._loop.scenario, law.equilibria, reference)
         except ValueError:
             return self._call('H', 0, reference, _UNREACHABLE)
-        held = OperatingPoint(law.rest.state + found.state, law.rest.input + found.input)
         self._regulator.hold(*held)
         return self._call('H', 0, reference, 0)
 
@@ -152,7 +152,7 @@ def recorded(loop: Loop, steps: int, seed: int = 1, *, hostile: bool = True) -> 
     steps
         Their number.
     seed
-        Of all noise.
+        Seed of all noise.
     hostile
         Whether some readings are outliers, repeated, not finite, or have a covariance, and some
         steps are none.

@@ -24,7 +24,7 @@ _PATIENCE = 300.0
 
 @dataclass(frozen=True)
 class Written:
-    """What was written.
+    """A loop that was written as C.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Written:
 
 @dataclass(frozen=True)
 class Built:
-    """What a compiler made of it, on this machine.
+    """Sizes and results of a loop that was built and checked on this machine.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Built:
     stack
         A bound of the stack in bytes; None where the compiler does not say.
     microseconds
-        Of a step in which every sensor reads.
+        Time of a step in which every sensor reads.
     difference
         The largest from what Python computed.
     """

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from kalman_ros.core import Array, Gaussian, Sensor, is_finite
+from kalman_ros.core.discrete_model import MOST_PERIODS
 from kalman_ros.linear.single import is_definite
 
 from . import agreement
@@ -29,8 +30,6 @@ from .policy import Policy
 from .start import match_reading
 from .timeline import Arrival, Item, State, Timeline
 
-#: A gap of more periods of a model in discrete time restarts the estimator.
-_MOST_PERIODS = 100_000
 #: Old readings mean that the clock went back only if no reading was current for this long, in
 #: nanoseconds.
 _OUTDATED = 250_000_000
@@ -279,7 +278,7 @@ class OnlineEstimator:
         if state.time is None or time == state.time or state.u is None:
             return state.belief, 0
         gap = time - state.time
-        if (self._max_gap and gap > self._max_gap) or gap > _MOST_PERIODS * (self._period or gap):
+        if (self._max_gap and gap > self._max_gap) or gap > MOST_PERIODS * (self._period or gap):
             return self._initial, 0
         try:
             return committed(filter.predict(state.belief, state.u, (time - state.time) * 1e-9))

@@ -93,6 +93,7 @@ def report(console: Console, written: Written, built: Built | None) -> None:
     for row in built.rows:
         table.add_row(*row)
     console.print(table)
+    console.print(f'PASS: {written.calls} calls as in Python')
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -30,6 +30,7 @@ def test_it_writes_builds_checks_and_says_the_sizes(capsys, tmp_path):
     out = capsys.readouterr().out
     assert all(len(line) <= 80 for line in out.splitlines()[1:])
     assert re.search(r'flash: code and constants +\d+ bytes', out)
+    assert re.search(r'^PASS: \d+ calls as in Python$', out, re.MULTILINE)
     assert re.search(r'largest difference from Python +\d\.\de-1\d', out)
     files = {each.name for each in (tmp_path / 'c').iterdir()}
     assert files == {'motor.c', 'motor.h', 'check.c', 'vectors.txt', 'Makefile'}

@@ -39,7 +39,7 @@ static int differs(double found, double expected, double scale, const char *what
         largest_difference = difference;
     if (difference <= ALLOWED)
         return 0;
-    fprintf(stderr, "check: call %ld: %s[%d] is %.17g, expected %.17g\n", calls, what, at, found,
+    fprintf(stderr, "check: FAIL: call %ld: %s[%d] is %.17g, expected %.17g\n", calls, what, at, found,
             expected);
     return 1;
 }
@@ -114,7 +114,7 @@ int main(int argc, char **argv)
         }
         int expected = whole(file);
         if ((int)outcome != expected) {
-            fprintf(stderr, "check: call %ld: the outcome is %d, expected %d\n", calls,
+            fprintf(stderr, "check: FAIL: call %ld: the outcome is %d, expected %d\n", calls,
                     (int)outcome, expected);
             return 1;
         }
@@ -132,7 +132,7 @@ int main(int argc, char **argv)
     (void)u;
     printf("check: the struct has %zu bytes; a step in which every sensor reads takes %.3f us\n",
            sizeof loop, step(&loop));
-    printf("check: %ld calls, largest difference %.1e (allowed %.0e): passed\n", calls - 1,
+    printf("check: PASS: %ld calls, largest difference %.1e (allowed %.0e)\n", calls - 1,
            largest_difference, ALLOWED);
     return 0;
 }
