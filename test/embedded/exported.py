@@ -99,6 +99,11 @@ class Exported:
         return self._read('input', self._m)
 
     @property
+    def repairs(self):
+        """Number of repaired covariances."""
+        return self.library.repairs(self._loop)
+
+    @property
     def restarts(self):
         """Number of restarts."""
         return self.library.restarts(self._loop)

@@ -93,6 +93,33 @@ def test_integral_action_and_limits_are_the_same(tmp_path):
     assert np.abs(inputs).max() == 0.8  # the limit acts
 
 
+def test_an_integral_does_not_grow_where_a_limit_acts(tmp_path):
+    changes = {'law': 'lqi', 'integral_cost': [50.0]}
+    loop = of_scenario('dc_motor', changes, limits=limits_of(1, 0.05))
+    assert loop.law.feedback.tracked
+    python = Calls(loop)
+    far = np.ones(loop.law.space.size)
+    calls = [python.hold(loop.law.rest.state + loop.law.equilibria.nearest(far).state)]
+    for _ in range(200):
+        calls += [python.predict(0.01), python.control(0.01)]
+    calls.append(python.hold(loop.law.rest.state))
+    for _ in range(200):
+        calls += [python.predict(0.01), python.control(0.01)]
+    inputs = np.array([each.input[0] for each in calls])
+    assert np.count_nonzero(np.abs(inputs) == 0.05) > 100
+    assert np.abs(inputs[-100:]).min() < 0.05
+    assert differences(Exported(loop, tmp_path), calls).max() < CLOSE
+
+
+def test_what_is_known_exactly_needs_no_repair(tmp_path):
+    loop = of_scenario('cart_pole', {'initial_std': [0.1, 0.0, 0.3, 0.0]})
+    python, c = Calls(loop), Exported(loop, tmp_path)
+    calls = [python.correct(0, np.array([0.05, 0.1]))]
+    assert differences(c, calls).max() < CLOSE
+    assert c.repairs == 0
+    assert np.array_equal(c.covariance[1], np.zeros(4))
+
+
 def test_a_long_silence_restarts(tmp_path):
     loop = of_scenario('cart_pole', policy=Policy(max_gap=2.0))
     python, c = Calls(loop), Exported(loop, tmp_path)
