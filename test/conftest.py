@@ -23,6 +23,8 @@ settings.register_profile('quick', derandomize=False, deadline=None, max_example
 SCENARIOS = Path(__file__).with_name('scenarios')
 #: Marks of the tests that run only where they are named, or with ``--all``.
 BY_HAND = {'thorough', 'real_time'}
+#: What a thorough test may take, on a machine that others use, too.
+THOROUGH_SECONDS = 1800
 
 
 def pytest_addoption(parser):
@@ -65,6 +67,8 @@ def pytest_collection_modifyitems(config, items):
         # the machine may have been in the way
         if rerun and item.get_closest_marker('real_time'):
             item.add_marker(pytest.mark.flaky(reruns=1))
+        if item.get_closest_marker('thorough') and not item.get_closest_marker('timeout'):
+            item.add_marker(pytest.mark.timeout(THOROUGH_SECONDS))
     marks = left_out(config)
     deselected = [item for item in items if any(map(item.get_closest_marker, marks))]
     if deselected:

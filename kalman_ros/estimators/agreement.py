@@ -50,17 +50,21 @@ class Record(NamedTuple):
         Whether the last reading passed its gate; None if that is not informative.
     rejections
         Number of consecutive readings that did not pass.
+    noise
+        Factor of the covariance of its noise, as far as it is adapted (`reading_noise`).
     """
 
     time: int | None = None
     interval: int = 0
     agrees: bool | None = None
     rejections: int = 0
+    noise: float = 1.0
 
     def after(self, time: int, agrees: bool | None) -> Record:
         """Return the record after another reading."""
         interval = self.interval if self.time is None else time - self.time or self.interval
-        return Record(time, interval, agrees, self.rejections + 1 if agrees is False else 0)
+        rejections = self.rejections + 1 if agrees is False else 0
+        return Record(time, interval, agrees, rejections, self.noise)
 
     def is_expected(self, now: int, longest: float = inf) -> bool:
         """Return whether another reading is expected: not after ``longest`` ns without one."""
@@ -83,7 +87,9 @@ def replaced(records: Records, index: int, record: Record) -> Records:
 def after_recovery(records: Records, seen: Mask, widened: Mask) -> Records:
     """Restart the records of the sensors that see a ``widened`` state (n,), after a recovery."""
     return tuple(
-        Record(record.time, record.interval) if np.any(sees & widened) else record
+        Record(record.time, record.interval, noise=record.noise)
+        if np.any(sees & widened)
+        else record
         for record, sees in zip(records, seen)
     )
 

@@ -20,8 +20,9 @@ from kalman_ros.linear.batched import factor, squared, times, whitened
 from .batch_records import NEVER, BatchRecords, Mask
 from .filter import Correction, Filter, committed
 from .gain_schedule import GainSchedule
-from .gate import Gate
+from .gate import Gate, weakened
 from .policy import Policy
+from .reading_noise import adapted
 
 
 def for_many(filter: Filter) -> Filter:
@@ -81,6 +82,8 @@ class BatchEstimator:
         self._initial, self._input = initial, input
         self._order = {name: index for index, name in enumerate(sensors)}
         self._gate, self._gates = Gate(sensors, policy), dict(policy.gates or {})
+        self._soft, self._adaptive = dict(policy.soft_gates or {}), set(policy.adaptive)
+        self._weighed = {*self._gates, *self._soft, *self._adaptive}
         self._needed = policy.recover_after
         self.members = members
         mean = np.broadcast_to(initial.mean, (*members, initial.mean.shape[-1]))
@@ -117,7 +120,7 @@ class BatchEstimator:
             scheduled = self._corrected_as_scheduled(name, y)
             if scheduled is not None:
                 return scheduled
-        prior, sensor = self.belief, self._sensors[name]
+        prior, sensor = self.belief, self._with_noise(name)
         with np.errstate(all='ignore'):
             correction = self._filter.correct(prior, y, sensor)
             taken = np.asarray(np.isfinite(y * y).all(axis=-1))
@@ -125,6 +128,7 @@ class BatchEstimator:
                 taken = taken & present
             gate = self._gates.get(name)
             passed = taken if gate is None else np.asarray(taken & (correction.nis <= gate))
+            correction = self._weighted(name, y, sensor, correction, passed)
             posterior, failed = self._committed(correction.posterior, passed)
         accepted = passed & ~failed
         if gate is not None:
@@ -139,6 +143,27 @@ class BatchEstimator:
         self.fused[name] += accepted
         self.rejected[name] += taken & ~accepted
         return correction
+
+    def _with_noise(self, name: str) -> Sensor:
+        """Return a sensor with the noise that its innovations have shown, for each member."""
+        sensor = self._sensors[name]
+        if name not in self._adaptive:
+            return sensor
+        noise = self._records.noise[self._order[name]]
+        return sensor.with_covariance(noise[..., np.newaxis, np.newaxis] * sensor.covariance)
+
+    def _weighted(
+        self, name: str, y: Array, sensor: Sensor, correction: Correction, passed: Mask
+    ) -> Correction:
+        """Adapt the noise of the members that ``passed``; weaken their doubtful readings."""
+        limit = self._soft.get(name)
+        if name in self._adaptive:
+            noise = self._records.noise[self._order[name]]
+            changed = adapted(noise, correction, sensor.covariance, limit)
+            noise[...] = np.where(passed & np.isfinite(changed), changed, noise)
+        if limit is None or not np.any(passed & (correction.nis > limit)):
+            return correction
+        return weakened(self._filter, self.belief, y, sensor, correction, limit)
 
     def whitened(self, error: Array) -> Array:
         """Return L^-1 error (..., n) with L L' = P, which is N(0, I) for consistent beliefs.
@@ -168,7 +193,7 @@ class BatchEstimator:
     def _corrected_as_scheduled(self, name: str, y: Array) -> Correction | None:
         """Fuse readings if members share a covariance and there are no gates, else return None."""
         (x, P), sensor = self.belief, self._sensors[name]
-        if P.ndim != 2 or not self.schedule.applies or self._gates:
+        if P.ndim != 2 or not self.schedule.applies or self._weighed:
             return None
         try:
             scheduled = self.schedule.correction(P, sensor)

@@ -25,6 +25,7 @@ class BatchRecords:
         self.interval = np.zeros(shape, dtype=np.int64)
         self.agrees = np.full(shape, NEVER, dtype=np.int8)
         self.rejections = np.zeros(shape, dtype=np.int64)
+        self.noise = np.ones(shape)
 
     def add(self, order: int, time: int, agrees: Any, members: Mask) -> None:
         """Add a reading of a sensor for some members, as `agreement.Record.after` does."""
@@ -46,8 +47,9 @@ class BatchRecords:
                 interval,
                 None if agrees == NEVER else bool(agrees),
                 rejections,
+                noise,
             )
-            for time, interval, agrees, rejections in zip(*columns)
+            for time, interval, agrees, rejections, noise in zip(*columns)
         )
 
     def set(self, at: tuple[int, ...], records: Records) -> None:
@@ -58,3 +60,4 @@ class BatchRecords:
             self.interval[place] = record.interval
             self.agrees[place] = NEVER if record.agrees is None else record.agrees
             self.rejections[place] = record.rejections
+            self.noise[place] = record.noise

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gate, which accepts or rejects a reading and recovers from a wrong estimate."""
+"""The gate: accepts, weakens or rejects a reading, and recovers from a wrong estimate."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from . import agreement
 from .filter import Correction, Filter
 from .outcome import Outcome
 from .policy import Policy
+from .reading_noise import adapted, softening
 
 #: Each widening doubles the standard deviations, which so grow by up to a factor of a million.
 _MOST_WIDENINGS = 20
@@ -27,13 +28,16 @@ class Gate:
     sensors
         Sensors by name, in the order of ``records``.
     policy
-        Largest NIS of each sensor, and the number of rejections before recovery.
+        Largest NIS of each sensor that is fused, and that counts in full; whose noise is adapted;
+        and the number of rejections before recovery.
     """
 
     def __init__(self, sensors: Mapping[str, Sensor], policy: Policy) -> None:
         order = {name: index for index, name in enumerate(sensors)}
         self._sensors = dict(sensors)
         self._gates = {order[name]: gate for name, gate in (policy.gates or {}).items()}
+        self._soft = {order[name]: gate for name, gate in (policy.soft_gates or {}).items()}
+        self._adaptive = {order[name] for name in policy.adaptive}
         self._needed = policy.recover_after
         self._memory = round(policy.max_gap * 1e9) or inf
 
@@ -65,11 +69,21 @@ class Gate:
             If the correction cannot be computed.
         """
         time, order = at
+        record = records[order]
+        if order in self._adaptive:
+            sensor = sensor.with_covariance(record.noise * sensor.covariance)
         correction = filter.correct(belief, y, sensor)
         gate = self._gates.get(order)
         if gate is None or correction.nis <= gate:
-            records = agreement.replaced(records, order, records[order].after(time, True))
-            return Outcome.FUSED, correction, records
+            limit, outcome = self._soft.get(order), Outcome.FUSED
+            if order in self._adaptive:
+                noise = adapted(record.noise, correction, sensor.covariance, limit)
+                record = record._replace(noise=float(noise))
+            if limit is not None and limit < correction.nis < inf:
+                outcome = Outcome.WEAKENED
+                correction = weakened(filter, belief, y, sensor, correction, limit)
+            records = agreement.replaced(records, order, record.after(time, True))
+            return outcome, correction, records
         if not isfinite(correction.nis):
             raise np.linalg.LinAlgError('the innovation is not finite')
         records = agreement.replaced(records, order, records[order].after(time, False))
@@ -92,6 +106,21 @@ class Gate:
             recovered,
             agreement.after_recovery(records, seen, ~finding.vouched),
         )
+
+
+def weakened(
+    filter: Filter, belief: Gaussian, y: Array, sensor: Sensor, full: Correction, limit: float
+) -> Correction:
+    """Return a correction by a reading that counts as if it were at a ``limit`` of its NIS.
+
+    Innovation, its covariance and NIS remain those of the ``full`` correction: they tell how far
+    away the reading is.
+    """
+    R = sensor.covariance
+    factor = softening(full, R, limit)[..., np.newaxis, np.newaxis]
+    soft = filter.correct(belief, y, sensor.with_covariance(factor * R))
+    S = full.innovation_covariance
+    return Correction(soft.posterior, full.innovation, S, soft.gain, soft.jacobian, full.nis)
 
 
 def _widened(

@@ -127,6 +127,12 @@ class OnlineEstimator:
         return self._timeline.head.repairs
 
     @property
+    def noise(self) -> dict[str, float]:
+        """The factor of the covariance of its noise, by sensor whose noise is adapted."""
+        records = zip(self._names, self._timeline.head.records)
+        return {n: record.noise for n, record in records if n in self._policy.adaptive}
+
+    @property
     def contradicting(self) -> list[str]:
         """The sensors rejected only because the others agree with the estimate."""
         needed = self._policy.recover_after

@@ -13,6 +13,7 @@ class Outcome(Enum):
     __hash__ = object.__hash__
 
     FUSED = 'fused'
+    WEAKENED = 'fused: with less weight, outside the soft gate'
     RECOVERED = 'fused: covariance widened after too many rejections'
     REJECTED = 'rejected: outside the gate'
     OUTVOTED = 'rejected: contradicts sensors that agree'
@@ -34,7 +35,7 @@ class Outcome(Enum):
     @property
     def accepted(self) -> bool:
         """Whether the reading moved the estimate."""
-        return self is Outcome.FUSED or self is Outcome.RECOVERED
+        return self in _ACCEPTED
 
     @property
     def explained(self) -> bool:
@@ -43,3 +44,7 @@ class Outcome(Enum):
             Outcome.WRONG_SIZE, Outcome.NO_FIX, Outcome.ABSENT, Outcome.OTHER_FRAME,
             Outcome.NO_TRANSFORM,
         )  # fmt: skip
+
+
+#: A tuple, whose members are compared by identity first: a set calls for hashes.
+_ACCEPTED = (Outcome.FUSED, Outcome.WEAKENED, Outcome.RECOVERED)

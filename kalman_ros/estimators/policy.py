@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 
@@ -17,6 +17,11 @@ class Policy:
         Seconds for which late items are accepted; 0 accepts only items in order.
     gates
         Largest normalised innovation squared that is fused, by sensor.
+    soft_gates
+        Largest one with which a reading counts in full, by sensor; one that is farther away
+        counts less (`reading_noise.softening`).
+    adaptive
+        Sensors whose noise follows their innovations (`reading_noise.adapted`).
     recover_after
         Number of consecutive rejected readings, of all sensors that see the same states and
         without one that agrees, after which the covariance is widened until the next reading
@@ -39,6 +44,8 @@ class Policy:
 
     window: float = 1.0
     gates: Mapping[str, float] | None = None
+    soft_gates: Mapping[str, float] | None = None
+    adaptive: Collection[str] = ()
     recover_after: int = 20
     restart_after: int = 10
     max_gap: float = 60.0

@@ -14,7 +14,7 @@ from kalman_ros.estimators import NATIVE
 from kalman_ros.estimators.filter import Filter
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.scenario import Scenario
-from kalman_ros.scenario.estimation import Estimation, estimation, gates
+from kalman_ros.scenario.estimation import Estimation, estimation
 
 from .estimator_options import EstimatorOptions
 
@@ -70,7 +70,6 @@ def policy(scenario: Scenario, options: EstimatorOptions) -> Policy:
     rests = options.rest_until_input and not options.lockstep and bool(scenario.input.fields)
     return Policy(
         window=options.window,
-        gates=gates(scenario),
         recover_after=options.gate_recover_after,
         restart_after=options.restart_after,
         max_gap=options.max_gap,

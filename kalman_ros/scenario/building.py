@@ -172,6 +172,7 @@ def _source(
     own = {key: given.pop(key) for key in ('kind', 'noise', 'rate', 'enabled')}
     policy = given.pop('covariance_from')
     reliable, gate = given.pop('reliable'), given.pop('gate')
+    soft_gate, adapt = given.pop('soft_gate'), given.pop('adapt')
     wire = {key: given.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
     arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
@@ -206,7 +207,7 @@ def _source(
         signal, datum=origin, mounting=mount, pose=pose, zero=zero, still=still,
         stamp_offset=offset,
     )  # fmt: skip
-    return SensorSource(timed, signal, policy, reliable, gate, unknown)
+    return SensorSource(timed, signal, policy, reliable, gate, unknown, soft_gate, adapt)
 
 
 def _check_units(sensor: Sensor, fields: Iterable[str], pose: str) -> None:

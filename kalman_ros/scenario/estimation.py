@@ -90,14 +90,35 @@ def estimation(
     if options is None and kind == scenario.filter:
         options = scenario.filter_options
     built = build_filter(kind, plan, options, implementation)
-    gated = replace(policy or Policy(), gates=gates(scenario))
-    return Estimation(built, fast.sensors, believed.initial, gated, fast.arithmetic, fast.pending)
+    weighed = by_innovation(scenario, policy or Policy())
+    if built.fixed_gain:
+        _check_fixed(scenario, kind)
+    return Estimation(
+        built, fast.sensors, believed.initial, weighed, fast.arithmetic, fast.pending
+    )
 
 
-def gates(scenario: Scenario) -> dict[str, float]:
-    """Return the largest normalised innovation squared that is fused, by sensor with a gate."""
-    return {
-        name: chi_square_gate(source.gate, source.sensor.output.size)
-        for name, source in scenario.sensors.items()
-        if source.gate < 1.0
-    }
+def by_innovation(scenario: Scenario, policy: Policy) -> Policy:
+    """Return a policy with the gates of the scenario, and its sensors that adapt."""
+    sources = scenario.sensors.items()
+
+    def limits(option: str) -> dict[str, float]:
+        return {
+            name: chi_square_gate(getattr(source, option), source.sensor.output.size)
+            for name, source in sources
+            if getattr(source, option) < 1.0
+        }
+
+    adaptive = tuple(name for name, source in sources if source.adapt)
+    return replace(policy, gates=limits('gate'), soft_gates=limits('soft_gate'), adaptive=adaptive)
+
+
+def _check_fixed(scenario: Scenario, kind: str) -> None:
+    """Raise ValueError if the noise of a reading is to change a gain that is fixed."""
+    for name, source in scenario.sensors.items():
+        for option, given in (('soft_gate', source.soft_gate < 1.0), ('adapt', source.adapt)):
+            if given:
+                raise ValueError(
+                    f'{name}.{option}: the gain of {kind} is fixed, whatever the noise; '
+                    'expected another filter, such as kf or ekf'
+                )

@@ -27,11 +27,20 @@ class SensorSource:
     gate: float
     #: What an estimator believes of its bias; None for no bias.
     bias: Bias | None = None
+    #: Probability that a valid reading counts in full; 1 for all.
+    soft_gate: float = 1.0
+    #: Whether the noise follows the innovations.
+    adapt: bool = False
 
     @property
     def sensor(self) -> Sensor:
         """The sensor model."""
         return self.timed.sensor
+
+    @property
+    def weighed(self) -> bool:
+        """Whether the outcome of a reading depends on its innovation."""
+        return self.gate < 1.0 or self.soft_gate < 1.0 or self.adapt
 
     @property
     def judged(self) -> bool:

@@ -141,6 +141,19 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
                 live=True,
             ),
         ),
+        'soft_gate': (
+            1.0,
+            About(
+                'probability that a valid reading counts in full, those beyond less; 1: all do',
+                minimum=0.5,
+                maximum=1.0,
+                live=True,
+            ),
+        ),
+        'adapt': (
+            False,
+            About('let the noise follow the innovations, within a factor of 10', live=True),
+        ),
         'reliable': (
             False,
             About('subscribe reliably, not best effort'),

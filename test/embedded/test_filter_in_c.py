@@ -50,6 +50,22 @@ def test_a_step_is_that_of_the_filter_in_python(filter):
         np.testing.assert_allclose(corrected[1].posterior.mean, belief.mean, rtol=1e-12)
 
 
+def test_readings_are_weighed_as_in_python():
+    """The noise of each reading is another."""
+    values = {'joint_states.adapt': True, 'joint_states.soft_gate': 0.8}
+    found, noise = [], []
+    for arithmetic in ('compiled', 'c'):
+        online = estimation('cart_pole', arithmetic=arithmetic, **values).online(np.zeros(1))
+        rng = np.random.default_rng(3)
+        for step in range(40):
+            online.add_reading('joint_states', 10_000_000 * step, 0.1 * rng.standard_normal(2))
+        found.append(online.belief.mean)
+        noise.append(online.noise['joint_states'])
+    assert noise[0] != 1.0
+    assert noise[1] == pytest.approx(noise[0], rel=1e-9)
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+
+
 def test_what_has_no_result_fails_as_in_python():
     c = estimation('cart_pole', arithmetic='c')
     sensor = c.sensors['joint_states']

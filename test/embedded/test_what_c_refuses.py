@@ -137,6 +137,13 @@ def test_what_does_not_fit_in_c_is_refused(policy, says):
         of_scenario('dc_motor', policy=policy)
 
 
+@pytest.mark.parametrize('option', [('soft_gate', 0.9, '1.0'), ('adapt', True, 'false')])
+def test_weights_of_readings_are_refused(option):
+    key, value, expected = option
+    with pytest.raises(ValueError, match=rf'^encoder\.{key}: expected {expected}, which is all'):
+        of_scenario('dc_motor', {f'encoder.{key}': value})
+
+
 @pytest.mark.parametrize(('std', 'noise'), [(1e20, 0.1), (1.0, 1e-23)])
 def test_variances_beyond_single_precision_are_refused(std, noise, tmp_path):
     loop = of_scenario('dc_motor', {'initial_std': [std, 1.0, 1.0], 'encoder.noise': [noise]})

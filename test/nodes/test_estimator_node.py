@@ -119,6 +119,33 @@ def test_a_sensor_that_is_silent_is_named_unless_steps_wait_for_it(pair):
     assert 'no readings' not in words
 
 
+def test_weights_change_while_the_node_runs_and_are_reported(pair):
+    found = pair(EstimatorNode, rest_until_input='false')
+    node, velocity = found.node, found.publisher(TwistWithCovarianceStamped, 'velocity')
+    values = {'velocity.adapt': True, 'velocity.soft_gate': 0.9}
+    given = [Parameter(name, value=value) for name, value in values.items()]
+    result = node.set_parameters_atomically(given)
+    assert result.successful, result.reason
+    first = node.get_clock().now().nanoseconds
+    message = TwistWithCovarianceStamped()
+    message.twist.covariance[:] = (1e-4 * np.eye(6)).ravel()
+    for k in range(12):
+        message.twist.twist.linear.x = 0.2 * (-1) ** k
+        write_stamp(message.header.stamp, first + k)
+        velocity.publish(message)
+    counts = node._online.counts['velocity']
+    found.until(lambda: counts.total() == 12, 'not all readings came')
+    report = node.report()[2]
+    assert report['velocity: fused: with less weight, outside the soft gate'] == counts[
+        Outcome.WEAKENED] > 0  # fmt: skip
+    times = float(report['velocity: noise'].removesuffix(' times the declared'))
+    assert times == pytest.approx(node._online.noise['velocity'] ** 0.5, rel=1e-2)
+    assert times > 1.05
+    result = node.set_parameters_atomically([Parameter('velocity.adapt', value=False)])
+    assert result.successful, result.reason
+    assert 'velocity: noise' not in node.report()[2]
+
+
 @pytest.mark.parametrize(('most', 'published'), [(None, 20), (8, 8), (20, 20), (30, 20), (1, 1)])
 def test_of_many_innovations_the_newest_are_published(pair, monkeypatch, most, published):
     node = pair(EstimatorNode, rest_until_input='false').node

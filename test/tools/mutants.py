@@ -6,29 +6,31 @@
     nice .venv/bin/python test/tools/mutants.py [--count 40] [--seed 0] [--layer NAME ...]
 
 The changes are those of cosmic-ray: a number by one, a comparison, a sign, an operator. Each is
-made in a copy of the checkout, one at a time. The quick tests of the folder that mirrors the layer
-run first, and the contracts after them. What survives these meets the other tests that decide and
-execute its line: quick ones of any folder, and slow ones outside ``test/scenarios``. Which tests
-execute a line is recorded once, in ``out/mutants.coverage``; remove it to record anew. A mutant
-that takes longer than the limit is killed too. A survivor is either equivalent, or shows what no
-test holds. The exit code is 1 if a smaller share than ``--least`` is killed.
+made in a copy of the checkout, as many at a time as ``--jobs``, and meets the tests that decide
+and execute its line, the quickest first: quick ones of any folder, and slow ones outside
+``test/scenarios`` that compute in their own process. Which test executes which line is recorded
+once, in ``out/mutants.coverage``; remove it to record anew. A mutant that takes longer than the
+limit is killed, too. A survivor is either equivalent, or shows what no test holds. The exit code
+is 1 if a smaller share than ``--least`` is killed, 2 if a test that killed fails without a mutant.
 """
 
 import argparse
 import ast
 import json
 import os
+import re
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import cache_from_source
 from itertools import accumulate, chain
 from pathlib import Path
+from queue import Queue
 from random import Random
 from typing import NamedTuple
 
@@ -40,8 +42,8 @@ from cosmic_ray.plugins import get_operator
 
 ROOT = Path(__file__).parents[2]
 LAYERS = ('linear', 'core', 'models', 'acoustics', 'sensors', 'compiled', 'estimators', 'control',
-          'scenario', 'simulation', 'analysis', 'arrays', 'codecs', 'pipeline', 'bags', 'nodes',
-          'harness')  # fmt: skip
+          'scenario', 'simulation', 'embedded', 'analysis', 'arrays', 'codecs', 'pipeline', 'bags',
+          'nodes', 'harness')  # fmt: skip
 #: Without those that give a TypeError wherever they are applied, as a bitwise operator does.
 OPERATORS = [
     'NumberReplacer', 'AddNot', 'ReplaceAndWithOr', 'ReplaceOrWithAnd', 'ReplaceTrueWithFalse',
@@ -59,8 +61,8 @@ DECIDE = 'not thorough and not real_time'
 RECORD = ROOT / 'out' / 'mutants.coverage'
 SECONDS = RECORD.with_suffix('.json')
 DURATIONS = Counter()
-#: In seconds, what the tests of other folders may take for one mutant; the quickest run first.
-OTHERS = 90.0
+#: In seconds, what the tests may take for one mutant; the quickest run first.
+MOST_SECONDS = 90.0
 #: The largest number that is changed by one: the effect on a larger one is below any tolerance.
 MOST = 1e6
 #: In bytes; a mutant must not take the memory of the machine.
@@ -113,33 +115,54 @@ def write(path, source):
     Path(cache_from_source(str(path))).unlink(missing_ok=True)
 
 
-def passes(copy, tests, limit, marks=f'not slow and {DECIDE}'):
-    """Return whether tests pass in a copy of the checkout, within a limit in seconds."""
-    process = subprocess.Popen(
-        [sys.executable, *PYTEST, '-m', marks, *tests],
-        cwd=copy,
-        env={**os.environ, 'PYTHONPATH': f'{copy}:{os.environ.get("PYTHONPATH", "")}'},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
-    )
-    try:
-        return process.wait(limit) == 0
-    except subprocess.TimeoutExpired:
-        return False
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
+class Tests:
+    """The tests that decide, which lines each executes, and how long each takes."""
 
+    def __init__(self):
+        self.data = coverage.CoverageData(str(RECORD))
+        self.data.read()
+        self.seconds = json.loads(SECONDS.read_text())
 
-def mirroring(mutant, copy):
-    """Return the tests of a mutant: those named like the module first, then its whole folder."""
-    path = Path(mutant.path)
-    folder = copy / 'test' / path.parts[1]
-    named = sorted(folder.glob(f'test_*{path.stem}*.py'))
-    return [str(test.relative_to(copy)) for test in (*named, folder)]
+    def of(self, mutant):
+        """Return the tests that execute the line of a mutant, the quickest first."""
+        contexts = self.data.contexts_by_lineno(str(ROOT / mutant.path))
+        # a statement of several lines may be recorded by its first alone
+        line = max((line for line in contexts if line <= mutant.line), default=0)
+        tests = set(contexts.get(line, ())) - {''}
+        if not tests:  # what runs at import; it concerns all that use the module
+            tests = set(chain(*contexts.values())) - {''}
+        tests = sorted((test for test in tests if test in self.seconds), key=self.seconds.get)
+        total = accumulate(map(self.seconds.get, tests))
+        return [test for test, end in zip(tests, total) if end < MOST_SECONDS]
+
+    def failing(self, copy, tests):
+        """Return the first of some tests that fails in a copy of the checkout, or None."""
+        if not tests:
+            return None
+        arguments = copy.with_suffix('.tests')
+        arguments.write_text('\n'.join(tests))
+        process = subprocess.Popen(
+            [sys.executable, *PYTEST, '-rfE', '-m', DECIDE, f'@{arguments}'],
+            cwd=copy,
+            env={**os.environ, 'PYTHONPATH': f'{copy}:{os.environ.get("PYTHONPATH", "")}'},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+        )
+        try:
+            output, _ = process.communicate(timeout=60.0 + 4.0 * sum(map(self.seconds.get, tests)))
+        except subprocess.TimeoutExpired:
+            return 'too long'
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+        if process.returncode == 0:
+            return None
+        found = re.search(r'^(?:FAILED|ERROR) (.*?)(?: - .*)?$', output, re.MULTILINE)
+        return found[1] if found and found[1] in self.seconds else 'import'
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -169,23 +192,33 @@ def record():
     subprocess.run(command, cwd=ROOT, env=env)
 
 
-def executing(mutant, data, seconds):
-    """Return the tests that execute the line of a mutant, the quickest first."""
-    contexts = data.contexts_by_lineno(str(ROOT / mutant.path))
-    # a statement of several lines may be recorded by its first alone
-    line = max((line for line in contexts if line <= mutant.line), default=0)
-    tests = set(contexts.get(line, ())) - {''}
-    if not tests:  # what runs at import; it concerns all that use the module
-        tests = set(chain(*contexts.values())) - {''}
-    tests = sorted((test for test in tests if test in seconds), key=seconds.get)
-    total = accumulate(map(seconds.get, tests))
-    return [test for test, end in zip(tests, total) if end < OTHERS]
-
-
 def change(before, after):
     """Return the lines that differ, in one line."""
     pairs = zip(before.splitlines(), after.splitlines())
     return next((f'{old.strip()}  ->  {new.strip()}' for old, new in pairs if old != new), '')
+
+
+def copied(folder):
+    """Return a copy of the checkout in a folder."""
+    copy = Path(folder) / ROOT.name
+    left_out = shutil.ignore_patterns('.git', '.venv*', 'build', 'install', 'log', 'out')
+    shutil.copytree(ROOT, copy, ignore=left_out)
+    return copy
+
+
+def try_out(mutant, copies, tests):
+    """Make a mutant in a free copy; print and return the test that killed it, or None."""
+    copy = copies.get()
+    path = copy / mutant.path
+    before = path.read_text()
+    after = mutate_code(before, get_operator(f'core/{mutant.operator}')(), mutant.occurrence)
+    write(path, after)
+    killer = tests.failing(copy, tests.of(mutant))
+    write(path, before)
+    copies.put(copy)
+    outcome = 'killed  ' if killer else 'SURVIVED'
+    print(f'{outcome} {mutant.path}:{mutant.line}: {change(before, after)}', flush=True)
+    return killer
 
 
 def main():
@@ -195,6 +228,7 @@ def main():
     parser.add_argument('--seed', type=int, default=0, help='seed of the sample (0)')
     parser.add_argument('--layer', nargs='+', choices=LAYERS, default=LAYERS, metavar='NAME')
     parser.add_argument('--least', type=float, default=0.85, help='share to be killed (0.85)')
+    parser.add_argument('--jobs', type=int, default=1, help='how many at a time (1)')
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # which stops the tests, too
     files = [
@@ -202,43 +236,21 @@ def main():
     ]
     mutants = [m for path in sorted(files) for m in mutants_of(path.relative_to(ROOT))]
     sample = Random(options.seed).sample(mutants, min(options.count, len(mutants)))
-    killed = 0
     if not RECORD.exists():
         record()
-    data = coverage.CoverageData(str(RECORD))
-    data.read()
-    seconds = json.loads(SECONDS.read_text())
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / ROOT.name
-        left_out = shutil.ignore_patterns('.git', '.venv*', 'build', 'install', 'log', 'out')
-        shutil.copytree(ROOT, copy, ignore=left_out)
-        limits = {}
-        for tests in sorted(
-            {mirroring(mutant, copy)[-1] for mutant in sample} | {'test/contracts'}
-        ):
-            start = time.monotonic()
-            if not passes(copy, [tests], 600.0):
-                sys.exit(f'{tests}: expected tests that pass without a mutant')
-            limits[tests] = 20.0 + 4.0 * (time.monotonic() - start)
-        for mutant in sample:
-            path, tests = copy / mutant.path, mirroring(mutant, copy)
-            before = path.read_text()
-            operator = get_operator(f'core/{mutant.operator}')()
-            after = mutate_code(before, operator, mutant.occurrence)
-            write(path, after)
-            others = executing(mutant, data, seconds)
-            survived = (
-                passes(copy, tests, limits[tests[-1]])
-                and passes(copy, ['test/contracts'], limits['test/contracts'])
-                and (not others or passes(copy, others, 60.0 + 4.0 * OTHERS, DECIDE))
-            )
-            write(path, before)
-            killed += not survived
-            where = f'{mutant.path}:{mutant.line}'
-            outcome = 'SURVIVED' if survived else 'killed  '
-            print(f'{outcome} {where}: {change(before, after)}', flush=True)
+    tests, copies = Tests(), Queue()
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
+        for job in range(options.jobs):
+            copies.put(copied(f'{folder}/{job}'))
+        killers = list(pool.map(lambda mutant: try_out(mutant, copies, tests), sample))
+        # a test that fails without a mutant, too, kills nothing
+        broken = tests.failing(copies.get(), sorted(set(killers) & set(tests.seconds)))
+    killed = sum(map(bool, killers))
     share = killed / len(sample)
     print(f'{killed} of {len(sample)} killed, {share:.0%}, of {len(mutants)} mutants possible')
+    if broken:
+        print(f'{broken} fails without a mutant, too')
+        sys.exit(2)
     sys.exit(share < options.least)
 
 

@@ -27,8 +27,8 @@ from .free_parameter import FreeParameter
 LONGEST_DELAY = 1.0
 #: Numerical options that are not parameters of the estimate.
 _NOT = (
-    'rate', 'gate', 'datum', 'initial_state', 'enabled', 'still.below', 'still.duration',
-    'stamp_offset',  # fitted as a delay
+    'rate', 'gate', 'soft_gate', 'datum', 'initial_state', 'enabled', 'still.below',
+    'still.duration', 'stamp_offset',  # fitted as a delay
 )  # fmt: skip
 
 

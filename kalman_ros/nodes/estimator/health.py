@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Set
+from math import sqrt
 from typing import Any
 
 from kalman_ros.estimators.consistency import verdict
@@ -57,6 +58,8 @@ class Health:
             values[f'{name}: bias'] = ', '.join(
                 f'{mean:.4g} +- {std:.2g}' for mean, std in zip(bias.mean, bias.std)
             )
+        for name, factor in online.noise.items():
+            values[f'{name}: noise'] = f'{sqrt(factor):.3g} times the declared'
         values['arithmetic'] = fuser.arithmetic
         values['resets'] = fuser.resets
         values['restarts'] = online.restarts
