@@ -54,7 +54,10 @@ def run(
         plant = subprocess.Popen(program, env=loop.environment)
         while plant.poll() is None:
             loop.spin()
-        loop.spin(0.5)
+        received = -1
+        while len(loop.trajectory().time) > received:  # until nothing more arrives
+            received = len(loop.trajectory().time)
+            loop.spin(0.5)
         return loop.trajectory()
 
 
