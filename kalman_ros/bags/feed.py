@@ -16,9 +16,10 @@ from kalman_ros.pipeline.fusion import fusion
 from kalman_ros.pipeline.initial_pose import POSES, PoseReader
 from kalman_ros.pipeline.intake import Intake
 from kalman_ros.pipeline.lockstep_fuser import LockstepFuser
-from kalman_ros.pipeline.mounts import TOPIC, TYPE, Mounts
+from kalman_ros.pipeline.mounts import TOPIC, Mounts
 from kalman_ros.pipeline.reading_reader import InputReader, SensorReader
 from kalman_ros.pipeline.settings import Settings
+from kalman_ros.pipeline.transforms import TYPE
 from kalman_ros.scenario import Scenario
 
 from .blocks import Message
@@ -126,7 +127,8 @@ class Feed:
             readers = self._readers.setdefault(topic, [])
             readers.append(on_reading)
             self._take[topic] = partial(_call_all, readers)
-        if self._mounts.needed:
+        # without transforms, what is in the frame of the body is still used
+        if self._mounts.needed and TOPIC in bag.topics:
             bag.check(TOPIC, full_type(TYPE), 'mount.tf')
             self._take[TOPIC] = self._mounts.on_static
         if scenario.model.input.size:
@@ -145,9 +147,11 @@ class Feed:
                 )
         if self.lockstep:
             self._take[resolve(TICK)] = steps.on_tick
-        elif self.settings.simulated_time:
+        elif self.settings.simulated_time and CLOCK in bag.topics:
             bag.check(CLOCK, CLOCK_TYPE, 'use_sim_time')
             self._take[CLOCK] = self._on_clock
+        elif self.settings.simulated_time:
+            self.notes.append(f'The recording has no {CLOCK}: messages come when recorded.')
         pose = full_type('geometry_msgs/PoseWithCovarianceStamped')
         for topic in map(resolve, POSES):
             if bag.topics.get(topic) == {pose}:

@@ -5,18 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.codecs.messages import message_type
 from kalman_ros.codecs.transform_list import transforms_in
 from kalman_ros.core import Array, is_finite
 from kalman_ros.core import rotations as so3
 from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.scenario.building import placed
 
-TOPIC, TYPE = '/tf_static', 'tf2_msgs/TFMessage'
+TOPIC = '/tf_static'
 #: Largest number of frames that are kept.
 _MOST_FRAMES = 1_000
 #: A smaller change, in m or rad, is rounding.
@@ -46,15 +45,6 @@ class Placement(NamedTuple):
 
 
 _HERE = Placement(np.zeros(3), np.zeros(3))
-
-
-def static_type() -> Any:
-    """Return the type of the messages on ``/tf_static``; ValueError if it is not installed."""
-    try:
-        return message_type(TYPE)
-    except ValueError as error:
-        why = f'{str(error).removeprefix("type: ")} (in ROS: ros-jazzy-tf2-msgs)'
-        raise ValueError(f'mount.tf: {why}') from None
 
 
 class StaticFrames:

@@ -94,6 +94,15 @@ def check_frames(options: EstimatorOptions) -> None:
         raise ValueError(f"child_frame: expected another than frame, got '{options.frame}'")
 
 
+def why_none() -> str:
+    """Return why there are no transforms, in words; '' where ``tf2_msgs`` is installed."""
+    try:
+        message_type(TYPE)
+    except ValueError as error:
+        return f'{str(error).removeprefix("type: ")} (in ROS: ros-jazzy-tf2-msgs)'
+    return ''
+
+
 class TransformWriter:
     """Writer of the pose of an estimate as a ``tf2_msgs/TFMessage``.
 
@@ -114,11 +123,7 @@ class TransformWriter:
     """
 
     def __init__(self, scenario: Scenario, options: EstimatorOptions) -> None:
-        try:
-            self.message_type = message_type(TYPE)
-        except ValueError as error:
-            why = f'{str(error).removeprefix("type: ")} (in ROS: ros-jazzy-tf2-msgs)'
-            raise ValueError(f'publish_tf: {why}') from None
+        self.message_type = message_type(TYPE)
         check_frames(options)
         self._body = body_of(scenario.model.state, scenario.state)
         if not (self._body.moves and self._body.turns):

@@ -273,6 +273,13 @@ def test_without_its_input_a_recording_is_replayed_and_a_note_says_so(tmp_path):
     assert found.notes == ('The recording has no input /input: it is taken to be idle.',)
 
 
+def test_a_recording_without_a_clock_is_replayed_with_simulated_time(tmp_path):
+    found = replay(recorded(tmp_path / 'a', ARRIVALS), {**VALUES, 'use_sim_time': True})
+    assert found.notes == ('The recording has no /clock: messages come when recorded.',)
+    plain = replay(tmp_path / 'a', VALUES)
+    np.testing.assert_array_equal(found.beliefs.mean, plain.beliefs.mean)
+
+
 def test_an_interrupted_replay_leaves_complete_files(tmp_path):
     record(tmp_path / 'a', VALUES, 20.0)
 

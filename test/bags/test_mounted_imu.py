@@ -97,9 +97,15 @@ def test_the_mounting_is_that_of_the_static_transform(tmp_path, straight):
     assert (np.abs(error) < 4.0 * np.sqrt(late.beliefs.covariance[-1].diagonal())).all()
 
 
-def test_a_recording_without_static_transforms_is_refused(tmp_path):
-    with pytest.raises(ValueError, match='/tf_static'):
-        replay(recorded(tmp_path / 'a'), DRIVE, {'imu.mount.tf': True})
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('frame', 'outcome'), [('imu_link', Outcome.NO_TRANSFORM), ('base_link', Outcome.FUSED)]
+)
+def test_without_static_transforms_what_is_in_the_frame_of_the_body_is_used(
+    tmp_path, frame, outcome
+):
+    found = replay(recorded(tmp_path / 'a', frame=frame), DRIVE, {'imu.mount.tf': True})
+    assert dict(found.sensors['imu'].counts) == {outcome: COUNT}
 
 
 @pytest.mark.slow

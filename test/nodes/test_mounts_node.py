@@ -23,9 +23,21 @@ def started(pair):
 
 
 @pytest.mark.skipif(INSTALLED, reason='tf2_msgs is installed')
-def test_without_tf2_msgs_the_estimator_reports_it_in_one_line(started):
-    with pytest.raises(ValueError, match="mount.tf: the message package 'tf2_msgs' is not"):
-        started()
+@pytest.mark.parametrize(
+    ('frame', 'outcome'), [('imu_link', Outcome.NO_TRANSFORM), ('base_link', Outcome.FUSED)]
+)
+def test_without_tf2_msgs_what_is_in_the_frame_of_the_body_is_used(started, capfd, frame, outcome):
+    found = started()
+    said = capfd.readouterr().err
+    assert "sensors in other frames than 'base_link' are not used: the message package" in said
+    imus = found.publisher(Imu, 'imu')
+    reading = Imu()
+    write_stamp(reading.header.stamp, found.node.get_clock().now().nanoseconds)
+    reading.header.frame_id = frame
+    imus.publish(reading)
+    counts = found.node._online.counts['imu']
+    found.until(lambda: counts.total() == 1, 'the reading did not come')
+    assert counts == {outcome: 1}
 
 
 @pytest.mark.skipif(not INSTALLED, reason='tf2_msgs is not installed')

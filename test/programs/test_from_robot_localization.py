@@ -10,6 +10,8 @@ from recorded import data
 
 pytest.importorskip('rclpy')
 
+from rclpy.validate_topic_name import validate_topic_name
+
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.settings import choose, estimator_extra, settings
 from kalman_ros.programs.from_robot_localization import program
@@ -253,40 +255,18 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
         ('a: 1\n', 'expected a node with one of odom0'),
         ('[1, 2]\n', 'expected a node with one of odom0'),
         ('', 'expected a node with one of odom0'),
-        ('odom0: odom\n', 'line 1: odom0_config: expected 15 flags, got none'),
+        ('odom0: odom\n', 'line 1: odom0: left out: odom0_config: expected 15 flags, got none'),
         (
             'odom0: odom\nodom0_config: [true, 1]\n',
-            'line 2: odom0_config: expected 15 times true or false, got 1 of 2',
+            'line 1: odom0: left out: odom0_config: expected 15 times true or false, got 1 of 2',
         ),
         ('odom0: odom\nodom0_config: true\n', 'expected 15 times true or false, got no list'),
-        (
-            'odom0: odom\nodom0_config: C\nmap_frame: $(var robot)/map\n',
-            "line 3: map_frame: expected a value in place of a launch substitution, got '$(var",
-        ),
-        ('odom0: 7\nodom0_config: C\n', 'line 1: odom0: expected a word, got 7'),
-        (
-            'odom0: odom\nodom0_config: C\nfrequency: fast\n',
-            'line 3: frequency: expected a number',
-        ),
-        (
-            'odom0: odom\nodom0_config: C\nprocess_noise_covariance: [1]\n',
-            'expected 15 or 225 finite num',
-        ),
+        ('odom0: 7\nodom0_config: C\n', 'line 1: odom0: left out: expected a word, got 7'),
         ('odom0: odom\nodom0_config: F\n', 'expected a flag that is true, got none'),
         ('odom0: odom\nodom0_config: C\nfrequency: -3.0\n', 'publish_rate: expected'),
-        ('odom0: odom\nodom0_config: C\nfrequency: 1' + 400 * '0', 'frequency: expected a number'),
         ('odom0: odom\nodom0_config: C\nworld_frame: base_link\n', 'another than frame'),
         ('odom0: odom\nodom0_config: C\nworld_frame: /\n', 'without a leading slash'),
-        (
-            'odom0: odom\nodom0_config: C\nodom0_twist_rejection_threshold: -1.0\n',
-            'line 3: odom0_twist_rejection_threshold: expected a distance above 0, got -1',
-        ),
-        ("odom0: ''\nodom0_config: C\n", 'line 1: odom0: expected the name of a topic'),
-        ('odom0: odom\nodom0_config: C\ninitial_state: [.nan]\n', 'expected 15 finite num'),
-        (
-            f'odom0: odom\nodom0_config: C\ninitial_state: [{14 * "0, "}1{400 * "0"}]\n',
-            'line 3: initial_state: expected 15 finite num',
-        ),
+        ("odom0: ''\nodom0_config: C\n", 'odom0: left out: expected the name of a topic'),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):
@@ -299,6 +279,93 @@ def test_a_wrong_file_is_refused_in_one_line(tmp_path, capsys, text, why):
     assert not (tmp_path / 'ours.yaml').exists()
 
 
+@pytest.mark.parametrize(
+    ('line', 'why'),
+    [
+        ('frequency: fast', "expected a number, got 'fast'"),
+        ('frequency: 1' + 400 * '0', 'expected a number'),
+        ('process_noise_covariance: [1]', 'expected 15 or 225 finite numbers'),
+        (f'process_noise_covariance: [{14 * "0.1, "}-0.1]', 'expected finite variances'),
+        ('initial_state: [.nan]', 'expected 15 finite numbers'),
+        (f'initial_state: [{14 * "0, "}1{400 * "0"}]', 'expected 15 finite numbers'),
+        ('odom0_twist_rejection_threshold: -1.0', 'expected a distance above 0, got -1'),
+        ('world_frame: $(var robot)/map', 'expected a value in place of a launch substitution'),
+        ('two_d_mode: maybe', 'expected true or false'),
+    ],
+)
+def test_a_wrong_value_is_left_out_and_listed_with_its_line(tmp_path, line, why):
+    lines = 'odom0: odom', f'odom0_config: {config("vx")}'
+    without, _ = one(tmp_path, *lines)
+    values, rows = one(tmp_path, *lines, line)
+    row = rows[line.partition(':')[0]]
+    assert not row.carried and row.line == 5
+    assert row.what.startswith(f'left out: {why}')
+    assert values == without
+
+
+@pytest.mark.parametrize(
+    ('lines', 'why'),
+    [
+        (('pose0: 7', f'pose0_config: {config("x")}'), 'expected a word, got 7'),
+        (('pose0: pose',), 'pose0_config: expected 15 flags, got none'),
+        (('pose0: pose', 'pose0_config: [true]'), 'pose0_config: expected 15 times true or false'),
+        (('pose0: $(var pose)', f'pose0_config: {config("x")}'), 'expected a value in place of'),
+        (('pose0: "- /"', f'pose0_config: {config("x")}'), 'expected the name of a topic'),
+    ],
+)
+def test_a_sensor_that_cannot_be_is_left_out_and_the_others_remain(tmp_path, lines, why):
+    others = 'odom0: odom', f'odom0_config: {config("vx")}'
+    without, _ = one(tmp_path, *others)
+    values, rows = one(tmp_path, *others, *lines, 'pose0_differential: true')
+    assert values == without
+    assert rows['pose0'].what.startswith(f'left out: {why}') and not rows['pose0'].carried
+    assert rows['pose0_differential'].what == 'left out: its sensor pose0 is'
+
+
+@pytest.mark.parametrize(
+    ('topic', 'mended'),
+    [
+        ('wheel odom', 'wheel_odom'),
+        ('/robot-1//odom/', '/robot_1/odom'),
+        ('2nd/odom', '_2nd/odom'),
+        ('~/odom', '~/odom'),
+        ('/odom', '/odom'),
+    ],
+)
+def test_a_topic_that_ros_refuses_is_mended_and_listed(tmp_path, topic, mended):
+    validate_topic_name(mended)
+    values, _ = one(tmp_path, f'odom0: {topic}', f'odom0_config: {config("vx")}')
+    assert values['odom0_velocity.topic'] == mended
+    (found,) = translated(their_nodes(tmp_path / 'ekf.yaml'))
+    listed = [row.what for row in found.rows if row.name == 'odom0' and not row.carried]
+    expected = [f"topic {mended}: '{topic}' is no name in ROS 2"] if topic != mended else []
+    assert listed == expected
+
+
+@pytest.mark.parametrize('planar', ['true', 'false'])
+def test_what_is_in_the_frame_of_a_sensor_is_placed_by_transforms(tmp_path, planar):
+    """As robot_localization does; a pose is in the frame of the world."""
+    flags = config('x', 'y', 'yaw', 'vx', 'wz', 'ax')
+    lines = [line for kind in ('odom', 'pose', 'twist', 'imu')
+             for line in (f'{kind}0: {kind}', f'{kind}0_config: {flags}')]  # fmt: skip
+    values, _ = one(tmp_path, f'two_d_mode: {planar}', *lines)
+    placed = {name.removesuffix('.mount.tf') for name in values if name.endswith('.mount.tf')}
+    assert placed == {
+        'odom0_velocity', 'odom0_rate', 'twist0_velocity', 'twist0_rate',
+        'imu0_orientation', 'imu0_rate', 'imu0_acceleration',
+    }  # fmt: skip
+    built = settings(values).scenario
+    assert {n for n, s in built.sensors.items() if s.signal.mounting.from_tf} == placed
+
+
+def test_the_odometry_can_be_where_theirs_is(tmp_path, capsys):
+    file = theirs(tmp_path, 'odom0: odom', f'odom0_config: {config("vx")}')
+    main([str(file), '--out', str(tmp_path / 'ours.yaml')])
+    remap = '-r estimate/odometry:=odometry/filtered'
+    assert remap in (tmp_path / 'ours.yaml').read_text()
+    assert f'{remap} --params-file' in capsys.readouterr().out
+
+
 def test_control_characters_are_escaped_in_what_is_written(tmp_path, capsys):
     ours = tmp_path / 'ours.yaml'
     file = tmp_path / 'th\x1b[2Jeirs.yaml'
@@ -306,7 +373,7 @@ def test_control_characters_are_escaped_in_what_is_written(tmp_path, capsys):
     main([str(file), '--out', str(ours)])  # the parser of ROS has read it
     text = ours.read_text()
     assert text.replace('\n', '').isprintable()
-    assert 'o\x1b[2J\x07' in from_file(ours).values()
+    assert 'o__2J_' in from_file(ours).values()
     assert '\x1b' not in capsys.readouterr().out
 
 
@@ -388,8 +455,10 @@ def test_nodes_of_ros_1_have_their_navsat_transform(tmp_path):
     assert found.values['odom0_fix.fields'] == ['east', 'north']
     assert found.values['datum'] == [49.9, 8.7, 0.0]
     file.write_text(file.read_text().replace('8.7, 0.0,', ''))
-    with pytest.raises(ValueError, match='line 7: datum: expected 2 or 3 finite numbers'):
-        translated(their_nodes(file))
+    found, navigation = translated(their_nodes(file))
+    assert 'datum' not in found.values
+    (row,) = [row for row in navigation.rows if row.name == 'datum']
+    assert (row.line, row.what) == (7, 'left out: expected 2 or 3 finite numbers')
 
 
 def test_an_unscented_filter_remains_one(tmp_path):

@@ -10,16 +10,18 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from kalman_ros.analysis.observability import observability
+from kalman_ros.codecs.messages import message_type
 from kalman_ros.core import Gaussian, Option, Value
 from kalman_ros.nodes.middleware import runtime
 from kalman_ros.nodes.middleware.diagnostics import Report
 from kalman_ros.nodes.middleware.meters import Latency
 from kalman_ros.nodes.middleware.topics import QUEUE, STATIC
+from kalman_ros.pipeline import transforms
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
 from kalman_ros.pipeline.fusion import check_start, fusion
 from kalman_ros.pipeline.initial_pose import POSES, PoseReader
-from kalman_ros.pipeline.mounts import TOPIC, Mounts, static_type
+from kalman_ros.pipeline.mounts import TOPIC, Mounts
 from kalman_ros.pipeline.named_state import StateReader
 from kalman_ros.pipeline.settings import Settings, estimator_extra
 from kalman_ros.scenario import Scenario
@@ -53,18 +55,21 @@ class EstimatorNode(runtime.ScenarioNode):
         self._online, self._estimation = settings.estimator(found), found
         seen = observability(scenario)
         self._publish = EstimatePublisher(self, scenario, options, origin)
-        tf = options.publish_tf
-        self._transforms = TransformPublisher(self, scenario, options) if tf else None
         self._read_pose = PoseReader(scenario, options.frame)
         self._read_state = StateReader(scenario)
         self._latency = Latency()
-        self._mounts = mounts = Mounts(scenario, options.child_frame, self.get_logger().warning)
-        self._static = static_type() if mounts.needed else None
+        own, warn = (options.frame, options.child_frame), self.get_logger().warning
+        self._mounts = mounts = Mounts(scenario, options.child_frame, warn)
+        self._transforms, self._static = None, None
+        if options.publish_tf and self._has_transforms('publish_tf: no transform is published'):
+            self._transforms = TransformPublisher(self, scenario, options)
+        others = f"mount.tf: sensors in other frames than '{options.child_frame}' are not used"
+        if mounts.needed and self._has_transforms(others):
+            self._static = message_type(transforms.TYPE)
         channels = {
             name: SensorChannel(self, name, source, scenario.state, origin, mounts)
             for name, source in scenario.sensors.items()
         }
-        own, warn = (options.frame, options.child_frame), self.get_logger().warning
         input = InputChannel(scenario.input, own, warn)
         self._fuser = Fuser(
             scenario,
@@ -117,6 +122,13 @@ class EstimatorNode(runtime.ScenarioNode):
     def extra_options(self, chosen: Mapping[str, Value]) -> Iterable[Option]:
         """Return the options of the filter."""
         return estimator_extra(chosen)
+
+    def _has_transforms(self, without: str) -> bool:
+        """Return whether there are messages of transforms; warn what is ``without`` them."""
+        lacking = transforms.why_none()
+        if lacking:
+            self.get_logger().warning(f'{without}: {lacking}')
+        return not lacking
 
     def _take_belief(self, topic: str, read: PoseReader | StateReader) -> None:
         """Restart from the beliefs that a topic brings."""

@@ -24,6 +24,8 @@ from .their_file import Row, their_nodes
 from .translation import Translation, translated
 
 PROGRAM = 'from_robot_localization'
+#: Their topic of the odometry, unless a launch file remaps it.
+_THEIRS = 'odometry/filtered'
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -44,8 +46,18 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def as_text(values: Mapping[str, Any], source: str) -> str:
     """Return parameters as a ROS parameter file for a node of any name."""
-    comment = f'# From {one_line(source)}, a file of robot_localization.'
-    return f'{comment}\n{section_text("/**", values)}'
+    topic = odometry_of(values)
+    comments = (
+        f'# From {one_line(source)}, a file of robot_localization. The odometry is on',
+        f'# {topic}; for nodes that expect it elsewhere, remap it when this is started:',
+        f'#   --ros-args -r {topic}:={_THEIRS}',
+    )
+    return '\n'.join((*comments, section_text('/**', values)))
+
+
+def odometry_of(values: Mapping[str, Any]) -> str:
+    """Return the topic of the odometry of a filter."""
+    return f'{values.get("state.topic", "estimate")}/odometry'
 
 
 def written(filters: Sequence[Translation], source: Path, out: Path | None) -> list[Path]:
@@ -130,9 +142,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     for translation, file in zip(filters, files):
         space = f' -r __ns:=/{translation.namespace}' if translation.namespace else ''
         node = f' -r __node:={translation.name}' if len(files) > 1 else ''
+        # with two filters, the file does not have the name that each of the topics got
+        node += '' if node else f' -r {odometry_of(translation.values)}:={_THEIRS}'
         command = f'ros2 run kalman_ros estimator --ros-args{space}{node} --params-file '
         console.print(_shown(f'{translation.title}: {file}'), style='bold', soft_wrap=True)
         console.print(_shown(f'  {command}{shlex.quote(str(file))}'), soft_wrap=True)
     console.print(
-        'Where sensors are is not in such a file: declare SENSOR.frame and SENSOR.mount.'
+        'Places of sensors: by /tf_static (mount.tf), as with robot_localization; without it, set '
+        'SENSOR.mount.'
     )

@@ -38,6 +38,8 @@ class TheirNode:
     namespace: str
     values: dict[str, Lined]
     rows: list[Row] = field(default_factory=list)
+    #: Parameters whose value cannot be used.
+    unusable: set[str] = field(default_factory=set)
 
     @property
     def filters(self) -> bool:
@@ -50,31 +52,30 @@ class TheirNode:
         return not self.filters and bool(_NAVSAT.intersection(self.values))
 
     def value(self, name: str, default: Any) -> Any:
-        """Return a value, which has the type of its default.
-
-        Raises
-        ------
-        ValueError
-            If the value has another type; the message names the line.
-        """
+        """Return a value of the type of its default; of another type it is left out."""
         if name not in self.values:
             return default
-        value, line = self.values[name]
+        value, _ = self.values[name]
         try:
+            if isinstance(value, str) and '$(' in value:
+                raise ValueError(
+                    f"expected a value in place of a launch substitution, got '{value}'"
+                )
             return Option(name, default, About('')).check(value)
         except (ValueError, OverflowError) as error:
-            raise ValueError(f'line {line}: {error}') from None
+            self.leave_out(name, str(error))
+            return default
 
     def numbers(
         self, name: str, sizes: tuple[int, ...], *, words: bool = False
     ) -> list[float] | None:
-        """Return a list of numbers of one of the ``sizes``, or None if the parameter is not set.
+        """Return a list of numbers of one of the ``sizes``, or None if there is none.
 
         With ``words``, strings in the list are skipped.
         """
         if name not in self.values:
             return None
-        values, line = self.values[name]
+        values, _ = self.values[name]
         if words and isinstance(values, list):
             values = [item for item in values if not isinstance(item, str)]
         if (
@@ -83,15 +84,24 @@ class TheirNode:
             or not all(map(_usable, values))
         ):
             expected = ' or '.join(map(str, sizes))
-            raise ValueError(f'line {line}: {name}: expected {expected} finite numbers')
+            self.leave_out(name, f'expected {expected} finite numbers')
+            return None
         return [float(item) for item in values]
 
     def note(self, name: str, outcome: str, *, carried: bool = True) -> None:
-        """Account for a parameter, if it is set."""
-        if name in self.values:
+        """Account for a parameter, if it is set and usable."""
+        if name in self.values and name not in self.unusable:
             row = Row(self.values[name].line, name, carried, outcome)
             if row not in self.rows:
                 self.rows.append(row)
+
+    def leave_out(self, name: str, why: str) -> None:
+        """Account for a parameter whose value cannot be used."""
+        if name in self.unusable:
+            return
+        self.rows[:] = [row for row in self.rows if row.name != name]
+        self.note(name, f'left out: {why.removeprefix(f"{name}: ")}', carried=False)
+        self.unusable.add(name)
 
     @property
     def unaccounted(self) -> list[str]:
@@ -111,7 +121,7 @@ def their_nodes(path: Path) -> list[TheirNode]:
     Raises
     ------
     ValueError
-        If the file has no filter of robot_localization, or has a launch substitution.
+        If the file has no filter of robot_localization.
     """
     whole = with_lines(path)
     all_nodes = (
@@ -129,15 +139,7 @@ def their_nodes(path: Path) -> list[TheirNode]:
             for wildcard in shared:
                 if node.namespace.startswith(wildcard.namespace):
                     node.values = {**wildcard.values, **node.values}
-            _refuse_substitutions(node)
     return nodes
-
-
-def _refuse_substitutions(node: TheirNode) -> None:
-    for name, (value, line) in node.values.items():
-        if isinstance(value, str) and '$(' in value:
-            expected = 'expected a value in place of a launch substitution'
-            raise ValueError(f"line {line}: {name}: {expected}, got '{value}'")
 
 
 def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iterator[TheirNode]:

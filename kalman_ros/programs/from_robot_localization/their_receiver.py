@@ -25,10 +25,9 @@ def receiver(
     number = len(axes)
     node.note(name, f'sensor {name}_fix: the fixes on gps/fix, without navsat_transform')
     node.rows[:] = [row for row in node.rows if row.name != name or '_fix:' in row.what]
-    datum = navigation.values.get('datum')
-    if datum is not None:
-        # in ROS 1 the names of two frames follow
-        numbers = navigation.numbers('datum', (2, 3), words=True) or []
+    # in ROS 1 the names of two frames follow
+    numbers = navigation.numbers('datum', (2, 3), words=True)
+    if numbers is not None:
         parameters['datum'] = [numbers[0], numbers[1], 0.0]
         navigation.note('datum', "datum, with an altitude of 0; a heading is the state's")
     parameters['publish_fix'] = navigation.value('publish_filtered_gps', False)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -38,6 +39,11 @@ class Part(NamedTuple):
     path: str
     threshold: str
 
+    @property
+    def of_the_body(self) -> bool:
+        """Whether it is in the frame of the sensor; a pose is in that of the world."""
+        return not self.path.startswith('pose.')
+
 
 def _parts(kind: str) -> list[Part]:
     """Return the parts of a message; rejection is decided for each part."""
@@ -65,15 +71,30 @@ def _parts(kind: str) -> list[Part]:
     return {'odom': [*poses, *twists], 'pose': poses, 'twist': twists}[kind]
 
 
+def _topic(node: TheirNode, name: str) -> str:
+    """Return the topic of a sensor, with what ROS refuses in a name replaced."""
+    topic = str(node.value(name, ''))
+    head, tail = ('~', topic[1:]) if topic.startswith('~') else ('', topic)
+    parts = [re.sub(r'[^A-Za-z0-9_]', '_', part) for part in tail.split('/') if part]
+    usable = [f'_{part}' if part[0].isdigit() else part for part in parts]
+    first = '/' if head or tail.startswith('/') else ''
+    mended = head + first + '/'.join(usable)
+    if not usable or not re.search('[A-Za-z0-9]', mended):
+        raise ValueError(f"expected the name of a topic, got '{topic}'")
+    if mended != topic:
+        node.note(name, f"topic {mended}: '{topic}' is no name in ROS 2", carried=False)
+    return mended
+
+
 def _flags(node: TheirNode, name: str) -> list[str]:
     key = f'{name}_config'
     if key not in node.values:
-        raise ValueError(f'line {node.values[name].line}: {key}: expected 15 flags, got none')
-    value, line = node.values[key]
+        raise ValueError(f'{key}: expected 15 flags, got none')
+    value, _ = node.values[key]
     flags = [flag for flag in value if isinstance(flag, bool)] if isinstance(value, list) else []
     if value != flags or len(flags) != len(_FLAGS):
         got = f'{len(flags)} of {len(value)}' if isinstance(value, list) else 'no list'
-        raise ValueError(f'line {line}: {key}: expected 15 times true or false, got {got}')
+        raise ValueError(f'{key}: expected 15 times true or false, got {got}')
     return [name for name, flag in zip(_FLAGS, value) if flag]
 
 
@@ -82,12 +103,18 @@ Sensors = dict[str, dict[str, Any]]
 
 
 def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensors:
-    """Return our sensors for one sensor of theirs, and account for its parameters."""
-    topic = node.value(name, '')
-    if not topic or ' ' in topic:
-        line = node.values[name].line
-        raise ValueError(f"line {line}: {name}: expected the name of a topic, got '{topic}'")
-    flags = _flags(node, name)
+    """Return our sensors for one sensor of theirs, and account for its parameters.
+
+    A sensor with a value without which there is none is left out.
+    """
+    try:
+        topic, flags = _topic(node, name), _flags(node, name)
+    except ValueError as error:
+        node.leave_out(name, str(error))
+        for key in node.unaccounted:
+            if key.startswith(f'{name}_'):
+                node.leave_out(key, f'its sensor {name} is')
+        return {}
     sensors: Sensors = {}
     used: list[str] = []
     for part in _parts(kind):
@@ -102,6 +129,7 @@ def sensors_of(node: TheirNode, name: str, kind: str, *, planar: bool) -> Sensor
             **_reading(part, chosen, planar=planar, pose=pose),
             'topic': topic,
             'type': TYPES[kind],
+            **({'mount.tf': True} if part.of_the_body else {}),
             **_gate(node, name, part, len(chosen), ours),
         }
         if part.name == 'acceleration' and not planar:
@@ -145,9 +173,8 @@ def _gate(node: TheirNode, name: str, part: Part, size: int, ours: str) -> dict[
             distance = node.value(key, 0.0)
             if not distance > 0.0:
                 expected = 'expected a distance above 0'
-                raise ValueError(
-                    f'line {node.values[key].line}: {key}: {expected}, got {distance:g}'
-                )
+                node.leave_out(key, f'{expected}, got {distance:g}')
+                return {}
             probability = float(chi2.cdf(distance * distance, size))
             gate = min(max(_LEAST, probability), 1.0)
             low = ', the lowest' if probability < _LEAST else ''

@@ -19,7 +19,7 @@ from .their_sensors import Sensors, sensors_of
 #: Parameters without a counterpart that need none, with the reason.
 _NOT_NEEDED = {
     'sensor_timeout': 'not needed: the estimate is predicted at publish_rate',
-    'transform_timeout': 'not needed: no transform is looked up; declare mount of the sensors',
+    'transform_timeout': 'not needed: transforms of sensors are those on /tf_static',
     'print_diagnostics': 'not needed: /diagnostics always says what was fused, and why not',
     'predict_to_current_time': 'not needed: with publish_rate it always is',
     'reset_on_time_jump': 'not needed: a clock that goes back restarts the estimator',
@@ -158,7 +158,12 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
                 made = receiver(node, name, made, navigation, parameters)
         sensors.update(made)
     if not sensors:
-        raise ValueError(f'{node.name}: expected a flag that is true, got none')
+        whys = [
+            f'line {row.line}: {row.name}: {row.what}'
+            for row in node.rows
+            if row.name in node.unusable and SENSOR.fullmatch(row.name)
+        ]
+        raise ValueError(f'{node.name}: {(*whys, "expected a flag that is true, got none")[0]}')
     parameters['sensors'] = list(sensors)
     for name, values in sensors.items():
         parameters.update({f'{name}.{key}': value for key, value in values.items()})
@@ -187,7 +192,7 @@ def _frames(node: TheirNode, parameters: dict[str, Any]) -> None:
     parameters['publish_tf'] = node.value('publish_tf', True)
     parameters['tf_time_offset'] = node.value('transform_time_offset', 0.0)
     node.note('transform_time_offset', 'tf_time_offset')
-    node.note('publish_tf', 'publish_tf; it takes the package tf2_msgs')
+    node.note('publish_tf', 'publish_tf')
     node.note('base_link_frame', 'child_frame')
     node.note('world_frame', 'frame')
     for name in ('map_frame', 'odom_frame'):
@@ -241,11 +246,11 @@ def _diagonal(node: TheirNode, name: str, ours: str) -> Array | None:
     if entries is None:
         return None
     numbers = np.array(entries)
-    line = node.values[name].line
     whole = numbers.size > _STATES
     diagonal = numbers[:: _STATES + 1] if whole else numbers
     if not np.isfinite(numbers).all() or (diagonal < 0.0).any():
-        raise ValueError(f'line {line}: {name}: expected finite variances')
+        node.leave_out(name, 'expected finite variances')
+        return None
     rest = numbers.reshape(_STATES, _STATES) - np.diag(diagonal) if whole else np.zeros(1)
     lost = ', its diagonal: the rest is not carried over' if rest.any() else ''
     node.note(name, f'{ours}{lost}', carried=not lost)
