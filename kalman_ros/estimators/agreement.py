@@ -84,12 +84,15 @@ def replaced(records: Records, index: int, record: Record) -> Records:
     return (*records[:index], record, *records[index + 1 :])
 
 
+def with_declared_noise(records: Records) -> Records:
+    """Return the records without what readings have shown of the noise."""
+    return tuple(record._replace(noise=1.0) for record in records)
+
+
 def after_recovery(records: Records, seen: Mask, widened: Mask) -> Records:
     """Restart the records of the sensors that see a ``widened`` state (n,), after a recovery."""
     return tuple(
-        Record(record.time, record.interval, noise=record.noise)
-        if np.any(sees & widened)
-        else record
+        Record(record.time, record.interval) if np.any(sees & widened) else record
         for record, sees in zip(records, seen)
     )
 

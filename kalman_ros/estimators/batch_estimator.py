@@ -20,9 +20,8 @@ from kalman_ros.linear.batched import factor, squared, times, whitened
 from .batch_records import NEVER, BatchRecords, Mask
 from .filter import Correction, Filter, committed
 from .gain_schedule import GainSchedule
-from .gate import Gate, weakened
+from .gate import Gate, adaptation_of, limits, weakened
 from .policy import Policy
-from .reading_noise import adapted
 
 
 def for_many(filter: Filter) -> Filter:
@@ -81,9 +80,14 @@ class BatchEstimator:
         self._sensors = {name: stacked_sensor(sensor) for name, sensor in sensors.items()}
         self._initial, self._input = initial, input
         self._order = {name: index for index, name in enumerate(sensors)}
-        self._gate, self._gates = Gate(sensors, policy), dict(policy.gates or {})
-        self._soft, self._adaptive = dict(policy.soft_gates or {}), set(policy.adaptive)
-        self._weighed = {*self._gates, *self._soft, *self._adaptive}
+        self._gate = Gate(sensors, policy)
+        self._limits = {name: limits(name, policy) for name in sensors}
+        self._adaptations = {
+            name: adaptation_of(name, sensor, policy) for name, sensor in sensors.items()
+        }
+        #: Whether any reading is judged by its NIS, and whether the NIS changes what is fused.
+        self._judges = any(soft < np.inf for soft, _ in self._limits.values())
+        self._weighs = self._judges or any(self._adaptations.values())
         self._needed = policy.recover_after
         self.members = members
         mean = np.broadcast_to(initial.mean, (*members, initial.mean.shape[-1]))
@@ -126,16 +130,20 @@ class BatchEstimator:
             taken = np.asarray(np.isfinite(y * y).all(axis=-1))
             if present is not None:
                 taken = taken & present
-            gate = self._gates.get(name)
-            passed = taken if gate is None else np.asarray(taken & (correction.nis <= gate))
-            correction = self._weighted(name, y, sensor, correction, passed)
+            soft, gate = self._limits[name]
+            judged = soft < np.inf
+            agreed = np.asarray(taken & (correction.nis <= soft)) if judged else taken
+            passed = np.asarray(taken & (correction.nis <= gate)) if judged else taken
+            doubtful = self._doubtful(taken & ~agreed, correction)
+            self._adapt(name, sensor, correction, passed & ~doubtful)
+            if not agreed[passed].all():
+                correction = weakened(self._filter, prior, y, sensor, correction, soft)
             posterior, failed = self._committed(correction.posterior, passed)
         accepted = passed & ~failed
-        if gate is not None:
-            posterior, accepted = self._gated(
-                name, y, correction, (taken, passed, accepted), posterior
-            )
-        elif self._gates:
+        if judged:
+            masks = taken, agreed, passed, accepted, doubtful
+            posterior, accepted = self._gated(name, y, correction, masks, posterior)
+        elif self._judges:
             assert self.time is not None
             agrees = np.where(accepted, 1, NEVER)
             self._records.add(self._order[name], self.time, agrees, taken)
@@ -147,23 +155,26 @@ class BatchEstimator:
     def _with_noise(self, name: str) -> Sensor:
         """Return a sensor with the noise that its innovations have shown, for each member."""
         sensor = self._sensors[name]
-        if name not in self._adaptive:
+        if self._adaptations[name] is None:
             return sensor
         noise = self._records.noise[self._order[name]]
         return sensor.with_covariance(noise[..., np.newaxis, np.newaxis] * sensor.covariance)
 
-    def _weighted(
-        self, name: str, y: Array, sensor: Sensor, correction: Correction, passed: Mask
-    ) -> Correction:
-        """Adapt the noise of the members that ``passed``; weaken their doubtful readings."""
-        limit = self._soft.get(name)
-        if name in self._adaptive:
+    def _adapt(self, name: str, sensor: Sensor, correction: Correction, members: Mask) -> None:
+        """Let the noise of some members follow their innovations, if that of the sensor does."""
+        adaptation = self._adaptations[name]
+        if adaptation is not None:
             noise = self._records.noise[self._order[name]]
-            changed = adapted(noise, correction, sensor.covariance, limit)
-            noise[...] = np.where(passed & np.isfinite(changed), changed, noise)
-        if limit is None or not np.any(passed & (correction.nis > limit)):
-            return correction
-        return weakened(self._filter, self.belief, y, sensor, correction, limit)
+            changed = adaptation.after(noise, correction, sensor.covariance)
+            noise[...] = np.where(members & np.isfinite(changed), changed, noise)
+
+    def _doubtful(self, disagreeing: Mask, correction: Correction) -> Mask:
+        """Return the members whose belief may recover by a reading that does not agree."""
+        if not disagreeing.any():
+            return disagreeing
+        total = self._records.rejections.sum(axis=0) + 1
+        often = total >= (self._needed or np.inf)
+        return np.asarray(disagreeing & often & np.isfinite(correction.nis))
 
     def whitened(self, error: Array) -> Array:
         """Return L^-1 error (..., n) with L L' = P, which is N(0, I) for consistent beliefs.
@@ -193,7 +204,7 @@ class BatchEstimator:
     def _corrected_as_scheduled(self, name: str, y: Array) -> Correction | None:
         """Fuse readings if members share a covariance and there are no gates, else return None."""
         (x, P), sensor = self.belief, self._sensors[name]
-        if P.ndim != 2 or not self.schedule.applies or self._weighed:
+        if P.ndim != 2 or not self.schedule.applies or self._weighs:
             return None
         try:
             scheduled = self.schedule.correction(P, sensor)
@@ -258,31 +269,30 @@ class BatchEstimator:
         name: str,
         y: Array,
         correction: Correction,
-        outcome: tuple[Mask, Mask, Mask],
+        masks: tuple[Mask, ...],
         posterior: Gaussian,
     ) -> tuple[Gaussian, Mask]:
         """Record the outcomes at the gate; members that may recover pass the `Gate` of one run."""
-        taken, passed, accepted = outcome
+        taken, agreed, passed, accepted, doubtful = masks
         assert self.time is not None
         order, sensor = self._order[name], self._sensors[name]
-        outside = taken & ~passed & np.isfinite(correction.nis)
-        total = self._records.rejections.sum(axis=0) + 1
-        doubtful = outside & (total >= (self._needed or np.inf))
-        agrees = np.where(accepted, 1, np.where(outside, 0, NEVER))
+        fails = passed & ~accepted
+        outside = taken & ~agreed & ~fails & np.isfinite(correction.nis)
+        agrees = np.where(accepted & agreed, 1, np.where(outside, 0, NEVER))
         self._records.add(order, self.time, agrees, taken & ~doubtful)
         if not doubtful.any():
             return posterior, accepted
         x, P = self._member_copies(posterior)
         accepted = accepted.copy()
         for at in _indices(doubtful):
-            before = self._records.of(at)
+            before, accepted[at] = self._records.of(at), False
             try:
                 result, one, after = self._gate(
                     self._one, _member(self.belief, at), y[at], sensor, (self.time, order), before
                 )
+                accepted[at] = result.accepted
                 if result.accepted:
                     x[at], P[at] = committed(one.posterior)[0]
-                    accepted[at] = True
             except np.linalg.LinAlgError:
                 record = before[order].after(self.time, None)
                 after = (*before[:order], record, *before[order + 1 :])

@@ -14,7 +14,7 @@ from . import agreement
 from .filter import Correction, Filter
 from .outcome import Outcome
 from .policy import Policy
-from .reading_noise import adapted, softening
+from .reading_noise import Adaptation, adaptation, softening
 
 #: Each widening doubles the standard deviations, which so grow by up to a factor of a million.
 _MOST_WIDENINGS = 20
@@ -33,11 +33,11 @@ class Gate:
     """
 
     def __init__(self, sensors: Mapping[str, Sensor], policy: Policy) -> None:
-        order = {name: index for index, name in enumerate(sensors)}
         self._sensors = dict(sensors)
-        self._gates = {order[name]: gate for name, gate in (policy.gates or {}).items()}
-        self._soft = {order[name]: gate for name, gate in (policy.soft_gates or {}).items()}
-        self._adaptive = {order[name] for name in policy.adaptive}
+        self._limits = [limits(name, policy) for name in sensors]
+        self._adaptations = [
+            adaptation_of(name, sensor, policy) for name, sensor in sensors.items()
+        ]
         self._needed = policy.recover_after
         self._memory = round(policy.max_gap * 1e9) or inf
 
@@ -69,43 +69,70 @@ class Gate:
             If the correction cannot be computed.
         """
         time, order = at
-        record = records[order]
-        if order in self._adaptive:
+        soft, gate = self._limits[order]
+        record, adaptation = records[order], self._adaptations[order]
+        if adaptation is not None:
             sensor = sensor.with_covariance(record.noise * sensor.covariance)
+        elif record.noise != 1.0:
+            record = record._replace(noise=1.0)
         correction = filter.correct(belief, y, sensor)
-        gate = self._gates.get(order)
-        if gate is None or correction.nis <= gate:
-            limit, outcome = self._soft.get(order), Outcome.FUSED
-            if order in self._adaptive:
-                noise = adapted(record.noise, correction, sensor.covariance, limit)
-                record = record._replace(noise=float(noise))
-            if limit is not None and limit < correction.nis < inf:
-                outcome = Outcome.WEAKENED
-                correction = weakened(filter, belief, y, sensor, correction, limit)
-            records = agreement.replaced(records, order, record.after(time, True))
-            return outcome, correction, records
-        if not isfinite(correction.nis):
+        agrees = soft == inf or correction.nis <= soft
+        if not agrees and not isfinite(correction.nis):
             raise np.linalg.LinAlgError('the innovation is not finite')
-        records = agreement.replaced(records, order, records[order].after(time, False))
+        fused = agrees or correction.nis <= gate
+        if fused and adaptation is not None:
+            noise = adaptation.after(record.noise, correction, sensor.covariance)
+            record = record._replace(noise=float(noise))
+        records = agreement.replaced(records, order, record.after(time, agrees))
+        if agrees:
+            return Outcome.FUSED, correction, records
+        refused, recovery = self._doubted(filter, belief, y, sensor, order, records)
+        if recovery is not None:
+            return Outcome.RECOVERED, *recovery
+        if fused:
+            soft_correction = weakened(filter, belief, y, sensor, correction, soft)
+            return Outcome.WEAKENED, soft_correction, records
+        return refused, correction, records
+
+    def _doubted(
+        self,
+        filter: Filter,
+        belief: Gaussian,
+        y: Array,
+        sensor: Sensor,
+        order: int,
+        records: agreement.Records,
+    ) -> tuple[Outcome, tuple[Correction, agreement.Records] | None]:
+        """Return how a reading that does not agree is refused, or the recovery of the belief."""
         needed = self._needed
         if not needed or sum(record.rejections for record in records) < needed:
-            return Outcome.REJECTED, correction, records
+            return Outcome.REJECTED, None
         seen = agreement.seen_states(self._sensors, belief)
         finding = agreement.judge(records, seen, order, needed, self._memory)
         refused = records[order].rejections >= needed and bool(
             np.any(finding.vouched & seen[order])
         )
-        rejected = Outcome.OUTVOTED if refused else Outcome.REJECTED
+        outcome = Outcome.OUTVOTED if refused else Outcome.REJECTED
         if finding.outvoted or not finding.enough:
-            return rejected, correction, records
-        recovered = _widened(filter, belief, y, sensor, finding.vouched, gate)
+            return outcome, None
+        soft, _ = self._limits[order]
+        recovered = _widened(filter, belief, y, sensor, finding.vouched, soft)
         if recovered is None:
-            return rejected, correction, records
-        return (
-            Outcome.RECOVERED,
-            recovered,
-            agreement.after_recovery(records, seen, ~finding.vouched),
-        )
+            return outcome, None
+        return outcome, (recovered, agreement.after_recovery(records, seen, ~finding.vouched))
+
+
+def limits(name: str, policy: Policy) -> tuple[float, float]:
+    """Return the largest NIS of a reading that agrees, and of one that is fused."""
+    gate = (policy.gates or {}).get(name, inf)
+    return min((policy.soft_gates or {}).get(name, inf), gate), gate
+
+
+def adaptation_of(name: str, sensor: Sensor, policy: Policy) -> Adaptation | None:
+    """Return how the noise of a sensor follows its innovations; None if it does not."""
+    if name not in policy.adaptive:
+        return None
+    return adaptation(len(sensor.covariance), *limits(name, policy))
 
 
 def weakened(

@@ -78,8 +78,8 @@ class EstimatorOptions:
     gate_recover_after: Annotated[
         int,
         About(
-            'rejections in a row by all sensors of a state, after which the covariance is '
-            'widened; 0: never',
+            'readings in a row outside the gates, by all sensors of a state, after which the '
+            'covariance is widened; 0: never',
             minimum=0,
             live=True,
         ),

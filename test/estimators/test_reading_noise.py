@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.stats import chi2
 from simulated_recordings import readings
 
 from kalman_ros.arrays.scenarios import load
@@ -13,7 +14,7 @@ from kalman_ros.estimators.batch_estimator import BatchEstimator
 from kalman_ros.estimators.consistency import chi_square_bounds
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.policy import Policy
-from kalman_ros.estimators.reading_noise import MOST, adapted, softening
+from kalman_ros.estimators.reading_noise import MOST, Adaptation, adaptation, softening
 from kalman_ros.estimators.timeline import Arrival
 from kalman_ros.scenario.estimation import estimation
 
@@ -104,23 +105,97 @@ def test_a_softened_reading_lies_at_the_limit(k):
         assert softening(one, R[i], limit) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize(('share', 'told'), [(1.0, 1.0), (0.5, 0.25), (0.01, 0.25)])
+@pytest.mark.parametrize(('share', 'told'), [(1.0, 1.0), (0.6, 0.36), (0.01, 0.25)])
 def test_the_factor_moves_by_the_slope_over_the_information(share, told):
     """For one number: R is a share of S, and tells the square of the share, a quarter at least."""
     R, z, scale = np.array([[2.0]]), np.array([3.0]), 1.7
     S = R / share
     nis = float(z @ z) / float(S[0, 0])
-    expected = scale * max(1.0 + share * (nis - 1.0) / (20.0 * told), 0.5)
-    assert adapted(scale, correction(S, z), R) == pytest.approx(expected)
-    half = adapted(scale, correction(S, z), R, nis / 2.0)
-    assert half == pytest.approx(scale * (1.0 + share * (nis / 2.0 - 1.0) / (20.0 * told)))
-    assert adapted(scale, correction(S, z), R, 2.0 * nis) == pytest.approx(expected)
+    for limit, part in ((2.0 * nis, 1.0), (nis / 2.0, 1.0), (2.0 * nis, 0.8)):
+        counts = min(nis, limit) / part
+        expected = scale * max(1.0 + share * (counts - 1.0) / (20.0 * told), 0.5)
+        assert Adaptation(limit, part).after(scale, correction(S, z), R) == pytest.approx(expected)
 
 
 def test_the_factor_has_bounds():
-    R = np.array([[1.0]])
-    assert adapted(90.0, correction(R, np.array([100.0])), R) == MOST
-    assert adapted(0.0101, correction(R, np.array([0.0])), R) == 1.0 / MOST
+    R, found = np.array([[1.0]]), adaptation(1, np.inf, np.inf)
+    assert found.after(90.0, correction(R, np.array([100.0])), R) == MOST
+    assert found.after(0.0101, correction(R, np.array([0.0])), R) == 1.0 / MOST
+    # one glitch is one reading of twenty
+    assert found.after(1.0, correction(R, np.array([1e6])), R) < 2.0
+
+
+@pytest.mark.parametrize('k', [1, 2, 6])
+@pytest.mark.parametrize(
+    ('soft', 'gate'), [(1.0, 1.0), (0.9, 1.0), (0.5, 1.0), (1.0, 0.9), (0.7, 0.95), (0.5, 0.5)]
+)
+def test_the_share_is_the_mean_of_what_counts(k, soft, gate):
+    """Of a million readings with the declared noise."""
+    found = adaptation(k, chi2.ppf(soft, k), chi2.ppf(gate, k))
+    nis = np.random.default_rng(k).chisquare(k, 1_000_000)
+    counts = np.minimum(nis[nis <= chi2.ppf(gate, k)], found.limit)
+    assert found.share == pytest.approx(counts.mean() / k, rel=4e-3)
+    assert found.limit == pytest.approx(chi2.ppf(min(soft, gate, 0.9999), k))
+
+
+@pytest.mark.parametrize(
+    'options', [{'gate': 0.9}, {'soft_gate': 0.5}, {'gate': 0.95, 'soft_gate': 0.7}, {}]
+)
+def test_whatever_the_gates_the_noise_stays_that_of_the_readings(options):
+    changes = {f'lidar.{key}': value for key, value in {**options, 'adapt': True}.items()}
+    scenario = load('constant_velocity', {**changes, 'rate': 10.0, 'radar.rate': 5.0})
+    found, noise = online(scenario), []
+    for each in arrivals(scenario, 150.0)[0]:
+        found.add([each])
+        noise.append(found.noise['lidar'])
+    assert 0.8 < np.mean(noise[200:]) < 1.25
+    assert found.counts['lidar'][Outcome.REJECTED] < 0.2 * 1500
+
+
+@pytest.mark.parametrize('adapt', [False, True])
+@pytest.mark.parametrize('wrong', [50.0, 1000.0])
+def test_a_wrong_start_is_left_within_a_minute(wrong, adapt):
+    """A receiver that is alone is believed: a run of readings that surprise is a wrong belief."""
+    changes = {**SLOW, 'initial_estimate': [wrong, 0.0, 0.4, 9.0, 0.0, 0.0, 0.0, 0.0]}
+    scenario = load('gnss_imu', {**changes, 'gnss.soft_gate': 0.95, 'gnss.adapt': adapt})
+    given, states = arrivals(scenario, 60.0)
+    found, means, _ = passed(scenario, given)
+    errors = [
+        np.hypot(*(mean - states[round(time * 1e-9 * scenario.rate)])[:2])
+        for time, mean in means.items()
+    ]
+    assert max(errors[len(errors) // 3 :]) < 100.0
+    assert errors[-1] < 10.0
+    assert found.counts['gnss'][Outcome.RECOVERED] > 0
+
+
+def test_a_gap_and_an_option_that_is_off_forget_the_noise():
+    changes = {**SLOW, 'gnss.adapt': True}
+    scenario = load('gnss_imu', changes)
+    given, _ = arrivals(scenario, 10.0)
+    given = moved(given, 'gnss', lambda t: t > 2.0 and round(5 * t) % 2, [4.0, 0.0])
+    found = passed(scenario, given)[0]
+    assert found.noise['gnss'] > 3.0
+    late = given[-1]._replace(source='imu', values=np.zeros(2), time=300 * 10**9)
+    found.add([late])
+    assert found.noise['gnss'] == 1.0
+    found = passed(scenario, given)[0]
+    built, plain = (estimation(load('gnss_imu', each)) for each in (changes, SLOW))
+    found.configure(plain.filter, plain.sensors, plain.policy)
+    gnss = next(each for each in reversed(given) if each.source == 'gnss')
+    found.add([gnss._replace(time=gnss.time + 10**9)])
+    found.configure(built.filter, built.sensors, built.policy)
+    assert found.noise['gnss'] == 1.0
+
+
+@pytest.mark.parametrize('spike', [1e10, 1e60, 1e76, 1e100, 1e150])
+def test_a_spike_of_any_size_leaves_the_belief_finite(spike):
+    scenario = load('gnss_imu', {**SLOW, 'gnss.soft_gate': 0.95, 'gnss.adapt': True})
+    given, _ = arrivals(scenario, 5.0)
+    given = moved(given, 'gnss', lambda t: 3.0 < t < 3.3, [spike, 0.0])
+    found = passed(scenario, given)[0]
+    assert np.isfinite(found.belief.mean).all()
+    assert found.counts['gnss'][Outcome.FUSED] > 20
 
 
 @pytest.mark.parametrize('kind', ['ekf', 'ukf', 'square_root'])
