@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Iterable, Iterator
 from math import isfinite
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import kalman_ros as kr
 from kalman_ros import models, scenario, sensors
@@ -99,20 +100,60 @@ def parameters() -> Iterator[str]:
     yield from ['', '## microphone_array', '', *table(options_of(MicrophoneArrayOptions))]
 
 
+#: The public names by what they are for.
+GROUPS = {
+    'Systems': (
+        'continuous_model discrete_model linearize discretize trim Model DiscreteModel Space '
+        'OperatingPoint'
+    ),
+    'Sensors and beliefs': 'sensor Sensor Gaussian',
+    'Estimation': (
+        'filter smooth consistency lqe dlqe OnlineEstimator KalmanFilter ExtendedKalmanFilter '
+        'UnscentedKalmanFilter Correction'
+    ),
+    'Control': 'lqr dlqr place margins worst_case loop_shaping mpc motion Regulator DesignError',
+    'Loops and scenarios': 'load make_scenario design simulate monte_carlo',
+    'Recordings': 'replay tune fit',
+    'To C, and to nodes': 'compile export Run',
+}
+
+
 def api() -> Iterator[str]:
-    """Yield the lines of the page of the public names."""
+    """Yield the lines of the page of the public names, each with a page from its docstring."""
+    grouped = [name for names in GROUPS.values() for name in names.split()]
+    if sorted(grouped) != sorted(kr.__all__):
+        raise ValueError(f'not in one group: {set(grouped) ^ set(kr.__all__)}')
     yield from ['# Python API', '', NOTE, '']
     yield (
         '`import kalman_ros as kr` offers these names; each is imported on first use, and '
-        'none but `Run` needs ROS. `help(kr.NAME)` has shapes, units, errors and sources.'
+        'none but `Run` needs ROS. `help(kr.NAME)` is the same text.'
     )
-    for name in kr.__all__:
-        found = getattr(kr, name)
-        signature = '' if inspect.isclass(found) else str(inspect.signature(found))
-        short = ', '.join(inspect.signature(found).parameters) if signature else ''
-        title = f'`kr.{name}({short})`' if signature else f'`kr.{name}`'
-        summary = (inspect.getdoc(found) or '').partition('\n\n')[0].replace('\n', ' ')
-        yield from ['', f'- {title}: {summary}']
+    for title, listed in GROUPS.items():
+        yield from ['', f'## {title}', '']
+        yield from autosummary(f'kalman_ros.{name}' for name in listed.split())
+    yield from ['', '## Results', '', 'What these functions return, with its attributes.', '']
+    yield from autosummary(results())
+
+
+def autosummary(names: Iterable[str]) -> Iterator[str]:
+    """Yield a table of names, each of which gets a page."""
+    yield from ['```{eval-rst}', '.. autosummary::', '   :toctree: api', '']
+    yield from (f'   {name}' for name in names)
+    yield '```'
+
+
+def results() -> list[str]:
+    """Return the classes of this package that the public functions return."""
+    functions = [found for name in kr.__all__ if inspect.isfunction(found := getattr(kr, name))]
+    returned = [get_type_hints(function).get('return') for function in functions]
+    classes = {
+        part
+        for found in returned
+        for part in (found, *get_args(found))
+        if inspect.isclass(part) and part.__module__.startswith('kalman_ros.')
+    }
+    public = {getattr(kr, name) for name in kr.__all__}
+    return sorted(f'{each.__module__}.{each.__qualname__}' for each in classes - public)
 
 
 def names() -> Iterator[str]:
