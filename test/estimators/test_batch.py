@@ -12,6 +12,7 @@ from kalman_ros.core.candidates import candidate_sensor
 from kalman_ros.estimators import FILTERS, build_filter, filter_class
 from kalman_ros.estimators.batch_estimator import BatchEstimator, for_many
 from kalman_ros.estimators.consistency import chi_square_gate
+from kalman_ros.estimators.filter import committed
 from kalman_ros.estimators.filters.ekf import ExtendedKalmanFilter
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.policy import Policy
@@ -268,3 +269,21 @@ def test_candidates_of_two_kinds_are_refused():
     plan = load('mass_spring_damper').plan
     with pytest.raises(ValueError, match='filter: expected several of one kind'):
         candidate_filter([build_filter('kf', plan), build_filter('ekf', plan)])
+
+
+def test_a_member_whose_covariance_is_not_definite_is_repaired_as_alone():
+    scenario = load('mass_spring_damper')
+    filter = build_filter('kf', scenario.plan)
+    sensors = {name: source.sensor for name, source in scenario.enabled.items()}
+    batch = BatchEstimator(filter, sensors, scenario.initial_belief, np.zeros(1), (3,))
+    P = np.tile(np.eye(2), (3, 1, 1))
+    P[1] = [[1.0, 1.0], [1.0, 1.0 - 1e-14]]  # by rounding
+    P[2] = -np.eye(2)
+    mean = np.arange(6.0).reshape(3, 2)
+    belief, failed = batch._committed(Gaussian(mean, P), np.array([True, True, True]))
+    assert failed.tolist() == [False, False, True]
+    repaired, count = committed(Gaussian(mean[1], P[1]))
+    assert count == 1
+    np.testing.assert_array_equal(belief.mean[1], repaired.mean)
+    np.testing.assert_array_equal(belief.covariance[1], repaired.covariance)
+    np.testing.assert_array_equal(belief.covariance[0], P[0])

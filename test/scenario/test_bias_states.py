@@ -119,3 +119,16 @@ def test_a_model_with_bias_states_takes_steps_as_short_as_the_model():
     model = scenario.build({'model': 'cart_pole'}).model
     model.max_step = 0.003
     assert BiasedModel(model, ['bias'], ['m'], np.eye(1)).max_step == 0.003
+
+
+def test_many_states_at_once_are_each_alone(case):
+    """Whatever the leading axes, as in a Monte Carlo study."""
+    found, _ = case
+    model = found.believed.model
+    x, u = point(found)
+    many = model.state.wrap(x + 0.05 * np.random.default_rng(2).standard_normal((2, 3, x.size)))
+    moved = model.step(many, u, 0.01)
+    assert moved.shape == many.shape
+    for at in np.ndindex(2, 3):
+        alone = model.step(many[at], u, 0.01)
+        np.testing.assert_allclose(moved[at], alone, rtol=1e-12, atol=1e-14)

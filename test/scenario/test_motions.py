@@ -8,7 +8,7 @@ from kalman_ros.control.limiter import Limits
 from kalman_ros.core import DesignError
 from kalman_ros.scenario import build
 from kalman_ros.scenario.motions import motion_of, moving_point
-from kalman_ros.scenario.reference_motions import Beginning, along_path, in_time
+from kalman_ros.scenario.reference_motions import Beginning, _begun, along_path, in_time
 from kalman_ros.scenario.regulator import feedback, limits, steered
 
 pytestmark = pytest.mark.slow
@@ -257,3 +257,23 @@ def test_what_does_not_end_at_rest_is_refused():
         in_time(scenario, [0], times, x, np.array([[0.0], [0.5]]))
     with pytest.raises(ValueError, match=r'it does not end at rest: no input holds v 0\.3'):
         in_time(scenario, [1], times, x)
+
+
+def test_a_motion_that_begins_elsewhere_joins_smoothly():
+    """At the place, with the velocity and no acceleration; after a second it is as before."""
+    dt = 0.001
+    time = np.arange(0.0, 2.0, dt)[:, np.newaxis]
+    before = np.hstack((0.3 * time, np.sin(time)))
+    at, velocity = np.array([0.2, -0.1]), np.array([-0.4, 0.7])
+    moved = _begun(before, at, velocity, dt)
+    np.testing.assert_allclose(moved[0], at, atol=1e-12)
+    difference = moved - before
+    speed = np.gradient(difference, dt, axis=0)
+    acceleration = np.gradient(speed, dt, axis=0)
+    np.testing.assert_allclose(speed[1], velocity - [0.3, 1.0], atol=2e-3)
+    np.testing.assert_allclose(acceleration[3], 0.0, atol=0.1)
+    # a polynomial that ends with its slope and curvature at zero
+    np.testing.assert_allclose(difference[999], 0.0, atol=1e-5)
+    np.testing.assert_allclose(speed[999:1001], 0.0, atol=1e-4)
+    np.testing.assert_allclose(acceleration[996], 0.0, atol=0.1)
+    np.testing.assert_array_equal(moved[1000:], before[1000:])

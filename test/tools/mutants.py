@@ -44,6 +44,8 @@ ROOT = Path(__file__).parents[2]
 LAYERS = ('linear', 'core', 'models', 'acoustics', 'sensors', 'compiled', 'estimators', 'control',
           'scenario', 'simulation', 'embedded', 'analysis', 'arrays', 'codecs', 'pipeline', 'bags',
           'nodes', 'harness')  # fmt: skip
+#: The sample is from these unless others are named.
+BELOW_NODES = LAYERS[:-2]
 #: Without those that give a TypeError wherever they are applied, as a bitwise operator does.
 OPERATORS = [
     'NumberReplacer', 'AddNot', 'ReplaceAndWithOr', 'ReplaceOrWithAnd', 'ReplaceTrueWithFalse',
@@ -79,16 +81,21 @@ class Mutant(NamedTuple):
 
 
 def text_spans(source):
-    """Return the spans of what no number depends on: annotations, messages and caches."""
+    """Return the spans of what no result depends on: annotations, messages, caches, decorators."""
     nodes = []
     for node in ast.walk(ast.parse(source)):
         called = ast.unparse(node.func) if isinstance(node, ast.Call) else ''
         message = isinstance(node, ast.Raise | ast.JoinedStr) or 'warn' in called
         if message or 'cache' in called or getattr(node, 'name', '') == '__repr__':
             nodes.append(node)
+        elif called.endswith('.reshape'):  # any negative number is the one that is left
+            nodes += node.args
+        elif isinstance(node, ast.keyword) and node.arg == 'initial':  # of a largest number
+            nodes.append(node.value)
         elif isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
             nodes.append(node.test)
         nodes += filter(None, (getattr(node, 'annotation', None), getattr(node, 'returns', None)))
+        nodes += getattr(node, 'decorator_list', ())
     return [
         ((node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)) for node in nodes
     ]
@@ -226,7 +233,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--count', type=int, default=40, help='how many mutants (40)')
     parser.add_argument('--seed', type=int, default=0, help='seed of the sample (0)')
-    parser.add_argument('--layer', nargs='+', choices=LAYERS, default=LAYERS, metavar='NAME')
+    parser.add_argument('--layer', nargs='+', choices=LAYERS, default=BELOW_NODES, metavar='NAME')
     parser.add_argument('--least', type=float, default=0.85, help='share to be killed (0.85)')
     parser.add_argument('--jobs', type=int, default=1, help='how many at a time (1)')
     options = parser.parse_args()
