@@ -129,7 +129,7 @@ def _hint(name: str) -> str:
         ours = elsewhere[name]
         return f"; did you mean '{ours}'?" if ours in _MODULES else f'; here it is {ours}'
     near = get_close_matches(name, __all__, n=1)
-    known = '' if name.startswith('_') else f'; known are {", ".join(__all__)}'
+    known = '' if name.startswith('_') else '; dir(kr) lists its names'
     return f"; did you mean '{near[0]}'?" if near else known
 
 

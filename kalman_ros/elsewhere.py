@@ -55,6 +55,13 @@ ELSEWHERE = {
     'Saver': 'filter, which returns all estimates',
     'nees': 'consistency',
     'NEES': 'consistency',
+    'nis': 'filter, whose result has .nis',
+    'NIS': 'filter, whose result has .nis',
+    'observer': 'lqe',
+    'gain': 'lqr',
+    'Estimates': 'filter, which returns them',
+    'ensemble': 'monte_carlo',
+    'run': 'simulate',
     # simulation and identification
     'step_response': 'simulate',
     'initial_response': 'simulate',

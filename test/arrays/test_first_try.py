@@ -148,7 +148,7 @@ HELPED = [
     (lambda: kr.EKF, "no attribute 'EKF'; did you mean 'ExtendedKalmanFilter'?"),
     (lambda: kr.c2d, "did you mean 'discretize'?"),
     (lambda: kr.bode, "no attribute 'bode'; here it is design(...).plot('loops')"),
-    (lambda: kr.QQQ, "no attribute 'QQQ'; known are Correction, "),
+    (lambda: kr.QQQ, "no attribute 'QQQ'; dir(kr) lists its names"),
 ]  # fmt: skip
 
 
