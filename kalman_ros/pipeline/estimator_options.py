@@ -78,8 +78,7 @@ class EstimatorOptions:
     gate_recover_after: Annotated[
         int,
         About(
-            'readings in a row outside the gates, by all sensors of a state, after which the '
-            'covariance is widened; 0: never',
+            'outside gates in a row: belief is widened; 0: never',
             minimum=0,
             live=True,
         ),

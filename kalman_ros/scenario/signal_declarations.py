@@ -17,6 +17,8 @@ _FRAMES = 'frames'
 _CORRECTED = 'corrections'
 #: That of readings of zero, and of those at rest.
 _STILL = 'stand-still'
+#: That of readings that count less, or whose noise changes.
+_DOUBTED = 'spikes'
 
 
 #: The options of axes and frames, of a sensor or of the input.
@@ -148,11 +150,16 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
                 minimum=0.5,
                 maximum=1.0,
                 live=True,
+                feature=_DOUBTED,
             ),
         ),
         'adapt': (
             False,
-            About('let the noise follow the innovations, within a factor of 10', live=True),
+            About(
+                'let the noise follow the innovations, within a factor of 10',
+                live=True,
+                feature=_DOUBTED,
+            ),
         ),
         'reliable': (
             False,

@@ -426,7 +426,8 @@ def test_filters_of_one_name_in_two_namespaces_are_two_files(tmp_path, capsys):
     said = capsys.readouterr().out
     for space in ('first', 'second'):
         assert (tmp_path / f'ours [b]_{space}_ekf.yaml').is_file()
-        options = f'-r __ns:=/{space} -r __node:=ekf --params-file '
+        remap = '-r estimate/odometry:=odometry/filtered'
+        options = f'-r __ns:=/{space} -r __node:=ekf {remap} --params-file '
         assert f"{options}'{tmp_path}/ours [b]_{space}_ekf.yaml'" in said
 
 
@@ -442,7 +443,7 @@ def test_what_is_for_all_nodes_is_for_each_filter(tmp_path):
     space, plane, _ = translated(their_nodes(file))
     assert space.values['use_sim_time'] and plane.values['use_sim_time']
     assert (space.values['model'], plane.values['model']) == ('robot_3d', 'robot_2d')
-    assert space.values['publish_rate'] == 20.0
+    assert space.values['publish_rate'] == 10.0  # the last in the file
 
 
 def test_nodes_of_ros_1_have_their_navsat_transform(tmp_path):
@@ -494,3 +495,65 @@ def test_a_file_that_is_not_there_is_refused_in_one_line(capsys):
     assert capsys.readouterr().err == (
         'from_robot_localization: /nowhere/ekf.yaml: No such file or directory\n'
     )
+
+
+@pytest.mark.parametrize('word', ['differential', 'relative'])
+def test_fixes_are_positions_whatever_the_odometry_was(tmp_path, word):
+    file = tmp_path / 'theirs.yaml'
+    file.write_text(
+        f'ekf:\n  ros__parameters:\n    odom0: odom\n    odom0_config: {config("vx")}\n'
+        f'    odom1: odometry/gps\n    odom1_config: {config("x", "y", "yaw", "vx")}\n'
+        f'    odom1_{word}: true\n'
+        'navsat_transform:\n  ros__parameters: {yaw_offset: 0.0}\n'
+    )
+    found, _ = translated(their_nodes(file))
+    assert found.values['sensors'] == ['odom0_velocity', 'odom1_fix']
+    assert found.values['odom1_fix.fields'] == ['east', 'north']
+    rows = {row.name: row for row in found.rows}
+    assert rows[f'odom1_{word}'].what == 'fixes are read as positions'
+    assert rows['odom1_config'].what.startswith('odom1_fix; not in a fix: ')
+    assert not rows[f'odom1_{word}'].carried and not rows['odom1_config'].carried
+
+
+def test_a_filter_that_reads_another_ones_odometry_does_not_take_its_topic(tmp_path):
+    flags = config('vx')
+    file = theirs(tmp_path, 'odom0: odom', f'odom0_config: {flags}', 'world_frame: map')
+    main([str(file), '--out', str(tmp_path / 'ours.yaml')])
+    text = (tmp_path / 'ours.yaml').read_text()
+    assert "tf_odometry: 'odometry/filtered'" in text and ' -r ' not in text
+
+
+@pytest.mark.parametrize(
+    ('text', 'planar'),
+    [
+        ('ekf: {two_d_mode: false, S}\n/**: {two_d_mode: true}\n', True),
+        ('/**: {two_d_mode: true}\nekf: {two_d_mode: false, S}\n', False),
+        ('/robot1/*: {two_d_mode: true}\n/robot10/ekf: {S}\n', False),
+        ('/robot1/*: {two_d_mode: true}\n/robot1/ekf: {S}\n', True),
+    ],
+)
+def test_of_a_value_that_stands_twice_the_last_counts_as_in_ros(tmp_path, text, planar):
+    file = tmp_path / 'theirs.yaml'
+    sensor = f'odom0: odom, odom0_config: {config("vx")}'
+    file.write_text(
+        text.replace('S}', f'{sensor}}}').replace('{', '{ros__parameters: {').replace('}', '}}')
+    )
+    (found,) = [each for each in translated(their_nodes(file)) if each.values]
+    assert found.values['model'] == ('robot_2d' if planar else 'robot_3d')
+
+
+def test_what_is_written_has_names_that_ros_takes(tmp_path):
+    file = tmp_path / 'theirs.yaml'
+    long = 250 * 'x'
+    file.write_text(
+        f'"ekf-odom 1":\n  odom0: odom\n  odom0_config: {config("vx")}\n'
+        f'  odom1: {long}\n  odom1_config: {config("vx")}\n'
+        f'  odom\u0663: odom\n  odom\u0663_config: {config("vx")}\n'
+        f'9ekf:\n  imu0: imu\n  imu0_config: {config("wz")}\n'
+    )
+    first, second = translated(their_nodes(file))
+    assert (first.name, second.name) == ('ekf_odom_1', '_9ekf')
+    assert first.values['sensors'] == ['odom0_velocity']
+    for values in (first.values, second.values):
+        settings(values)
+        validate_topic_name(values['state.topic'])

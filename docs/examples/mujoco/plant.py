@@ -20,6 +20,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
@@ -132,6 +133,8 @@ class Plant(Node):
     def publish(self):
         """Publish the readings that are due, the truth, and in lockstep the tick and the clock."""
         if self.steps * self.timestep > self.run_until * 1e9:
+            for publisher in self.publishers:  # what a busy reader has not taken goes with it
+                publisher.wait_for_all_acked(Duration(seconds=5))
             raise SystemExit
         mujoco.mj_forward(self.model, self.data)
         now = Time(sec=self.stamp // 10**9, nanosec=self.stamp % 10**9)

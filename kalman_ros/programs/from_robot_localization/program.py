@@ -46,18 +46,26 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def as_text(values: Mapping[str, Any], source: str) -> str:
     """Return parameters as a ROS parameter file for a node of any name."""
-    topic = odometry_of(values)
-    comments = (
-        f'# From {one_line(source)}, a file of robot_localization. The odometry is on',
-        f'# {topic}; for nodes that expect it elsewhere, remap it when this is started:',
-        f'#   --ros-args -r {topic}:={_THEIRS}',
-    )
+    topic, renamed = odometry_of(values), remap(values)
+    comments = [f'# From {one_line(source)}, a file of robot_localization.']
+    comments.append(f'# The odometry is on {topic}; for nodes that expect it elsewhere, remap it.')
+    if renamed:
+        comments.append(f'# When this is started: --ros-args{renamed}')
     return '\n'.join((*comments, section_text('/**', values)))
 
 
 def odometry_of(values: Mapping[str, Any]) -> str:
     """Return the topic of the odometry of a filter."""
     return f'{values.get("state.topic", "estimate")}/odometry'
+
+
+def remap(values: Mapping[str, Any]) -> str:
+    """Return the remap to their topic; '' where another filter has it.
+
+    That is one of the same file, or the one whose odometry is read for the transform to a map.
+    """
+    alone = 'state.topic' not in values and 'tf_odometry' not in values
+    return f' -r {odometry_of(values)}:={_THEIRS}' if alone else ''
 
 
 def written(filters: Sequence[Translation], source: Path, out: Path | None) -> list[Path]:
@@ -142,9 +150,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     for translation, file in zip(filters, files):
         space = f' -r __ns:=/{translation.namespace}' if translation.namespace else ''
         node = f' -r __node:={translation.name}' if len(files) > 1 else ''
-        # with two filters, the file does not have the name that each of the topics got
-        node += '' if node else f' -r {odometry_of(translation.values)}:={_THEIRS}'
-        command = f'ros2 run kalman_ros estimator --ros-args{space}{node} --params-file '
+        names = f'{space}{node}{remap(translation.values)}'
+        command = f'ros2 run kalman_ros estimator --ros-args{names} --params-file '
         console.print(_shown(f'{translation.title}: {file}'), style='bold', soft_wrap=True)
         console.print(_shown(f'  {command}{shlex.quote(str(file))}'), soft_wrap=True)
     console.print(

@@ -13,7 +13,7 @@ from typing import Any
 from kalman_ros.core import About, Option
 from kalman_ros.scenario.parameter_files import Lined, with_lines
 
-SENSOR = re.compile(r'(odom|pose|twist|imu)(\d+)')
+SENSOR = re.compile(r'(odom|pose|twist|imu)([0-9]+)')
 _NAVSAT = {
     'datum', 'magnetic_declination_radians', 'yaw_offset', 'zero_altitude', 'wait_for_datum',
     'use_odometry_yaw', 'broadcast_utm_transform', 'broadcast_cartesian_transform',
@@ -134,12 +134,27 @@ def their_nodes(path: Path) -> list[TheirNode]:
         expected = 'expected a node with one of odom0, pose0, twist0, imu0'
         raise ValueError(f'{path.name}: {expected}')
     for node in nodes:
-        node.name = node.name or path.stem
+        node.name = in_ros(node.name or path.stem)
+        node.namespace = '/'.join(map(in_ros, filter(None, node.namespace.split('/'))))
         if node.filters or node.navigates:
             for wildcard in shared:
-                if node.namespace.startswith(wildcard.namespace):
-                    node.values = {**wildcard.values, **node.values}
+                if f'{node.namespace}/'.startswith(f'{wildcard.namespace}/'.lstrip('/')):
+                    node.values = _merged(wildcard.values, node.values)
     return nodes
+
+
+def in_ros(part: str) -> str:
+    """Return a part of a name with what ROS 2 refuses in it replaced."""
+    mended = re.sub(r'[^A-Za-z0-9_]', '_', part)
+    return f'_{mended}' if mended[0].isdigit() else mended
+
+
+def _merged(shared: Mapping[str, Lined], own: Mapping[str, Lined]) -> dict[str, Lined]:
+    """Return the values for a node, of which the last in the file counts, as in ROS."""
+    found = {**shared, **own}
+    for name in shared.keys() & own.keys():
+        found[name] = max(shared[name], own[name], key=lambda each: each.line)
+    return found
 
 
 def _nodes(values: Mapping[str, Lined], parts: Sequence[str], stem: str) -> Iterator[TheirNode]:

@@ -20,11 +20,23 @@ def receiver(
     position = next((sensor for key, sensor in made.items() if key.endswith('_position')), None)
     if position is None:
         return {key: dict(sensor) for key, sensor in made.items()}
-    axes = [axis for axis in position['measures'] if axis != 'z' or not _flat_ground(navigation)]
+    # of a change of the pose the measures are those of the velocity
+    read = [field[-1] for field in position['fields']]
+    axes = [axis for axis in read if axis != 'z' or not _flat_ground(navigation)]
     fields = [{'x': 'east', 'y': 'north', 'z': 'up'}[axis] for axis in axes]
     number = len(axes)
     node.note(name, f'sensor {name}_fix: the fixes on gps/fix, without navsat_transform')
-    node.rows[:] = [row for row in node.rows if row.name != name or '_fix:' in row.what]
+    changed = {f'{name}_{word}' for word in ('differential', 'relative', 'config')}
+    node.rows[:] = [
+        row for row in node.rows if row.name not in changed | {name} or '_fix:' in row.what
+    ]
+    others = [key.removeprefix(f'{name}_') for key in made if not key.endswith('_position')]
+    lost = f'; not in a fix: {", ".join(others)}' if others else ''
+    node.note(f'{name}_config', f'{name}_fix{lost}', carried=not lost)
+    for word in ('differential', 'relative'):
+        wanted = node.value(f'{name}_{word}', False)
+        why = 'fixes are read as positions' if wanted else 'false'
+        node.note(f'{name}_{word}', why, carried=not wanted)
     # in ROS 1 the names of two frames follow
     numbers = navigation.numbers('datum', (2, 3), words=True)
     if numbers is not None:
@@ -45,7 +57,6 @@ def receiver(
             'kind': 'states', 'measures': axes, 'topic': 'gps/fix',
             'type': 'sensor_msgs/NavSatFix', 'fields': fields, 'noise': [2.0] * number,
         },
-        **{key: dict(sensor) for key, sensor in made.items() if not key.endswith('_position')},
     }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from scipy.stats import chi2
 
-from .their_file import TheirNode
+from .their_file import TheirNode, in_ros
 
 TYPES = {
     'odom': 'nav_msgs/Odometry',
@@ -28,6 +28,8 @@ _NOISE = (0.5,) * 3 + (0.05,) * 3 + (0.1,) * 3 + (0.05,) * 3 + (0.5,) * 3
 #: The lowest probability of a gate, and the one below which a gate rejects more than is usual.
 _LEAST, _USUAL = 0.5, 0.95
 _REJECTION = 'rejection_threshold'
+#: The longest topic, of the 255 letters that ROS 2 takes, with room for a namespace.
+_LONGEST = 200
 GRAVITY = 9.80665
 
 
@@ -75,12 +77,13 @@ def _topic(node: TheirNode, name: str) -> str:
     """Return the topic of a sensor, with what ROS refuses in a name replaced."""
     topic = str(node.value(name, ''))
     head, tail = ('~', topic[1:]) if topic.startswith('~') else ('', topic)
-    parts = [re.sub(r'[^A-Za-z0-9_]', '_', part) for part in tail.split('/') if part]
-    usable = [f'_{part}' if part[0].isdigit() else part for part in parts]
+    usable = [in_ros(part) for part in tail.split('/') if part]
     first = '/' if head or tail.startswith('/') else ''
     mended = head + first + '/'.join(usable)
     if not usable or not re.search('[A-Za-z0-9]', mended):
         raise ValueError(f"expected the name of a topic, got '{topic}'")
+    if len(mended) > _LONGEST:
+        raise ValueError(f'expected a topic of {_LONGEST} letters or fewer, got {len(mended)}')
     if mended != topic:
         node.note(name, f"topic {mended}: '{topic}' is no name in ROS 2", carried=False)
     return mended
@@ -215,10 +218,13 @@ def _account(
             node.note(key, 'not needed: no such part of its messages is used')
     for word, why in _NOT_NEEDED.items():
         node.note(f'{name}_{word}', why)
+    child = f'{name}_pose_use_child_frame'
+    wanted = node.value(child, False)
+    why = 'declare frame and mount of the sensor instead' if wanted else 'false'
+    node.note(child, why, carried=not wanted)
 
 
 _NOT_NEEDED: Mapping[str, str] = {
     'queue_size': 'not needed: all messages that wait are fused, by their stamps',
     'nodelay': 'not needed: a matter of TCP in ROS 1',
-    'pose_use_child_frame': 'declare frame and mount of the sensor instead',
 }

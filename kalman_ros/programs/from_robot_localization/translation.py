@@ -153,7 +153,7 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
         made = sensors_of(node, name, kind[1], planar=planar)
         if node.value(name, '').endswith(_GPS):
             if navigation is None:
-                node.note(name, _NO_NAVIGATION)
+                node.note(name, _NO_NAVIGATION, carried=False)
             else:
                 made = receiver(node, name, made, navigation, parameters)
         sensors.update(made)
@@ -264,11 +264,18 @@ def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> N
         why = 'robot_3d has no input; robot_2d has (two_d_mode)' if control else 'not used'
         node.note('use_control', why, carried=not control)
         return
-    lag = max(node.value('control_timeout', _CONTROL_TIMEOUT), 1e-3)
+    lag = node.value('control_timeout', _CONTROL_TIMEOUT)
+    if lag < 0.0:
+        node.leave_out('control_timeout', f'expected 0 or more, got {lag:g}')
+        lag = _CONTROL_TIMEOUT
+    lag = max(lag, 1e-3)
     parameters['model_parameters.command_time'] = parameters['input_timeout'] = lag
     node.note('use_control', 'model_parameters.command_time: cmd_vel is the input')
     node.note('control_timeout', 'model_parameters.command_time and input_timeout')
-    node.note('control_config', 'commands of forward, sideways and turn are all used')
+    flags = node.values['control_config'].value if 'control_config' in node.values else None
+    used = isinstance(flags, list) and len(flags) == 6 and flags[0] and flags[1] and flags[5]
+    all_used = 'commands of forward, sideways and turn are all used'
+    node.note('control_config', all_used, carried=bool(used))
     if node.value('stamped_control', False):
         fields = [f'twist.{field}' for field in ('linear.x', 'linear.y', 'angular.z')]
         parameters.update({'input.type': 'geometry_msgs/TwistStamped', 'input.fields': fields})
