@@ -34,7 +34,7 @@ setup(
     install_requires=['setuptools', 'numpy', 'scipy', 'pyyaml', 'rich', 'matplotlib'],
     extras_require={
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'hypothesis', 'filterpy', 'rosbags'],
-        'docs': ['sphinx', 'myst-parser'],
+        'docs': ['furo', 'latex2mathml', 'myst-parser', 'numpydoc', 'sphinx', 'sphinx-copybutton'],
         'bags': ['rosbags'],
         'compiled': ['casadi>=3.7'],
         'limits': ['daqp>=0.11'],
