@@ -27,7 +27,6 @@ autodoc_typehints = 'none'
 autodoc_member_order = 'bysource'
 python_maximum_signature_line_length = 70
 numpydoc_show_class_members = False
-numpydoc_xref_param_type = False
 html_math_renderer = 'mathml'
 html_theme = 'furo'
 html_show_copyright = False

@@ -129,9 +129,8 @@ def loop(
     if policy.rest_until_input:
         raise ValueError('rest_until_input: expected false, which is all that C has')
     for name, source in scenario.sensors.items():
-        if source.soft_gate < 1.0 or source.adapt:
-            option, expected = ('adapt', 'false') if source.adapt else ('soft_gate', '1.0')
-            raise ValueError(f'{name}.{option}: expected {expected}, which is all that C has')
+        for option in source.weights:
+            raise ValueError(f'{name}.{option}: expected none, since C has no such thing')
     found = estimation(scenario, policy)
     check_estimator(scenario, found)
     m = scenario.model.input.size

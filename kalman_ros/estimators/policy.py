@@ -21,11 +21,12 @@ class Policy:
         Largest one with which a reading counts in full, by sensor; one that is farther away
         counts less (`reading_noise.softening`).
     adaptive
-        Sensors whose noise follows their innovations (`reading_noise.adapted`).
+        Sensors whose noise follows their innovations (`reading_noise.Adaptation`).
     recover_after
-        Number of consecutive rejected readings, of all sensors that see the same states and
-        without one that agrees, after which the covariance is widened until the next reading
-        passes, so that an overconfident filter recovers (`agreement`). 0 disables it.
+        Number of consecutive readings outside their gates, soft or not, of all sensors that see
+        the same states and without one that agrees, after which the covariance is widened until
+        the next reading passes, so that an overconfident filter recovers (`agreement`). 0
+        disables it.
     restart_after
         Number of consecutive readings older than the window after which the estimator restarts,
         if no reading was current for 0.25 s: the clock went back. 0 disables it.

@@ -116,9 +116,8 @@ def by_innovation(scenario: Scenario, policy: Policy) -> Policy:
 def _check_fixed(scenario: Scenario, kind: str) -> None:
     """Raise ValueError if the noise of a reading is to change a gain that is fixed."""
     for name, source in scenario.sensors.items():
-        for option, given in (('soft_gate', source.soft_gate < 1.0), ('adapt', source.adapt)):
-            if given:
-                raise ValueError(
-                    f'{name}.{option}: the gain of {kind} is fixed, whatever the noise; '
-                    'expected another filter, such as kf or ekf'
-                )
+        for option in source.weights:
+            raise ValueError(
+                f'{name}.{option}: the gain of {kind} is fixed, whatever the noise; '
+                'expected another filter, such as kf or ekf'
+            )

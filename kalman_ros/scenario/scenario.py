@@ -38,9 +38,10 @@ class SensorSource:
         return self.timed.sensor
 
     @property
-    def weighed(self) -> bool:
-        """Whether the outcome of a reading depends on its innovation."""
-        return self.gate < 1.0 or self.soft_gate < 1.0 or self.adapt
+    def weights(self) -> list[str]:
+        """The options that are given by which the noise of a reading depends on its innovation."""
+        given = {'soft_gate': self.soft_gate < 1.0, 'adapt': self.adapt}
+        return [option for option, is_given in given.items() if is_given]
 
     @property
     def judged(self) -> bool:

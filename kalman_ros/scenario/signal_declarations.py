@@ -17,7 +17,7 @@ _FRAMES = 'frames'
 _CORRECTED = 'corrections'
 #: That of readings of zero, and of those at rest.
 _STILL = 'stand-still'
-#: That of readings that count less, or whose noise changes.
+#: The feature of sensors whose readings count less, or whose noise changes.
 _DOUBTED = 'spikes'
 
 

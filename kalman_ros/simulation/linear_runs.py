@@ -41,7 +41,7 @@ def is_linear(loop: Loop) -> bool:
             for scenario in (real, believed)
         )
         and all(_is_proportional(source.sensor, n) for source in sources)
-        and not any(source.weighed for source in believed.sensors.values())
+        and not any(source.gate < 1.0 or source.weights for source in believed.sensors.values())
         and (law is None or (isinstance(law, Law) and law.proportional))
         and loop.command is None
         and loop.arrives is None

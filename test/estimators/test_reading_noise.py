@@ -224,12 +224,17 @@ def test_late_readings_find_the_noise_of_their_time(kind):
     assert sum(in_order.counts['gnss'].values()) == 30
 
 
-def test_a_batch_weighs_each_member_as_alone():
-    changes = {'gnss.adapt': True, 'gnss.soft_gate': 0.9, 'gnss.gate': 0.999, 'imu.adapt': True}
-    scenario = load('gnss_imu', {**SLOW, **changes})
-    alone = [arrivals(scenario, 4.0, seed)[0] for seed in range(3)]
-    alone[1] = moved(alone[1], 'gnss', lambda t: t > 1.0, 1.5)
-    alone[2] = moved(alone[2], 'gnss', lambda t: t > 1.0, [80.0, 0.0])
+@pytest.mark.parametrize('others', [False, True])
+def test_a_batch_weighs_each_member_as_alone(others):
+    """Alone the receiver is believed after five readings; beside three others it is not."""
+    weights = {'adapt': True, 'soft_gate': 0.9, 'gate': 0.999}
+    names = ('gnss', *OTHERS) if others else ('gnss',)
+    changes = {f'{name}.{key}': value for name in names for key, value in weights.items()}
+    scenario = load('gnss_imu', {**(FOUR if others else SLOW), **changes, 'imu.adapt': True})
+    alone = [arrivals(scenario, 6.0, seed)[0] for seed in range(3)]
+    near, far = ([9.0, 0.0], [80.0, 0.0]) if others else ([1.5, 1.5], [80.0, 0.0])
+    alone[1] = moved(alone[1], 'gnss', lambda t: t > 1.0, near)
+    alone[2] = moved(alone[2], 'gnss', lambda t: t > 1.0, far)
     built = estimation(scenario, Policy(max_gap=0.0, recover_after=5))
     batch = BatchEstimator(
         built.filter, built.sensors, built.initial, np.zeros(0), (3,), built.policy
@@ -237,6 +242,7 @@ def test_a_batch_weighs_each_member_as_alone():
     for each in zip(*alone):
         batch.advance(each[0].time)
         batch.add_reading(each[0].source, np.array([one.values for one in each]))
+    outcomes = set()
     for index, given in enumerate(alone):
         single = online(scenario, max_gap=0.0, recover_after=5)
         for each in given:
@@ -246,6 +252,9 @@ def test_a_batch_weighs_each_member_as_alone():
         fused = sum(n for outcome, n in counts.items() if outcome.accepted)
         assert batch.fused['gnss'][index] == fused
         assert batch.rejected['gnss'][index] == sum(counts.values()) - fused
+        outcomes |= set(counts)
+    expected = {Outcome.OUTVOTED} if others else {Outcome.RECOVERED}
+    assert expected | {Outcome.WEAKENED} <= outcomes
 
 
 def test_a_spike_moves_the_estimate_by_less_than_a_metre():
