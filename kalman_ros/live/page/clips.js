@@ -3,7 +3,7 @@
 
 import { Gif } from './gif.js';
 import { element, page } from './page.js';
-import { colour } from './plots.js';
+import { colour } from './pen.js';
 
 const RATE = 30;                 // pictures a second of a video
 const KINDS = ['video/webm;codecs=vp9', 'video/webm;codecs=vp8', 'video/webm'];

@@ -2,7 +2,7 @@
 // Sliders and switches: at most one command of each is under way.
 
 import { element } from './page.js';
-import { short } from './plots.js';
+import { short } from './pen.js';
 import { Newest } from './socket.js';
 
 const STEPS = 400;

@@ -9,7 +9,7 @@ import { grab, noGrab } from './grab.js';
 import { hasLimits, hasWalls, limitOf, setLimit } from './limits.js';
 import { $, acted, element, page } from './page.js';
 import { pathHint, sendShape, SHAPES } from './path.js';
-import { short } from './plots.js';
+import { short } from './pen.js';
 import { mainStates } from './saying.js';
 import { send } from './socket.js';
 import { buildTour, followTour, goTo, tourEffect, tourReason, tourStep, tourWords } from './tour.js';

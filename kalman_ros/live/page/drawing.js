@@ -2,7 +2,7 @@
 // Parts of the drawings: springs, arrows, ellipses, readings.
 
 import { data, last } from './data.js';
-import { colour, labelled, quantity, short, stroke, ticks } from './plots.js';
+import { colour, covarianceEllipse, labelled, quantity, short, stroke, ticks } from './pen.js';
 
 export const TWO_SIGMA = 2;
 const RECENT = 0.5;  // seconds that an estimate may be under way
@@ -35,19 +35,6 @@ export function now(scene) {
 
 export const deviation = (belief, name) => Math.sqrt(Math.max(0, belief.P(name, name) ?? 0));
 
-export function arrow(pen, x, y, dx, dy, look = 'input') {
-  const size = Math.hypot(dx, dy);
-  if (size < 2) return;
-  stroke(pen, look, 3);
-  pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + dx, y + dy); pen.stroke();
-  const a = Math.atan2(dy, dx), h = Math.min(10, size);
-  pen.fillStyle = colour(look);
-  pen.beginPath();
-  pen.moveTo(x + dx, y + dy);
-  for (const s of [2.6, -2.6]) pen.lineTo(x + dx + h * Math.cos(a + s), y + dy + h * Math.sin(a + s));
-  pen.fill();
-}
-
 // the length in pixels of an input: large ones are shortened
 export const reach = (scene, value) => 70 * Math.tanh((value ?? 0) / (scene.force || 1));
 
@@ -62,22 +49,11 @@ export function spring(pen, x0, y0, x1, y1) {
   pen.restore();
 }
 
-// the ellipse of a 2 x 2 covariance about a point, in pixels; y points up in the world
+// the ellipse of two states of a belief; y points up in the world
 export function ellipse(pen, X, Y, belief, a, b, look, dash) {
-  const [mx, my] = [belief.x[a], belief.x[b]];
-  if (mx === null || my === null) return;
-  const p = belief.P(a, a), q = belief.P(a, b), r = belief.P(b, b);
-  const middle = (p + r) / 2, off = Math.hypot((p - r) / 2, q);
-  const turn = 0.5 * Math.atan2(2 * q, p - r);
-  const scale = Math.abs(X(1) - X(0)), limit = 1e5;
-  const long = Math.min(limit, TWO_SIGMA * Math.sqrt(Math.max(0, middle + off)) * scale);
-  const wide = Math.min(limit, TWO_SIGMA * Math.sqrt(Math.max(0, middle - off)) * scale);
-  pen.beginPath();
-  pen.ellipse(X(mx), Y(my), Math.max(long, 0.5), Math.max(wide, 0.5), -turn, 0, 2 * Math.PI);
-  if (look === 'estimate') { pen.fillStyle = colour('band'); pen.fill(); }
-  stroke(pen, look, 2, dash);
-  pen.stroke();
-  pen.beginPath(); pen.arc(X(mx), Y(my), 2.5, 0, 7); pen.fillStyle = colour(look); pen.fill();
+  const mean = [belief.x[a], belief.x[b]];
+  if (mean.includes(null)) return;
+  covarianceEllipse(pen, X, Y, mean, [belief.P(a, a), belief.P(a, b), belief.P(b, b)], TWO_SIGMA, { look, dash, filled: look === 'estimate' });
 }
 
 let corner = null;  // of the magnifier: as shares of width and height

@@ -3,7 +3,7 @@
 
 import { data } from './data.js';
 import { element, page } from './page.js';
-import { quantity } from './plots.js';
+import { quantity } from './pen.js';
 import { errors } from './saying.js';
 import { send } from './socket.js';
 

@@ -3,7 +3,7 @@
 
 import { data } from './data.js';
 import { page } from './page.js';
-import { colour, short, stroke } from './plots.js';
+import { colour, short, stroke } from './pen.js';
 import { Newest, send } from './socket.js';
 
 const newest = new Newest(send);

@@ -3,7 +3,7 @@
 
 import { data } from './data.js';
 import { page } from './page.js';
-import { colour, prepare, short, stroke, ticks } from './plots.js';
+import { colour, prepare, short, stroke, ticks } from './pen.js';
 import { Newest, send } from './socket.js';
 
 const GRAB = 16;   // pixels

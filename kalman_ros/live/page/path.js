@@ -3,7 +3,7 @@
 
 import { last } from './data.js';
 import { page } from './page.js';
-import { colour, stroke } from './plots.js';
+import { colour, stroke } from './pen.js';
 import { send } from './socket.js';
 
 const POINTS = 80;       // of a path that is sent

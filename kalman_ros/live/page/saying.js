@@ -6,7 +6,7 @@ import { CARRIED } from './grab.js';
 import { actingSentence } from './limits.js';
 import { page } from './page.js';
 import { pathWords } from './path.js';
-import { quantity, short } from './plots.js';
+import { quantity, short } from './pen.js';
 
 export const RECENT = 2;  // seconds over which an error is averaged
 const FALLEN = 1.3;    // radians at which no force brings the pole up again

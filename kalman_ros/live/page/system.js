@@ -2,11 +2,11 @@
 // The system itself: truth solid, estimate dashed with an ellipse of two standard deviations.
 
 import { data, last } from './data.js';
-import { arrow, beliefs, crosses, deviation, ellipse, FRESH, magnified, now, reach, rule, spring, TWO_SIGMA, upright } from './drawing.js';
+import { beliefs, crosses, deviation, ellipse, FRESH, magnified, now, reach, rule, spring, TWO_SIGMA, upright } from './drawing.js';
 import { limitOf, walls } from './limits.js';
 import { page } from './page.js';
 import { drawing, drawPath, room } from './path.js';
-import { colour, labelled, prepare, short, stroke } from './plots.js';
+import { arrow, colour, labelled, prepare, short, stroke } from './pen.js';
 import { send } from './socket.js';
 
 const FAR = 6;       // metres at most between truth and estimate that a picture of a cart shows

@@ -5,7 +5,7 @@
 import { Controls } from './controls.js';
 import { data } from './data.js';
 import { element, page } from './page.js';
-import { quantity, short } from './plots.js';
+import { quantity, short } from './pen.js';
 import { send } from './socket.js';
 import { stepNumbers, stepSizes } from './update.js';
 

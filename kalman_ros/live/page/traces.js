@@ -4,7 +4,7 @@
 import { data, last } from './data.js';
 import { limitLines } from './limits.js';
 import { page } from './page.js';
-import { short } from './plots.js';
+import { short } from './pen.js';
 
 const STEPS = 150;  // that a plot of single steps shows
 const CHI = [3.84, 5.99, 7.81, 9.49, 11.07, 12.59];  // 95 % of a chi-square of 1 to 6

@@ -5,7 +5,7 @@
 import { data, last } from './data.js';
 import { ellipse, TWO_SIGMA } from './drawing.js';
 import { page } from './page.js';
-import { colour, prepare, short, stroke } from './plots.js';
+import { colour, prepare, short, stroke } from './pen.js';
 
 const LASTS = 400;    // milliseconds of an animation
 const ROOM = 1.4;     // of the largest ellipse

@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+// A picture with handles. A recipe describes it:
+//   title, saying       what is seen, and what a reader can say afterwards
+//   state               {key: [start, low, high]}: all that can be changed
+//   choices, sliders    [{key, label, options}], [{key, label, text, log}]: controls of single numbers
+//   actions             [{label, act(state, computed) => changes}]: buttons
+//   panels              [{title, x: [low, high], y, across, up, equal, draw(plot, state, computed), handles}]
+//   handles of a panel  [{label, at(state, computed) => [x, y] | null, move([x, y], state, computed) => changes, text}]
+//   compute(state)      what the panels and the sentence have in common
+//   sentence(state, computed)
+import { arrow, colour, covarianceEllipse, labelled, prepare, short, stroke } from '../../kalman_ros/live/page/pen.js';
+
+const element = (tag, properties = {}, ...children) => {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+};
+
+const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+const MARGIN = { left: 44, right: 14, top: 20, bottom: 30 };
+const SMALL_STEP = 0.01, LARGE_STEP = 0.1;  // of the range of an axis, by an arrow key
+
+// A plane with axes on a canvas, whose unit is that of the quantities.
+class Plot {
+  constructor(pen, width, height, { x, y, across, up, equal, log = '' }) {
+    this.pen = pen;
+    this.box = { left: MARGIN.left, right: width - MARGIN.right, top: MARGIN.top, bottom: height - MARGIN.bottom };
+    const { left, right, top, bottom } = this.box;
+    this.x = x; this.y = y;
+    if (equal) {
+      const needed = Math.max((x[1] - x[0]) / (right - left), (y[1] - y[0]) / (bottom - top));
+      const widen = ([low, high], pixels) => { const more = (needed * pixels - (high - low)) / 2; return [low - more, high + more]; };
+      this.x = widen(x, right - left); this.y = widen(y, bottom - top);
+    }
+    const [sx, sy] = ['x', 'y'].map((axis) => (log.includes(axis) ? Math.log10 : (value) => value));
+    const [x0, x1] = this.x.map(sx), [y0, y1] = this.y.map(sy);
+    this.X = (value) => left + (right - left) * (sx(value) - x0) / (x1 - x0);
+    this.Y = (value) => bottom - (bottom - top) * (sy(value) - y0) / (y1 - y0);
+    const back = (axis, value) => (log.includes(axis) ? 10 ** value : value);
+    this.place = (px, py) => [back('x', x0 + (x1 - x0) * (px - left) / (right - left)), back('y', y0 + (y1 - y0) * (bottom - py) / (bottom - top))];
+    this.axes(across, up, log, [x0, x1], [y0, y1]);
+  }
+
+  axes(across, up, log, [x0, x1], [y0, y1]) {
+    const { pen, X, Y, box: { left, right, top, bottom } } = this;
+    const marks = (low, high, axis, count) => (log.includes(axis)
+      ? labelled(Math.ceil(low), Math.floor(high), Math.max(1, Math.min(count, Math.floor(high) - Math.ceil(low))), '').filter(([v]) => Number.isInteger(v)).map(([v]) => [10 ** v, short(10 ** v)])
+      : labelled(low, high, count, ''));
+    pen.fillStyle = colour('soft');
+    stroke(pen, 'line', 1);
+    pen.textAlign = 'center'; pen.textBaseline = 'top';
+    for (const [value, text] of marks(x0, x1, 'x', Math.max(3, (right - left) / 70))) {
+      pen.beginPath(); pen.moveTo(X(value), top); pen.lineTo(X(value), bottom); pen.stroke();
+      pen.fillText(text.replace('-', '−'), X(value), bottom + 3);
+    }
+    pen.textAlign = 'right'; pen.textBaseline = 'middle';
+    for (const [value, text] of marks(y0, y1, 'y', Math.max(3, (bottom - top) / 45))) {
+      pen.beginPath(); pen.moveTo(left, Y(value)); pen.lineTo(right, Y(value)); pen.stroke();
+      pen.fillText(text.replace('-', '−'), left - 4, Y(value));
+    }
+    pen.textBaseline = 'bottom';
+    pen.fillText(across, right, bottom + 29);
+    pen.textAlign = 'left';
+    pen.fillText(up, 2, 17);
+  }
+
+  // what is drawn within the axes
+  clipped(draw) {
+    const { left, right, top, bottom } = this.box;
+    this.pen.save();
+    this.pen.beginPath(); this.pen.rect(left, top, right - left, bottom - top); this.pen.clip();
+    draw();
+    this.pen.restore();
+  }
+
+  curve(points, look, { width = 2, dash = 'solid', closed = false } = {}) {
+    stroke(this.pen, look, width, dash);
+    this.pen.beginPath();
+    for (const [x, y] of points) this.pen.lineTo(clamp(this.X(x), -1e5, 1e5), clamp(this.Y(y), -1e5, 1e5));
+    if (closed) this.pen.closePath();
+    this.pen.stroke();
+  }
+
+  // a curve that stays at each value until the next
+  stairs(points, look, options) {
+    this.curve(points.flatMap(([x, y], k) => (k ? [[x, points[k - 1][1]], [x, y]] : [[x, y]])), look, options);
+  }
+
+  area(points, base, look) {
+    this.pen.fillStyle = colour(look);
+    this.pen.beginPath();
+    for (const [x, y] of [[points[0][0], base], ...points, [points.at(-1)[0], base]]) this.pen.lineTo(this.X(x), clamp(this.Y(y), -1e5, 1e5));
+    this.pen.fill();
+  }
+
+  // the area between two curves
+  between(above, below, look) {
+    this.pen.fillStyle = colour(look);
+    this.pen.beginPath();
+    for (const [x, y] of [...above, ...[...below].reverse()]) this.pen.lineTo(this.X(x), clamp(this.Y(y), -1e5, 1e5));
+    this.pen.fill();
+  }
+
+  across(y, look, dash = 'dashed') { this.curve([[this.x[0], y], [this.x[1], y]], look, { width: 1.4, dash }); }
+  upright(x, look, dash = 'dashed') { this.curve([[x, this.y[0]], [x, this.y[1]]], look, { width: 1.4, dash }); }
+
+  point(x, y, look, size = 4) {
+    this.pen.fillStyle = colour(look);
+    this.pen.beginPath(); this.pen.arc(this.X(x), this.Y(y), size, 0, 7); this.pen.fill();
+  }
+
+  cross(x, y, look, size = 6, width = 2.5) {
+    const [px, py] = [this.X(x), this.Y(y)];
+    stroke(this.pen, look, width);
+    this.pen.beginPath();
+    for (const s of [1, -1]) { this.pen.moveTo(px - size, py - s * size); this.pen.lineTo(px + size, py + s * size); }
+    this.pen.stroke();
+  }
+
+  arrow([x0, y0], [x1, y1], look) { arrow(this.pen, this.X(x0), this.Y(y0), this.X(x1) - this.X(x0), this.Y(y1) - this.Y(y0), look); }
+
+  ellipse({ x, P }, look, { sigmas = 2, ...options } = {}) {
+    covarianceEllipse(this.pen, this.X, this.Y, x, [P[0][0], P[0][1], P[1][1]], sigmas, { look, ...options });
+  }
+
+  text(x, y, words, look = 'ink', align = 'left') {
+    this.pen.fillStyle = colour(look);
+    this.pen.textAlign = align; this.pen.textBaseline = 'bottom';
+    this.pen.fillText(words, this.X(x) + { left: 7, right: -7, center: 0 }[align], this.Y(y) - 5);
+  }
+
+  // lines of text at a corner, each in the colour of what it names
+  legend(entries, corner = 'right top') {
+    const { left, right, top, bottom } = this.box, low = corner.includes('bottom'), at = corner.includes('left') ? left + 8 : right - 8;
+    this.pen.textAlign = corner.includes('left') ? 'left' : 'right';
+    this.pen.textBaseline = 'middle';
+    entries.forEach(([words, look], k) => {
+      const y = low ? bottom - 10 - 15 * (entries.length - 1 - k) : top + 11 + 15 * k, wide = this.pen.measureText(words).width + 6;
+      this.pen.globalAlpha = 0.75;
+      this.pen.fillStyle = colour('paper');
+      this.pen.fillRect(corner.includes('left') ? at - 3 : at - wide + 3, y - 7, wide, 14);
+      this.pen.globalAlpha = 1;
+      this.pen.fillStyle = colour(look);
+      this.pen.fillText(words, at, y);
+    });
+  }
+}
+
+// What was moved, in the address of the page: it can be shared.
+function addressed(name, state) {
+  const text = new URLSearchParams(location.hash.slice(1)).get(name);
+  const values = (text ?? '').split(',').map(Number);
+  return text !== null && values.length === Object.keys(state).length && values.every(Number.isFinite) ? values : null;
+}
+
+export function mount(host, name, recipe) {
+  const keys = Object.keys(recipe.state), start = Object.fromEntries(keys.map((key) => [key, recipe.state[key][0]]));
+  const state = { ...start };
+  let waiting = false, computed = null;
+
+  const change = (changes, remembered = true) => {
+    for (const [key, value] of Object.entries(changes)) if (Number.isFinite(value)) state[key] = clamp(value, recipe.state[key][1], recipe.state[key][2]);
+    if (remembered) history.replaceState(null, '', `#${name}=${keys.map((key) => Number(state[key].toPrecision(4))).join(',')}`);
+    if (!waiting) requestAnimationFrame(draw);
+    waiting = true;
+  };
+
+  const controls = [];
+  const bar = element('div', { className: 'explorable-controls' });
+  for (const { key, label, options } of recipe.choices ?? []) {
+    const group = element('span', { className: 'explorable-choice' });
+    group.setAttribute('role', 'group');
+    group.setAttribute('aria-label', label);
+    options.forEach((option, k) => {
+      const button = element('button', { type: 'button', textContent: option, onclick: () => change({ [key]: k }) });
+      controls.push(() => button.setAttribute('aria-pressed', String(Math.round(state[key]) === k)));
+      group.append(button);
+    });
+    bar.append(group);
+  }
+  for (const { key, label, text = short, log } of recipe.sliders ?? []) {
+    const [to, from] = log ? [Math.log10, (value) => 10 ** value] : [(value) => value, (value) => value];
+    const [low, high] = recipe.state[key].slice(1).map(to);
+    const slider = element('input', { type: 'range', min: low, max: high, step: (high - low) / 200, oninput: () => change({ [key]: from(Number(slider.value)) }) });
+    const shown = element('output');
+    controls.push(() => {
+      slider.value = to(state[key]);
+      shown.textContent = text(state[key]);
+      slider.setAttribute('aria-valuetext', text(state[key]));
+    });
+    bar.append(element('label', {}, `${label} `, slider, shown));
+  }
+  for (const { label, act } of recipe.actions ?? []) bar.append(element('button', { type: 'button', textContent: label, onclick: () => change(act(state, computed)) }));
+  bar.append(element('button', { type: 'button', textContent: 'reset', className: 'explorable-reset', onclick: () => change(start) }));
+
+  const sentence = element('p', { className: 'explorable-sentence' });
+  sentence.setAttribute('role', 'status');
+  const stage = element('div', { className: 'explorable-panels' });
+  const panels = recipe.panels.map((panel) => {
+    const canvas = element('canvas'), frame = element('div', { className: 'explorable-frame' }, canvas);
+    canvas.setAttribute('role', 'img');
+    canvas.setAttribute('aria-label', `${panel.title}: ${panel.up} over ${panel.across}`);
+    const shown = { panel, canvas, plot: null, handles: (panel.handles ?? []).map((handle) => grip(handle, () => shown, () => [state, computed], change)) };
+    frame.append(...shown.handles.map((handle) => handle.element));
+    stage.append(element('div', { className: 'explorable-panel' }, element('p', { textContent: panel.title }), frame));
+    return shown;
+  });
+  host.replaceChildren(element('p', { className: 'explorable-title', textContent: recipe.title }), stage, bar, sentence,
+    element('p', { className: 'explorable-saying', textContent: `You can say afterwards: ${recipe.saying}` }));
+
+  function draw() {
+    waiting = false;
+    computed = recipe.compute?.(state);
+    for (const shown of panels) {
+      const area = prepare(shown.canvas), { panel } = shown;
+      if (!area) continue;
+      const range = (axis) => (typeof axis === 'function' ? axis(state, computed) : axis);
+      shown.plot = new Plot(area.pen, area.width, area.height, { ...panel, x: range(panel.x), y: range(panel.y) });
+      shown.plot.clipped(() => panel.draw(shown.plot, state, computed));
+      for (const handle of shown.handles) handle.show(shown.plot);
+    }
+    for (const control of controls) control();
+    sentence.textContent = recipe.sentence(state, computed);
+  }
+
+  const fromAddress = () => {
+    const values = addressed(name, recipe.state);
+    if (values) change(Object.fromEntries(keys.map((key, k) => [key, values[k]])), false);
+    return Boolean(values);
+  };
+  addEventListener('hashchange', fromAddress);
+  if (fromAddress()) host.scrollIntoView({ block: 'center' });
+  draw();
+  const again = () => change({}, false);
+  new ResizeObserver(again).observe(stage);
+  const seen = new IntersectionObserver(again);  // what is out of sight is not drawn
+  panels.forEach(({ canvas }) => seen.observe(canvas));
+  return again;
+}
+
+// A place that is dragged, by a pointer or with the arrow keys.
+function grip({ label, at, move, text }, shown, current, change) {
+  const handle = element('div', { className: 'explorable-handle', tabIndex: 0, title: label });
+  handle.setAttribute('role', 'slider');
+  handle.setAttribute('aria-label', label);
+  let place = null, offset = null;
+  const moveTo = (x, y) => change(move([x, y], ...current()));
+  handle.addEventListener('pointerdown', (event) => {
+    if (event.button) return;
+    event.preventDefault();
+    handle.focus({ preventScroll: true });
+    handle.setPointerCapture(event.pointerId);
+    const box = handle.getBoundingClientRect();
+    offset = [event.clientX - (box.left + box.right) / 2, event.clientY - (box.top + box.bottom) / 2];
+  });
+  handle.addEventListener('pointermove', (event) => {
+    if (!offset) return;
+    const box = shown().canvas.getBoundingClientRect();
+    moveTo(...shown().plot.place(event.clientX - offset[0] - box.left, event.clientY - offset[1] - box.top));
+  });
+  for (const end of ['pointerup', 'pointercancel']) handle.addEventListener(end, () => { offset = null; });
+  handle.addEventListener('keydown', (event) => {
+    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (!way || !place) return;
+    event.preventDefault();
+    const { plot } = shown(), { left, right, top, bottom } = plot.box, share = event.shiftKey ? LARGE_STEP : SMALL_STEP;
+    moveTo(...plot.place(plot.X(place[0]) + way[0] * share * (right - left), plot.Y(place[1]) + way[1] * share * (bottom - top)));
+  });
+  return {
+    element: handle,
+    show(plot) {
+      place = at(...current());
+      handle.hidden = !place;
+      if (!place) return;
+      const { left, right, top, bottom } = plot.box;
+      handle.style.left = `${clamp(plot.X(place[0]), left, right)}px`;
+      handle.style.top = `${clamp(plot.Y(place[1]), top, bottom)}px`;
+      const words = text?.(...current()) ?? place.map((value) => short(value)).join(', ');
+      handle.setAttribute('aria-valuetext', words);
+      handle.setAttribute('aria-valuenow', short(place[0]));
+    },
+  };
+}

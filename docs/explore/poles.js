@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Two poles of one system, real or a conjugate pair, as places that are dragged in the complex plane.
+import { short } from '../../kalman_ros/live/page/pen.js';
+
+const ON_AXIS = 0.15;  // an imaginary part below is that of a real pole
+
+// the two poles of the state; its keys end with `of`
+export function polesOf(state, of = '') {
+  const re = state[`re${of}`], im = state[`im${of}`];
+  return im ? [[re, im], [re, -im]] : [[re, 0], [state[`second${of}`], 0]];
+}
+
+export function poleHandles(label, of = '') {
+  const [re, im, second] = [`re${of}`, `im${of}`, `second${of}`];
+  const text = (state) => words(polesOf(state, of));
+  return [
+    {
+      label: `${label}, first pole`, text,
+      at: (state) => [state[re], state[im]],
+      move: ([x, y], state) => {
+        if (y >= ON_AXIS) return { [re]: x, [im]: y };
+        return state[im] ? { [re]: x, [second]: x, [im]: 0 } : { [re]: x };
+      },
+    },
+    {
+      label: `${label}, second pole`, text,
+      at: (state) => (state[im] ? null : [state[second], 0]),
+      move: ([x, y]) => (y >= ON_AXIS ? { [re]: x, [im]: y } : { [second]: x }),
+    },
+  ];
+}
+
+export const number = (value, digits = 3) => short(value, digits).replace('-', '−');
+
+export function words([[re, im], [second]]) {
+  return im ? `${number(re)} ± ${number(Math.abs(im))}j` : `${number(re)} and ${number(second)}`;
+}
+
+// the complex plane: what decays is on the left
+export function complexPlane(plot) {
+  const { pen, box } = plot;
+  plot.between([[0, plot.y[1]], [plot.x[1], plot.y[1]]], [[0, plot.y[0]], [plot.x[1], plot.y[0]]], 'growth');
+  plot.curve([[plot.x[0], 0], [plot.x[1], 0]], 'soft', { width: 1 });
+  plot.curve([[0, plot.y[0]], [0, plot.y[1]]], 'soft', { width: 1 });
+  pen.textBaseline = 'bottom';
+  plot.legend([['grows', 'soft']], 'right bottom');
+  return box;
+}
+
+export const mark = (plot, poles, look) => poles.forEach(([re, im]) => plot.cross(re, im, look));
