@@ -11,10 +11,10 @@ export function recursion({ Q, R, P0 }) {
   let P = P0, x = 0, estimate = Math.sqrt(P0);
   draws.forEach(([walk, noise], k) => {
     if (k) { P += Q; x += Math.sqrt(Q) * walk; }
-    const K = P / (P + R), reading = x + Math.sqrt(R) * noise;
-    estimate += K * (reading - estimate);
-    rows.push({ k, before: P, after: (1 - K) * P, K, x, reading, estimate });
-    P *= 1 - K;
+    const L = P / (P + R), reading = x + Math.sqrt(R) * noise;
+    estimate += L * (reading - estimate);
+    rows.push({ k, before: P, after: (1 - L) * P, L, x, reading, estimate });
+    P *= 1 - L;
   });
   const steady = (Q + Math.sqrt(Q * Q + 4 * Q * R)) / 2;  // of the variance before a reading
   return { rows, steady: steady / (steady + R) };
@@ -40,11 +40,11 @@ export const gain = {
       },
     },
     {
-      title: 'the gain', x: [-1, COUNT], y: [0, 1.05], across: 'reading', up: 'K',
+      title: 'the gain', x: [-1, COUNT], y: [0, 1.05], across: 'reading', up: 'L',
       draw(plot, state, { rows, steady }) {
         plot.across(steady, 'prior');
-        plot.stairs(rows.map(({ k, K }) => [k, K]), 'estimate', { width: 2.5 });
-        plot.legend([['K', 'estimate'], ['in the long run', 'prior']]);
+        plot.stairs(rows.map(({ k, L }) => [k, L]), 'estimate', { width: 2.5 });
+        plot.legend([['L', 'estimate'], ['in the long run', 'prior']]);
       },
     },
     {
@@ -59,7 +59,7 @@ export const gain = {
     },
   ],
   sentence({ Q, R }, { rows, steady }) {
-    const settled = rows.findIndex(({ K }) => Math.abs(K - steady) < 0.02 * steady);
-    return `The first gain is ${number(rows[0].K)}; it settles at ${number(steady)}${settled < 0 ? ', later than what is shown' : `, within 2 % after ${settled + 1} reading${settled ? 's' : ''}`}. Q/R = ${number(Q / R, 2)} alone decides where.`;
+    const settled = rows.findIndex(({ L }) => Math.abs(L - steady) < 0.02 * steady);
+    return `The first gain is ${number(rows[0].L)}; it settles at ${number(steady)}${settled < 0 ? ', later than what is shown' : `, within 2 % after ${settled + 1} reading${settled ? 's' : ''}`}. Q/R = ${number(Q / R, 2)} alone decides where.`;
   },
 };

@@ -199,10 +199,10 @@ export function transfer(A, b, c, s) {
 
 // what a reading y of h x with noise of variance R makes of a belief: Joseph's form
 export function update({ x, P }, h, y, R) {
-  const Ph = apply(P, h), S = dot(h, Ph) + R, K = Ph.map((entry) => entry / S), innovation = y - dot(h, x);
-  const I = add(identity(x.length), K.map((k) => h.map((entry) => k * entry)), -1);
-  const noise = K.map((a) => K.map((b) => a * R * b));
-  return { x: x.map((entry, i) => entry + K[i] * innovation), P: add(multiply(I, P, transpose(I)), noise), K, S, innovation };
+  const Ph = apply(P, h), S = dot(h, Ph) + R, L = Ph.map((entry) => entry / S), innovation = y - dot(h, x);
+  const I = add(identity(x.length), L.map((l) => h.map((entry) => l * entry)), -1);
+  const noise = L.map((a) => L.map((b) => a * R * b));
+  return { x: x.map((entry, i) => entry + L[i] * innovation), P: add(multiply(I, P, transpose(I)), noise), L, S, innovation };
 }
 
 export const predict = ({ x, P }, F, Q) => ({ x: apply(F, x), P: add(multiply(F, P, transpose(F)), Q) });

@@ -63,6 +63,6 @@ export const update = {
   sentence({ sigma }, { prior, after, k }) {
     const [before_, read, now] = [prior.P[k][k], sigma ** 2, after.P[k][k]].map((variance) => 1 / variance);
     const other = 1 - k, [was, is] = [prior, after].map(({ P }) => Math.sqrt(P[other][other]));
-    return `Gain ${number(after.K[k], 2)}. Information adds: ${number(before_)} + ${number(read)} = ${number(now)}. The other state was not read, and its σ went from ${number(was)} to ${number(is)}${Math.abs(prior.P[0][1]) < 1e-9 ? ': nothing ties them together' : ''}.`;
+    return `L = ${number(after.L[k], 2)}. Information adds: ${number(before_)} + ${number(read)} = ${number(now)}. The other state was not read, and its σ went from ${number(was)} to ${number(is)}${Math.abs(prior.P[0][1]) < 1e-9 ? ': nothing ties them together' : ''}.`;
   },
 };

@@ -261,6 +261,16 @@ class Sampled(NamedTuple):
     Q: Array
     dt: float
 
+    @property
+    def A(self) -> Array:  # noqa: N802
+        """F, by the letter that systems in discrete time have elsewhere."""
+        return self.F
+
+    @property
+    def B(self) -> Array:  # noqa: N802
+        """G, by the letter that systems in discrete time have elsewhere."""
+        return self.G
+
     def __repr__(self) -> str:
         n, m = self.G.shape
         x, u = [f'x{i}' for i in range(n)], [f'u{i}' for i in range(m)]

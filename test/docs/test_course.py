@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every chapter of the course has its commands, a picture, and a question with its answer."""
 
+import doctest
 import re
 import shlex
 from pathlib import Path
@@ -37,6 +38,26 @@ def test_a_chapter_is_complete(chapter):
     for picture in pictures:
         assert (COURSE / picture).is_file(), picture
     assert f'({chapter.name})' in (COURSE / 'index.md').read_text()
+
+
+@pytest.mark.parametrize('chapter', CHAPTERS, ids=lambda path: path.stem)
+def test_a_chapter_takes_a_quarter_of_an_hour(chapter):
+    """At 100 to 130 words a minute, formulas included."""
+    text = chapter.read_text()
+    assert 1200 <= len(text.split()) <= 2000
+    for part in ('## The idea', 'a pencil', '```{explorable} ', '```pycon', '\n$$\n'):
+        assert part in text, part
+
+
+@pytest.mark.parametrize('chapter', CHAPTERS, ids=lambda path: path.stem)
+def test_its_python_prints_what_is_shown(chapter):
+    shown = '\n'.join(re.findall(r'^```pycon\n(.*?)^```', chapter.read_text(), re.M | re.S))
+    test = doctest.DocTestParser().get_doctest(shown, {}, chapter.stem, str(chapter), 0)
+    assert len(test.examples) > 1
+    printed = []
+    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE, verbose=False)
+    runner.run(test, out=printed.append)
+    assert not printed, ''.join(printed)
 
 
 @pytest.mark.parametrize('chapter', CHAPTERS, ids=lambda path: path.stem)

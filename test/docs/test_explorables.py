@@ -231,8 +231,8 @@ def test_no_feedback_is_below_the_curve_of_lqr():
 def test_the_gain_of_a_level_settles_where_the_equation_has_it():
     found = run('gain.recursion({ Q: 0.1, R: 1, P0: 10 })', modules=('gain',))
     assert found['steady'] == pytest.approx(kr.dlqe([[1.0]], [[1.0]], [[0.1]], [[1.0]]).L[0, 0])
-    assert found['rows'][-1]['K'] == pytest.approx(found['steady'], rel=1e-6)
-    assert found['rows'][0]['K'] == pytest.approx(10 / 11)
+    assert found['rows'][-1]['L'] == pytest.approx(found['steady'], rel=1e-6)
+    assert found['rows'][0]['L'] == pytest.approx(10 / 11)
 
 
 def test_the_moments_of_the_bent_cloud_are_those_of_many_draws():
