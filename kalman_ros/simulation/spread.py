@@ -4,11 +4,8 @@
 from __future__ import annotations
 
 import logging
-import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 #: Seconds to wait for a scheduler, and then for a worker that takes the work.
@@ -49,6 +46,18 @@ def spread(
     if workers <= 1:
         yield from ((index, task(item)) for index, item in enumerate(items))
         return
+    yield from _by_processes(task, items, workers)
+
+
+def _by_processes(
+    task: Callable[[T], R], items: Sequence[T], workers: int
+) -> Iterator[tuple[int, R]]:
+    """Yield results from processes of this machine."""
+    # not everywhere are there processes: in a browser there are none
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from concurrent.futures.process import BrokenProcessPool
+
     global _task
     _task = task
     fork = multiprocessing.get_context('fork')
