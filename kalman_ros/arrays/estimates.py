@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -16,6 +16,7 @@ from kalman_ros.simulation.trajectory import Innovations, Series
 
 from . import text
 from .known_names import KnownNames
+from .tables import to_dataframe
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,8 @@ class Estimates(KnownNames):
         Whether later readings are included.
     arithmetic
         What computed the model and the sensors: C, CasADi or numpy, with the reason.
+    labels
+        Of the index that brought the times, by time; empty without one.
     """
 
     state: Space
@@ -77,6 +80,7 @@ class Estimates(KnownNames):
     record: Record
     smoothed: bool = False
     arithmetic: str = 'numpy'
+    labels: Mapping[float, Any] = field(default_factory=dict)
 
     @property
     def std(self) -> Array:
@@ -118,6 +122,16 @@ class Estimates(KnownNames):
     def _at(self, k: int, i: int) -> str:
         mean, std = self.mean[k, i].item(), self.covariance[k, i, i].item() ** 0.5
         return f'{text.number(mean)} ± {text.number(std)}'
+
+    def to_dataframe(self) -> Any:
+        """Return a DataFrame of pandas: each state, and its deviation as ``NAME std``.
+
+        The index is that of the readings, or the time in seconds.
+        """
+        labels = [self.labels.get(time, time) for time in self.time.tolist()]
+        columns = dict(zip(self.state.names, self.mean.T))
+        columns |= {f'{name} std': std for name, std in zip(self.state.names, self.std.T)}
+        return to_dataframe(labels, columns)
 
     def plot(self, path: str | Path | None = None, truth: Array | None = None) -> Any:
         """Draw each state with its band, its readings and, if known, the truth (N, n).

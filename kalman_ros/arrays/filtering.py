@@ -21,6 +21,7 @@ from .estimates import Estimates
 from .passing import Pass, Task
 from .rows import Rows, readings_of, rows_of, sensors_of, times_of
 from .scenarios import load
+from .tables import unpack
 
 
 def filter(
@@ -51,7 +52,8 @@ def filter(
     readings
         (N, k), or (N,) of a sensor with one number; of several sensors by name, or with all
         columns side by side. A number that is NaN or infinite is missing; the rest of its row
-        is used.
+        is used. A Series or DataFrame of pandas brings its index as the times, which then are
+        not given; its columns are found by name: ``gps.x``, ``x``, or ``gps``.
     inputs
         (N, m), each in effect from its time until the next, or one for all; zero by default.
     initial
@@ -78,14 +80,18 @@ def filter(
         If an argument is invalid; the message names it.
     """
     task = _task(model, sensors, initial, filter.lower(), arithmetic)
-    rows = readings_of(times, readings, task.sensors, task.model)
+    given = unpack(
+        times, readings, inputs, input_times, task.sensors, tuple(task.model.input.names)
+    )
+    rows = readings_of(given.times, given.readings, task.sensors, task.model)
     if not any(len(each.time) for each in rows.values()):
         raise ValueError('readings: expected at least one row, got none')
-    acts = _inputs(task.model, inputs, input_times, times, rows)
+    acts = _inputs(task.model, given.inputs, given.input_times, given.times, rows)
     if options is None and isinstance(model, (str, Scenario)):
         scenario = load(model)
         options = scenario.filter_options if task.filter == scenario.filter else None
-    return Pass(task, rows, acts, gates, options or {}).estimates()
+    found = Pass(task, rows, acts, gates, options or {}).estimates()
+    return replace(found, labels=given.labels) if given.labels else found
 
 
 def smooth(estimates: Estimates) -> Estimates:
