@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
 from pathlib import Path
@@ -135,14 +135,7 @@ class StateFeedback(_Gain):
         DesignError
             If the closed loop is not stable.
         """
-        from kalman_ros.analysis.input_loops import InputLoops, Loop
-        from kalman_ros.report.design_pictures import feedback_loops  # matplotlib is slow to load
-
-        channels = []
-        for k, (name, at) in enumerate(zip(self.plant.inputs, self.margins)):
-            channels.append(InputLoops(name, Loop(self._loop.channel(k), at, at), None, None))
-        rate = inf if self.dt is None else 1.0 / self.dt
-        feedback_loops(channels, rate, None if path is None else Path(path))
+        _plot_loops(self.plant.inputs, self.margins, path)
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.gain, self.cost_to_go, self.poles))
@@ -165,7 +158,27 @@ class StateFeedback(_Gain):
         return '\n'.join(lines)
 
 
-class LoopMargins(tuple[Margins, ...]):
+@dataclass(frozen=True, repr=False)
+class InputMargins(Margins):
+    """The margins of a loop at one input.
+
+    Parameters
+    ----------
+    loop
+        The loop (1, 1), opened there.
+    """
+
+    loop: StateSpace = field(compare=False)
+
+    def plot(self, path: str | Path | None = None) -> None:
+        """Draw Bode and Nyquist plots of the loop with its margins.
+
+        With a ``path`` the picture is saved there; else a notebook or ``plt.show()`` shows it.
+        """
+        _plot_loops(('the input',), [self], path)
+
+
+class LoopMargins(tuple[InputMargins, ...]):
     """The margins at each input, in order, of changes there alone; they print one per line."""
 
     all_at_once: DiskMargin
@@ -174,9 +187,16 @@ class LoopMargins(tuple[Margins, ...]):
     @classmethod
     def of(cls, loop: StateSpace) -> LoopMargins:
         """Return the margins of a loop L (m, m); DesignError if it is not stable when closed."""
-        found = cls(loop_at_a_time(loop))
+        found = cls(
+            InputMargins(**vars(at), loop=loop.channel(k))
+            for k, at in enumerate(loop_at_a_time(loop))
+        )
         found.all_at_once = simultaneous_disk(loop)
         return found
+
+    def plot(self, path: str | Path | None = None) -> None:
+        """Draw Bode and Nyquist plots of the loop at each input, as those of one."""
+        _plot_loops([f'input {index}' for index in range(len(self))], self, path)
 
     def __repr__(self) -> str:
         lines = [f'input {index}: {at}' for index, at in enumerate(self)]
@@ -193,6 +213,19 @@ class LoopMargins(tuple[Margins, ...]):
             f'all inputs at once: gain {disk.lower_gain:.3g} to {disk.upper_gain:.3g}, '
             f'phase +-{np.degrees(disk.phase):.3g} deg, disk {disk.alpha:.3g}'
         ]
+
+
+def _plot_loops(
+    names: Sequence[str], margins: Sequence[InputMargins], path: str | Path | None
+) -> None:
+    from kalman_ros.analysis.input_loops import InputLoops, Loop
+    from kalman_ros.report.design_pictures import feedback_loops  # matplotlib is slow to load
+
+    channels = [
+        InputLoops(name, Loop(at.loop, at, at), None, None) for name, at in zip(names, margins)
+    ]
+    dt = margins[0].loop.dt
+    feedback_loops(channels, inf if dt is None else 1.0 / dt, None if path is None else Path(path))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

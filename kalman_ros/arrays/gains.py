@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from kalman_ros.control import lqr as regulation
-from kalman_ros.control.margins import Margins
 from kalman_ros.control.state_space import state_space
 from kalman_ros.core import (
     ArrayLike,
@@ -42,7 +41,7 @@ from .accept import (
     weight,
 )
 from .foreign import read_system
-from .gain_results import LoopMargins, Sampled, StateFeedback
+from .gain_results import InputMargins, LoopMargins, Sampled, StateFeedback
 
 
 def lqr(
@@ -176,7 +175,7 @@ def margins(
     D: ArrayLike | None = None,
     *,
     dt: float | None = None,
-) -> Margins | LoopMargins:
+) -> InputMargins | LoopMargins:
     """Return the margins of a loop L = C (s I - A)^-1 B + D, closed by u = -L u.
 
     ``margins(A, B, K)`` or ``margins(model, K)`` for a state feedback, ``margins(gain)`` for a
@@ -185,9 +184,9 @@ def margins(
 
     Returns
     -------
-    Margins
+    InputMargins
         For a loop with one input; for several, one for each, with all others closed, and
-        ``all_at_once`` for changes of all together.
+        ``all_at_once`` for changes of all together. ``plot()`` draws Bode and Nyquist plots.
 
     Raises
     ------

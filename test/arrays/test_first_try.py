@@ -147,7 +147,7 @@ HELPED = [
     (lambda: kr.filters, "no attribute 'filters'; did you mean 'filter'?"),
     (lambda: kr.EKF, "no attribute 'EKF'; did you mean 'ExtendedKalmanFilter'?"),
     (lambda: kr.c2d, "did you mean 'discretize'?"),
-    (lambda: kr.bode, "no attribute 'bode'; here it is design(...).plot('loops')"),
+    (lambda: kr.bode, "no attribute 'bode'; here it is margins(...).plot()"),
     (lambda: kr.QQQ, "no attribute 'QQQ'; dir(kr) lists its names"),
 ]  # fmt: skip
 

@@ -224,6 +224,10 @@ def test_a_gain_draws_its_loops(dt, tmp_path):
     two = kr.lqr([[0, 1], [-2, -0.5]], np.eye(2), np.eye(2), np.eye(2), dt=dt)
     two.plot(tmp_path / 'loops.png')
     assert (tmp_path / 'loops.png').stat().st_size > 20_000
+    kr.margins(two).plot(tmp_path / 'both.png')
+    assert (tmp_path / 'both.png').stat().st_size > 20_000
+    kr.margins([[1, 1], [0, 1]], [[0], [1]], [[10, 10]]).plot(tmp_path / 'one.png')
+    assert (tmp_path / 'one.png').stat().st_size > 20_000
     with pytest.raises(kr.DesignError, match='stable'):
         replace(two, gain=-100.0 * two.gain).plot(tmp_path / 'none.png')
     assert not (tmp_path / 'none.png').exists()
