@@ -11,6 +11,7 @@ author = 'The kalman_ros authors'
 extensions = [
     'explorables',
     'mathml',
+    'parameter_entries',
     'signatures',
     'myst_parser',
     'numpydoc',
