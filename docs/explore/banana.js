@@ -17,6 +17,8 @@ export function transforms(range, bearing) {
   return { exact, tangent, points, sent, unscented: moments(sent, weights) };
 }
 
+const little = (value) => (value < 0.001 ? 'under 0.001' : number(value, 2));
+
 export const banana = {
   title: 'A tangent misses the bend, sigma points follow it',
   saying: 'an extended filter takes the function\'s tangent at one point, the unscented filter sends a few points through the function; where the function bends within the uncertainty, only the second has the mean right.',
@@ -51,6 +53,6 @@ export const banana = {
   sentence({ bearing }, { exact, tangent, unscented }) {
     const off = ({ x }) => Math.abs(x[1] - exact.x[1]), deviation = Math.sqrt(exact.P[1][1]);
     const claims = ({ P }) => Math.sqrt(P[1][1]) / deviation;
-    return `Bearings of σ = ${number(bearing / DEGREE)}°: the tangent's mean is ${number(off(tangent) / deviation, 2)} σ off and it claims ${number(claims(tangent), 2)} of the true σ across the bend; the sigma points ${number(off(unscented) / deviation, 2)} σ and ${number(claims(unscented), 2)}.`;
+    return `Bearings of σ = ${number(bearing / DEGREE)}°: the tangent's mean is ${little(off(tangent) / deviation)} σ off and it claims ${number(claims(tangent), 2)} of the true σ across the bend; the sigma points ${little(off(unscented) / deviation)} σ and ${number(claims(unscented), 2)}.`;
   },
 };

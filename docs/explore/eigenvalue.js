@@ -38,8 +38,9 @@ export const eigenvalue = {
       },
     },
   ],
-  sentence({ a }) {
+  sentence({ a, start }) {
     const rate = number(a);
+    if (Math.abs(start) < 0.005) return 'It starts at 0, and stays there: drag the start.';
     if (Math.abs(a) < 0.005) return 'a = 0: nothing changes, what was there stays.';
     if (a < 0) return `a = ${rate} per second: after ${number(-1 / a)} s 37 % are left, after ${number(Math.log(100) / -a)} s 1 %.`;
     return `a = ${rate} per second: it grows, and doubles every ${number(Math.LN2 / a)} s. Without an input nothing ends that.`;

@@ -17,8 +17,10 @@ const element = (tag, properties = {}, ...children) => {
 };
 
 const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
-const MARGIN = { left: 44, right: 14, top: 20, bottom: 30 };
+const MARGIN = { left: 44, right: 14, top: 26, bottom: 30 };
 const SMALL_STEP = 0.01, LARGE_STEP = 0.1;  // of the range of an axis, by an arrow key
+const TICKS = 200;  // of a slider
+const PAUSE = 600;  // milliseconds without a change until a screen reader has the sentence
 
 // A plane with axes on a canvas, whose unit is that of the quantities.
 class Plot {
@@ -61,7 +63,7 @@ class Plot {
     pen.textBaseline = 'bottom';
     pen.fillText(across, right, bottom + 29);
     pen.textAlign = 'left';
-    pen.fillText(up, 2, 17);
+    pen.fillText(up, 2, 14);
   }
 
   // what is drawn within the axes
@@ -148,9 +150,22 @@ class Plot {
 
 // What was moved, in the address of the page: it can be shared.
 function addressed(name, state) {
-  const text = new URLSearchParams(location.hash.slice(1)).get(name);
-  const values = (text ?? '').split(',').map(Number);
-  return text !== null && values.length === Object.keys(state).length && values.every(Number.isFinite) ? values : null;
+  const parts = (new URLSearchParams(location.hash.slice(1)).get(name) ?? '').split(',');
+  const values = parts.map((part) => (part.trim() ? Number(part) : NaN));
+  return values.length === Object.keys(state).length && values.every(Number.isFinite) ? values : null;
+}
+
+// beside what is remembered of the other pictures of the page
+function remember(name, values) {
+  const parts = [...new URLSearchParams(location.hash.slice(1))].filter(([other, text]) => text && other !== name);
+  history.replaceState(null, '', `#${[...parts, [name, values]].map((pair) => pair.join('=')).join('&')}`);
+}
+
+// powers of ten about positive numbers
+export function decades(values, low = Infinity, high = 0) {
+  const known = values.filter((value) => value > 0 && Number.isFinite(value));
+  const ends = [Math.min(low, ...known), Math.max(high, ...known)].map((end) => Math.log10(end));
+  return [10 ** Math.floor(ends[0] + 1e-9), 10 ** Math.ceil(ends[1] - 1e-9)];
 }
 
 export function mount(host, name, recipe) {
@@ -158,10 +173,12 @@ export function mount(host, name, recipe) {
   const state = { ...start };
   let waiting = false, computed = null;
 
+  const limits = (key) => recipe.state[key].slice(1);
   const change = (changes, remembered = true) => {
-    for (const [key, value] of Object.entries(changes)) if (Number.isFinite(value)) state[key] = clamp(value, recipe.state[key][1], recipe.state[key][2]);
-    if (remembered) history.replaceState(null, '', `#${name}=${keys.map((key) => Number(state[key].toPrecision(4))).join(',')}`);
-    if (!waiting) requestAnimationFrame(draw);
+    for (const [key, value] of Object.entries(changes)) if (Number.isFinite(value)) state[key] = clamp(value, ...limits(key));
+    recipe.repair?.(state);
+    if (remembered) remember(name, keys.map((key) => Number(state[key].toPrecision(4))).join(','));
+    if (!waiting) requestAnimationFrame(() => draw());
     waiting = true;
   };
 
@@ -180,21 +197,29 @@ export function mount(host, name, recipe) {
   }
   for (const { key, label, text = short, log } of recipe.sliders ?? []) {
     const [to, from] = log ? [Math.log10, (value) => 10 ** value] : [(value) => value, (value) => value];
-    const [low, high] = recipe.state[key].slice(1).map(to);
-    const slider = element('input', { type: 'range', min: low, max: high, step: (high - low) / 200, oninput: () => change({ [key]: from(Number(slider.value)) }) });
+    const [low, high] = limits(key).map(to);
+    const slider = element('input', { type: 'range', min: 0, max: TICKS, oninput: () => change({ [key]: from(low + (high - low) * slider.value / TICKS) }) });
     const shown = element('output');
     controls.push(() => {
-      slider.value = to(state[key]);
+      slider.value = Math.round(TICKS * (to(state[key]) - low) / (high - low));
       shown.textContent = text(state[key]);
       slider.setAttribute('aria-valuetext', text(state[key]));
     });
     bar.append(element('label', {}, `${label} `, slider, shown));
   }
-  for (const { label, act } of recipe.actions ?? []) bar.append(element('button', { type: 'button', textContent: label, onclick: () => change(act(state, computed)) }));
+  for (const { label, act } of recipe.actions ?? []) {
+    const button = element('button', { type: 'button', textContent: label });
+    // what would leave the limits is not done in part
+    const fits = (changes) => Object.entries(changes).every(([key, value]) => value >= limits(key)[0] && value <= limits(key)[1]);
+    button.onclick = () => { const changes = act(state, computed); if (fits(changes)) change(changes); };
+    controls.push(() => { button.disabled = !fits(act(state, computed)); });
+    bar.append(button);
+  }
   bar.append(element('button', { type: 'button', textContent: 'reset', className: 'explorable-reset', onclick: () => change(start) }));
 
-  const sentence = element('p', { className: 'explorable-sentence' });
-  sentence.setAttribute('role', 'status');
+  const sentence = element('p', { className: 'explorable-sentence' }), spoken = element('p', { className: 'explorable-spoken' });
+  spoken.setAttribute('role', 'status');
+  let silence = 0;
   const stage = element('div', { className: 'explorable-panels' });
   const panels = recipe.panels.map((panel) => {
     const canvas = element('canvas'), frame = element('div', { className: 'explorable-frame' }, canvas);
@@ -205,14 +230,16 @@ export function mount(host, name, recipe) {
     stage.append(element('div', { className: 'explorable-panel' }, element('p', { textContent: panel.title }), frame));
     return shown;
   });
-  host.replaceChildren(element('p', { className: 'explorable-title', textContent: recipe.title }), stage, bar, sentence,
-    element('p', { className: 'explorable-saying', textContent: `You can say afterwards: ${recipe.saying}` }));
+  host.setAttribute('role', 'group');
+  host.setAttribute('aria-label', recipe.title);
+  host.replaceChildren(element('p', { className: 'explorable-title', textContent: recipe.title }), sentence, stage, bar,
+    element('p', { className: 'explorable-saying', textContent: `You can say afterwards: ${recipe.saying}` }), spoken);
 
-  function draw() {
+  function draw(always = false) {
     waiting = false;
     computed = recipe.compute?.(state);
     for (const shown of panels) {
-      const area = prepare(shown.canvas), { panel } = shown;
+      const area = prepare(shown.canvas, always), { panel } = shown;
       if (!area) continue;
       const range = (axis) => (typeof axis === 'function' ? axis(state, computed) : axis);
       shown.plot = new Plot(area.pen, area.width, area.height, { ...panel, x: range(panel.x), y: range(panel.y) });
@@ -221,15 +248,19 @@ export function mount(host, name, recipe) {
     }
     for (const control of controls) control();
     sentence.textContent = recipe.sentence(state, computed);
+    clearTimeout(silence);
+    silence = setTimeout(() => { spoken.textContent = sentence.textContent; }, PAUSE);
   }
 
   const fromAddress = () => {
     const values = addressed(name, recipe.state);
-    if (values) change(Object.fromEntries(keys.map((key, k) => [key, values[k]])), false);
-    return Boolean(values);
+    if (!values) return;
+    change(Object.fromEntries(keys.map((key, k) => [key, values[k]])), false);
+    host.scrollIntoView({ block: 'center' });
   };
   addEventListener('hashchange', fromAddress);
-  if (fromAddress()) host.scrollIntoView({ block: 'center' });
+  addEventListener('beforeprint', () => draw(true));
+  fromAddress();
   draw();
   const again = () => change({}, false);
   new ResizeObserver(again).observe(stage);
@@ -240,44 +271,46 @@ export function mount(host, name, recipe) {
 
 // A place that is dragged, by a pointer or with the arrow keys.
 function grip({ label, at, move, text }, shown, current, change) {
-  const handle = element('div', { className: 'explorable-handle', tabIndex: 0, title: label });
-  handle.setAttribute('role', 'slider');
-  handle.setAttribute('aria-label', label);
+  const handle = element('div', { className: 'explorable-handle', tabIndex: 0 });
+  for (const [name, value] of Object.entries({ role: 'slider', 'aria-label': `${label}: arrow keys move it, with Shift in large steps`, 'aria-valuemin': 0, 'aria-valuemax': 100, 'data-name': label })) handle.setAttribute(name, value);
   let place = null, offset = null;
-  const moveTo = (x, y) => change(move([x, y], ...current()));
+  const pixels = () => [shown().plot.X(place[0]), shown().plot.Y(place[1])];
   handle.addEventListener('pointerdown', (event) => {
-    if (event.button) return;
+    if (event.button || !place) return;
     event.preventDefault();
     handle.focus({ preventScroll: true });
     handle.setPointerCapture(event.pointerId);
-    const box = handle.getBoundingClientRect();
-    offset = [event.clientX - (box.left + box.right) / 2, event.clientY - (box.top + box.bottom) / 2];
+    // from where it is, which may be beyond the picture
+    const [x, y] = pixels();
+    offset = [event.clientX - x, event.clientY - y];
   });
   handle.addEventListener('pointermove', (event) => {
-    if (!offset) return;
-    const box = shown().canvas.getBoundingClientRect();
-    moveTo(...shown().plot.place(event.clientX - offset[0] - box.left, event.clientY - offset[1] - box.top));
+    if (offset) change(move(shown().plot.place(event.clientX - offset[0], event.clientY - offset[1]), ...current(), false));
   });
   for (const end of ['pointerup', 'pointercancel']) handle.addEventListener(end, () => { offset = null; });
   handle.addEventListener('keydown', (event) => {
     const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (!way || !place) return;
     event.preventDefault();
-    const { plot } = shown(), { left, right, top, bottom } = plot.box, share = event.shiftKey ? LARGE_STEP : SMALL_STEP;
-    moveTo(...plot.place(plot.X(place[0]) + way[0] * share * (right - left), plot.Y(place[1]) + way[1] * share * (bottom - top)));
+    const { plot } = shown(), { left, right, top, bottom } = plot.box, share = event.shiftKey ? LARGE_STEP : SMALL_STEP, [x, y] = pixels();
+    change(move(plot.place(x + way[0] * share * (right - left), y + way[1] * share * (bottom - top)), ...current(), true));
   });
   return {
     element: handle,
     show(plot) {
+      const focused = document.activeElement === handle;
       place = at(...current());
       handle.hidden = !place;
-      if (!place) return;
-      const { left, right, top, bottom } = plot.box;
-      handle.style.left = `${clamp(plot.X(place[0]), left, right)}px`;
-      handle.style.top = `${clamp(plot.Y(place[1]), top, bottom)}px`;
-      const words = text?.(...current()) ?? place.map((value) => short(value)).join(', ');
-      handle.setAttribute('aria-valuetext', words);
-      handle.setAttribute('aria-valuenow', short(place[0]));
+      if (!place) {
+        if (focused) shown().handles[0].element.focus({ preventScroll: true });  // two poles have become a pair
+        return;
+      }
+      const { left, right, top, bottom } = plot.box, [x, y] = pixels();
+      const [near, level] = [clamp(x, left, right), clamp(y, top, bottom)];
+      Object.assign(handle.style, { left: `${near}px`, top: `${level}px` });
+      handle.classList.toggle('beyond', near !== x || level !== y);
+      handle.setAttribute('aria-valuetext', text?.(...current()) ?? place.map((value) => short(value)).join(', '));
+      handle.setAttribute('aria-valuenow', String(Math.round(100 * (near - left) / (right - left))));
     },
   };
 }

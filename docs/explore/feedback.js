@@ -18,11 +18,12 @@ export function closed(K, A = CART.A) {
 
 export const feedback = {
   title: 'Feedback puts the poles where you want them, and the motor pays',
-  saying: 'u = −K x replaces A by A − B K, so the poles can be placed; twice as fast costs four times the force and eight times the energy.',
+  saying: 'u = −K x replaces A by A − B K, so the poles can be placed; twice as fast costs four times the force and eight times the effort.',
   state: { re: [-1.5, -4, 0.5], im: [1.5, 0, 4], second: [-2, -4, 0.5], limit: [6, 0.5, 20] },
   compute(state) {
     const K = place(CART.A, [0, 1], polesOf(state));
-    return { K, ...closed(K) };
+    const found = closed(K);
+    return { K, ...found, most: Math.max(...found.forces.map(([, u]) => Math.abs(u))) };
   },
   panels: [
     {
@@ -40,20 +41,20 @@ export const feedback = {
       draw(plot, state, { motion }) { plot.across(0, 'soft', 'solid'); plot.curve(motion, 'estimate', { width: 2.5 }); },
     },
     {
-      title: 'the force', x: [0, END], y: [-21, 21], across: 't in s', up: 'force in N',
+      title: 'the force', x: [0, END], y: (state, { most }) => [-1.15 * Math.max(most, 10), 1.15 * Math.max(most, 10)], across: 't in s', up: 'force in N',
       handles: [{ label: 'what the motor can do', at: ({ limit }) => [END - 0.4, limit], move: ([, y]) => ({ limit: y }), text: ({ limit }) => `${number(limit)} N` }],
       draw(plot, { limit }, { forces }) {
         plot.across(0, 'soft', 'solid');
-        plot.between([[0, 21], [END, 21]], [[0, limit], [END, limit]], 'growth');
-        plot.between([[0, -limit], [END, -limit]], [[0, -21], [END, -21]], 'growth');
+        plot.between([[0, 99], [END, 99]], [[0, limit], [END, limit]], 'growth');
+        plot.between([[0, -limit], [END, -limit]], [[0, -99], [END, -99]], 'growth');
         plot.curve(forces, 'input', { width: 2.5 });
-        plot.legend([['more than the motor has', 'input']], 'left bottom');
+        plot.legend([['the force', 'input'], ['shaded: too much', 'soft']], 'right bottom');
       },
     },
   ],
-  sentence(state, { K, effort, forces }) {
-    const stable = polesOf(state).every(([re]) => re < 0), most = Math.max(...forces.map(([, u]) => Math.abs(u)));
-    if (!stable) return `${words(polesOf(state))}: a pole is not in the left half, so the cart never comes to rest.`;
-    return `K = [${K.map((k) => number(k)).join(', ')}] places ${words(polesOf(state))}: at most ${number(most)} N${most > state.limit ? ', which the motor does not have' : ''}, and ${number(effort)} N²s altogether.`;
+  sentence(state, { K, effort, most }) {
+    const stable = polesOf(state).every(([re]) => re < 0);
+    if (!stable) return `${words(polesOf(state))}: a pole is not in the left half, so the cart never comes back to 0.`;
+    return `K = [${K.map((k) => number(k)).join(', ')}] places ${words(polesOf(state))}: at most ${number(most)} N${most > state.limit ? ', which the motor does not have' : ''}, and an effort ∫u² dt of ${number(effort)} N²s.`;
   },
 };

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+import { decades } from './explorable.js';
 import { normals } from './numbers.js';
 import { number } from './poles.js';
 
@@ -22,7 +23,7 @@ export function recursion({ Q, R, P0 }) {
 
 export const gain = {
   title: 'The gain goes from "believe the reading" to what the noises deserve',
-  saying: 'the gain does not depend on the readings; it starts near one because little is known, and settles where what a step adds and what a reading takes are equal.',
+  saying: 'the gain does not depend on the readings; it starts near one where little is known, and settles where what a step adds and what a reading takes are equal.',
   state: { Q: [0.1, 0.001, 10], R: [1, 0.01, 10], P0: [10, 0.01, 100] },
   sliders: [
     { key: 'Q', label: 'Q, added by a step', log: true, text: (value) => number(value, 2) },
@@ -31,12 +32,12 @@ export const gain = {
   compute: recursion,
   panels: [
     {
-      title: 'the sawtooth of P', x: [-1, COUNT], y: [0.01, 100], log: 'y', across: 'reading', up: 'variance',
+      title: 'the sawtooth of P', x: [-1, COUNT], y: ({ R }, { rows }) => decades([R, ...rows.flatMap(({ before, after }) => [before, after])], 0.1, 10), log: 'y', across: 'reading', up: 'variance',
       handles: [{ label: 'variance at the start', at: ({ P0 }) => [0, P0], move: ([, P0]) => ({ P0 }) }],
       draw(plot, { R }, { rows }) {
         plot.across(R, 'input', 'dotted');
         plot.curve(rows.flatMap(({ k, before, after }) => [[k, before], [k, after]]), 'estimate', { width: 2 });
-        plot.legend([['P, up by Q, down by a reading', 'estimate'], ['R', 'input']]);
+        plot.legend([['P', 'estimate'], ['R', 'input']]);
       },
     },
     {

@@ -4,7 +4,7 @@ import { number } from './poles.js';
 
 // Doyle (1978), Guaranteed margins for LQG regulators: q = sigma = 60
 const A = [[1, 1], [0, 1]], B = [[0], [1]], C = [[1, 0]], ONES = [[60, 60], [60, 60]];
-const RECOVERY = 300;  // of the noise that the filter expects at the input
+const DEGREES = 180 / Math.PI, RECOVERY = 300;  // of the noise that the filter expects at the input
 
 const { K } = lqr(A, B, ONES, [[1]]);
 const filter = (extra) => lqe(A, C, add(ONES, [[0, 0], [0, extra ** 2]]), [[1]]).L;
@@ -18,7 +18,7 @@ function compensated(L) {
 export const LOOPS = [
   { name: 'LQR', parts: [ratio(A, [0, 1], K[0])], unstable: 2 },
   { name: 'LQG', ...compensated(filter(0)) },
-  { name: 'recovered', ...compensated(filter(RECOVERY)) },
+  { name: 'Recovered', ...compensated(filter(RECOVERY)) },
 ];
 
 const FREQUENCIES = Array.from({ length: 700 }, (_, k) => 0.01 * (1e5) ** (k / 699));
@@ -43,18 +43,18 @@ function crossings(loop, value) {
   return found;
 }
 
-// gains between which the loop is stable, phase in degrees, delay in seconds
+// gains between which the loop is stable, phases in degrees, delay in seconds
 export function marginsOf(loop) {
   // the curve begins on the real axis
   const onAxis = [loopAt(loop, 0)[0], ...crossings(loop, ([, im]) => im).map(({ value: [re] }) => re)];
   const gains = onAxis.filter((re) => re < -1e-9).map((re) => -1 / re);
   const phases = crossings(loop, (value) => complex.size(value) - 1).map(({ omega, value: [re, im] }) => {
-    const past = ((Math.atan2(im, re) + Math.PI) % (2 * Math.PI) + 2 * Math.PI) % (2 * Math.PI);  // from -1 on
-    return { omega, phase: Math.min(past, 2 * Math.PI - past), delay: past / omega };
+    const lag = ((Math.atan2(im, re) + Math.PI) % (2 * Math.PI) + 2 * Math.PI) % (2 * Math.PI);  // to -1
+    return { omega, lag, lead: 2 * Math.PI - lag, delay: lag / omega };
   });
   return {
     low: Math.max(0, ...gains.filter((gain) => gain < 1)), high: Math.min(Infinity, ...gains.filter((gain) => gain > 1)),
-    phase: Math.min(...phases.map(({ phase }) => phase)) * 180 / Math.PI, delay: Math.min(...phases.map(({ delay }) => delay)),
+    lead: Math.min(...phases.map(({ lead }) => lead)) * DEGREES, lag: Math.min(...phases.map(({ lag }) => lag)) * DEGREES, delay: Math.min(...phases.map(({ delay }) => delay)),
     crossover: phases.reduce((least, each) => (each.delay < least.delay ? each : least)).omega,
   };
 }
@@ -76,15 +76,15 @@ export function changed(loop, factor, delay) {
 
 // the state over time, from a little off, the input late by the delay
 const DT = 0.002, END = 6;
-function simulate(loop, factor, delay) {
-  const late = Math.round(delay / DT), inputs = Array(late).fill(0), rows = [];
-  let x = [0.1, 0], estimate = [0.1, 0];
-  const substep = (M, state, push) => { const rate = apply(M, state).map((entry, i) => entry + push[i]); return state.map((entry, i) => entry + DT * rate[i]); };
-  for (let k = 0; k * DT <= END && Math.abs(x[0]) < 50; k++) {
-    if (k % 5 === 0) rows.push([k * DT, x[0]]);
-    inputs.push(-factor * dot(K[0], loop.compensator ? estimate : x));
-    if (loop.compensator) estimate = substep(loop.compensator.M, estimate, loop.compensator.b.map((l) => l * x[0]));
-    x = substep(A, x, [0, inputs[k]]);
+function simulate({ compensator }, factor, delay) {
+  const late = Math.round(delay / DT), inputs = new Float64Array(END / DT + late + 2), rows = [], [k1, k2] = K[0];
+  const [[m11, m12], [m21, m22]] = compensator?.M ?? [[0, 0], [0, 0]], [l1, l2] = compensator?.b ?? [0, 0];
+  let x1 = 0.1, x2 = 0, e1 = 0.1, e2 = 0;  // state and estimate
+  for (let k = 0; k * DT <= END && Math.abs(x1) < 50; k++) {
+    if (k % 5 === 0) rows.push([k * DT, x1]);
+    inputs[k + late] = -factor * (compensator ? k1 * e1 + k2 * e2 : k1 * x1 + k2 * x2);
+    [e1, e2] = [e1 + DT * (m11 * e1 + m12 * e2 + l1 * x1), e2 + DT * (m21 * e1 + m22 * e2 + l2 * x1)];
+    [x1, x2] = [x1 + DT * (x1 + x2), x2 + DT * (x2 + inputs[k])];
   }
   return rows;
 }
@@ -92,7 +92,7 @@ function simulate(loop, factor, delay) {
 export const margins = {
   title: 'LQR is far from −1, LQG comes close, and some of it can be had back',
   saying: 'the distance of the curve from −1 is what may be wrong; a regulator with the whole state keeps out of a circle, the same regulator with an estimate does not, and noise expected at the input brings margin back.',
-  state: { kind: [0, 0, 2], factor: [1, 0.3, 4], delay: [0, 0, 0.3] },
+  state: { kind: [0, 0, 2], factor: [1, 0.3, 4], delay: [0, 0, 0.4] },
   choices: [{ key: 'kind', label: 'loop', options: ['LQR', 'LQG', 'recovered'] }],
   sliders: [
     { key: 'factor', label: 'gain of the plant', log: true, text: (value) => `× ${number(value)}` },
@@ -104,7 +104,7 @@ export const margins = {
   },
   panels: [
     {
-      title: 'the loop in the complex plane', x: [-3.4, 1.4], y: [-2.4, 2.4], equal: true, across: 'real part', up: 'imaginary part',
+      title: 'the loop in the complex plane', x: ({ kind }) => (Math.round(kind) ? [-2.6, 1.4] : [-6, 1.6]), y: ({ kind }) => (Math.round(kind) ? [-2, 2] : [-3.8, 3.8]), equal: true, across: 'real part', up: 'imaginary part',
       handles: [
         {
           label: 'gain', at: ({ factor }, { loop }) => [-factor / nearest(loop), 0],
@@ -114,8 +114,8 @@ export const margins = {
           label: 'delay', at: ({ factor, delay }, { loop }) => complex.times(scale([loopAt(loop, loop.margins.crossover)], factor)[0], complex.turn(-loop.margins.crossover * delay)),
           move: ([re, im], state, { loop }) => {
             const [x, y] = loopAt(loop, loop.margins.crossover), angle = Math.atan2(y, x) - Math.atan2(im, re);
-            const turned = (angle + 3 * Math.PI) % (2 * Math.PI) - Math.PI;
-            return { delay: Math.max(0, turned) / loop.margins.crossover };
+            const before = state.delay * loop.margins.crossover, round = 2 * Math.PI;  // it may go round more than once
+            return { delay: (angle + round * Math.round((before - angle) / round)) / loop.margins.crossover };
           },
           text: ({ delay }) => `${number(1000 * delay)} ms`,
         },
@@ -137,8 +137,8 @@ export const margins = {
     },
   ],
   sentence({ factor, delay }, { loop, stable }) {
-    const { low, high, phase, delay: most } = loop.margins;
-    const range = `gains of ${number(low, 3)} to ${Number.isFinite(high) ? number(high, 3) : 'infinity'}, ${number(phase, 2)} degrees, ${number(1000 * most, 2)} ms of delay`;
+    const { low, high, lead, lag, delay: most } = loop.margins;
+    const range = `gains of ${number(low, 3)} to ${Number.isFinite(high) ? number(high, 3) : 'infinity'}, a phase of −${number(lead, 2)} (lead) to +${number(lag, 2)} degrees (lag), ${number(1000 * most, 3)} ms of delay`;
     return `${loop.name} tolerates, one at a time, ${range}. With × ${number(factor)} and ${number(1000 * delay)} ms it is ${stable ? 'stable' : 'unstable'}.`;
   },
 };

@@ -49,7 +49,8 @@ export const modes = {
     const [[re, im], [second]] = polesOf(state);
     const shown = `exp(A t) = [${flow.map((row) => row.map((entry) => number(entry, 2)).join('  ')).join(';  ')}]`;
     if (im) return `${words(polesOf(state))}: a turn takes ${number(2 * Math.PI / im)} s, and each second ${re < 0 ? 'leaves' : 'makes'} ${number(100 * Math.exp(re), 2)} % of the size. ${shown}.`;
+    if (Math.abs(re - second) < 0.01) return `${number(re)} twice: there is one direction, and a part t exp(${number(re)} t) that ${re < 0 ? 'first grows' : 'grows'}. ${shown}.`;
     const slow = Math.max(re, second);
-    return `${words(polesOf(state))}: two parts, each with its own time; ${slow < 0 ? `the slow one, ${number(-1 / slow)} s, is what is left in the end` : 'the one that is not negative decides'}. ${shown}.`;
+    return `${words(polesOf(state))}: two parts, each with its own time; ${slow < 0 ? `the slow one, ${number(-1 / slow)} s, is left in the end` : 'the larger eigenvalue decides'}. ${shown}.`;
   },
 };

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+import { decades } from './explorable.js';
 import { add, apply, cholesky, column, expm, lqe, lyapunov, multiply, normals, place, sample, sampledNoise, scale, transpose } from './numbers.js';
 import { number } from './poles.js';
 
@@ -34,6 +35,9 @@ function simulate(L, push, noise) {
   });
 }
 
+const GAINS = Array.from({ length: 120 }, (_, k) => SLOW * (FAST / SLOW) ** (k / 119)).map((speed) => [speed, gain(speed)]);
+let known = {};  // what does not depend on the speed, of the last noise
+
 export const observer = {
   title: 'Too slow misses the pushes, too fast follows the noise',
   saying: 'a fast observer forgets its first error soon and copies the noise; in between is the least error, and Kalman\'s gain is at least as good as the best of any speed.',
@@ -43,17 +47,15 @@ export const observer = {
     { key: 'push', label: 'pushes', log: true, text: (value) => number(value, 2) },
   ],
   compute({ speed, noise, push }) {
-    const speeds = Array.from({ length: 50 }, (_, k) => SLOW * (FAST / SLOW) ** (k / 49));
-    const kalman = lqe(A, C, [[0, 0], [0, push ** 2]], [[noise ** 2]]);
-    return {
-      rows: simulate(gain(speed), push, noise),
-      curves: speeds.map((each) => [each, ...deviations(gain(each), push, noise)]),
-      now: deviations(gain(speed), push, noise)[2], kalman: Math.sqrt(kalman.P[0][0]), L: kalman.L,
-    };
+    if (known.noise !== noise || known.push !== push) {
+      const { L, P } = lqe(A, C, [[0, 0], [0, push ** 2]], [[noise ** 2]]);
+      known = { noise, push, curves: GAINS.map(([each, gains]) => [each, ...deviations(gains, push, noise)]), kalman: Math.sqrt(P[0][0]), L };
+    }
+    return { ...known, rows: simulate(gain(speed), push, noise), now: deviations(gain(speed), push, noise)[2] };
   },
   panels: [
     {
-      title: 'the position, and its estimate from a wrong start', x: [0, END], y: [-2.2, 2.2], across: 't in s', up: 'position in m',
+      title: 'the position, and its estimate from a wrong start', x: [0, END], y: (state, { rows }) => { const most = Math.max(2.2, ...rows.map(({ x }) => 1.2 * Math.abs(x))); return [-most, most]; }, across: 't in s', up: 'position in m',
       draw(plot, state, { rows }) {
         for (const { t, reading } of rows.filter((_, k) => k % 4 === 0)) plot.point(t, reading, 'reading', 1.3);
         plot.curve(rows.map(({ t, x }) => [t, x]), 'ink');
@@ -62,7 +64,7 @@ export const observer = {
       },
     },
     {
-      title: 'its error in the long run, computed', x: [SLOW, FAST], y: [0.01, 1], log: 'xy', across: 'speed of the observer in 1/s', up: 'σ in m',
+      title: 'its error in the long run, computed', x: [SLOW, FAST], y: (state, { curves, kalman, now }) => decades([kalman, now, ...curves.map((row) => row[3])], 0.1, 0.1), log: 'xy', across: 'speed of the observer in 1/s', up: 'σ in m',
       handles: [{ label: 'speed of the observer', at: ({ speed }, { now }) => [speed, now], move: ([speed]) => ({ speed }), text: ({ speed }) => `${number(speed)} per second` }],
       draw(plot, state, { curves, now, kalman }) {
         [['reading', 'dotted'], ['input', 'dotted'], ['estimate', 'solid']].forEach(([look, dash], k) => {

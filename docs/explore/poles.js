@@ -10,6 +10,9 @@ export function polesOf(state, of = '') {
   return im ? [[re, im], [re, -im]] : [[re, 0], [state[`second${of}`], 0]];
 }
 
+// whether a pole leaves the real axis, or is away from it: a key that moves it up does so at once
+const off = (y, im, byKey) => (byKey && !im ? y > 1e-6 : y >= ON_AXIS);
+
 export function poleHandles(label, of = '') {
   const [re, im, second] = [`re${of}`, `im${of}`, `second${of}`];
   const text = (state) => words(polesOf(state, of));
@@ -17,20 +20,20 @@ export function poleHandles(label, of = '') {
     {
       label: `${label}, first pole`, text,
       at: (state) => [state[re], state[im]],
-      move: ([x, y], state) => {
-        if (y >= ON_AXIS) return { [re]: x, [im]: y };
+      move: ([x, y], state, computed, byKey) => {
+        if (off(y, state[im], byKey)) return { [re]: x, [im]: Math.max(y, ON_AXIS) };
         return state[im] ? { [re]: x, [second]: x, [im]: 0 } : { [re]: x };
       },
     },
     {
       label: `${label}, second pole`, text,
       at: (state) => (state[im] ? null : [state[second], 0]),
-      move: ([x, y]) => (y >= ON_AXIS ? { [re]: x, [im]: y } : { [second]: x }),
+      move: ([x, y], state, computed, byKey) => (off(y, 0, byKey) ? { [re]: x, [im]: Math.max(y, ON_AXIS) } : { [second]: x }),
     },
   ];
 }
 
-export const number = (value, digits = 3) => short(value, digits).replace('-', '−');
+export const number = (value, digits = 3) => short(Math.abs(value) < 1e-9 ? 0 : value, digits).replaceAll('-', '−');
 
 export function words([[re, im], [second]]) {
   return im ? `${number(re)} ± ${number(Math.abs(im))}j` : `${number(re)} and ${number(second)}`;

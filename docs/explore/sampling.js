@@ -21,7 +21,13 @@ export const sampling = {
       before = u;
       rows.push([k * dt, x]);
     }
-    return { z: poles(speed, Math.round(late)), rows };
+    // what is left in the long run
+    let [now, last, settled] = [1, 0, 0];
+    for (let k = 1; k <= 2000; k++) {
+      [now, last] = [now - speed * (Math.round(late) ? last : now), now];
+      if (Math.abs(now) >= 0.01) settled = k;
+    }
+    return { z: poles(speed, Math.round(late)), rows, settled: settled + 1 };
   },
   panels: [
     {
@@ -46,7 +52,7 @@ export const sampling = {
       },
     },
     {
-      title: 'what one sample leaves', x: [0, 2.4], y: [0, 1.6], across: 'p dt', up: '|z|',
+      title: 'what one sample leaves', x: [0, 2.4], y: [0, 2], across: 'p dt', up: '|z|',
       handles: [{ label: 'gain p dt', at: ({ speed, late }) => [speed, size(speed, Math.round(late))], move: ([speed]) => ({ speed }), text: ({ speed }) => `p dt ${number(speed)}` }],
       draw(plot, { speed, late }) {
         const speeds = Array.from({ length: 241 }, (_, k) => 0.01 * k);
@@ -54,14 +60,14 @@ export const sampling = {
         for (const k of [0, 1]) plot.curve(speeds.map((each) => [each, size(each, k)]), k ? 'input' : 'estimate', { width: k === Math.round(late) ? 2.5 : 1.2 });
         plot.across(1, 'bad');
         plot.point(speed, size(speed, Math.round(late)), Math.round(late) ? 'input' : 'estimate', 6);
-        plot.legend([['acts at once', 'estimate'], ['one sample late', 'input'], ['continuous', 'prior']], 'left bottom');
+        plot.legend([['acts at once', 'estimate'], ['one sample late', 'input'], ['continuous', 'prior']], 'left top');
       },
     },
   ],
-  sentence({ speed, dt, late }, { z }) {
+  sentence({ speed, dt, late }, { z, settled }) {
     const most = Math.max(...z.map(complex.size));
     const poles_ = z.map(([re, im]) => `${number(re)}${im ? ` ${im < 0 ? '−' : '+'} ${number(Math.abs(im))}j` : ''}`).join(' and ');
-    const end = most >= 1 ? 'it never settles' : most < 1e-9 ? 'all is gone after one sample' : `1 % is left after ${number(dt * Math.log(0.01) / Math.log(most), 2)} s`;
+    const end = most >= 1 ? 'it never settles' : most < 1e-9 ? 'all is gone after one sample' : `less than 1 % is left after ${settled} sample${settled > 1 ? 's' : ''}, ${number(settled * dt)} s`;
     return `p dt = ${number(speed)}, ${Math.round(late) ? 'one sample late' : 'at once'}: z = ${poles_}, so ${end}. The continuous pole would be ${number(-speed / dt)} per second.`;
   },
 };

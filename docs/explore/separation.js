@@ -36,7 +36,7 @@ export const separation = {
       },
     },
     {
-      title: 'the cart, 1 m from where it is thought to be', x: [0, END], y: [-1.6, 1.6], across: 't in s', up: 'position in m',
+      title: 'the cart, 1 m from where it is thought to be', x: [0, END], y: (state, { states }) => { const most = Math.max(1.5, ...states.flatMap(([x, , estimate]) => [1.1 * Math.abs(x), 1.1 * Math.abs(estimate)])); return [-most, most]; }, across: 't in s', up: 'position in m',
       draw(plot, state, { states }) {
         plot.across(0, 'soft', 'solid');
         plot.curve(states.map(([x], k) => [k * STEP, x]), 'ink', { width: 2.5 });
@@ -49,7 +49,7 @@ export const separation = {
       draw(plot, state, { states }) {
         plot.across(0, 'soft', 'solid');
         plot.curve(states.map(([x, , estimate], k) => [k * STEP, x - estimate]), 'prior', { width: 2.5 });
-        plot.legend([['moved by the estimator\'s poles alone', 'prior']]);
+        plot.legend([['x − x̂', 'prior']]);
       },
     },
   ],

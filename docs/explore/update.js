@@ -12,13 +12,18 @@ export const update = {
   title: 'Predict: the ellipse grows. Update: it shrinks along what was read.',
   saying: 'a prediction shears and widens what is known, a reading multiplies it with a second Gaussian, and the product is narrower than both.',
   state: {
-    x: [0, -9, 9], v: [0.8, -4, 4], pxx: [1.5, 1e-4, 60], pxv: [0.6, -30, 30], pvv: [0.6, 1e-4, 30],
+    x: [0, -9, 12], v: [0.8, -4, 4], pxx: [1.5, 1e-4, 100], pxv: [0.6, -30, 30], pvv: [0.6, 1e-4, 10],
     sensor: [0, 0, 1], y: [1.6, -9, 9], sigma: [0.6, 0.05, 4],
+  },
+  // an address may have any numbers
+  repair(state) {
+    const most = 0.999 * Math.sqrt(state.pxx * state.pvv);
+    state.pxv = Math.max(-most, Math.min(most, state.pxv));
   },
   choices: [{ key: 'sensor', label: 'what is read', options: ['read the position', 'read the velocity'] }],
   actions: [
     { label: 'predict 1 s', act: (state) => belief(predict(before(state), F, Q)) },
-    { label: 'take the reading', act: (state, { after }) => belief(after) },
+    { label: 'take a reading like this', act: (state, { after }) => belief(after) },
   ],
   compute(state) {
     const h = AXES[Math.round(state.sensor)], prior = before(state);

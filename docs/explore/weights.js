@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+import { decades } from './explorable.js';
 import { closed, CART } from './feedback.js';
 import { eigenvalues, lqr, place } from './numbers.js';
 import { complexPlane, mark, number, poleHandles, polesOf, words } from './poles.js';
 
 const [LOW, HIGH] = [1e-3, 1e3];  // weights of the input
+const [LEAST, MOST] = [1e-5, 1e8];  // of the curve: any poles that can be dragged have their effort on it
 const best = (weight) => { const { K } = lqr(CART.A, CART.B, [[1, 0], [0, 0]], [[weight]]); return { weight, K: K[0], ...closed(K[0]) }; };
 
 let curve = null;  // from much effort to little
-const tradeOff = () => (curve ??= Array.from({ length: 61 }, (_, k) => best(LOW * (HIGH / LOW) ** (k / 60))));
+const tradeOff = () => (curve ??= Array.from({ length: 105 }, (_, k) => best(LEAST * (MOST / LEAST) ** (k / 104))));
 
 // the weight whose regulator takes this effort, between those of the curve
 function weightOf(effort) {
@@ -28,7 +30,7 @@ export const weights = {
   },
   panels: [
     {
-      title: 'what each feedback costs', x: [0.01, 1000], y: [0.1, 10], log: 'xy', across: 'effort ∫u² dt', up: 'error ∫x² dt',
+      title: 'what each feedback costs', x: (state, { ours, mine }) => decades([ours.effort, mine.effort], 0.01, 1000), y: (state, { ours, mine }) => decades([ours.error, mine.error], 0.1, 10), log: 'xy', across: 'effort ∫u² dt', up: 'error ∫x² dt',
       handles: [{ label: 'regulator on the curve', at: (state, { ours }) => [ours.effort, ours.error], move: ([effort]) => ({ weight: weightOf(effort) }), text: ({ weight }) => `weight ${number(weight)}` }],
       draw(plot, state, { mine, ours }) {
         plot.curve(tradeOff().map(({ effort, error }) => [effort, error]), 'estimate', { width: 2.5 });

@@ -35,6 +35,8 @@ SHOWN = [
     for name in re.findall(r'^```\{explorable\} (\w+)$', chapter.read_text(), re.MULTILINE)
 ]
 NAMES = [name for _, name in SHOWN]
+#: What is shown in place of a number that is none.
+NOTHING = '\u2013'
 
 
 def script(*modules):
@@ -168,7 +170,7 @@ def test_draws_are_normal():
 A, B, C = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
 NOISE = 60 * np.ones((2, 2))
 K = kr.lqr(A, B, NOISE, [[1.0]]).K
-EXTRA = {'LQG': 0.0, 'recovered': 300.0}
+EXTRA = {'LQG': 0.0, 'Recovered': 300.0}
 
 
 def opened_loop(name):
@@ -186,8 +188,8 @@ def test_margins_are_those_of_kr_and_of_doyle():
         theirs = kr.margins(*opened_loop(loop['name']))
         assert loop['low'] == pytest.approx(theirs.lower_gain.value, rel=1e-6, abs=1e-9)
         assert (loop['high'] or math.inf) == pytest.approx(theirs.upper_gain.value, rel=1e-6)
-        phase = math.degrees(min(theirs.lead.value, theirs.lag.value))
-        assert loop['phase'] == pytest.approx(phase, rel=1e-5)
+        assert loop['lag'] == pytest.approx(math.degrees(theirs.lag.value), rel=1e-5)
+        assert loop['lead'] == pytest.approx(math.degrees(theirs.lead.value), rel=1e-5)
         assert loop['delay'] == pytest.approx(theirs.delay.value, rel=1e-5)
 
 
@@ -311,6 +313,13 @@ def opened(places, part='', width=1280, *, mobile=False):
     return browser
 
 
+#: Whether each picture has a pixel that is not empty.
+DRAWN = (
+    '[...document.querySelectorAll(".explorable-frame canvas")].every(c => new Uint32Array('
+    'c.getContext("2d").getImageData(0, 0, c.width, c.height).data.buffer).some(Boolean))'
+)
+
+
 def sentence(browser, name):
     # what was moved is drawn in the next frame
     browser.call(
@@ -376,6 +385,86 @@ def test_an_address_brings_a_place_back(places):
         assert 'NaN' not in sentence(browser, 'modes')
 
 
+def values(browser, name):
+    return browser.run(f'location.hash.match(/{name}=([^&]*)/)[1].split(",").map(Number)')
+
+
+def focus(browser, name, k=0):
+    browser.run(f'document.querySelector("#explore-{name}").scrollIntoView({{ block: "center" }})')
+    sentence(browser, name)
+    browser.run(f'document.querySelectorAll("#explore-{name} .explorable-handle")[{k}].focus()')
+
+
+@pytest.mark.slow
+def test_a_belief_stays_one_however_often_it_is_predicted(places):
+    browser = opened(places)
+    for label, count in (('predict 1 s', 30), ('take a reading like this', 30)):
+        button = '[...document.querySelectorAll("#explore-update button")]'
+        button += f'.find(e => e.textContent === "{label}")'
+        for _ in range(count):
+            browser.run(f'{button}.click()')
+            assert NOTHING not in sentence(browser, 'update')
+            _, _, pxx, pxv, pvv, *_ = values(browser, 'update')
+            assert pxx * pvv > pxv**2
+    # an address is no belief
+    browser = opened(places, '#update=0,0,1e-4,30,1e-4,0,0,0.05')
+    assert NOTHING not in sentence(browser, 'update')
+
+
+@pytest.mark.slow
+def test_arrow_keys_make_a_pair_and_take_it_apart(places):
+    browser = opened(places, '#modes=-1,0,-2,0.6')
+    focus(browser, 'modes', 1)
+    press(browser, 'ArrowUp')
+    sentence(browser, 'modes')
+    re, im, *_ = values(browser, 'modes')
+    assert (re, im) == (-2, 0.15)
+    # the handle of the other pole is gone, and the first has the keys
+    assert browser.run('document.activeElement.dataset.name') == 'eigenvalue, first pole'
+    press(browser, 'ArrowDown')
+    sentence(browser, 'modes')
+    assert values(browser, 'modes')[:3] == [-2, 0, -2]
+
+
+@pytest.mark.slow
+def test_a_handle_beyond_the_picture_does_not_jump(places):
+    browser = opened(places, '#eigenvalue=0.8,2')
+    focus(browser, 'eigenvalue', 1)
+    browser.run('document.activeElement.id = "beyond"')
+    left, top, width, height = browser.place('#beyond')
+    x, y = left + width / 2, top + height / 2
+    browser.drag((x, y), (x + 1, y + 1))
+    sentence(browser, 'eigenvalue')
+    assert values(browser, 'eigenvalue')[0] > 0.75
+
+
+@pytest.mark.slow
+def test_an_address_has_what_was_moved_in_all_pictures(places):
+    browser = opened(places)
+    for name in ('gain', 'modes'):
+        focus(browser, name)
+        press(browser, 'ArrowDown')
+        sentence(browser, name)
+    assert values(browser, 'gain') and values(browser, 'modes')
+
+
+@pytest.mark.slow
+def test_a_page_that_is_printed_has_all_pictures(places):
+    browser = opened(places)
+    browser.run('dispatchEvent(new Event("beforeprint"))')
+    assert browser.run(DRAWN)
+
+
+@pytest.mark.slow
+def test_what_is_left_is_counted_in_samples(places):
+    browser = opened(places, '#sampling=0.25,0.5,1')
+    x = [1.0, 1.0 - 0.25 * 0]  # the input acts one sample late: nothing happens in the first
+    while len(x) < 40:
+        x.append(x[-1] - 0.25 * x[-2])
+    settled = max(k for k, value in enumerate(x) if abs(value) >= 0.01) + 1
+    assert f'after {settled} samples' in sentence(browser, 'sampling')
+
+
 @pytest.mark.slow
 def test_a_phone_shows_a_handle_and_its_effects_together(places):
     browser = opened(places, width=390, mobile=True)
@@ -408,8 +497,4 @@ def test_what_is_scrolled_to_is_drawn(places):
     for name in NAMES:
         browser.run(f'document.querySelector("#explore-{name}").scrollIntoView()')
         sentence(browser, name)
-    assert browser.run(
-        '[...document.querySelectorAll(".explorable-frame canvas")].every(c =>'
-        ' new Uint32Array(c.getContext("2d").getImageData(0, 0, c.width, c.height).data.buffer)'
-        '.some(Boolean))'
-    )
+    assert browser.run(DRAWN)

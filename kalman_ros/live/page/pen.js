@@ -13,10 +13,10 @@ export function colour(name) {
 
 export const forgetColours = () => cache.clear();
 
-// a context whose unit is a CSS pixel; null where the canvas is not to be seen
-export function prepare(canvas) {
+// a context whose unit is a CSS pixel; null where the canvas is not to be seen, if it need not be drawn
+export function prepare(canvas, always = false) {
   const box = canvas.getBoundingClientRect();
-  if (!box.width || box.bottom < 0 || box.top > innerHeight) return null;
+  if (!box.width || (!always && (box.bottom < 0 || box.top > innerHeight))) return null;
   const ratio = Math.min(devicePixelRatio || 1, 2);
   const width = Math.round(box.width * ratio), height = Math.round(box.height * ratio);
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
