@@ -75,7 +75,7 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
             basis = 'The theory of J is that of these gains, which are not the optimum.'
         claim = 'The loop is stable and its statistics hold.'
         return Judgement(results, theory.settling_time, basis, claim)
-    reason = 'This loop has no theory' if scenario.law else 'There is no input'
+    reason = 'The cost of this loop is not known' if scenario.law else 'There is no input'
     basis = f'{reason}; the filter is judged by its consistency.'
     claim = 'The filter is consistent.'
     least = least_duration(scenario)

@@ -22,6 +22,9 @@ from kalman_ros.core import Array, Space, linearize
 
 from .sheet import Sheet
 
+#: Deviations that differ by less than this share are the same.
+_SAME = 0.01
+
 
 def tables(report: DesignReport, time: str = 's') -> Iterator[tuple[str, Sheet]]:
     """Yield the tables of a design with their titles; ``time`` is the unit of time."""
@@ -181,11 +184,7 @@ def _deviation_sheet(report: DesignReport) -> Sheet:
         columns.append(
             (f'after {report.prediction.time[-1]:.3g} s', _numbers(report.prediction.std[-1]))
         )
-    for window in path.windows if path else ():
-        row = int(np.searchsorted(path.time, window.end - 1e-9)) if path else 0
-        columns.append(
-            (f'on path\n{window.end:.4g} s', _numbers(path.std[row] if path else first))
-        )
+    columns += _path_columns(report)
     names = [_label(model.state, name) for name in model.state.names]
     if closed:
         blank = [''] * model.input.size
@@ -193,6 +192,20 @@ def _deviation_sheet(report: DesignReport) -> Sheet:
         columns.append(('in closed loop', _numbers([*closed.state_std, *closed.input_std])))
         names += [_label(model.input, name) for name in model.input.names]
     return Sheet(names, columns) if n else Sheet((), ())
+
+
+def _path_columns(report: DesignReport) -> list[tuple[str, list[str]]]:
+    """Return the deviations along the path; none if they stay those of the estimate."""
+    path = report.path
+    if path is None:
+        return []
+    rows = [int(np.searchsorted(path.time, window.end - 1e-9)) for window in path.windows]
+    if report.estimator and np.allclose(path.std[rows], report.estimator.std, rtol=_SAME):
+        return []
+    return [
+        (f'on path\n{window.end:.4g} s', _numbers(path.std[row]))
+        for window, row in zip(path.windows, rows)
+    ]
 
 
 def _numbers(values: Iterable[float]) -> list[str]:
@@ -240,7 +253,7 @@ def _margin_sheet(report: DesignReport) -> Sheet:
             channel.estimated for channel in (report.regulator.loops if report.regulator else ())
         ):
             rows[f'all at once, {estimated}'] = _disk_cells(joint.estimated)
-    titles = ('gain', 'phase \\[deg]', 'delay \\[s]', 'disk', 'min\n|1 + L|')
+    titles = ('gain', 'lead, lag\n\\[deg]', 'delay \\[s]', 'disk', 'min\n|1 + L|')
     return Sheet(list(rows), list(zip(titles, zip(*rows.values()))))
 
 
@@ -276,8 +289,5 @@ def _format_range(low: float, high: float) -> str:
 
 def _format_phase(lead: float, lag: float) -> str:
     """Return the allowed lead and lag of the phase."""
-    ends = (
-        'any' if end == float('inf') else f'{sign}{end:.3g}'
-        for sign, end in zip('+-', (lead, lag))
-    )
+    ends = ('any' if end == float('inf') else f'{end:.3g}' for end in (lead, lag))
     return ', '.join(ends)

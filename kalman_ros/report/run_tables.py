@@ -21,7 +21,7 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
     for check in checks:
         if isinstance(check.expected, complex) and check.expected.imag < 0.0:
             continue  # the table shows its conjugate
-        allowed = '' if isnan(check.low) else f'{check.low:.3g} to {check.high:.3g}'
+        allowed = '' if isnan(check.low) else _interval(check.low, check.high)
         verdict = '[green]ok[/]' if check.passed else '[bold red]FAILS[/]'
         table.add_row(
             f'{check.name} \\[{check.unit}]' if check.unit else check.name,
@@ -31,6 +31,10 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
             verdict if allowed else '',
         )
     return table
+
+
+def _interval(low: float, high: float) -> str:
+    return f'± {high:.3g}' if low == -high else f'{low:.3g} to {high:.3g}'
 
 
 def pair_table(title: str, pair: Sequence[Sequence[Check]]) -> Table:

@@ -15,6 +15,8 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 import kalman_ros as kr
 
+pytestmark = pytest.mark.slow  # by node, and in Chromium
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'
 PAGE = ROOT / 'kalman_ros' / 'live' / 'page'
@@ -331,7 +333,6 @@ def sentence(browser, name):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('name', NAMES)
 def test_each_handle_moves_by_mouse_and_by_key(places, name):
     browser = opened(places)
@@ -374,7 +375,6 @@ def press(browser, key):
     )
 
 
-@pytest.mark.slow
 def test_an_address_brings_a_place_back(places):
     browser = opened(places, '#gain=0.5,2,1')
     assert 'Q/R = 0.25' in sentence(browser, 'gain')
@@ -395,7 +395,6 @@ def focus(browser, name, k=0):
     browser.run(f'document.querySelectorAll("#explore-{name} .explorable-handle")[{k}].focus()')
 
 
-@pytest.mark.slow
 def test_a_belief_stays_one_however_often_it_is_predicted(places):
     browser = opened(places)
     for label, count in (('predict 1 s', 30), ('take a reading like this', 30)):
@@ -411,7 +410,6 @@ def test_a_belief_stays_one_however_often_it_is_predicted(places):
     assert NOTHING not in sentence(browser, 'update')
 
 
-@pytest.mark.slow
 def test_arrow_keys_make_a_pair_and_take_it_apart(places):
     browser = opened(places, '#modes=-1,0,-2,0.6')
     focus(browser, 'modes', 1)
@@ -426,7 +424,6 @@ def test_arrow_keys_make_a_pair_and_take_it_apart(places):
     assert values(browser, 'modes')[:3] == [-2, 0, -2]
 
 
-@pytest.mark.slow
 def test_a_handle_beyond_the_picture_does_not_jump(places):
     browser = opened(places, '#eigenvalue=0.8,2')
     focus(browser, 'eigenvalue', 1)
@@ -438,7 +435,6 @@ def test_a_handle_beyond_the_picture_does_not_jump(places):
     assert values(browser, 'eigenvalue')[0] > 0.75
 
 
-@pytest.mark.slow
 def test_an_address_has_what_was_moved_in_all_pictures(places):
     browser = opened(places)
     for name in ('gain', 'modes'):
@@ -448,14 +444,12 @@ def test_an_address_has_what_was_moved_in_all_pictures(places):
     assert values(browser, 'gain') and values(browser, 'modes')
 
 
-@pytest.mark.slow
 def test_a_page_that_is_printed_has_all_pictures(places):
     browser = opened(places)
     browser.run('dispatchEvent(new Event("beforeprint"))')
     assert browser.run(DRAWN)
 
 
-@pytest.mark.slow
 def test_what_is_left_is_counted_in_samples(places):
     browser = opened(places, '#sampling=0.25,0.5,1')
     x = [1.0, 1.0 - 0.25 * 0]  # the input acts one sample late: nothing happens in the first
@@ -465,7 +459,6 @@ def test_what_is_left_is_counted_in_samples(places):
     assert f'after {settled} samples' in sentence(browser, 'sampling')
 
 
-@pytest.mark.slow
 def test_a_phone_shows_a_handle_and_its_effects_together(places):
     browser = opened(places, width=390, mobile=True)
     assert browser.run('document.documentElement.scrollWidth') <= 390
@@ -491,7 +484,6 @@ def test_a_phone_shows_a_handle_and_its_effects_together(places):
     assert sentence(browser, 'modes') != before
 
 
-@pytest.mark.slow
 def test_what_is_scrolled_to_is_drawn(places):
     browser = opened(places)
     for name in NAMES:

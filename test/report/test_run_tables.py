@@ -23,4 +23,4 @@ def test_however_narrow_the_terminal_every_verdict_is_seen(width):
     text = console.file.getvalue()
     assert 'ok' in text
     assert 'FAILS' in text
-    assert '-1e-09 to 1e-09' in text
+    assert '± 1e-09' in text

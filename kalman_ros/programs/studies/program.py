@@ -35,12 +35,17 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         description=f'{__doc__}\n\n{claims}',
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument('names', nargs='*', default=['all'], help="studies, or 'all' (default)")
+    parser.add_argument('names', nargs='*', help="studies, or 'all'; none: list them")
     parser.add_argument(
         '--out', type=Path, default=Path('out/studies'), metavar='DIR',
         help='for the results (default: %(default)s)',
     )  # fmt: skip
-    parser.add_argument('--size', type=float, default=1.0, help='less for a shorter look')
+    parser.add_argument(
+        '--size',
+        type=float,
+        default=1.0,
+        help='1: the whole study, 0.3: a shorter one (default: 1)',
+    )
     return parser.parse_args(argv)
 
 
@@ -54,6 +59,11 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run studies, also after a failure; exit with the worst of their codes."""
     options = arguments(argv)
     console = Console()
+    if not options.names:
+        for name in STUDIES:
+            console.print(f'{name:16}{claim(name)}', highlight=False, soft_wrap=True)
+        console.print('\nRun some with: study NAME ..., all with: study all')
+        return
     names = list(STUDIES) if options.names == ['all'] else options.names
     try:
         refuse_unknown(names, STUDIES, 'study')
