@@ -14,7 +14,7 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.simulation.trajectory import Trajectory
 
 from .close_up import close_up
-from .style import CURVES, log_ticks, picture, time_unit
+from .style import CURVES, envelope, log_ticks, picture, time_unit
 
 #: Number of gains of one sensor over a run, and largest number of curves of a panel.
 _GAINS, _CURVES = 400, len(CURVES)
@@ -37,14 +37,15 @@ def gains(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     optimal = filter_class(scenario.filter).optimal
     by_sensor = _sensor_gains(scenario, run, start) if optimal else {}
     rows = len(units) + len(by_sensor)
-    with picture(path, rows, 2, (10.0, 1.5 * rows + 0.5)) as (_, axes):
+    shows = 'What is believed of each state, and how much each reading counts.'
+    with picture(path, rows, 2, (10.0, 1.5 * rows + 0.7), shows) as (_, axes):
         close = _start_deviations(scenario, run, start)
         for row, unit in zip(axes, units):
             row[0].set_ylabel(f'sigma [{unit}]' if unit else 'sigma')
             indices = [index for index, other in enumerate(space.units) if other == unit]
             for colour, index in zip(_colours(len(indices)), indices):
                 for axis, (time, std) in zip(row, ((run.time, _std(run.covariance)), close)):
-                    axis.semilogy(time, std[:, index], lw=1.0, color=colour,
+                    axis.semilogy(*envelope(time, std[:, index]), lw=1.0, color=colour,
                                   label=space.names[index])  # fmt: skip
             for axis in row:
                 low, high = axis.get_ylim()

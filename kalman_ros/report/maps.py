@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,8 @@ from kalman_ros.simulation.trajectory import Trajectory
 from .ellipse import outline
 from .style import BOUND, ESTIMATE, INPUT, READING, TRUTH, canvas, legend_below
 
+#: Pieces of a track, each less pale than the one before, and the opacity of the first.
+_FADES, _FAINTEST = 12, 0.25
 #: Names of states that are a position in a plane, in order of preference.
 PLANES = (('x', 'y'), ('x', 'z'))
 SIGMAS = 3.0
@@ -84,7 +87,9 @@ def route(
     offset = np.zeros((len(run.time), 2)) if observer_track is None else observer_track
     truth, mean = run.truth[:, places] + offset, run.estimate[:, places] + offset
     covariance = run.covariance[:, places][:, :, places]
-    with canvas(path, (6.4, 5.2)) as figure:
+    with canvas(
+        path, (6.4, 5.4), 'Where it was, and was thought to be; the past fades.'
+    ) as figure:
         axis = figure.subplots()
         _draw_readings(axis, scenario, run, [space.names[index] for index in places])
         origins = _draw_bearings(axis, list(sights(scenario, run)), truth)
@@ -94,8 +99,8 @@ def route(
             axis.fill(*ellipse.T, color=BOUND, alpha=0.35, lw=0, label=label)
         if followed is not None:
             axis.plot(*followed.T, '--', color=INPUT, lw=1.2, label='path')
-        axis.plot(*mean.T, color=ESTIMATE, lw=1.0, label='estimate')
-        axis.plot(*truth.T, color=TRUTH, lw=0.8, label='truth')
+        _fading(axis, truth, TRUTH, 2.0, 'truth')
+        _fading(axis, mean, ESTIMATE, 0.9, 'estimate')
         axis.plot(*truth[0], 'o', color=TRUTH, ms=4)
         if observer_track is not None:
             axis.plot(*observer_track.T, color=INPUT, lw=1.2, label='observer')
@@ -108,6 +113,16 @@ def route(
         axis.set_title('Track; the dot is the start' + (', triangles sensors' if origins else ''))
         legend_below(figure, axis)
     return axis
+
+
+def _fading(axis: Any, track: Array, colour: str, width: float, label: str) -> None:
+    """Draw a track (N, 2) that is the paler the older it is."""
+    edges = np.linspace(0, len(track), _FADES + 1).astype(int)
+    for k, (first, last) in enumerate(pairwise(edges)):
+        alpha = _FAINTEST + (1.0 - _FAINTEST) * (k + 1) / _FADES
+        named = label if k == _FADES - 1 else None
+        axis.plot(*track[first : last + 1].T, color=colour, lw=width, alpha=alpha, label=named,
+                  solid_capstyle='butt')  # fmt: skip
 
 
 def frame(axis: Any, shown: Array) -> None:

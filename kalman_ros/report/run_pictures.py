@@ -28,6 +28,7 @@ from .style import (
     INPUT,
     READING,
     TRUTH,
+    envelope,
     legend_below,
     picture,
     time_unit,
@@ -36,6 +37,9 @@ from .style import (
 SIGMAS = 3.0
 #: Largest number of readings of a state in the overview.
 MOST_READINGS = 200
+
+#: Share of a Gaussian beyond these deviations.
+_OUTSIDE = 0.0027
 
 
 def draw_all(
@@ -94,7 +98,8 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     space, readings = scenario.model.state, _read_states(scenario, run)
     columns = min(2, space.size)
     rows = ceil(space.size / columns)
-    with picture(path, rows, columns, (6.8, 1.2 * rows + 0.7)) as (figure, axes):
+    shows = f'Each state: the estimate with its band of {SIGMAS:g} sigma, on the truth.'
+    with picture(path, rows, columns, (6.8, 1.2 * rows + 0.9), shows) as (figure, axes):
         if space.size % columns:
             _widen_last(figure, axes)
         for index, (name, axis) in enumerate(zip(space.names, axes.flat)):
@@ -113,7 +118,8 @@ def overview(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     if path is not None:
         # pages show many overviews: this makes a file three times smaller, without visible loss
         with Image.open(path) as image:
-            image.convert('RGB').quantize(20).save(path, optimize=True)
+            colours = image.convert('RGB').quantize(64, method=Image.Quantize.MAXCOVERAGE)
+            colours.save(path, optimize=True)
     return axes
 
 
@@ -161,8 +167,9 @@ def _draw_state(
         time, mean - band, mean + band, color=BOUND, alpha=0.35, lw=0,
         label=f'estimate, {SIGMAS:g} sigma',
     )  # fmt: skip
-    axis.plot(time, mean, color=ESTIMATE, lw=1.0, label='estimate')
-    axis.plot(time, truth, color=TRUTH, lw=0.8, label='truth')
+    # the estimate lies on the truth, which is wider: both are seen where they agree
+    axis.plot(time, truth, color=TRUTH, lw=2.0, label='truth')
+    axis.plot(time, mean, color=ESTIMATE, lw=0.9, label='estimate')
     return _panel_limits(truth, mean, band, read)
 
 
@@ -176,7 +183,8 @@ def states(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     space = scenario.model.state
     readings = _read_states(scenario, run)
     start = close_up(scenario, run)
-    with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.6)) as (figure, axes):
+    shows = 'Each state in the whole run, and on the right at its start.'
+    with picture(path, space.size, 2, (9.5, 1.6 * space.size + 0.8), shows) as (figure, axes):
         for index, name in enumerate(space.names):
             for axis, until in zip(axes[index], (np.inf, start)):
                 limits = _draw_state(axis, run, index, readings.get(name), space, until)
@@ -217,9 +225,11 @@ def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
     error = space.subtract(run.truth, run.estimate)
     std = np.sqrt(run.covariance.diagonal(axis1=1, axis2=2))
     least = _least_std(scenario, run)
-    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6)) as (figure, axes):
+    shows = f'An honest filter has {100 * _OUTSIDE:.2f} % of its errors outside of the blue lines.'
+    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.8), shows) as (figure, axes):
         for index, name in enumerate(space.names):
             axis = axes[index, 0]
+            time, deviation = envelope(run.time, std[:, index])
             if least is not None:
                 axis.fill_between(
                     run.time, -SIGMAS * least[:, index], SIGMAS * least[:, index],
@@ -228,7 +238,7 @@ def errors(scenario: Scenario, run: Trajectory, path: Path | None) -> Any:
             axis.plot(run.time, error[:, index], color=TRUTH, lw=0.8, label='truth - estimate')
             for sign in (-SIGMAS, SIGMAS):
                 axis.plot(
-                    run.time, sign * std[:, index], color=ESTIMATE, lw=1.0,
+                    time, sign * deviation, color=ESTIMATE, lw=1.0,
                     label=f'{SIGMAS:g} sigma of the filter' if sign > 0 else None,
                 )  # fmt: skip
             band = SIGMAS * float(np.quantile(std[:, index], 0.9))
@@ -267,7 +277,8 @@ def force(
 ) -> Any:
     """Draw the input of the controller, and the limits of the actuators."""
     space = scenario.model.input
-    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.4)) as (_, axes):
+    shows = 'What the controller asked of the actuators, for each estimate.'
+    with picture(path, space.size, 1, (8.0, 1.5 * space.size + 0.6), shows) as (_, axes):
         for index, (name, unit) in enumerate(zip(space.names, space.units)):
             axis = axes[index, 0]
             axis.step(run.time, run.input[:, index], where='post', color=INPUT, lw=0.8)

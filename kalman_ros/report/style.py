@@ -13,6 +13,8 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
+from kalman_ros.core import Array
+
 TRUTH = '#1a1a1a'
 ESTIMATE = '#0b6fb8'
 READING = '#9aa3ab'
@@ -64,10 +66,10 @@ def time_label() -> str:
 
 @contextmanager
 def picture(
-    path: Path | None, rows: int, columns: int, size: tuple[float, float]
+    path: Path | None, rows: int, columns: int, size: tuple[float, float], shows: str = ''
 ) -> Iterator[tuple[Any, Any]]:
     """Yield a figure and axes (rows, columns) over time, label the time axis, save the figure."""
-    with figure_with(path, rows, columns, size, sharex='col') as (figure, axes):
+    with figure_with(path, rows, columns, size, shows, sharex='col') as (figure, axes):
         yield figure, axes
         for axis in axes[-1]:
             axis.set_xlabel(axis.get_xlabel() or time_label())
@@ -75,27 +77,49 @@ def picture(
 
 @contextmanager
 def figure_with(
-    path: Path | None, rows: int, columns: int, size: tuple[float, float], **options: Any
+    path: Path | None,
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    shows: str = '',
+    **options: Any,
 ) -> Iterator[tuple[Any, Any]]:
     """Yield a figure and its axes (rows, columns); save it to ``path``."""
-    with canvas(path, size) as figure:
+    with canvas(path, size, shows) as figure:
         yield figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 @contextmanager
-def canvas(path: Path | None, size: tuple[float, float]) -> Iterator[Any]:
-    """Yield an empty figure; save it to ``path``, or leave it to pyplot if ``path`` is None."""
+def canvas(path: Path | None, size: tuple[float, float], shows: str = '') -> Iterator[Any]:
+    """Yield an empty figure; save it to ``path``, or leave it to pyplot if ``path`` is None.
+
+    Below the caption stands what the picture ``shows``, in one sentence.
+    """
     with mpl.rc_context(STYLE):
         if path is not None:
             figure = Figure(figsize=size, layout='constrained')
-            if _CAPTION.get():
-                figure.suptitle(_CAPTION.get(), fontsize=8, color=TRUTH, x=0.01, ha='left')
+            lines = [line for line in (_CAPTION.get(), shows) if line]
+            if lines:
+                figure.suptitle('\n'.join(lines), fontsize=9.5, color=TRUTH, x=0.01, ha='left')
             yield figure
             figure.savefig(path)
         else:
             from matplotlib import pyplot  # the import detects the display
 
             yield pyplot.figure(figsize=size, layout='constrained')
+
+
+def envelope(time: Array, values: Array, count: int = 300) -> tuple[Array, Array]:
+    """Return the largest value of each of ``count`` spans of time, as one step curve.
+
+    A sawtooth whose teeth are narrower than a line of the picture would fill a panel. Curves with
+    fewer points are returned as they are.
+    """
+    width = len(time) // count
+    if width < 2:
+        return time, values
+    rows = len(time) // width * width
+    return time[:rows:width], values[:rows].reshape(-1, width).max(axis=1)
 
 
 def log_ticks(axis: Any) -> None:

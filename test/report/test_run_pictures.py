@@ -12,7 +12,7 @@ from kalman_ros.analysis.bounds import posterior_cramer_rao
 from kalman_ros.report.ellipse import outline
 from kalman_ros.report.maps import route
 from kalman_ros.report.run_pictures import errors, overview, states
-from kalman_ros.report.style import caption
+from kalman_ros.report.style import TRUTH, caption, envelope
 from kalman_ros.simulation import closed_loop
 
 matplotlib.use('agg')
@@ -91,11 +91,22 @@ def test_the_close_up_shows_some_readings_from_the_start(tracked, tmp_path):
     assert axes[0, 1].lines[-1].get_xdata()[-1] == 80.0
 
 
+def track(axis, colour):
+    """Return the points of a track that is drawn in pieces, each with the first of the next."""
+    lines = [line for line in axis.lines if line.get_color() == colour and line.get_alpha()]
+    pieces = [line.get_xydata() for line in lines]
+    return np.vstack([*(piece[:-1] for piece in pieces[:-1]), pieces[-1]])
+
+
 def test_a_map_has_the_track_ellipses_and_bearings(tracked, tmp_path):
     built, run = tracked
     axis = route(built, run, tmp_path / 'map.png')
     lines = {line.get_label(): line for line in axis.lines}
-    np.testing.assert_array_equal(lines['truth'].get_xdata(), run.truth[:, 0])
+    np.testing.assert_array_equal(track(axis, TRUTH)[:, 0], run.truth[:, 0])
+    # the past is paler
+    pieces = [line.get_alpha() for line in axis.lines if line.get_linewidth() == 2.0]
+    assert pieces == sorted(pieces) and len(set(pieces)) == len(pieces) > 3
+    assert pieces[-1] == 1.0
     assert 'bearing' in lines
     assert len(axis.patches) == 12
     first = axis.patches[0].get_xy()[:-1]
@@ -121,5 +132,17 @@ def test_a_caption_is_on_every_picture_drawn_meanwhile(tracked, tmp_path):
     built, run = tracked
     with caption('bearing_tracker, seed 0'):
         named = route(built, run, tmp_path / 'map.png')
-    assert named.figure.get_suptitle() == 'bearing_tracker, seed 0'
-    assert route(built, run, tmp_path / 'map.png').figure.get_suptitle() == ''
+    title, shows = named.figure.get_suptitle().splitlines()
+    assert title == 'bearing_tracker, seed 0'
+    assert route(built, run, tmp_path / 'map.png').figure.get_suptitle() == shows
+
+
+def test_a_sawtooth_is_drawn_by_its_envelope():
+    time = np.arange(6000) * 0.01
+    saw = 1.0 + 0.1 * (np.arange(6000) % 5)
+    at, top = envelope(time, saw, 300)
+    assert len(at) == len(top) == 300
+    np.testing.assert_allclose(top, 1.4)
+    assert at[0] == 0.0 and np.allclose(np.diff(at), 0.2)
+    # what is short is drawn as it is
+    np.testing.assert_array_equal(envelope(time[:500], saw[:500], 300)[1], saw[:500])

@@ -8,30 +8,62 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import FormatStrFormatter
 
 from kalman_ros.core import Array, Space
-from kalman_ros.report.style import BOUND, ESTIMATE, INPUT, TRUTH, figure_with, shades
+from kalman_ros.report.style import (
+    BOUND,
+    ESTIMATE,
+    INPUT,
+    TRUTH,
+    figure_with,
+    log_ticks,
+    shades,
+)  # fmt: skip
 
 from .grid import Point
 from .ranges import Range
 
 
 def sweep_picture(
-    ranges: Sequence[Range], state: Space, points: Sequence[Point], path: Path
+    ranges: Sequence[Range],
+    state: Space,
+    points: Sequence[Point],
+    marks: Sequence[float | None],
+    path: Path,
 ) -> None:
-    """Draw cost, errors, ANEES and the share of lost runs, with theory where there is one."""
+    """Draw cost, errors, ANEES and the share of lost runs, with theory where there is one.
+
+    Parameters
+    ----------
+    ranges, points
+        What was swept, and the outcomes.
+    state
+        Space of the state.
+    marks
+        Configured value of each swept parameter, which is marked; None if it has none.
+    path
+        File of the picture.
+    """
     if len(ranges) == 1:
-        _curves(ranges[0], state, points, path)
+        _curves(ranges[0], state, points, marks[0], path)
     else:
-        _maps(ranges, state, points, path)
+        _maps(ranges, state, points, marks, path)
 
 
-def _curves(swept: Range, state: Space, points: Sequence[Point], path: Path) -> None:
+def _curves(
+    swept: Range, state: Space, points: Sequence[Point], mark: float | None, path: Path
+) -> None:
     points = [point for point in points if point.rms]
     x = [point.values[0] for point in points]
     costs = np.array([point.cost for point in points])
     rows = 3 + bool(np.isfinite(costs).any())
-    with figure_with(path, rows, 1, (7.0, 1.9 * rows + 0.5), sharex=True) as (_, axes):
+    shows = 'Averages of the runs at each value; dashed: theory.'
+    if mark is not None and x[0] <= mark <= x[-1]:
+        shows += ' Orange: the configured value.'
+    with figure_with(path, rows, 1, (7.0, 1.9 * rows + 0.8), shows, sharex=True) as (_, axes):
+        for axis in axes[:, 0] if mark is not None and x[0] <= mark <= x[-1] else ():
+            axis.axvline(mark, color=INPUT, lw=1.0, ls=':')
         panels = list(axes[:, 0])
         if rows == 4:
             axis = panels.pop(0)
@@ -51,6 +83,7 @@ def _curves(swept: Range, state: Space, points: Sequence[Point], path: Path) -> 
             ]
             errors.plot(x, expected, '--', lw=0.8, color=TRUTH)
         errors.set_yscale('log')
+        log_ticks(errors)
         errors.set_ylabel('RMS error')
         errors.legend(ncols=min(4, state.size))
         low, high = np.array([point.anees_bounds for point in points]).T
@@ -66,6 +99,7 @@ def _curves(swept: Range, state: Space, points: Sequence[Point], path: Path) -> 
         lost.set_xlabel(swept.label)
         if swept.log:
             lost.set_xscale('log')
+            lost.xaxis.set_major_formatter(FormatStrFormatter('%g'))
 
 
 def _theory(axis: Any, x: Sequence[float], expected: Sequence[float]) -> None:
@@ -74,9 +108,16 @@ def _theory(axis: Any, x: Sequence[float], expected: Sequence[float]) -> None:
     axis.plot(x, expected, '--', color=TRUTH, lw=0.9, label='theory')
     if np.nanmax(expected) > 20.0 * np.nanmin(expected):
         axis.set_yscale('log')
+        log_ticks(axis)
 
 
-def _maps(ranges: Sequence[Range], state: Space, points: Sequence[Point], path: Path) -> None:
+def _maps(
+    ranges: Sequence[Range],
+    state: Space,
+    points: Sequence[Point],
+    marks: Sequence[float | None],
+    path: Path,
+) -> None:
     down, across = ranges
     shape = len(down.values), len(across.values)
 
@@ -93,7 +134,8 @@ def _maps(ranges: Sequence[Range], state: Space, points: Sequence[Point], path: 
     }
     panels = {title: values for title, values in panels.items() if np.isfinite(values).any()}
     rows = -(-len(panels) // 2)
-    with figure_with(path, rows, 2, (9.0, 3.4 * rows)) as (figure, axes):
+    shows = 'Averages of the runs at each pair of values; the cross has the configured ones.'
+    with figure_with(path, rows, 2, (9.0, 3.4 * rows + 0.3), shows) as (figure, axes):
         for axis, (title, values) in zip(axes.flat, panels.items()):
             scale = 'log' if _spread(values) > 20.0 else 'linear'
             drawn = axis.pcolormesh(
@@ -104,6 +146,7 @@ def _maps(ranges: Sequence[Range], state: Space, points: Sequence[Point], path: 
             axis.set_xlabel(across.label)
             axis.set_ylabel(down.label)
             axis.grid(False)
+            axis.plot(*([mark] for mark in reversed(marks)), 'x', color=INPUT, ms=9, mew=2.0)
             if across.log:
                 axis.set_xscale('log')
             if down.log:

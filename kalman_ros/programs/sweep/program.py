@@ -137,6 +137,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (ValueError, OSError) as error:
         refuse('sweep', error)
 
+    from kalman_ros.report import style
+
     from . import pictures, tables  # matplotlib loads while nothing waits
 
     points = [outcomes[index] for index in sorted(outcomes)]
@@ -157,7 +159,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     if any(point.rms for point in points):
         # a map has a cell for each point, finished or not
         all_points = [outcomes.get(k, Point(values)) for k, values in enumerate(grid.points)]
-        pictures.sweep_picture(grid.ranges, state, all_points, folder / 'sweep.png')
+        marks = [each.configured(grid.plant) for each in grid.ranges]
+        about = f'sweep of {path.stem}: {options.runs} runs at each point, seed {options.seed}'
+        with style.caption(about):
+            pictures.sweep_picture(grid.ranges, state, all_points, marks, folder / 'sweep.png')
         drawn = ', sweep.png'
     console.print(f'In {folder}: summary.json{drawn}')
     if stopped:
@@ -174,7 +179,8 @@ def _explain(console: Console, points: Sequence[Point], grid: Grid) -> None:
     )
     if any(not (point.refused or point.consistent) for point in points):
         console.print(
-            '* outside the range of 95 % of consistent filters: the covariance is probably wrong.'
+            '* outside of the range of 19 in 20 consistent filters: one point in 20 is so '
+            'by chance, more of them mean that the covariance is wrong.'
         )
     for reason in dict.fromkeys(point.refused for point in points if point.refused):
         console.print(f'no design: {reason}', markup=False)

@@ -83,6 +83,15 @@ class Range:
             )
         return {**values, self.name: listed}
 
+    def configured(self, values: Mapping[str, Any]) -> float | None:
+        """Return the value without a sweep; None if there are several, or none."""
+        known = plant_options(values)
+        present = values.get(self.name, known[self.name].default if self.name in known else None)
+        if self.index is not None:
+            present = present[self.index] if isinstance(present, list) else None
+        single = present[0] if isinstance(present, list) and len(set(present)) == 1 else present
+        return float(single) if isinstance(single, (int, float)) else None
+
 
 def _words(values: list[Any]) -> bool:
     return any(isinstance(value, str) for value in values)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from kalman_ros.analysis.tuning.held_out import Judgement, SensorJudgement
 from kalman_ros.analysis.tuning.profiles import Profile
@@ -23,7 +24,8 @@ def draw_profiles(profiles: Sequence[Profile], path: Path) -> None:
     """Draw the likelihood around each fitted value."""
     columns = min(3, len(profiles))
     rows = -(-len(profiles) // columns)
-    with figure_with(path, rows, columns, (3.2 * columns, 2.4 * rows)) as (_, axes):
+    shows = 'How much less likely the recording is with another value.'
+    with figure_with(path, rows, columns, (3.2 * columns, 2.4 * rows + 0.3), shows) as (_, axes):
         for axis in axes.flat[len(profiles) :]:
             axis.set_axis_off()
         for axis, profile in zip(axes.flat, profiles):
@@ -35,6 +37,8 @@ def draw_profiles(profiles: Sequence[Profile], path: Path) -> None:
             axis.set_ylim(-6.0, 0.5)
             axis.set_title(profile.name.removeprefix('model_parameters.'))
             axis.set_xlabel(f'[{profile.unit}]' if profile.unit else '')
+            axis.xaxis.set_major_locator(MaxNLocator(4))
+            axis.xaxis.set_minor_formatter(NullFormatter())
         axes.flat[0].legend(fontsize=7, loc='lower center')
 
 
