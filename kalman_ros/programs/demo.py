@@ -13,7 +13,13 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)  # fmt: skip
 
 from kalman_ros.analysis.checks import Check
 from kalman_ros.analysis.suspects import suspects
@@ -140,9 +146,13 @@ def _write(options: argparse.Namespace, performed: Performed, mode: str, console
     with deferred():
         _write_data(folder, run)
         with _caption(options, mode, performed, _variant(performed)):
-            drawn = run_pictures.draw_all(
-                built, run, folder, tuning.limits(built), tuning.own.path
-            )
+            columns = (TextColumn('drawing {task.description}'), TimeElapsedColumn())
+            with Progress(*columns, console=console, transient=True) as bar:
+                task = bar.add_task('')
+                drawn = run_pictures.draw_all(
+                    built, run, folder, tuning.limits(built), tuning.own.path,
+                    lambda name: bar.update(task, description=name),
+                )  # fmt: skip
             if options.animate:
                 drawn += _animation(options, performed, console)
         summary = {

@@ -24,6 +24,7 @@ from .style import (
     READING,
     TRUTH,
     canvas,
+    envelope,
     legend_below,
     log_ticks,
     time_label,
@@ -41,6 +42,9 @@ GAINS = (-45.0, 45.0)
 
 #: Number of frequencies of a response.
 _POINTS = 800
+
+#: Share by which deviations have settled, and the least number of steps that are shown.
+_NEAR, _LEAST = 0.02, 50
 
 
 def draw_all(report: DesignReport, folder: Path) -> list[Path]:
@@ -98,11 +102,13 @@ def uncertainty(report: DesignReport, path: Path | None) -> None:
     space, prediction = report.scenario.model.state, report.prediction
     columns = 2 if space.size > 1 else 1
     rows = -(-space.size // columns)
-    with canvas(path, (4.2 * columns, 1.8 * rows + 0.9)) as figure:
+    shown = prediction.time <= _settled(prediction.time, prediction.std)
+    shows = 'Computed before anything runs: how well each state will be known.'
+    with canvas(path, (4.2 * columns, 1.8 * rows + 1.1), shows) as figure:
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
         for index, (axis, name) in enumerate(zip(axes, space.names)):
-            axis.semilogy(prediction.time, prediction.std[:, index], color=ESTIMATE, lw=1.2,
-                          label='estimate')  # fmt: skip
+            curve = envelope(prediction.time[shown], prediction.std[shown, index])
+            axis.semilogy(*curve, color=ESTIMATE, lw=1.2, label='estimate')
             if report.estimator:
                 steady = float(report.estimator.std[index])
                 axis.axhline(steady, color=ESTIMATE, lw=0.8, ls=':')
@@ -120,6 +126,15 @@ def uncertainty(report: DesignReport, path: Path | None) -> None:
             axis.set_xlabel(time_label())
             axis.tick_params(labelbottom=True)
         legend_below(figure, max(axes, key=lambda axis: len(axis.get_legend_handles_labels()[1])))
+
+
+def _settled(time: Array, std: Array) -> float:
+    """Return three times the time after which deviations (N, n) stay as in the last tenth."""
+    last = std[-max(1, len(std) // 10) :]
+    low, high = (1.0 - _NEAR) * last.min(axis=0), (1.0 + _NEAR) * last.max(axis=0)
+    (off,) = np.nonzero(((std < low) | (std > high)).any(axis=1))
+    first = time[off[-1]] if off.size else time[0]
+    return float(min(time[-1], max(3.0 * first, time[min(len(time) - 1, _LEAST)])))
 
 
 def loops(report: DesignReport, path: Path | None) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from math import ceil
 from pathlib import Path
@@ -48,11 +49,13 @@ def draw_all(
     folder: Path,
     limits: Limits | None = None,
     followed: Array | None = None,
+    begun: Callable[[str], None] = lambda name: None,
 ) -> list[Path]:
     """Draw every picture of a run into ``folder`` and return their paths.
 
     ``limits`` are the limits of the actuators, if they are known, ``followed`` the positions
-    (k, 2) of a path that the controller was given.
+    (k, 2) of a path that the controller was given. ``begun`` gets the name of each picture before
+    it is drawn.
     """
     pictures = {
         'overview.png': overview,
@@ -68,6 +71,7 @@ def draw_all(
     paths = []
     for name, draw in pictures.items():
         path = folder / name
+        begun(name)
         draw(scenario, run, path)
         paths.append(path)
     return paths
