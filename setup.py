@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one place of the package's metadata: colcon and pip both read it."""
 
+import sys
 from glob import glob
 
 from setuptools import find_packages, setup
@@ -11,6 +12,10 @@ COMMANDS = (
     'allan', 'demo', 'design', 'doctor', 'export', 'from_robot_localization', 'live', 'record',
     'replay', 'study', 'sweep', 'tune', 'view',
 )  # fmt: skip
+
+# colcon installs an executable for each, where `ros2 run` looks; pip one command for the PATH
+EXECUTABLES = [f'{name} = {PACKAGE}.entry:{name}' for name in (*NODES, *COMMANDS)]
+BY_COLCON = not {'install', 'develop'}.isdisjoint(sys.argv)
 
 setup(
     name=PACKAGE,
@@ -49,6 +54,6 @@ setup(
     description='State estimation and optimal control for ROS 2: any model, any topic.',
     license='Apache-2.0',
     entry_points={
-        'console_scripts': [f'{name} = {PACKAGE}.entry:{name}' for name in (*NODES, *COMMANDS)],
+        'console_scripts': EXECUTABLES if BY_COLCON else [f'{PACKAGE} = {PACKAGE}.entry:main'],
     },
 )

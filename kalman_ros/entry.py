@@ -106,3 +106,25 @@ study = partial(_program, 'study', 'studies.program')
 sweep = partial(_program, 'sweep', 'sweep.program')
 tune = partial(_program, 'tune', 'tune.program')
 view = partial(_program, 'view')
+
+#: Every executable by its name.
+COMMANDS = {name: value for name, value in globals().items() if isinstance(value, partial)}
+
+#: Modules of ROS 2, which pip does not install.
+_ROS = ('rclpy', 'ament_index_python', 'rosidl_generator_py', 'rosgraph_msgs', 'lifecycle_msgs')
+
+
+def main() -> None:
+    """Run ``kalman_ros COMMAND ...``: what pip installs in place of an executable for each."""
+    name = sys.argv[1] if len(sys.argv) > 1 else ''
+    if name not in COMMANDS:
+        asked = name in ('', '-h', '--help')
+        lines = f'usage: kalman_ros COMMAND ...\n\ncommands: {", ".join(sorted(COMMANDS))}'
+        sys.exit(print(lines) if asked else f"kalman_ros: unknown command '{name}'\n{lines}")
+    sys.argv[:2] = [name]
+    try:
+        COMMANDS[name]()
+    except ModuleNotFoundError as error:
+        if (error.name or '').partition('.')[0] not in _ROS and 'msgs' not in (error.name or ''):
+            raise
+        sys.exit(f"{name}: it needs ROS 2 (no module '{error.name}'): source its setup.bash first")
