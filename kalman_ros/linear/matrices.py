@@ -69,7 +69,8 @@ def one_each(name: str, values: ArrayLike, size: int) -> Array:
     check_real(name, values)
     array = np.asarray(values, dtype=float)
     if array.size not in (1, size):
-        raise ValueError(f'{name}: expected 1 or {size} numbers, got {array.size}')
+        wanted = '1 number' if size == 1 else f'1 or {size} numbers'
+        raise ValueError(f'{name}: expected {wanted}, got {array.size}')
     return np.broadcast_to(array, size)
 
 
