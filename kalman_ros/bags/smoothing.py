@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from kalman_ros.analysis.records import Beliefs
 from kalman_ros.core import Array, Gaussian, unchecked
+from kalman_ros.estimators.instants import Instants
 from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.smoother import Filtered, smoothed_back
 from kalman_ros.estimators.timeline import Item
@@ -34,29 +35,18 @@ class FinalBeliefs:
     def __init__(self, online: OnlineEstimator, inputs: int) -> None:
         n = len(online.belief.mean)
         self._rows = Rows(moment=(2,), mean=(n,), covariance=(n, n), input=(inputs,))
-        self._last: Filtered | None = None
+        self._instants = Instants()
         self._online = online
         online.on_final = self._take
 
     def _take(self, items: Sequence[Item]) -> None:
-        for item in items:
-            state, last = item.after, self._last
-            if state.u is None:  # it rests until its first input
-                continue
-            time = item.key[0]
-            restarted = item.restarted or last is None or time < last.time
-            if last is not None and time == last.time:
-                restarted |= last.restarted
-            else:
-                self._keep()
-            self._last = Filtered(time, state.belief, state.u, restarted)
+        for step, _ in self._instants.take(items):
+            self._keep(step)
 
-    def _keep(self) -> None:
-        """Add the last step to the rows."""
-        if self._last is not None:
-            # the bits of whole numbers: as a float, a time since 1970 loses nanoseconds
-            moment = np.array((self._last.time, self._last.restarted), dtype=np.int64)
-            self._rows.append(moment.view(np.float64), *self._last.belief, self._last.input)
+    def _keep(self, step: Filtered) -> None:
+        # the bits of whole numbers: as a float, a time since 1970 loses nanoseconds
+        moment = np.array((step.time, step.restarted), dtype=np.int64)
+        self._rows.append(moment.view(np.float64), *step.belief, step.input)
 
     def smoothed(self, start: int, without_biases: Callable[[Gaussian], Gaussian]) -> Beliefs:
         """Return the beliefs given all readings, at times in seconds from ``start``.
@@ -74,7 +64,8 @@ class FinalBeliefs:
             If the filter cannot be smoothed.
         """
         self._online.finish()
-        self._keep()
+        for step, _ in self._instants.finish():
+            self._keep(step)
         rows = self._rows.columns()
         moments = rows['moment'].view(np.int64)
         beliefs = BeliefColumns(len(without_biases(self._online.belief).mean))

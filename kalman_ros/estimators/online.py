@@ -67,6 +67,8 @@ class OnlineEstimator:
         self._zero = input
         #: Called with the items that no later item can change, in the order of their stamps.
         self.on_final: Callable[[Sequence[Item]], object] = len
+        #: Called after the items before a reset are final.
+        self.on_reset: Callable[[], object] = lambda: None
         self._timeline = Timeline(State(None, initial, None, ()))
         self.configure(filter, sensors, policy or Policy())
         self.reset(initial)
@@ -87,6 +89,7 @@ class OnlineEstimator:
         """Drop all items; the belief holds at the next stamp received. Counts continue."""
         self._initial = belief
         self.finish()
+        self.on_reset()
         first = None if self._policy.rest_until_input else self._zero
         records = (agreement.Record(),) * len(self._order)
         self._timeline = Timeline(State(None, belief, first, records))

@@ -76,11 +76,7 @@ def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussia
         In the same cases as `smooth`.
     """
     if not isinstance(filter, SmoothableFilter):
-        names = [name for name in FILTERS if issubclass(filter_class(name), SmoothableFilter)]
-        raise ValueError(
-            f'filter: expected the beliefs of one of ({", ".join(names)}), '
-            f'got those of a {type(filter).__name__}'
-        )
+        raise ValueError(f'filter: {unsmoothable(filter)}')
     later: Filtered | None = None
     smoothed: Gaussian | None = None
     for step in steps:
@@ -90,6 +86,13 @@ def smoothed_back(filter: object, steps: Iterable[Filtered]) -> Iterator[Gaussia
             smoothed = _back(filter, step, later.time, smoothed)
         later = step
         yield smoothed
+
+
+def unsmoothable(filter: object) -> str:
+    """Return the reason why the beliefs of a filter cannot be smoothed."""
+    names = [name for name in FILTERS if issubclass(filter_class(name), SmoothableFilter)]
+    expected = f'expected the beliefs of one of ({", ".join(names)})'
+    return f'{expected}, got those of a {type(filter).__name__}'
 
 
 def _back(

@@ -15,7 +15,7 @@ def mass_spring_damper_2d(
     damping_x: Annotated[float, About('damping coefficient along x', 'N s/m')] = 0.4,
     damping_y: Annotated[float, About('damping coefficient along y', 'N s/m')] = 0.2,
     force_noise: Annotated[
-        float, About('spectral density of the random force on each axis', 'N^2 s', minimum=0.0)
+        float, About('spectral density of each force', 'N^2 s', minimum=0.0)
     ] = 0.1,
 ) -> LinearSystem:
     """Return m x'' + c_x x' + k_x x = f_x + w_x and the same along y, one mass for both."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +25,11 @@ def covariance_signal(state: Signal) -> Signal:
     """Return the signal of the whole covariance (n, n) of an estimate, row by row."""
     fields = tuple(f'data[{index}]' for index in range(len(state.fields) ** 2))
     return Signal(f'{state.topic}/covariance', 'std_msgs/Float64MultiArray', fields)
+
+
+def smoothed_signal(state: Signal) -> Signal:
+    """Return the signal of the smoothed estimate, which has the type of the estimate."""
+    return replace(state, topic=f'{state.topic}/smoothed')
 
 
 def innovation_signal(state: Signal, sensor: str, output: Space) -> Signal:

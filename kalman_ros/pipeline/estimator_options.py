@@ -112,6 +112,16 @@ class EstimatorOptions:
             feature='stand-still',
         ),
     ] = 0.0
+    fixed_lag: Annotated[
+        float,
+        About(
+            'readings of this long after each state on estimate/smoothed; 0: none',
+            's',
+            0.0,
+            3600.0,
+            feature='smoothed',
+        ),
+    ] = 0.0
     frame: Frame = 'map'
     child_frame: Annotated[str, About('frame of the body')] = 'base_link'
     publish_odometry: Annotated[

@@ -22,9 +22,9 @@ NAMES = {
         'wait_for_estimate'
     ),
     'estimator': (
-        'arithmetic autostart child_frame datum_file frame future_tolerance gate_recover_after '
-        'idle_input implementation initialize input_timeout learn_layouts lockstep max_gap '
-        'max_message_size publish_fix publish_odometry publish_rate publish_tf '
+        'arithmetic autostart child_frame datum_file fixed_lag frame future_tolerance '
+        'gate_recover_after idle_input implementation initialize input_timeout learn_layouts '
+        'lockstep max_gap max_message_size publish_fix publish_odometry publish_rate publish_tf '
         'realtime_priority rest_until_input restart_after tf_odometry tf_time_offset tf_timeout '
         'window'
     ),

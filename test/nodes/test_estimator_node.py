@@ -10,7 +10,9 @@ from std_srvs.srv import Trigger
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import nanoseconds, write_stamp
+from kalman_ros.estimators.instants import Instants
 from kalman_ros.estimators.outcome import Outcome
+from kalman_ros.estimators.smoother import smooth
 from kalman_ros.nodes.estimator.node import EstimatorNode
 from kalman_ros.nodes.middleware.diagnostics import Level
 from kalman_ros.pipeline.fuser import Received
@@ -155,3 +157,51 @@ def test_of_many_innovations_the_newest_are_published(pair, monkeypatch, most, p
     readings = [Received(time, channel, Sample(time, np.zeros(2), np.eye(2))) for time in times]
     node.publish_innovations(node._fuser.fuse(readings), most)
     assert stamps == times[-published:]
+
+
+def test_smoothed_estimates_are_published_once_their_lag_has_passed(pair, monkeypatch):
+    node = pair(
+        EstimatorNode, model='level', fixed_lag='0.3', window='0.0', rest_until_input='false'
+    ).node
+    publisher, online = node._smoothed, node._online
+    filtered, instants, take = [], Instants(), online.on_final
+    written, write = [], publisher._write
+
+    def on_final(items):
+        filtered.extend(step for step, _ in instants.take(items))
+        take(items)
+
+    def written_too(*belief):
+        written.append(belief)
+        return write(*belief)
+
+    monkeypatch.setattr(online, 'on_final', on_final)
+    monkeypatch.setattr(publisher, '_write', written_too)
+    channel = next(iter(node._fuser.channels.values()))
+    first = node.get_clock().now().nanoseconds - 100 * STEP
+    for k in range(100):
+        values = np.sin(0.1 * k) * np.ones(1)
+        node._fuser.fuse([Received(first + k * STEP, channel, Sample(None, values, None))])
+    assert [time for time, *_ in written] == [step.time for step in filtered[: len(written)]]
+    assert len(written) == len(filtered) - 30
+    _, mean, covariance = written[-1]
+    last = smooth(online.filter, filtered)[len(written) - 1]
+    np.testing.assert_allclose(mean, last.mean, rtol=1e-9)
+    np.testing.assert_allclose(covariance, last.covariance, rtol=1e-9)
+    # a reset ends the window, and nothing is carried over it
+    node._on_reset(None, Trigger.Response())
+    filtered.extend(step for step, _ in instants.finish())
+    assert len(written) == len(filtered) == 100
+    np.testing.assert_array_equal(written[-1][1], filtered[-1].belief.mean)
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        ({'model': 'robot_3d'}, 'fixed_lag: not for a state with rotations'),
+        ({'filter': 'luenberger'}, 'fixed_lag: expected the beliefs of one of'),
+    ],
+)
+def test_what_cannot_be_smoothed_is_refused_at_the_start(pair, options, words):
+    with pytest.raises(ValueError, match=words):
+        pair(EstimatorNode, fixed_lag='1.0', **options)

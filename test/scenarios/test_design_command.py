@@ -40,7 +40,7 @@ def test_a_design_is_printed_written_and_drawn(run, tmp_path):
     assert 'The input controls x, v_x, y, v_y; the sensors observe x, v_x, y, v_y.' in said
     assert 'regulator -1.41 ± 1.71j decays 0.709 2.21 0.637' in said
     assert 'x [m] 0.05 1 0.02184 0.08457' in said
-    assert 'f_y, LQR 0 to 71.2 any, -72.1 0.381 1.4' in said
+    assert 'f_y, LQR 0 to 71.2 any, 72.1 0.381 1.4' in said
     assert 'J = 0.7697 a second' in said
     assert 'Warning' not in said
     folder = tmp_path / 'out' / 'mass_spring_damper_2d' / 'design'

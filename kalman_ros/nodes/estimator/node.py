@@ -31,6 +31,7 @@ from .channel import InputChannel, SensorChannel
 from .health import Health
 from .intake import LockstepIntake, RealTimeIntake
 from .publisher import EstimatePublisher
+from .smoothed_publisher import SmoothedPublisher
 from .transform_publisher import TransformPublisher
 
 #: The lowest rate of publication, in Hz, other than none.
@@ -57,6 +58,9 @@ class EstimatorNode(runtime.ScenarioNode):
         self._publish = EstimatePublisher(self, scenario, options, origin)
         self._read_pose = PoseReader(scenario, options.frame)
         self._read_state = StateReader(scenario)
+        self._smoothed = None
+        if options.fixed_lag:
+            self._smoothed = SmoothedPublisher(self, scenario, options, self._online)
         self._latency = Latency()
         own, warn = (options.frame, options.child_frame), self.get_logger().warning
         self._mounts = mounts = Mounts(scenario, options.child_frame, warn)

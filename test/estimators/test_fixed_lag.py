@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The smoother at a fixed lag is the smoother of a recording that ends there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_systems import random_problem
+
+import kalman_ros as kr
+from kalman_ros.core import TimedSensor
+from kalman_ros.estimators import build_filter, fixed_lag
+from kalman_ros.estimators.fixed_lag import FixedLagSmoother
+from kalman_ros.estimators.instants import Instants
+from kalman_ros.estimators.online import OnlineEstimator
+from kalman_ros.estimators.plan import Plan
+from kalman_ros.estimators.policy import Policy
+from kalman_ros.estimators.smoother import smooth
+from kalman_ros.scenario import Scenario
+
+
+def steps_of(online, feed):
+    """Return the instants of an estimator that is fed, with their filters."""
+    found, instants = [], Instants()
+    online.on_final = lambda items: found.extend(instants.take(items))
+    feed(online)
+    online.finish()
+    found.extend(instants.finish())
+    return found
+
+
+def random_steps(seed, count=120):
+    """Return the steps of a random linear system with uneven times."""
+    rng, system, sensor, prior = random_problem(seed)
+    plan = Plan(system, {'y': TimedSensor(sensor, 10.0)}, 10.0)
+    filter = build_filter('kf', plan, {})
+    online = OnlineEstimator(filter, {'y': sensor}, prior, np.zeros(2), Policy(window=0.0))
+    times = np.cumsum(rng.integers(20_000_000, 150_000_000, count)).tolist()
+
+    def feed(estimator):
+        for time in times:
+            estimator.add_input(time, rng.normal(size=2))
+            estimator.add_reading('y', time, rng.normal(size=2))
+
+    return system.state, steps_of(online, feed)
+
+
+def emitted(space, steps, lag):
+    """Return each belief with its time and the number of steps that it was computed from."""
+    smoother, result = FixedLagSmoother(space, lag), []
+    for count, (step, filter) in enumerate(steps, start=1):
+        result += [(time, belief, count) for time, belief in smoother.add(step, filter)]
+    return result, smoother
+
+
+def same(ours, theirs, tolerance=1e-9):
+    scale = np.sqrt(np.abs(theirs.covariance.diagonal()))
+    assert np.abs((ours.mean - theirs.mean) / scale).max() < tolerance
+    change = (ours.covariance - theirs.covariance) / np.outer(scale, scale)
+    assert np.abs(change).max() < tolerance
+
+
+@pytest.mark.parametrize('lag', [1e-9, 0.3, 2.0])
+@pytest.mark.parametrize('seed', range(2))
+def test_each_belief_is_that_of_the_batch_smoother(seed, lag):
+    space, steps = random_steps(seed)
+    found, _ = emitted(space, steps, lag)
+    times = [step.time for step, _ in steps]
+    assert [time for time, _, _ in found] == times[: len(found)]
+    assert len(found) > 80
+    filtered = [step for step, _ in steps]
+    for k, (time, belief, count) in enumerate(found):
+        # the first step that is late enough, and not one later
+        assert times[count - 1] - time >= round(lag * 1e9) > times[count - 2] - time
+        if k % 9 == 0:
+            same(belief, smooth(steps[0][1], filtered[:count])[k])
+
+
+@pytest.mark.parametrize('name', ['turn_rate', 'cart_pole', 'lidar_radar'])
+def test_nonlinear_filters_and_angles(name):
+    scenario: Scenario = kr.load(name)
+    run = kr.simulate(name, seconds=3, seed=2)
+    plan = scenario.plan
+    filter = build_filter(scenario.filter, plan, {})
+    sensors = {key: source.sensor for key, source in scenario.enabled.items()}
+    zero = np.zeros(scenario.model.input.size)
+    initial = scenario.initial_belief
+    online = OnlineEstimator(filter, sensors, initial, zero, Policy(window=0.0))
+
+    def feed(estimator):
+        rows = [
+            (round(time * 1e9), key, values)
+            for key, series in run.readings.items()
+            for time, values in zip(series.time, series.values)
+        ]
+        for time, key, values in sorted(rows, key=lambda row: row[0]):
+            estimator.add_reading(key, time, values)
+
+    steps = steps_of(online, feed)
+    found, smoother = emitted(scenario.model.state, steps, 0.5)
+    filtered = [step for step, _ in steps]
+    for k in range(0, len(found), max(1, len(found) // 6)):
+        _, belief, count = found[k]
+        same(belief, smooth(filter, filtered[:count])[k], 1e-8)
+    # what is left in the end has the readings to the end
+    rest = [belief for _, belief in smoother.finish()]
+    whole = smooth(filter, filtered)
+    assert len(found) + len(rest) == len(whole)
+    for ours, theirs in zip(rest, whole[len(found) :]):
+        same(ours, theirs, 1e-8)
+
+
+def test_late_readings_change_nothing_but_the_time_of_the_answer():
+    rng, system, sensor, prior = random_problem(7)
+    filter = build_filter('kf', Plan(system, {'y': TimedSensor(sensor, 10.0)}, 10.0), {})
+    rows = [(k * 50_000_000, rng.normal(size=2)) for k in range(80)]
+
+    def smoothed(order):
+        policy = Policy(window=1.0)
+        online = OnlineEstimator(filter, {'y': sensor}, prior, np.zeros(2), policy)
+
+        def feed(estimator):
+            for k in order:
+                estimator.add_reading('y', *rows[k])
+
+        return emitted(system.state, steps_of(online, feed), 0.5)[0]
+
+    late = sorted(range(80), key=lambda k: k + 4 * (k % 7 == 3))
+    for (time, ours, _), (other, theirs, _) in zip(
+        smoothed(range(80)), smoothed(late), strict=True
+    ):
+        assert time == other
+        np.testing.assert_array_equal(ours.mean, theirs.mean)
+        np.testing.assert_array_equal(ours.covariance, theirs.covariance)
+
+
+def test_nothing_is_carried_over_a_restart():
+    space, steps = random_steps(1)
+    broken = list(steps)
+    step, filter = broken[60]
+    broken[60] = replace(step, restarted=True), filter
+    found, _ = emitted(space, broken, 1.0)
+    filtered = [step for step, _ in broken]
+    before = smooth(filter, filtered[:60])
+    for k in range(60):
+        assert found[k][0] == filtered[k].time
+        if found[k][2] == 61:  # it has all readings before the restart
+            same(found[k][1], before[k])
+    assert found[59][2] == 61
+
+
+def test_the_cost_of_a_step_does_not_depend_on_the_lag(monkeypatch):
+    space, steps = random_steps(2)
+    composed = []
+    after = fixed_lag._Back.after
+    monkeypatch.setattr(
+        fixed_lag._Back, 'after', lambda self, later: composed.append(1) or after(self, later)
+    )
+    counts = []
+    for lag in (0.2, 1.0, 4.0):
+        composed.clear()
+        emitted(space, steps, lag)
+        counts.append(len(composed) / len(steps))
+    assert max(counts) < 3.2, counts
+
+
+def test_a_state_with_rotations_is_refused():
+    with pytest.raises(
+        ValueError, match=r'fixed_lag: not for a state with rotations \(rx ry rz\)'
+    ):
+        FixedLagSmoother(kr.load('robot_3d').model.state, 1.0)
+
+
+def test_a_filter_that_cannot_be_smoothed_is_refused():
+    space, steps = random_steps(0, 5)
+    smoother = FixedLagSmoother(space, 1.0)
+    assert list(smoother.add(steps[0][0], steps[0][1])) == []
+    with pytest.raises(ValueError, match='fixed_lag: expected the beliefs of one of'):
+        list(smoother.add(steps[1][0], object()))
+
+
+def test_an_estimator_says_when_it_is_reset():
+    _, system, sensor, prior = random_problem(3)
+    filter = build_filter('kf', Plan(system, {'y': TimedSensor(sensor, 10.0)}, 10.0), {})
+    online = OnlineEstimator(filter, {'y': sensor}, prior, np.zeros(2), Policy())
+    calls = []
+    online.on_final = lambda items: calls.append(len(items)) if items else None
+    online.on_reset = lambda: calls.append('reset')
+    online.add_reading('y', 0, np.zeros(2))
+    online.reset(prior)
+    assert calls == [1, 'reset']
