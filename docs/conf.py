@@ -30,6 +30,7 @@ autodoc_member_order = 'bysource'
 python_maximum_signature_line_length = 70
 numpydoc_show_class_members = False
 html_math_renderer = 'mathml'
+smartquotes = False  # in quotes there is mostly code
 html_theme = 'furo'
 html_show_copyright = False
 html_title = 'kalman_ros'

@@ -69,6 +69,13 @@ def parameters() -> Iterator[str]:
         'none. Defaults are those of the default scenario; a node without a `model` also reads '
         'its own section of `config/mass_spring_damper_2d.yaml`. `--help` lists its values.'
     )
+    yield ''
+    yield (
+        'SENSOR stands for the name of a sensor, such as `position`. While a node runs: '
+        '`ros2 param set /estimator position.noise "[0.1, 0.1]"`. Where a message has a '
+        'covariance, that counts in place of the noise, unless `SENSOR.covariance_from` is '
+        '`configuration`.'
+    )
     yield from ['', '## All nodes: the scenario', '', *table(own)]
     yield from ['', '## All nodes: each sensor', '', *table(common)]
     for name, found in kinds.items():

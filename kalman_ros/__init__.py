@@ -121,17 +121,24 @@ def __getattr__(name: str) -> object:
     return found
 
 
+#: How alike a name must be to be taken for a misspelt one.
+_NEAR = 0.7
+
+
 def _hint(name: str) -> str:
     from difflib import get_close_matches
 
-    elsewhere: dict[str, str] = _import('.elsewhere', __name__).ELSEWHERE
-    if name in elsewhere:
-        ours = elsewhere[name]
+    names = _import('.elsewhere', __name__)
+    ours = next((to for of, to in names.ELSEWHERE.items() if of.lower() == name.lower()), '')
+    if ours:
         return f"; did you mean '{ours}'?" if ours in _MODULES else f'; here it is {ours}'
-    near = get_close_matches(name, __all__, n=1)
+    if name in names.ABSENT:
+        return ': python-control has it, and its systems are taken here'
+    same = [known for known in __all__ if known.lower() == name.lower()]
+    near = same or get_close_matches(name, __all__, n=1, cutoff=_NEAR)
     known = '' if name.startswith('_') else '; dir(kr) lists its names'
     return f"; did you mean '{near[0]}'?" if near else known
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return [*__all__, *(name for name in globals() if name.startswith('__'))]

@@ -6,7 +6,7 @@ ELSEWHERE = {
     # systems
     'ss': 'continuous_model',
     'StateSpace': 'continuous_model',
-    'tf2ss': 'continuous_model(scipy.signal.lti(...))',
+    'tf2ss': 'continuous_model(scipy.signal.lti(...).to_ss())',
     'c2d': 'discretize',
     'cont2discrete': 'discretize',
     'sample_system': 'discretize',
@@ -19,6 +19,8 @@ ELSEWHERE = {
     'poles': "design(...), or a gain's .poles",
     'pole': "design(...), or a gain's .poles",
     'damp': 'design(...), which prints modes with their damping',
+    'controllability': 'design(...), which says what the input moves',
+    'observability': 'design(...), which says what the readings determine',
     'ctrb': 'design(...), which says what the input moves',
     'obsv': 'design(...), which says what the readings determine',
     'gram': 'design(...), which says what the readings determine',
@@ -50,7 +52,22 @@ ELSEWHERE = {
     'EKF': 'ExtendedKalmanFilter',
     'UKF': 'UnscentedKalmanFilter',
     'kalman': 'lqe',
-    'kalmd': 'dlqe',
+    'kalmd': 'lqe(..., dt=...)',
+    'lqrd': 'lqr(..., dt=...)',
+    'estim': 'lqe',
+    'estimate': 'filter',
+    'loglikelihood': 'filter, whose result has .log_likelihood',
+    'logpdf': 'filter, whose result has .log_likelihood',
+    'SquareRootKalmanFilter': "filter(..., filter='square_root')",
+    'MerweScaledSigmaPoints': "filter(..., filter='ukf', options={'alpha': ...})",
+    'RTSSmoother': 'smooth',
+    'FixedLagSmoother': 'smooth; the estimator node has fixed_lag',
+    'IMM': "filter(..., filter='gaussian_sum'), the nearest that is here",
+    'ParticleFilter': "filter(..., filter='gaussian_sum'), the nearest that is here",
+    'InformationFilter': "filter(..., filter='square_root'), the nearest that is here",
+    'Q_discrete_white_noise': 'discretize(A, B, dt, W), whose .Q it is',
+    'Q_continuous_white_noise': 'discretize(A, B, dt, W), whose .Q it is',
+    'van_loan_discretization': 'discretize',
     'rts_smoother': 'smooth',
     'Saver': 'filter, which returns all estimates',
     'nees': 'consistency',
@@ -74,3 +91,10 @@ ELSEWHERE = {
     'solve_ocp': 'motion',
     'pure_pursuit': 'motion, which the controller follows',
 }
+
+#: Names of python-control and its like that have no counterpart here.
+ABSENT = (
+    'tf', 'zpk', 'zeros', 'zero', 'rlocus', 'root_locus', 'feedback', 'series', 'parallel',
+    'append', 'connect', 'dcgain', 'stepinfo', 'step_info', 'impulse_response', 'sisotool',
+    'pid', 'pidtune', 'lyap', 'dlyap', 'minreal', 'balreal', 'nlsys', 'frd', 'interconnect',
+)  # fmt: skip

@@ -99,6 +99,9 @@ class Estimates(KnownNames):
         """Return the belief at one of the times, counted from 0."""
         return Gaussian(self.mean[index], self.covariance[index])
 
+    def __array__(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError('Estimates are no array: take .mean (N, n) or .covariance (N, n, n)')
+
     def __iter__(self) -> NoReturn:
         raise TypeError('Estimates do not unpack: take .mean (N, n) and .covariance (N, n, n)')
 

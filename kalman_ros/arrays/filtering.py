@@ -21,7 +21,7 @@ from .estimates import Estimates
 from .passing import Pass, Task
 from .rows import Rows, readings_of, rows_of, sensors_of, times_of
 from .scenarios import load
-from .tables import unpack
+from .tables import is_table, unpack
 
 
 def filter(
@@ -79,14 +79,27 @@ def filter(
     ValueError
         If an argument is invalid; the message names it.
     """
+    if not isinstance(filter, str):
+        raise ValueError(f"filter: expected a name such as 'ekf', got {got(filter)}")
     task = _task(model, sensors, initial, filter.lower(), arithmetic)
+    if readings is None and not is_table(times):
+        raise ValueError(
+            'readings: expected rows of numbers, by name if there are several sensors'
+        )
     given = unpack(
-        times, readings, inputs, input_times, task.sensors, tuple(task.model.input.names)
-    )
+        times, readings, inputs, input_times, task.sensors, tuple(task.model.input.names),
+        discrete=task.model.is_discrete,
+    )  # fmt: skip
     rows = readings_of(given.times, given.readings, task.sensors, task.model)
     if not any(len(each.time) for each in rows.values()):
         raise ValueError('readings: expected at least one row, got none')
     acts = _inputs(task.model, given.inputs, given.input_times, given.times, rows)
+    last = max(float(each.time.max()) for each in rows.values() if len(each.time))
+    if len(acts.time) and acts.time.min() > last:
+        raise ValueError(
+            f'inputs: expected some before the last reading, at {last:g} s, got the first at '
+            f'{acts.time.min():g} s: do they have one clock?'
+        )
     if options is None and isinstance(model, (str, Scenario)):
         scenario = load(model)
         options = scenario.filter_options if task.filter == scenario.filter else None

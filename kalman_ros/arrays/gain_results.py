@@ -272,14 +272,15 @@ class Observer(_Gain, LqeDesign):
 
     def __repr__(self) -> str:
         sampled = self.dt is not None
-        law = 'x += L (y - C x)' if sampled else 'dx/dt = A x + B u + L (y - C x)'
+        law = 'x += gain (y - C x)' if sampled else 'dx/dt = A x + B u + L (y - C x)'
         how = f', a reading every {self.dt:g} s' if sampled else ', in continuous time'
         readings = [f'y{index}' for index in range(self.gain.shape[1])]
         lines = [f'Steady-state Kalman filter {law}{how}']
-        lines += text.matrix([f'L {x}' for x in self.states], readings, self.gain)
+        name = 'gain' if sampled else 'L'
+        lines += text.matrix([f'{name} {x}' for x in self.states], readings, self.gain)
         if sampled:
-            lines += ["the predictor's gain, which is that in arithmetic and in unpacking:"]
-            lines += text.matrix([f'F L {x}' for x in self.states], readings, self.predictor_gain)
+            lines += ['L = F gain, that of the predictor, also in arithmetic and in unpacking:']
+            lines += text.matrix([f'L {x}' for x in self.states], readings, self.predictor_gain)
         lines += text.sentence(f'poles [{"z" if sampled else "1/s"}] {text.poles(self.poles)}')
         std = np.sqrt(self.covariance.diagonal()).tolist()
         errors = ', '.join(f'{x} {text.number(s)}' for x, s in zip(self.states, std))

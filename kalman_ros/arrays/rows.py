@@ -134,9 +134,15 @@ def times_of(name: str, times: Any) -> Array:
         raise ValueError(f'{name}: expected numbers, in seconds') from None
     if times is None:
         raise ValueError(f'{name}: expected times (N,) in seconds, got nothing')
-    if time.ndim != 1 or not np.isfinite(time).all() or np.abs(time).max(initial=0.0) > 9e9:
+    if time.ndim != 1:
+        raise ValueError(f'{name}: expected times (N,) in seconds, got shape {time.shape}')
+    if not np.isfinite(time).all():
+        row = int(np.flatnonzero(~np.isfinite(time))[0])
+        raise ValueError(f'{name}: expected finite times in seconds, got {time[row]} in row {row}')
+    if np.abs(time).max(initial=0.0) > 9e9:
         raise ValueError(
-            f'{name}: expected finite times (N,) in seconds, up to 9e9, got shape {time.shape}'
+            f'{name}: expected seconds, up to 9e9, got {np.abs(time).max():.3g}: nanoseconds '
+            'times 1e-9 are seconds'
         )
     return time
 

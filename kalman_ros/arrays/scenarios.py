@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kalman_ros import scenario
+from kalman_ros.control.laws import LAWS
 from kalman_ros.control.limiter import LIMITS
 from kalman_ros.core import (
     ArrayLike,
@@ -86,11 +87,12 @@ def values_of(
     elif isinstance(given, (str, Path)):
         filed = from_file(shipped.file(given), *nodes)
     else:
-        hint = '; kr.make_scenario makes one of a model and sensors'
-        raise ValueError(
-            f'scenario: expected a name, a file or a Scenario, got {got(given)}'
-            f'{hint if isinstance(given, Dynamics) else ""}'
-        )
+        hint = ''
+        if isinstance(given, Dynamics):
+            hint = '; kr.make_scenario makes one of a model and sensors'
+        if isinstance(given, Scenario):
+            hint = ' without parameters to change, as kr.make_scenario returns: give its parts'
+        raise ValueError(f'scenario: expected a name or a file, got {got(given)}{hint}')
     values = {**filed, **typed}
     if typed:
         known = plant_options(values) if faults else scenario.options(values)
@@ -154,6 +156,8 @@ def make_scenario(
         if not model.is_discrete:
             raise ValueError('rate: expected the steps of the loop a second, got nothing')
         rate = 1.0 / model.period
+    refuse_unknown([law], LAWS, 'law')
+    refuse_unknown([filter or 'kf'], FILTERS, 'filter')
     rate = number('rate', rate)
     if not 0.0 < rate < inf:
         raise ValueError(f'rate: expected a positive number of steps a second, got {rate:g}')

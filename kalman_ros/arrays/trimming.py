@@ -86,7 +86,8 @@ def linearize(
     model
         The model.
     point
-        A state and an input, or values of some of them by name; by default the equilibrium.
+        A state, a state and an input, or values of some of them by name; by default the
+        equilibrium, whose input is also that of a state alone.
 
     Examples
     --------
@@ -119,11 +120,22 @@ def operating_point(model: Dynamics, what: str, given: Point) -> OperatingPoint:
         return rest
     if isinstance(given, Mapping):
         return _with(model, what, rest, given)
+    if _is_state(given, model.state.size):
+        alone: Any = given
+        return OperatingPoint(_vector(f"{what}'s state", alone, model.state), rest.input)
     if isinstance(given, (str, bytes)) or not isinstance(given, Sequence) or len(given) != 2:
-        raise ValueError(f'{what}: expected a state and an input, or values by name')
+        raise ValueError(f'{what}: expected a state, a state and an input, or values by name')
     parts = zip(('state', 'input'), given, (model.state, model.input))
     x, u = (_vector(f"{what}'s {name}", part, space) for name, part, space in parts)
     return OperatingPoint(x, u)
+
+
+def _is_state(given: Any, size: int) -> bool:
+    """Return whether a point is the numbers of a state; one number is one of two parts."""
+    plain = isinstance(given, np.ndarray) or (
+        isinstance(given, Sequence) and all(np.ndim(part) == 0 for part in given)
+    )
+    return size > 1 and plain and np.shape(given) == (size,)
 
 
 def _with(

@@ -147,6 +147,15 @@ HELPED = [
     (lambda: kr.filters, "no attribute 'filters'; did you mean 'filter'?"),
     (lambda: kr.EKF, "no attribute 'EKF'; did you mean 'ExtendedKalmanFilter'?"),
     (lambda: kr.c2d, "did you mean 'discretize'?"),
+    (lambda: kr.make_scenario(FREE, GPS, rate=10, law='lqgg'), "unknown law 'lqgg'"),
+    (lambda: kr.make_scenario(FREE, GPS, rate=10, filter='kff'), "unknown filter 'kff'"),
+    (lambda: kr.tune(kr.make_scenario(FREE, GPS, rate=10), [0], [0]), 'give its parts'),
+    (lambda: np.asarray(FOUND),
+     'take .mean'),
+    (lambda: kr.ekf, "did you mean 'ExtendedKalmanFilter'?"),
+    (lambda: kr.LQR, "did you mean 'lqr'?"),
+    (lambda: kr.kalmd, 'here it is lqe(..., dt=...)'),
+    (lambda: kr.rlocus, 'python-control has it'),
     (lambda: kr.bode, "no attribute 'bode'; here it is margins(...).plot()"),
     (lambda: kr.QQQ, "no attribute 'QQQ'; dir(kr) lists its names"),
 ]  # fmt: skip
@@ -165,3 +174,11 @@ def test_every_name_from_elsewhere_leads_to_one_of_ours():
         assert there not in kr.__all__
         name = re.match(r'[a-z_A-Z]+', here).group()
         assert name in kr.__all__ or here.startswith('model.'), here
+
+
+def test_a_point_may_be_a_state_alone():
+    pendulum = kr.continuous_model(
+        lambda x, u: np.stack([x[..., 1], -np.sin(x[..., 0])], -1), W=[0, 0.1], states='th w'
+    )
+    for point in ([np.pi, 0], np.array([np.pi, 0]), ([np.pi, 0], []), {'th': np.pi}):
+        np.testing.assert_allclose(kr.linearize(pendulum, point).A, [[0, 1], [1, 0]], atol=1e-6)

@@ -33,7 +33,7 @@ def test_an_observer_prints_the_gain_that_it_is_in_arithmetic(sampled: bool) -> 
     np.testing.assert_array_equal(found.E, E)
     np.testing.assert_array_equal(found.T, L.T)
     assert found.shape == (2, 1)
-    name = 'F L' if sampled else 'L'
+    name = 'L'
     rows = [line.split() for line in repr(found).splitlines() if line.startswith(f'{name} x')]
     printed = [float(row[-1]) for row in rows]
     np.testing.assert_allclose(printed, L[:, 0], rtol=1e-3)

@@ -171,7 +171,7 @@ def test_without_a_path_the_figure_is_left_to_pyplot(monkeypatch):
         (lambda: kr.simulate('none.yaml'), "scenario: no file 'none.yaml'"),
         (lambda: kr.simulate({}, {'input_limt': 1.0}),
          "unknown parameter 'input_limt'; did you mean 'input_limit'"),
-        (lambda: kr.simulate(3), 'scenario: expected a name, a file or a Scenario, got 3'),
+        (lambda: kr.simulate(3), 'scenario: expected a name or a file, got 3'),
         (lambda: kr.simulate(seconds=-1), 'seconds: expected a positive number of seconds'),
         (lambda: kr.simulate(reference=[1, 2]), 'reference: expected 4 numbers, got 2'),
         (lambda: kr.simulate(reference={'z': 1}), 'reference: expected names among'),

@@ -110,6 +110,108 @@ def test_a_table_that_does_not_fit_is_refused(table, words):
         kr.filter(MODEL, {'gps': GPS}, table, initial=START)
 
 
+class RangeIndex:
+    """As much of pandas' index without times as is used."""
+
+    start, step, tz = 0, 1, None
+
+    def __init__(self, count):
+        self._count = count
+
+    def to_numpy(self):
+        return np.arange(self._count)
+
+    def __iter__(self):
+        return iter(range(self._count))
+
+
+def counted(columns):
+    table = Table(columns, TIMES)
+    table.index = RangeIndex(len(TIMES))
+    return table
+
+
+DATES = np.datetime64('2026-03-01T12:00:00') + np.arange(20) * np.timedelta64(100, 'ms')
+
+
+def test_an_index_that_counts_rows_is_no_time():
+    columns = {'x': VALUES[:, 0], 'v': VALUES[:, 1], 'time': TIMES}
+    with pytest.raises(ValueError, match=r'counts rows: give times, or set_index'):
+        kr.filter(MODEL, {'gps': GPS}, counted(columns), initial=START)
+    # with times it does not matter, as of two columns of a table
+    same(kr.filter(MODEL, {'gps': GPS}, TIMES, counted(columns), initial=START), EXPECTED)
+
+
+def test_rows_of_a_model_in_discrete_time_are_counted():
+    walk = kr.discrete_model([[1.0]], Q=[[0.1]])
+    series = counted({'y': VALUES[:, 0]})
+    expected = kr.filter(walk, kr.sensor([1], 0.1), None, VALUES[:, 0], initial=([0], [1]))
+    same(kr.filter(walk, kr.sensor([1], 0.1), series, initial=([0], [1])), expected)
+
+
+def test_times_of_inputs_have_the_clock_of_the_readings():
+    inputs = np.sin(TIMES)
+    expected = kr.filter(MODEL, {'gps': GPS}, TIMES, VALUES, inputs, START, input_times=TIMES)
+    found = kr.filter(
+        MODEL, {'gps': GPS}, gps_table(DATES), inputs=inputs, input_times=DATES, initial=START
+    )
+    same(found, expected)
+
+
+@pytest.mark.parametrize(
+    ('inputs', 'input_times'),
+    [
+        (Table({'force': np.sin(TIMES)}, TIMES), None),
+        (counted({'force': np.sin(TIMES)}), None),
+        (np.sin(TIMES), TIMES),
+    ],
+)
+def test_times_of_two_kinds_are_refused(inputs, input_times):
+    with pytest.raises(ValueError, match='expected one kind|counts rows'):
+        kr.filter(
+            MODEL, {'gps': GPS}, gps_table(DATES), inputs=inputs, input_times=input_times,
+            initial=START,
+        )  # fmt: skip
+
+
+def test_inputs_after_all_readings_are_of_another_clock():
+    with pytest.raises(ValueError, match='do they have one clock'):
+        kr.filter(
+            MODEL, {'gps': GPS}, TIMES, VALUES, np.sin(TIMES), START, input_times=TIMES + 1.7e9
+        )
+
+
+def test_a_sensor_without_a_column_is_named():
+    sensors = {'gps': GPS, 'laser': LASER}
+    table = Table({'x': VALUES[:, 0], 'v': VALUES[:, 1], 'reach': VALUES[:, 0]}, TIMES)
+    with pytest.raises(ValueError, match="no column of 'laser', got x, v, reach"):
+        kr.filter(MODEL, sensors, table, initial=START)
+
+
+def test_a_column_that_is_there_twice_is_refused():
+    table = Table({'x': VALUES[:, 0], 'v': VALUES[:, 1]}, TIMES)
+    table.columns = ['x', 'x']
+    with pytest.raises(ValueError, match="the column 'x' is there twice"):
+        kr.filter(MODEL, {'gps': GPS}, table, initial=START)
+
+
+def test_a_table_of_readings_among_the_times_is_refused():
+    with pytest.raises(ValueError, match='times: got a table with dates'):
+        kr.filter(MODEL, {'gps': GPS}, gps_table(DATES), VALUES, initial=START)
+
+
+@pytest.mark.parametrize(
+    ('times', 'words'),
+    [
+        (np.arange(20) * 1e17, 'nanoseconds times 1e-9 are seconds'),
+        (np.where(np.arange(20) == 7, np.nan, TIMES), 'got nan in row 7'),
+    ],
+)
+def test_times_that_are_none_say_why(times, words):
+    with pytest.raises(ValueError, match=words):
+        kr.filter(MODEL, {'gps': GPS}, times, VALUES, initial=START)
+
+
 def test_two_sensors_with_one_output_need_the_name_of_the_sensor():
     sensors = {
         'a': kr.sensor([[1, 0]], 1.0, outputs='x'),
@@ -132,6 +234,15 @@ def test_with_pandas_itself():
     one = kr.filter(MODEL, {'laser': LASER}, series, initial=START)
     same(one, kr.filter(MODEL, {'laser': LASER}, TIMES, VALUES[:, 0], initial=START))
     assert one.to_dataframe().index.tolist() == TIMES.tolist()
+    with pytest.raises(ValueError, match='counts rows'):
+        kr.filter(MODEL, {'laser': LASER}, pandas.Series(VALUES[:, 0]), initial=START)
+    with pytest.raises(ValueError, match='expected one kind'):
+        kr.filter(
+            MODEL, {'gps': GPS}, table, inputs=pandas.Series(TIMES, index.tz_localize(None)),
+            initial=START,
+        )  # fmt: skip
+    again = kr.filter(MODEL, {'gps': GPS}, table, inputs=TIMES, input_times=index, initial=START)
+    same(again, kr.filter(MODEL, {'gps': GPS}, TIMES, VALUES, TIMES, START))
     shuffled = table.sample(frac=1.0, random_state=1)
     same(kr.filter(MODEL, {'gps': GPS}, shuffled, initial=START), EXPECTED)
 

@@ -129,10 +129,10 @@ def test_every_shipped_model_rests_at_its_equilibrium(name: str) -> None:
         (lambda: kr.trim(lifted(), {'v': np.nan}), r'^given: v: expected a finite number'),
         (lambda: kr.trim(lifted(), {'v': 'fast'}), r'^given: v: expected a number'),
         (lambda: kr.trim(lifted(), [1.0]), r'^given: expected values by name'),
-        (lambda: kr.trim(lifted(), near=[1.0]), r'^near: expected a state and an input'),
+        (lambda: kr.trim(lifted(), near=[1.0]), r'^near: expected a state, a state and an input'),
         (lambda: kr.trim(lifted(), near=([1.0], [1.0])), r"^near's state: expected 2 finite"),
         (lambda: lifted(equilibrium=([0, 0], [0])), r'^equilibrium: v changes by -9\.81 .*trim'),
-        (lambda: lifted(equilibrium='rest'), r'^equilibrium: expected a state and an input'),
+        (lambda: lifted(equilibrium='rest'), r'^equilibrium: expected a state, '),
         (
             lambda: kr.continuous_model([[0.0]], [1.0], 1.0, equilibrium=([0], [0])),
             r'^equilibrium: expected none beside matrices',
