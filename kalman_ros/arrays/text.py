@@ -13,6 +13,8 @@ from kalman_ros.core import Array
 #: The widest line, and the most columns of a matrix.
 WIDTH = 79
 _MOST_COLUMNS = 8
+#: Share of the largest number of a matrix that rounding has.
+_ROUNDING = 1e-16
 
 
 def number(value: complex) -> str:
@@ -37,6 +39,10 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 def matrix(rows: Sequence[str], columns: Sequence[str], values: Array) -> list[str]:
     """Return the lines of a matrix with its names, in parts if it is wide."""
     lines: list[str] = []
+    # what is less than the rounding of the largest number is printed as 0
+    values = np.where(
+        np.abs(values) < _ROUNDING * np.max(np.abs(values), initial=0.0), 0.0, values
+    )
     for start in range(0, len(columns), _MOST_COLUMNS):
         part = slice(start, start + _MOST_COLUMNS)
         body = ([name, *map(number, row[part].tolist())] for name, row in zip(rows, values))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import kalman_ros as kr
+from kalman_ros.arrays import text
 from kalman_ros.core import DesignError
 
 A, B = [[0, 1], [0, 0]], [[0], [1]]
@@ -231,3 +232,12 @@ def test_a_gain_draws_its_loops(dt, tmp_path):
     with pytest.raises(kr.DesignError, match='stable'):
         replace(two, gain=-100.0 * two.gain).plot(tmp_path / 'none.png')
     assert not (tmp_path / 'none.png').exists()
+
+
+def test_rounding_is_printed_as_zero():
+    lines = text.matrix(['a', 'b'], ['x', 'y'], np.array([[2.846e-34, 0.4142], [1e-9, 2.0]]))
+    assert [line.split() for line in lines] == [
+        ['x', 'y'],
+        ['a', '0', '0.4142'],
+        ['b', '1e-09', '2'],
+    ]
