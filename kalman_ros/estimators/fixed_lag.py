@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Space, solve, symmetric
+from kalman_ros.core import Array, Gaussian, Space, is_finite, solve, symmetric
 from kalman_ros.linear.factor import cholesky
 
 from .filter import SmoothableFilter
@@ -150,14 +150,14 @@ class FixedLagSmoother:
             raise ValueError(f'fixed_lag: {unsmoothable(filter)}')
         last = self._steps[-1]
         x, P = last.belief
-        predicted, F, Q = filter.linearized(
-            last.belief, last.input, (step.time - last.time) * 1e-9
-        )
+        dt = (step.time - last.time) * 1e-9
         try:
+            predicted, F, Q = filter.linearized(last.belief, last.input, dt)
             _, P_p, _ = cholesky(predicted.covariance)
         except np.linalg.LinAlgError:
             return None
         C = solve(P_p, F @ P).T
         I_CF = np.eye(x.size) - C @ F
         change = self._space.subtract(step.belief.mean, predicted.mean)
-        return _Back(C, C @ change, symmetric(I_CF @ P @ I_CF.T + C @ Q @ C.T))
+        back = _Back(C, C @ change, symmetric(I_CF @ P @ I_CF.T + C @ Q @ C.T))
+        return back if all(map(is_finite, back)) else None

@@ -10,6 +10,7 @@ from random_systems import random_problem
 import kalman_ros as kr
 from kalman_ros.core import TimedSensor
 from kalman_ros.estimators import build_filter, fixed_lag
+from kalman_ros.estimators.filter import SmoothableFilter
 from kalman_ros.estimators.fixed_lag import FixedLagSmoother
 from kalman_ros.estimators.instants import Instants
 from kalman_ros.estimators.online import OnlineEstimator
@@ -189,3 +190,31 @@ def test_an_estimator_says_when_it_is_reset():
     online.add_reading('y', 0, np.zeros(2))
     online.reset(prior)
     assert calls == [1, 'reset']
+
+
+@pytest.mark.parametrize('failure', ['singular', 'nan'])
+def test_a_step_that_cannot_be_inverted_ends_the_window(failure):
+    space, steps = random_steps(4, 40)
+
+    class Failing(SmoothableFilter):
+        model = steps[0][1].model
+
+        def predict(self, belief, u, dt):
+            raise NotImplementedError
+
+        def correct(self, belief, y, sensor):
+            raise NotImplementedError
+
+        def linearized(self, belief, u, dt):
+            if failure == 'singular':
+                raise np.linalg.LinAlgError('singular')
+            found = steps[0][1].linearized(belief, u, dt)
+            return found._replace(F=np.full_like(found.F, np.nan))
+
+    steps[20] = steps[20][0], Failing()
+    found, smoother = emitted(space, steps, 1.0)
+    rest = list(smoother.finish())
+    assert len(found) + len(rest) == 40
+    assert all(np.isfinite(belief.mean).all() for _, belief, _ in found)
+    assert found[19][2] == 21
+    same(found[19][1], steps[19][0].belief)

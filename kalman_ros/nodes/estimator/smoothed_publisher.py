@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from kalman_ros.codecs.signal_codec import SignalCodec
 from kalman_ros.codecs.wire import WireWriter
-from kalman_ros.core import Gaussian
+from kalman_ros.core import Gaussian, is_finite
 from kalman_ros.estimators.filter import SmoothableFilter
 from kalman_ros.estimators.fixed_lag import FixedLagSmoother
 from kalman_ros.estimators.instants import Instants
@@ -54,4 +54,5 @@ class SmoothedPublisher:
     def _publish(self, beliefs: Iterable[tuple[int, Gaussian]]) -> None:
         for time, belief in beliefs:
             own = self._believed.own(belief) if self._believed.places else belief
-            self._publisher.publish(self._write(time, *own))
+            if is_finite(own.mean) and is_finite(own.covariance):
+                self._publisher.publish(self._write(time, *own))
