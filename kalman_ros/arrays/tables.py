@@ -78,11 +78,9 @@ def unpack(
         by_name = columns_of(readings, sensors)
         times = clock.seconds(indexed['readings'] if times is None else indexed['times'])
     elif several:
-        times = {
-            name: clock.seconds(indexed[name]) if name in indexed
-            else times if times is None else clock.seconds(indexed['times'])
-            for name in by_name
-        }  # fmt: skip
+        by_all = indexed.get('times')
+        known = {name: indexed.get(name, by_all) for name in by_name}
+        times = {name: clock.seconds(index) for name, index in known.items() if index is not None}
         by_name = {
             name: columns_of(table, {name: sensors[name]})[name]
             if name in several and name in sensors else table
@@ -167,8 +165,9 @@ class _Clock:
             raise ValueError(f'times: expected one kind, {listed}')
         #: Label of each time of a table, by its seconds.
         self.labels: dict[float, Any] = {}
-        dates = [i.values for i in indices if i.values.dtype.kind == 'M' and i.values.size]
-        self._start: Any = min((values.min() for values in dates), default=None)
+        dates = [index.values for index in indices if index.values.dtype.kind == 'M']
+        known = [values[~np.isnat(values)] for values in dates]
+        self._start: Any = min((values.min() for values in known if values.size), default=None)
 
     def seconds(self, index: _Index) -> Array | None:
         """Return times (N,) in seconds, and remember their labels; None if rows are counted."""
@@ -178,7 +177,8 @@ class _Clock:
         if values.dtype.kind == 'M':
             values = values - self._start
         if values.dtype.kind == 'm':
-            values = values.astype('m8[ns]').astype(np.int64) * 1e-9
+            spans = values.astype('m8[ns]').astype(np.int64) * 1e-9
+            values = np.where(np.isnat(values), np.nan, spans)
         seconds: Array = np.asarray(values, dtype=float)
         if index.name not in ('inputs', 'input_times') and seconds.ndim == 1:
             self.labels.update(zip(seconds.tolist(), index.labels))

@@ -200,6 +200,27 @@ def test_a_table_of_readings_among_the_times_is_refused():
         kr.filter(MODEL, {'gps': GPS}, gps_table(DATES), VALUES, initial=START)
 
 
+def test_a_date_that_is_none_is_named():
+    dates = DATES.copy()
+    dates[3] = np.datetime64('NaT')
+    with pytest.raises(ValueError, match='got nan in row 3'):
+        kr.filter(MODEL, {'gps': GPS}, gps_table(dates), initial=START)
+
+
+def test_tables_by_sensor_and_times_by_sensor():
+    sensors = {'gps': GPS, 'laser': LASER}
+    expected = kr.filter(
+        MODEL, sensors, TIMES, {'gps': VALUES, 'laser': VALUES[:, 0]}, initial=START
+    )
+    tables = {'gps': gps_table(), 'laser': VALUES[:, 0]}
+    same(kr.filter(MODEL, sensors, dict.fromkeys(sensors, TIMES), tables, initial=START), expected)
+    same(kr.filter(MODEL, sensors, TIMES, tables, initial=START), expected)
+    with pytest.raises(ValueError, match="times: expected those of 'laser'"):
+        kr.filter(MODEL, sensors, {'gps': TIMES}, tables, initial=START)
+    with pytest.raises(ValueError, match="times: expected those of 'laser'"):
+        kr.filter(MODEL, sensors, None, tables, initial=START)
+
+
 @pytest.mark.parametrize(
     ('times', 'words'),
     [
