@@ -131,11 +131,11 @@ def operating_point(model: Dynamics, what: str, given: Point) -> OperatingPoint:
 
 
 def _is_state(given: Any, size: int) -> bool:
-    """Return whether a point is the numbers of a state; one number is one of two parts."""
+    """Return whether a point is the numbers of a state, rather than a state and an input."""
     plain = isinstance(given, np.ndarray) or (
         isinstance(given, Sequence) and all(np.ndim(part) == 0 for part in given)
     )
-    return size > 1 and plain and np.shape(given) == (size,)
+    return plain and np.shape(given) == (size,)
 
 
 def _with(

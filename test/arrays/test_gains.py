@@ -225,6 +225,8 @@ def test_a_gain_draws_its_loops(dt, tmp_path):
     two = kr.lqr([[0, 1], [-2, -0.5]], np.eye(2), np.eye(2), np.eye(2), dt=dt)
     two.plot(tmp_path / 'loops.png')
     assert (tmp_path / 'loops.png').stat().st_size > 20_000
+    first, second = kr.margins(two)
+    assert first.loop.C.tolist() != second.loop.C.tolist()
     kr.margins(two).plot(tmp_path / 'both.png')
     assert (tmp_path / 'both.png').stat().st_size > 20_000
     kr.margins([[1, 1], [0, 1]], [[0], [1]], [[10, 10]]).plot(tmp_path / 'one.png')

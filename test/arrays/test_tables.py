@@ -174,11 +174,13 @@ def test_times_of_two_kinds_are_refused(inputs, input_times):
         )  # fmt: skip
 
 
-def test_inputs_after_all_readings_are_of_another_clock():
+@pytest.mark.parametrize('late', [1.91, 1.7e9])
+def test_inputs_after_all_readings_are_of_another_clock(late):
     with pytest.raises(ValueError, match='do they have one clock'):
         kr.filter(
-            MODEL, {'gps': GPS}, TIMES, VALUES, np.sin(TIMES), START, input_times=TIMES + 1.7e9
+            MODEL, {'gps': GPS}, TIMES, VALUES, np.sin(TIMES), START, input_times=TIMES + late
         )
+    kr.filter(MODEL, {'gps': GPS}, TIMES, VALUES, np.sin(TIMES), START, input_times=TIMES + 1.9)
 
 
 def test_a_sensor_without_a_column_is_named():

@@ -112,6 +112,8 @@ def test_matrices_are_those_of_numpy_and_scipy():
 def test_a_double_root_is_real_and_a_stiff_matrix_has_an_exponential():
     assert run('numbers.roots([1, -2, 1])') == [[1, 0], [1, 0]]
     assert run('numbers.roots([1, 0, 0])') == [[0, 0], [0, 0]]
+    near = sorted(root for root, _ in run('numbers.roots([1, 1e8, 1])'))
+    np.testing.assert_allclose(near, [-1e8, -1e-8], rtol=1e-12)
     assert run('numbers.solve([[1, 2], [2, 4]], [[1], [1]])') is None
     stiff = [[0, 1], [-400, -40]]
     close(run('numbers.expm(d)', stiff), expm(np.array(stiff)))

@@ -8,7 +8,7 @@ import pytest
 from random_systems import random_problem
 
 import kalman_ros as kr
-from kalman_ros.core import TimedSensor
+from kalman_ros.core import Gaussian, TimedSensor
 from kalman_ros.estimators import build_filter, fixed_lag
 from kalman_ros.estimators.filter import SmoothableFilter
 from kalman_ros.estimators.fixed_lag import FixedLagSmoother
@@ -17,6 +17,7 @@ from kalman_ros.estimators.online import OnlineEstimator
 from kalman_ros.estimators.plan import Plan
 from kalman_ros.estimators.policy import Policy
 from kalman_ros.estimators.smoother import smooth
+from kalman_ros.estimators.timeline import Item, State
 from kalman_ros.scenario import Scenario
 
 
@@ -109,6 +110,69 @@ def test_nonlinear_filters_and_angles(name):
     assert len(found) + len(rest) == len(whole)
     for ours, theirs in zip(rest, whole[len(found) :]):
         same(ours, theirs, 1e-8)
+
+
+def test_a_lag_that_is_met_exactly_has_passed():
+    _, system, sensor, prior = random_problem(5)
+    filter = build_filter('kf', Plan(system, {'y': TimedSensor(sensor, 10.0)}, 10.0), {})
+    online = OnlineEstimator(filter, {'y': sensor}, prior, np.zeros(2), Policy(window=0.0))
+
+    def feed(estimator):
+        for k in range(30):
+            estimator.add_reading('y', k * 100_000_000, np.zeros(2))
+
+    found, _ = emitted(system.state, steps_of(online, feed), 0.5)
+    assert [count - k for k, (_, _, count) in enumerate(found)] == [6] * 25
+
+
+def test_a_heading_that_goes_round():
+    scenario = kr.load('turn_rate')
+    heading = scenario.model.state.names.index(scenario.model.state.angles[0])
+    mean = scenario.initial_belief.mean.copy()
+    mean[heading] = np.pi - 0.01
+    filter = build_filter(scenario.filter, scenario.plan, {})
+    sensors = {key: source.sensor for key, source in scenario.enabled.items()}
+    initial = Gaussian(mean, scenario.initial_belief.covariance)
+    online = OnlineEstimator(filter, sensors, initial, np.zeros(0), Policy(window=0.0))
+    truth = mean.copy()
+    rng = np.random.default_rng(3)
+
+    def feed(estimator):
+        for k in range(60):
+            # it turns about the place where the angle jumps
+            truth[heading] = np.pi + 0.3 * np.sin(0.2 * k)
+            truth[:2] += 0.1
+            for name, sensor in sensors.items():
+                noise = np.sqrt(sensor.covariance.diagonal()) * rng.normal(size=sensor.output.size)
+                estimator.add_reading(name, k * 100_000_000, sensor.measure(truth) + noise)
+
+    steps = steps_of(online, feed)
+    angles = np.array([step.belief.mean[heading] for step, _ in steps])
+    assert np.abs(np.diff(angles)).max() > 6.0  # it was crossed
+    filtered = [step for step, _ in steps]
+    found, _ = emitted(scenario.model.state, steps, 1.0)
+    for k, (_, belief, count) in enumerate(found):
+        same(belief, smooth(filter, filtered[:count])[k], 1e-8)
+
+
+def test_an_instant_has_the_last_belief_and_any_restart():
+    _, steps = random_steps(6, 10)
+    belief, filter = steps[0][0].belief, steps[0][1]
+
+    def item(time, restarted=False):
+        one = Item((time, 0, time), np.zeros(2), None, filter)
+        one.after = State(time, belief, np.zeros(2), ())
+        one.restarted = restarted
+        return one
+
+    instants = Instants()
+    found = [*instants.take([item(1), item(2, True), item(2), item(3)]), *instants.finish()]
+    assert [(step.time, step.restarted) for step, _ in found] == [
+        (1, True), (2, True), (3, False),
+    ]  # fmt: skip
+    # a clock that goes back, and what comes after the end, are independent of the past
+    found = [*instants.take([item(5), item(4)]), *instants.finish()]
+    assert [(step.time, step.restarted) for step, _ in found] == [(5, True), (4, True)]
 
 
 def test_late_readings_change_nothing_but_the_time_of_the_answer():

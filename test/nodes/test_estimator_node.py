@@ -195,6 +195,21 @@ def test_smoothed_estimates_are_published_once_their_lag_has_passed(pair, monkey
     np.testing.assert_array_equal(written[-1][1], filtered[-1].belief.mean)
 
 
+def test_smoothed_estimates_have_the_states_of_the_model_alone(pair):
+    node = pair(
+        EstimatorNode, model='level', fixed_lag='0.05', window='0.0', rest_until_input='false',
+        **{'reading.bias_std': '[0.1]', 'reading.bias_noise': '[0.01]'},
+    ).node  # fmt: skip
+    assert len(node._online.belief.mean) == 2
+    written, write = [], node._smoothed._write
+    node._smoothed._write = lambda *belief: written.append(belief) or write(*belief)
+    channel = next(iter(node._fuser.channels.values()))
+    first = node.get_clock().now().nanoseconds - 20 * STEP
+    for k in range(20):
+        node._fuser.fuse([Received(first + k * STEP, channel, Sample(None, np.zeros(1), None))])
+    assert written and {(len(mean), P.shape) for _, mean, P in written} == {(1, (1, 1))}
+
+
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
