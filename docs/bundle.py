@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modules of JavaScript as one script, since pages that are opened as files load no modules."""
+"""What the pictures with handles load: one script, since files load no modules, and colours."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ from pathlib import Path
 
 EXPLORE = Path(__file__).parent / 'explore'
 _IMPORT = re.compile(r"^import \{([^}]*)\} from '([^']+)';\n", re.MULTILINE)
+#: Colours of the live page, by the rule that sets them.
+_LIVE = EXPLORE.parents[1] / 'kalman_ros' / 'live' / 'page' / 'live.css'
+_COLOURS = re.compile(
+    r'^:root(\.dark)? \{\n  color-scheme: \w+;\n(.*?)^\}', re.MULTILINE | re.DOTALL
+)
 _EXPORT = re.compile(r'^export (const|function|class) (\w+)', re.MULTILINE)
 
 
@@ -38,3 +43,13 @@ def _part(module: Path, done: dict[Path, str]) -> str:
         f'const {name} = (() => {{\n{"".join(heads)}{body}return {{{exports}}};\n}})();\n'
     )
     return name
+
+
+def palette() -> str:
+    """Return the colours of the live page for these pages, whose theme a person may choose."""
+    colours = {bool(dark): values for dark, values in _COLOURS.findall(_LIVE.read_text())}
+    by_system = f'body:not([data-theme=light]) {{\n{colours[True]}}}'
+    return (
+        f'body {{\n{colours[False]}}}\nbody[data-theme=dark] {{\n{colours[True]}}}\n'
+        f'@media (prefers-color-scheme: dark) {{\n{by_system}\n}}\n'
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bundle import EXPLORE, bundle
+from bundle import EXPLORE, bundle, palette
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
@@ -31,12 +31,14 @@ class Explorable(SphinxDirective):
 def _add_script(app: Sphinx, page: str, template, context, doctree) -> None:
     if app.env.metadata.get(page, {}).get('explorables'):
         app.add_js_file('explorables.js', loading_method='defer')
+        app.add_css_file('explorables.css')
 
 
 def _write(app: Sphinx, failed: Exception | None) -> None:
     if failed is None and app.builder.format == 'html':
-        script = Path(app.outdir) / '_static' / 'explorables.js'
-        script.write_text(bundle(EXPLORE / 'index.js'))
+        static = Path(app.outdir) / '_static'
+        (static / 'explorables.js').write_text(bundle(EXPLORE / 'index.js'))
+        (static / 'explorables.css').write_text(palette())
 
 
 def setup(app: Sphinx):

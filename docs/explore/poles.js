@@ -41,13 +41,10 @@ export function words([[re, im], [second]]) {
 
 // the complex plane: what decays is on the left
 export function complexPlane(plot) {
-  const { pen, box } = plot;
   plot.between([[0, plot.y[1]], [plot.x[1], plot.y[1]]], [[0, plot.y[0]], [plot.x[1], plot.y[0]]], 'growth');
   plot.curve([[plot.x[0], 0], [plot.x[1], 0]], 'soft', { width: 1 });
   plot.curve([[0, plot.y[0]], [0, plot.y[1]]], 'soft', { width: 1 });
-  pen.textBaseline = 'bottom';
   plot.legend([['grows', 'soft']], 'right bottom');
-  return box;
 }
 
 export const mark = (plot, poles, look) => poles.forEach(([re, im]) => plot.cross(re, im, look));

@@ -94,7 +94,7 @@ def filter(
     if not any(len(each.time) for each in rows.values()):
         raise ValueError('readings: expected at least one row, got none')
     acts = _inputs(task.model, given.inputs, given.input_times, given.times, rows)
-    last = max(float(each.time.max()) for each in rows.values() if len(each.time))
+    last = max(float(read.time.max()) for read in rows.values() if len(read.time))
     if len(acts.time) and acts.time.min() > last:
         raise ValueError(
             f'inputs: expected some before the last reading, at {last:g} s, got the first at '
@@ -103,8 +103,8 @@ def filter(
     if options is None and isinstance(model, (str, Scenario)):
         scenario = load(model)
         options = scenario.filter_options if task.filter == scenario.filter else None
-    found = Pass(task, rows, acts, gates, options or {}).estimates()
-    return replace(found, labels=given.labels) if given.labels else found
+    estimates = Pass(task, rows, acts, gates, options or {}).estimates()
+    return replace(estimates, labels=given.labels) if given.labels else estimates
 
 
 def smooth(estimates: Estimates) -> Estimates:

@@ -126,7 +126,7 @@ class _Index:
 
     @property
     def kind(self) -> str:
-        """What the times are."""
+        """Kind of the times: two kinds in one call cannot be compared."""
         labels, kind = self.labels, self.values.dtype.kind
         if kind == 'M':
             return _DATES if getattr(labels, 'tz', None) is None else _ZONED
@@ -204,7 +204,7 @@ def columns_of(table: Any, sensors: Mapping[str, Sensor]) -> dict[str, Array]:
     if only is not None and len(present) == len(only.output.names) == 1:
         return {next(iter(sensors)): _named(next(iter(sensors)), table, [(present[0],)])}
     outputs = [name for sensor in sensors.values() for name in sensor.output.names]
-    found = {}
+    readings = {}
     for name, sensor in sensors.items():
         candidates = []
         for output in sensor.output.names:
@@ -214,17 +214,17 @@ def columns_of(table: Any, sensors: Mapping[str, Sensor]) -> dict[str, Array]:
                 (f'{name}.{output}', *([output] if alone else []), *([name] if single else []))
             )
         if any(candidate in present for names in candidates for candidate in names):
-            found[name] = _named(name, table, candidates)
-    if not found:
+            readings[name] = _named(name, table, candidates)
+    if not readings:
         wanted = ', '.join(f'{name}.{o}' for name, s in sensors.items() for o in s.output.names)
         raise ValueError(f'readings: expected columns such as {wanted}, got {", ".join(present)}')
-    lost = next((name for name in sensors if name not in found), '')
+    lost = next((name for name in sensors if name not in readings), '')
     if lost:
         raise ValueError(
             f"readings: no column of '{lost}', got {', '.join(present)}; leave the sensor out if "
             'it read nothing'
         )
-    return found
+    return readings
 
 
 def to_dataframe(labels: Any, columns: Mapping[str, Array], name: str = 'time') -> Any:

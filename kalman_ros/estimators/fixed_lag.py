@@ -3,13 +3,12 @@
 
 With d the change of a mean by later readings, a step of the smoother is affine,
 
-    d = C d' + c,   c = C (x' - x_p),
-    P_s = C P_s' C' + R,   R = (I - C F) P (I - C F)' + C Q C',
+    d = C d' + c,   c = C (x' - x_p),   P_s = C P_s' C' + R,
 
-with x' the filter's mean at the next step, x_p its prediction and the other symbols as in
-`smoother`. Affine steps compose to one, and composition is associative, so the steps of a window
-that slides are kept as two stacks: one of products up to its top, one whose product is known (two
-stacks make a queue; every step is composed three times, whatever the lag).
+with x' the filter's mean at the next step and the other symbols as in `smoother`. Affine steps
+compose to one, and composition is associative, so the steps of a window that slides are kept as
+two stacks: one of products up to its top, one whose product is known (two stacks make a queue;
+every step is composed three times, whatever the lag).
 """
 
 from __future__ import annotations
@@ -20,11 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kalman_ros.core import Array, Gaussian, Space, is_finite, solve, symmetric
-from kalman_ros.linear.factor import cholesky
+from kalman_ros.core import Array, Gaussian, Space, is_finite, symmetric
 
 from .filter import SmoothableFilter
-from .smoother import Filtered, unsmoothable
+from .smoother import Filtered, step_back, unsmoothable
 
 
 class _Back(NamedTuple):
@@ -148,16 +146,9 @@ class FixedLagSmoother:
         """Return the step back from ``step`` to the one before; None if there is none."""
         if not isinstance(filter, SmoothableFilter):
             raise ValueError(f'fixed_lag: {unsmoothable(filter)}')
-        last = self._steps[-1]
-        x, P = last.belief
-        dt = (step.time - last.time) * 1e-9
         try:
-            predicted, F, Q = filter.linearized(last.belief, last.input, dt)
-            _, P_p, _ = cholesky(predicted.covariance)
+            predicted, C, R = step_back(filter, self._steps[-1], step.time)
         except np.linalg.LinAlgError:
             return None
-        C = solve(P_p, F @ P).T
-        I_CF = np.eye(x.size) - C @ F
-        change = self._space.subtract(step.belief.mean, predicted.mean)
-        back = _Back(C, C @ change, symmetric(I_CF @ P @ I_CF.T + C @ Q @ C.T))
+        back = _Back(C, C @ self._space.subtract(step.belief.mean, predicted), R)
         return back if all(map(is_finite, back)) else None

@@ -4,7 +4,7 @@
 Backwards over the beliefs x, P of a filter and their predictions x_p, P_p,
 
     C = P F' P_p^-1,   x_s = x + C (x_s' - x_p),
-    P_s = (I - C F) P (I - C F)' + C (P_s' + Q) C'
+    P_s = C P_s' C' + R,   R = (I - C F) P (I - C F)' + C Q C'
 
 (H. Rauch, F. Tung and C. Striebel, Maximum Likelihood Estimates of Linear Dynamic Systems, AIAA
 Journal 3(8), 1965), with the covariance as a sum of positive semi-definite terms. F and Q are
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -95,6 +96,30 @@ def unsmoothable(filter: object) -> str:
     return f'{expected}, got those of a {type(filter).__name__}'
 
 
+class StepBack(NamedTuple):
+    """A step of the smoother: P_s = C P_s' C' + R, and x_s = x + C (x_s' - ``predicted``)."""
+
+    predicted: Array
+    C: Array
+    R: Array
+
+
+def step_back(filter: SmoothableFilter, step: Filtered, until: int) -> StepBack:
+    """Return the step of the smoother to ``step`` from the next one, at time ``until``.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the prediction has no positive definite covariance.
+    """
+    P = step.belief.covariance
+    predicted, F, Q = filter.linearized(step.belief, step.input, (until - step.time) * 1e-9)
+    _, P_p, _ = cholesky(predicted.covariance)
+    C = solve(P_p, F @ P).T
+    I_CF = np.eye(len(P)) - C @ F
+    return StepBack(predicted.mean, C, symmetric(I_CF @ P @ I_CF.T + C @ Q @ C.T))
+
+
 def _back(
     filter: SmoothableFilter,
     step: Filtered,
@@ -102,13 +127,8 @@ def _back(
     after: Gaussian,
 ) -> Gaussian:
     """Return the smoothed belief of a step, given the one ``after`` it at time ``until``."""
-    space = filter.model.state
-    x, P = step.belief.mean, step.belief.covariance
-    predicted, F, Q = filter.linearized(step.belief, step.input, (until - step.time) * 1e-9)
-    _, P_p, _ = cholesky(predicted.covariance)
-    C = solve(P_p, F @ P).T
-    change = space.subtract(after.mean, predicted.mean)
+    space, x = filter.model.state, step.belief.mean
+    predicted, C, R = step_back(filter, step, until)
+    change = space.subtract(after.mean, predicted)
     P_s = space.from_afar(after.covariance, change)
-    I_CF = np.eye(x.size) - C @ F
-    covariance = symmetric(I_CF @ P @ I_CF.T + C @ (P_s + Q) @ C.T)
-    return Gaussian(*space.arrived(x + C @ change, x, covariance))
+    return Gaussian(*space.arrived(x + C @ change, x, symmetric(C @ P_s @ C.T + R)))

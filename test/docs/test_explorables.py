@@ -296,11 +296,11 @@ def places(tmp_path_factory):
     folder = tmp_path_factory.mktemp('explorables')
     (folder / 'explorables.js').write_text(script('index'))
     hosts = ''.join(f'<div class="explorable" id="explore-{name}">text</div>' for name in NAMES)
+    style = module('bundle').palette() + (DOCS / '_static' / 'pages.css').read_text()
     page = folder / 'page.html'
     page.write_text(
         '<!doctype html><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        f'<style>{(DOCS / "_static" / "pages.css").read_text()} body {{ font: 16px sans-serif }}'
-        ' [hidden] { display: none }</style>'
+        f'<style>{style} body {{ font: 16px sans-serif }} [hidden] {{ display: none }}</style>'
         f'<body>{hosts}<script src="explorables.js" defer></script>'
     )
     with chromium.Chromium(1280, 900) as browser:

@@ -53,6 +53,6 @@ class SmoothedPublisher:
 
     def _publish(self, beliefs: Iterable[tuple[int, Gaussian]]) -> None:
         for time, belief in beliefs:
-            own = self._believed.own(belief) if self._believed.places else belief
-            if is_finite(own.mean) and is_finite(own.covariance):
-                self._publisher.publish(self._write(time, *own))
+            mean, covariance = self._believed.own(belief) if self._believed.places else belief
+            if is_finite(mean) and is_finite(covariance):
+                self._publisher.publish(self._write(time, mean, covariance))

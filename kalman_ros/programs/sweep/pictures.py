@@ -41,7 +41,7 @@ def sweep_picture(
     state
         Space of the state.
     marks
-        Configured value of each swept parameter, which is marked; None if it has none.
+        Configured value of each swept parameter within its range, which is marked, or None.
     path
         File of the picture.
     """
@@ -59,10 +59,10 @@ def _curves(
     costs = np.array([point.cost for point in points])
     rows = 3 + bool(np.isfinite(costs).any())
     shows = 'Averages of the runs at each value; dashed: theory.'
-    if mark is not None and x[0] <= mark <= x[-1]:
+    if mark is not None:
         shows += ' Orange: the configured value.'
     with figure_with(path, rows, 1, (7.0, 1.9 * rows + 0.8), shows, sharex=True) as (_, axes):
-        for axis in axes[:, 0] if mark is not None and x[0] <= mark <= x[-1] else ():
+        for axis in axes[:, 0] if mark is not None else ():
             axis.axvline(mark, color=INPUT, lw=1.0, ls=':')
         panels = list(axes[:, 0])
         if rows == 4:
@@ -134,7 +134,9 @@ def _maps(
     }
     panels = {title: values for title, values in panels.items() if np.isfinite(values).any()}
     rows = -(-len(panels) // 2)
-    shows = 'Averages of the runs at each pair of values; the cross has the configured ones.'
+    shows, marked = 'Averages of the runs at each pair of values.', None not in marks
+    if marked:
+        shows += ' Cross: the configured ones.'
     with figure_with(path, rows, 2, (9.0, 3.4 * rows + 0.3), shows) as (figure, axes):
         for axis, (title, values) in zip(axes.flat, panels.items()):
             scale = 'log' if _spread(values) > 20.0 else 'linear'
@@ -146,7 +148,8 @@ def _maps(
             axis.set_xlabel(across.label)
             axis.set_ylabel(down.label)
             axis.grid(False)
-            axis.plot(*([mark] for mark in reversed(marks)), 'x', color=INPUT, ms=9, mew=2.0)
+            if marked:
+                axis.plot(*([m] for m in reversed(marks)), 'x', color=INPUT, ms=9, mew=2.0)
             if across.log:
                 axis.set_xscale('log')
             if down.log:

@@ -159,7 +159,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     if any(point.rms for point in points):
         # a map has a cell for each point, finished or not
         all_points = [outcomes.get(k, Point(values)) for k, values in enumerate(grid.points)]
-        marks = [each.configured(grid.plant) for each in grid.ranges]
+        marks = [swept.configured(grid.plant) for swept in grid.ranges]
         about = f'sweep of {path.stem}: {options.runs} runs at each point, seed {options.seed}'
         with style.caption(about):
             pictures.sweep_picture(grid.ranges, state, all_points, marks, folder / 'sweep.png')

@@ -84,13 +84,14 @@ class Range:
         return {**values, self.name: listed}
 
     def configured(self, values: Mapping[str, Any]) -> float | None:
-        """Return the value without a sweep; None if there are several, or none."""
+        """Return the value without a sweep if it is one number within the range, else None."""
         known = plant_options(values)
         present = values.get(self.name, known[self.name].default if self.name in known else None)
         if self.index is not None:
             present = present[self.index] if isinstance(present, list) else None
         single = present[0] if isinstance(present, list) and len(set(present)) == 1 else present
-        return float(single) if isinstance(single, (int, float)) else None
+        within = isinstance(single, (int, float)) and self.values[0] <= single <= self.values[-1]
+        return float(single) if within else None
 
 
 def _words(values: list[Any]) -> bool:
