@@ -70,7 +70,7 @@ def judge(scenario: Scenario, run: Trajectory) -> Judgement:
     if _has_theory(scenario):
         theory = verdicts.theory(scenario)
         results = verdicts.checks(scenario, theory, run)
-        basis = "The theory of J is the LQG optimum tr(S Q) + tr(K'(R + G'S G) K P)."
+        basis = "The theory of J is the LQG optimum tr(X Q) + tr(K'(Q_u + G'X G) K P)."
         if scenario.law not in OPTIMAL:
             basis = 'The theory of J is that of these gains, which are not the optimum.'
         claim = 'The loop is stable and its statistics hold.'
