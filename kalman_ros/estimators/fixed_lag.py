@@ -24,6 +24,9 @@ from kalman_ros.core import Array, Gaussian, Space, is_finite, symmetric
 from .filter import SmoothableFilter
 from .smoother import Filtered, step_back, unsmoothable
 
+#: Change of an angle, in rad, from which on a window may turn one by more than half a turn.
+_LARGE = 0.5
+
 
 class _Back(NamedTuple):
     """A step backwards: the change d and the covariance of a state, from those of a later one."""
@@ -98,7 +101,16 @@ class FixedLagSmoother:
                 'smooth a recording, with replay --smooth'
             )
         self._space, self._lag = space, round(lag * 1e9)
+        self._angles = [space.names.index(name) for name in space.angles]
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the window: the next step is independent of it."""
         self._steps: deque[Filtered] = deque()
+        #: For each step but the newest: C, the prediction of the next, and whether that turned
+        #: an angle by much.
+        self._parts: deque[tuple[Array, Array, bool]] = deque()
+        self._large = 0
         self._window = _Window()
 
     def add(self, step: Filtered, filter: object) -> Iterator[tuple[int, Gaussian]]:
@@ -120,19 +132,21 @@ class FixedLagSmoother:
         self._steps.append(step)
         while step.time - self._steps[0].time >= self._lag and len(self._steps) > 1:
             yield self._oldest()
-            self._steps.popleft()
-            self._window.pop()
+            self._drop()
 
     def finish(self) -> Iterator[tuple[int, Gaussian]]:
         """Yield the beliefs of the window, which get no later readings."""
         while len(self._steps) > 1:
             yield self._oldest()
-            self._steps.popleft()
-            self._window.pop()
+            self._drop()
         for step in self._steps:
             yield step.time, step.belief
-        self._steps.clear()
-        self._window = _Window()
+        self.clear()
+
+    def _drop(self) -> None:
+        self._steps.popleft()
+        self._window.pop()
+        self._large -= self._parts.popleft()[2]
 
     def _oldest(self) -> tuple[int, Gaussian]:
         """Return the oldest belief, given all readings of the window."""
@@ -140,7 +154,17 @@ class FixedLagSmoother:
         C, c, R = self._window.product()
         x = oldest.belief.mean
         covariance = symmetric(C @ newest.belief.covariance @ C.T + R)
+        if self._large or (np.abs(c[self._angles]) > _LARGE).any():
+            return oldest.time, Gaussian(self._mean_by_steps(), covariance)
         return oldest.time, Gaussian(*self._space.arrived(x + c, x, covariance))
+
+    def _mean_by_steps(self) -> Array:
+        """Return the oldest mean, each change of an angle taken within half a turn on the way."""
+        space, later = self._space, self._steps[-1].belief.mean
+        steps = reversed([*self._steps][:-1])
+        for step, (C, predicted, _) in zip(steps, reversed(self._parts)):
+            later = space.wrap(step.belief.mean + C @ space.subtract(later, predicted))
+        return later
 
     def _between(self, step: Filtered, filter: object) -> _Back | None:
         """Return the step back from ``step`` to the one before; None if there is none."""
@@ -150,5 +174,11 @@ class FixedLagSmoother:
             predicted, C, R = step_back(filter, self._steps[-1], step.time)
         except np.linalg.LinAlgError:
             return None
-        back = _Back(C, C @ self._space.subtract(step.belief.mean, predicted), R)
-        return back if all(map(is_finite, back)) else None
+        change = self._space.subtract(step.belief.mean, predicted)
+        back = _Back(C, C @ change, R)
+        if not all(map(is_finite, back)):
+            return None
+        large = bool((np.abs(change[self._angles]) > _LARGE).any())
+        self._parts.append((C, predicted, large))
+        self._large += large
+        return back

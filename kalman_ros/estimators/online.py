@@ -300,11 +300,12 @@ class OnlineEstimator:
         belief, repairs = self._predict(state, time, item.filter)
         if belief is not self._initial:
             repairs += state.repairs
-        if belief is self._initial and state.time not in (None, time):
+        expired = belief is self._initial and state.time not in (None, time)
+        if expired:
             state = state._replace(records=agreement.with_declared_noise(state.records))
-            if not item.restarted:
-                item.restarted = True
-                self.restarts += 1
+        if expired != item.restarted:  # a late item may close the gap before this one
+            item.restarted = expired
+            self.restarts += 1 if expired else -1
         if item.sensor is None:
             item.after = State(time, belief, item.value, state.records, repairs)
             return item.after

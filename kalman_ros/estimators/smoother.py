@@ -115,9 +115,20 @@ def step_back(filter: SmoothableFilter, step: Filtered, until: int) -> StepBack:
     P = step.belief.covariance
     predicted, F, Q = filter.linearized(step.belief, step.input, (until - step.time) * 1e-9)
     _, P_p, _ = cholesky(predicted.covariance)
-    C = solve(P_p, F @ P).T
+    try:
+        C = solve(P_p, F @ P).T
+    except np.linalg.LinAlgError:  # some states are known exactly
+        C = _solve_singular(P_p, F @ P).T
     I_CF = np.eye(len(P)) - C @ F
     return StepBack(predicted.mean, C, symmetric(I_CF @ P @ I_CF.T + C @ Q @ C.T))
+
+
+def _solve_singular(P: Array, right: Array) -> Array:
+    """Return P^+ ``right`` of a covariance with zeros, by its correlations."""
+    std = np.sqrt(P.diagonal())
+    std[std == 0.0] = 1.0
+    inverse = np.linalg.pinv(P / np.outer(std, std), hermitian=True)
+    return np.asarray((inverse @ (right / std[:, None])) / std[:, None])
 
 
 def _back(

@@ -118,7 +118,7 @@ class EstimatorOptions:
             'readings of this long after each state on estimate/smoothed; 0: none',
             's',
             0.0,
-            60.0,
+            10.0,
             feature='smoothed',
         ),
     ] = 0.0

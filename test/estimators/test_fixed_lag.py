@@ -282,3 +282,85 @@ def test_a_step_that_cannot_be_inverted_ends_the_window(failure):
     assert all(np.isfinite(belief.mean).all() for _, belief, _ in found)
     assert found[19][2] == 21
     same(found[19][1], steps[19][0].belief)
+
+
+def swapped_after_a_gap(order, policy):
+    """Return an estimator with readings around a gap, in an order, and its smoothed beliefs."""
+    _, system, sensor, prior = random_problem(8)
+    filter = build_filter('kf', Plan(system, {'y': TimedSensor(sensor, 10.0)}, 10.0), {})
+    online = OnlineEstimator(filter, {'y': sensor}, prior, np.zeros(2), policy)
+    rng = np.random.default_rng(2)
+    times = [k * 100_000_000 for k in [*range(20), *range(720, 760)]]
+    rows = [(time, rng.normal(size=2)) for time in times]
+
+    def feed(estimator):
+        for k in order:
+            estimator.add_reading('y', *rows[k])
+
+    return online, emitted(system.state, steps_of(online, feed), 1.0)[0]
+
+
+def test_a_late_reading_closes_the_gap_before_a_reading():
+    order = [*range(20), 21, 20, *range(22, 60)]  # the first two after the silence are swapped
+    policy = Policy(window=0.5)
+    online, late = swapped_after_a_gap(order, policy)
+    expected, in_order = swapped_after_a_gap(range(60), policy)
+    assert online.restarts == expected.restarts == 1
+    for (time, ours, _), (other, theirs, _) in zip(late, in_order, strict=True):
+        assert time == other
+        np.testing.assert_array_equal(ours.mean, theirs.mean)
+        np.testing.assert_array_equal(ours.covariance, theirs.covariance)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_heading_that_was_wrong_by_half_a_turn(seed):
+    """Later readings together turn it by more than that."""
+    scenario = kr.load('turn_rate')
+    heading = scenario.model.state.names.index(scenario.model.state.angles[0])
+    rng = np.random.default_rng(seed)
+    mean = scenario.initial_belief.mean.copy()
+    covariance = scenario.initial_belief.covariance.copy()
+    covariance[heading, heading] = 1.5**2
+    truth = mean.copy()
+    mean[heading] += rng.uniform(2.7, 3.1)
+    filter = build_filter(scenario.filter, scenario.plan, {})
+    sensors = {key: source.sensor for key, source in scenario.enabled.items()}
+    online = OnlineEstimator(
+        filter, sensors, Gaussian(mean, covariance), np.zeros(0), Policy(window=0.0)
+    )
+
+    def feed(estimator):
+        state = truth
+        for k in range(60):
+            for name, sensor in sensors.items():
+                noise = np.sqrt(sensor.covariance.diagonal()) * rng.normal(size=sensor.output.size)
+                estimator.add_reading(name, k * 100_000_000, sensor.measure(state) + noise)
+            state = scenario.model.step(state, np.zeros(0), 0.1)
+
+    steps = steps_of(online, feed)
+    filtered = [step for step, _ in steps]
+    found, _ = emitted(scenario.model.state, steps, 2.0)
+    for k, (_, belief, count) in enumerate(found):
+        same(belief, smooth(filter, filtered[:count])[k], 1e-8)
+
+
+def test_a_state_that_is_known_exactly_is_smoothed_beside_the_others():
+    model = kr.continuous_model([[0, 1], [0, 0]], W=[0, 0])
+    sensor = kr.sensor([[1, 0]], 1.0)
+    filter = kr.KalmanFilter(model)
+    initial = Gaussian(np.zeros(2), np.diag([1.0, 0.0]))
+    online = OnlineEstimator(filter, {'y': sensor}, initial, np.zeros(0), Policy(window=0.0))
+    readings = np.random.default_rng(0).normal(size=20)
+
+    def feed(estimator):
+        for k, y in enumerate(readings):
+            estimator.add_reading('y', k * 100_000_000, np.array([y]))
+
+    steps = steps_of(online, feed)
+    found, _ = emitted(model.state, steps, 0.5)
+    for k, (_, belief, count) in enumerate(found):
+        assert count == k + 6
+        # a place that does not move: all readings count alike
+        expected = readings[:count].sum() / (count + 1)
+        np.testing.assert_allclose(belief.mean, [expected, 0.0], atol=1e-12)
+        np.testing.assert_allclose(belief.covariance, np.diag([1 / (count + 1), 0]), atol=1e-12)

@@ -40,16 +40,16 @@ class SmoothedPublisher:
         signal = smoothed_signal(scenario.state)
         self._write = WireWriter(SignalCodec(signal, options.frame, options.child_frame))
         self._publisher = node.create_publisher(self._write.message_type, signal.topic, HISTORY)
-        online.on_final, online.on_reset = self._take, self._finish
+        online.on_final, online.on_reset = self._take, self._clear
 
     def _take(self, items: Sequence[Item]) -> None:
         for step, filter in self._instants.take(items):
             self._publish(self._smoother.add(step, filter))
 
-    def _finish(self) -> None:
-        for step, filter in self._instants.finish():
-            self._publish(self._smoother.add(step, filter))
-        self._publish(self._smoother.finish())
+    def _clear(self) -> None:
+        """Forget the states that will not get the readings of their lag."""
+        self._instants = Instants()
+        self._smoother.clear()
 
     def _publish(self, beliefs: Iterable[tuple[int, Gaussian]]) -> None:
         for time, belief in beliefs:
