@@ -75,6 +75,11 @@ def report(
     """
     if not scenario.enabled:
         raise ValueError('sensors: expected at least one that is enabled')
+    if scenario.model.is_discrete:
+        raise ValueError(
+            'model: the theory of a loop needs one in continuous time; for one in discrete time '
+            'there are kr.dlqr, kr.dlqe, kr.margins and kr.simulate'
+        )
     model, linear = scenario.model, scenario.plan.linear
     point = model.equilibrium
     if not model.input.size:

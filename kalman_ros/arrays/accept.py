@@ -26,7 +26,7 @@ from kalman_ros.core import (
     vector,
 )
 
-from .foreign import is_state_space, read_system
+from .foreign import is_foreign, read_system
 
 
 def square(name: str, value: ArrayLike | None) -> Array:
@@ -143,12 +143,12 @@ class Plant:
 
 
 def is_system(value: Any) -> bool:
-    """Return whether ``value`` is a whole system: a model or an object with A and B."""
-    return isinstance(value, Dynamics) or is_state_space(value)
+    """Return whether ``value`` is a whole system: a model, or one of another library."""
+    return isinstance(value, Dynamics) or is_foreign(value)
 
 
 def plant(A: Any, B: Any = None) -> Plant:
-    """Return the system of two matrices, of a model about its equilibrium, or of A and B in it.
+    """Return the system of two matrices, a model about its equilibrium, or another library.
 
     Raises
     ------

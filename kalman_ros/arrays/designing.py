@@ -10,18 +10,22 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from kalman_ros import scenario as scenarios
 from kalman_ros.analysis import design_warnings
 from kalman_ros.analysis.design_report import DesignReport
 from kalman_ros.analysis.design_theory import report
 from kalman_ros.control.limiter import LIMITS
+from kalman_ros.core import Dynamics
 from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.regulator import limits
 
-from .accept import number
+from .accept import columns, number, rows, square
 from .estimates import _path
+from .foreign import is_foreign, read_system
 from .known_names import KnownNames
-from .scenarios import BELIEVED, values_of
+from .scenarios import BELIEVED, make_scenario, values_of
 from .text import WIDTH
 
 
@@ -86,7 +90,7 @@ class Design(KnownNames):
 
 
 def design(
-    scenario: Scenario | str | Path | Mapping[str, Any] = 'mass_spring_damper_2d',
+    scenario: Any = 'mass_spring_damper_2d',
     overrides: Mapping[str, Any] | None = None,
     *,
     delay: float = 0.0,
@@ -96,7 +100,10 @@ def design(
     Parameters
     ----------
     scenario, overrides
-        As for `load`, with the parameters of estimator and controller.
+        As for `load`, with the parameters of estimator and controller. Or a system of
+        python-control or scipy.signal alone, with noise of density 1 at each of its inputs,
+        readings of variance 1 of each of its outputs, and costs of 1; in continuous time at
+        20 samples per radian of its fastest mode.
     delay
         Seconds between a reading and the resulting input.
 
@@ -108,6 +115,8 @@ def design(
         If the input cannot stabilise the model, or no sensor observes a growing mode.
     """
     parameters = None
+    if overrides is None and is_foreign(scenario) and not isinstance(scenario, Dynamics):
+        scenario = _normalised(scenario)
     if not isinstance(scenario, Scenario):
         parameters = values_of(scenario, {} if overrides is None else overrides, *BELIEVED)
         scenario = scenarios.build(parameters)
@@ -117,3 +126,17 @@ def design(
     if scenario.model.input.size:
         bounds = limits(scenario, *(values.get(name, inf) for name in LIMITS))
     return Design(report(scenario, delay, limits=bounds), delay, parameters)
+
+
+def _normalised(given: Any) -> Scenario:
+    """Return the loop of a system with noise and costs of 1."""
+    system: Any = read_system('scenario', given)
+    A = square('scenario: A', system.A)
+    B = columns('scenario: B', system.B, len(A))
+    C = rows('scenario: C', system.C, len(A))
+    if np.any(system.D):
+        raise ValueError('scenario: expected readings of the state alone, got a D that is not 0')
+    rate = None
+    if system.dt is None:
+        rate = 20.0 * max(np.abs(np.linalg.eigvals(A)).max(initial=0.0), 0.05)
+    return make_scenario((given, B @ B.T), (C, 1.0), rate=rate)

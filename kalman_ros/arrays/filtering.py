@@ -19,13 +19,13 @@ from kalman_ros.scenario import Scenario
 from .accept import belief_of, got, numbers
 from .estimates import Estimates
 from .passing import Pass, Task
-from .rows import Rows, readings_of, rows_of, sensors_of, times_of
+from .rows import Rows, model_of, readings_of, rows_of, sensors_of, times_of
 from .scenarios import load
 from .tables import is_table, unpack
 
 
 def filter(
-    model: Dynamics | Scenario | str,
+    model: Any,
     sensors: Any = None,
     times: Any = None,
     readings: Any = None,
@@ -43,7 +43,9 @@ def filter(
     Parameters
     ----------
     model
-        A model, or a scenario or the name of one, which includes sensors and an initial belief.
+        A model, a pair (system, W) with a system of python-control or scipy.signal and the noise
+        on its states, or a scenario or the name of one, which includes sensors and an initial
+        belief.
     sensors
         One sensor, several by name ``{'gps': ..., 'imu': ...}``, or a pair (H, R).
     times
@@ -141,8 +143,7 @@ def _task(model: Any, sensors: Any, initial: Any, filter: str, arithmetic: str) 
         if sensors is None:
             sensors = {name: source.sensor for name, source in scenario.enabled.items()}
         initial = scenario.initial_belief if initial is None else initial
-    if not isinstance(model, Dynamics):
-        raise ValueError(f'model: expected a model or a scenario, got {got(model)}')
+    model = model_of(model, 'a model or a scenario')
     if sensors is None:
         raise ValueError('sensors: expected a sensor, several by name, or a pair (H, R)')
     named = sensors_of(sensors, model)

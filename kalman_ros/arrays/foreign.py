@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Systems of other libraries, such as python-control and scipy.signal, known by their attributes.
 
-Neither library is imported: a state-space system is what has A and B, a transfer function what
-has polynomials or poles.
+Neither library is imported to know them: a state-space system is what has A and B, a transfer
+function what has polynomials or poles.
 """
 
 from __future__ import annotations
@@ -10,8 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-#: What other systems have: polynomials, poles with a gain, responses, and numbers of signals.
-_MARKS = (('num', 'den'), ('zeros', 'poles', 'gain'), ('frdata',), ('ninputs',))
+import numpy as np
+
+#: What a state-space system has, and what a transfer function has.
+_STATE_SPACE = (('A', 'B'),)
+_TRANSFER = (('num', 'den'), ('zeros', 'poles', 'gain'))
+#: What is a system without either: a measured response, or python-control's nonlinear system.
+_OTHER = (('frdata',), ('ninputs',))
 
 
 @dataclass(frozen=True)
@@ -36,30 +41,69 @@ class ForeignSystem:
     continuous: bool
 
 
-def is_state_space(value: Any) -> bool:
-    """Return whether ``value`` has the matrices of a system."""
-    return hasattr(value, 'A') and hasattr(value, 'B')
+def _has(value: Any, kinds: tuple[tuple[str, ...], ...]) -> bool:
+    """Return whether ``value`` is an object with all attributes of one of ``kinds``."""
+    return not isinstance(value, type) and any(
+        all(hasattr(value, attribute) for attribute in kind) for kind in kinds
+    )
+
+
+def is_foreign(value: Any) -> bool:
+    """Return whether ``value`` is a linear system: matrices, polynomials, or poles."""
+    return _has(value, (*_STATE_SPACE, *_TRANSFER))
 
 
 def read_system(name: str, value: Any) -> ForeignSystem | None:
-    """Return the matrices of a state-space system; None if ``value`` is no system at all.
+    """Return the matrices of a system; None if ``value`` is no system at all.
+
+    Those of a transfer function are its controllable canonical form, by `scipy.signal.tf2ss`.
 
     Raises
     ------
     ValueError
-        If it is a system without a state, such as a transfer function.
+        If it is a system that has no such form.
     """
-    if is_state_space(value):
-        given: Any = getattr(value, 'dt', None)
-        sampled = given is not None and given != 0
-        # a continuous system of scipy has no dt, but can be discretised
-        continuous = not sampled and (given is not None or hasattr(value, 'to_discrete'))
-        C, D = getattr(value, 'C', None), getattr(value, 'D', None)
-        dt = float(given) if sampled else None
-        return ForeignSystem(value.A, value.B, C, D, dt, continuous)
     if isinstance(value, type):
         raise ValueError(f'{name}: expected an object, got the class {value.__name__}')
-    if any(all(hasattr(value, mark) for mark in marks) for marks in _MARKS):
-        kind = 'a transfer function' if hasattr(value, 'num') else type(value).__name__
-        raise ValueError(f'{name}: expected a matrix or a state-space system, got {kind}')
-    return None
+    # a continuous system of scipy has no dt, but can be discretised
+    given: Any = getattr(value, 'dt', None)
+    if _has(value, _STATE_SPACE):
+        A, B = value.A, value.B
+        C, D = getattr(value, 'C', None), getattr(value, 'D', None)
+    elif _has(value, _TRANSFER):
+        A, B, C, D = _realised(name, value)
+    elif _has(value, _OTHER):
+        raise ValueError(f'{name}: expected a linear system, got {type(value).__name__}')
+    else:
+        return None
+    sampled = given is not None and given != 0
+    continuous = not sampled and (given is not None or hasattr(value, 'to_discrete'))
+    return ForeignSystem(A, B, C, D, float(given) if sampled else None, continuous)
+
+
+def _realised(name: str, value: Any) -> tuple[Any, ...]:
+    """Return A, B, C and D of a transfer function from one input."""
+    from scipy import signal  # slow to import
+
+    try:
+        if not hasattr(value, 'num'):
+            num, den = signal.zpk2tf(value.zeros, value.poles, value.gain)
+        else:
+            num, den = value.num, value.den
+        if isinstance(num, list) or getattr(num, 'dtype', None) == np.dtype(
+            object
+        ):  # [output][input]
+            several = len(num), len(num[0])
+            if several != (1, 1):
+                raise ValueError(f'it has {several[1]} inputs and {several[0]} outputs')
+            num, den = num[0][0], den[0][0]
+        if np.size(np.trim_zeros(np.ravel(den), 'f')) < 2:
+            raise ValueError('it has no pole')
+        matrices: tuple[Any, ...] = signal.tf2ss(num, den)
+    except ValueError as error:
+        why = str(error).rstrip('.')
+        raise ValueError(
+            f'{name}: expected a system with states, or one transfer function that has as many '
+            f'poles as zeros or more: {why}'
+        ) from None
+    return matrices

@@ -3,8 +3,8 @@
 
 Where a symmetric matrix is expected, a number means that number times the identity and a
 list the diagonal. B may be a flat list for one input, C for one reading. Instead of A and B, a
-model is accepted, which is linearised about its equilibrium, or any object with A and B, such as
-python-control's ``ss``.
+model is accepted, which is linearised about its equilibrium, or a system of python-control or
+scipy.signal; a transfer function is realised in controllable canonical form.
 """
 
 from __future__ import annotations
@@ -178,9 +178,9 @@ def margins(
 ) -> InputMargins | LoopMargins:
     """Return the margins of a loop L = C (s I - A)^-1 B + D, closed by u = -L u.
 
-    ``margins(A, B, K)`` or ``margins(model, K)`` for a state feedback, ``margins(gain)`` for a
-    result of `lqr` or `place`, ``margins(loop)`` for an object with A, B, C and D, such as
-    python-control's ``H * P``.
+    ``margins(A, B, K)`` or ``margins(system, K)`` for a state feedback, ``margins(gain)`` for a
+    result of `lqr` or `place`, ``margins(loop)`` for a loop as a whole, such as python-control's
+    ``H * P``, also as a transfer function.
 
     Returns
     -------
@@ -201,11 +201,9 @@ def margins(
         found = A.margins
         return found[0] if len(found) == 1 else found
     loop = plant(A, B)
-    if isinstance(A, Dynamics):
+    if is_system(A):
         B, C, D = shifted(A, (B, C, D))
-    elif (system := read_system('A', A)) is not None:
-        if any(given is not None for given in (B, C, D)):
-            raise ValueError('B: expected nothing beside a loop, which has its matrices')
+    if C is None and (system := read_system('A', A)) is not None:
         C, D = system.C, system.D
     dt = sample_time(loop, dt)
     C = rows('C', C, len(loop.A))

@@ -13,6 +13,7 @@ from kalman_ros.core import Array, ArrayLike
 
 from . import text
 from .accept import number, plant, rows, weight
+from .foreign import read_system
 from .gain_results import Observer, StateFeedback
 from .known_names import KnownNames
 
@@ -73,7 +74,7 @@ def loop_shaping(
     Parameters
     ----------
     A, B, C
-        Matrices (n, n), (n, m) and (k, n).
+        Matrices (n, n), (n, m) and (k, n); or a system of another library alone.
     R
         Input cost: a smaller one gives a faster loop.
     V
@@ -94,6 +95,8 @@ def loop_shaping(
     >>> kr.loop_shaping([[0, 1], [0, 0]], [0, 1], [1, 0]).least
     2.613125929752753
     """
+    if C is None and (given := read_system('A', A)) is not None:
+        C = given.C
     system = plant(A, B)
     n, m = system.B.shape
     C = rows('C', C, n)

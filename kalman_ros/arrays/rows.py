@@ -14,6 +14,8 @@ from kalman_ros.core import Array, ArrayLike, Dynamics, Sensor, check_real
 from kalman_ros.scenario.model_checks import check_sensor
 
 from .accept import got
+from .foreign import is_foreign, read_system
+from .problems import continuous_model, discrete_model
 from .problems import sensor as make_sensor
 
 
@@ -43,6 +45,32 @@ class Part(Sensor):
     def jacobian(self, x: Array) -> Array:
         """Return their rows of the Jacobian."""
         return self._whole.jacobian(x)[self._indices]
+
+
+def model_of(given: Any, what: str = 'a model') -> Dynamics:
+    """Return a model, or that of a pair (system, W) whose system is of another library.
+
+    An error asks for ``what``.
+
+    Raises
+    ------
+    ValueError
+        If it is neither; the message names what is missing.
+    """
+    if isinstance(given, Dynamics):
+        return given
+    system, noise = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
+    if not is_foreign(system):
+        raise ValueError(f'model: expected {what}, got {got(given)}')
+    if noise is None:
+        raise ValueError(
+            f'model: expected a pair (system, W), with the noise that acts on the states, got '
+            f'{got(system)} alone'
+        )
+    read = read_system('model', system)
+    if read is not None and read.dt is not None:
+        return discrete_model(system, noise)
+    return continuous_model(system, noise)
 
 
 def sensors_of(given: Any, model: Dynamics) -> dict[str, Sensor]:

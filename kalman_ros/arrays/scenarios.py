@@ -32,7 +32,7 @@ from kalman_ros.scenario.parameter_files import from_file
 from kalman_ros.simulation.faults.plant_faults import plant_options
 
 from .accept import belief_of, got, number, weight
-from .rows import sensors_of
+from .rows import model_of, sensors_of
 
 #: A sensor object in a program has no topic.
 _NOWHERE = Signal('', '', ())
@@ -108,7 +108,7 @@ def _filter_of(values: Mapping[str, Any], known: Mapping[str, Option]) -> str:
 
 
 def make_scenario(
-    model: Dynamics,
+    model: Any,
     sensors: Any,
     *,
     rate: float | None = None,
@@ -126,7 +126,8 @@ def make_scenario(
     Parameters
     ----------
     model
-        The system model.
+        The system model, or a pair (system, W) with a system of python-control or scipy.signal
+        and the noise on its states.
     sensors
         One sensor, several by name, or a pair (H, R).
     rate
@@ -150,8 +151,7 @@ def make_scenario(
     ValueError
         If an argument is invalid; the message names it.
     """
-    if not isinstance(model, Dynamics):
-        raise ValueError(f'model: expected a model, got {got(model)}')
+    model = model_of(model)
     if rate is None:
         if not model.is_discrete:
             raise ValueError('rate: expected the steps of the loop a second, got nothing')

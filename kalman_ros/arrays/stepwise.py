@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from kalman_ros.core import Array, ArrayLike, Dynamics, Gaussian, Sensor
+from kalman_ros.core import Array, ArrayLike, Gaussian, Sensor
 from kalman_ros.estimators.filter import Correction
 from kalman_ros.estimators.filters import ekf, kf, ukf
 
-from .accept import belief_of, finite, got, seconds
-from .rows import sensors_of
+from .accept import belief_of, finite, seconds
+from .rows import model_of, sensors_of
 
 
 class _Checked:
@@ -25,8 +25,7 @@ class _Checked:
     model: Any
 
     def __post_init__(self) -> None:
-        if not isinstance(self.model, Dynamics):
-            raise ValueError(f'model: expected a model, got {got(self.model)}')
+        object.__setattr__(self, 'model', model_of(self.model))
         later = getattr(super(), '__post_init__', None)
         if later is not None:
             later()

@@ -116,14 +116,18 @@ class Margins:
     distance: Margin
 
     def __str__(self) -> str:
-        lead, lag = np.degrees([self.lead.value, self.lag.value])
+        lead, lag = (_bound(np.degrees(at.value), 'deg') for at in (self.lead, self.lag))
         return (
             f'gain {self.lower_gain.value:.3g} to {self.upper_gain.value:.3g}, '
-            f'phase -{lead:.3g} to +{lag:.3g} deg, delay {self.delay.value:.3g} s, '
+            f'lead {lead}, lag {lag}, delay {_bound(self.delay.value, "s")}, '
             f'disk {self.disk.alpha:.3g}, min|1 + L| {self.distance.value:.3g}'
         )
 
     __repr__ = __str__  # what a notebook shows
+
+
+def _bound(value: float, unit: str) -> str:
+    return f'{value:.3g} {unit}' if np.isfinite(value) else 'any'
 
 
 def margins(loop: StateSpace) -> Margins:

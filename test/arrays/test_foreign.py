@@ -10,6 +10,7 @@ import pytest
 from scipy import signal
 
 import kalman_ros as kr
+from kalman_ros.arrays.foreign import read_system
 
 A, B, C, D = [[0, 1], [-2, -0.5]], [[0], [1]], [[1, 0]], [[0]]
 W = np.diag([0.1, 0.2])
@@ -66,15 +67,88 @@ def test_systems_of_python_control():
     with pytest.raises(ValueError, match='^F: discrete_model got a system in continuous time'):
         kr.discrete_model(control.ss(A, B, C, D), W)
     static = control.nlsys(None, lambda t, x, u, p: u, inputs=1, outputs=1)
-    response = control.frd([1, 2], [1, 2])
-    for wrong in (control.tf([1], [1, 1]), static, response):
-        with pytest.raises(ValueError, match='^A: expected a matrix or a state-space system, got'):
+    for wrong in (static, control.frd([1, 2], [1, 2])):
+        with pytest.raises(ValueError, match='^A: expected a linear system, got'):
             kr.continuous_model(wrong, W)
+    for wrong, why in (
+        (control.tf([[[1], [1]]], [[[1, 1], [1, 2]]]), 'it has 2 inputs and 1 outputs'),
+        (control.tf([1, 2, 3], [1, 1]), 'Improper transfer function'),
+        (control.tf([2], [1]), 'it has no pole'),
+    ):
+        with pytest.raises(ValueError, match='^A: expected a system with st.*' + why):
+            kr.lqr(wrong, 1, 1)
+
+
+def systems():
+    """Return 1 / (s^2 + s / 2 + 2) in every form, with the same poles."""
+    found = [signal.lti(A, B, C, D), signal.lti([1], [1, 0.5, 2])]
+    found.append(found[1].to_zpk())
+    try:
+        import control
+    except ImportError:
+        return found
+    return [*found, control.ss(A, B, C, D), control.tf([1], [1, 0.5, 2])]
+
+
+@pytest.mark.parametrize('system', systems(), ids=lambda system: type(system).__name__)
+def test_a_system_is_a_system_everywhere(system):
+    """Its states may be others, but what goes from inputs to outputs is the same."""
+    poles = np.sort_complex(np.roots([1, 0.5, 2]))
+    gain = kr.place(system, [-3, -4])
+    np.testing.assert_allclose(sorted(gain.poles.real), [-4, -3])
+    np.testing.assert_allclose(np.linalg.eigvals(kr.continuous_model(system, 0.1).A).sum(), -0.5)
+    F, *_ = kr.discretize(system, 0.1)
+    np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(F)), np.exp(poles * 0.1))
+    # the noise acts where the input does: the error of the output depends on no coordinates
+    C_of = read_system('A', system).C
+    found, wanted = kr.lqe(system, 1, 0.1), kr.lqe(A, B, C, 1, 0.1)
+    np.testing.assert_allclose(C_of @ found.P @ C_of.T, np.atleast_2d(wanted.P[0, 0]))
+    assert kr.margins(system).delay.value == pytest.approx(kr.margins(A, B, C).delay.value)
+    feedback = kr.lqr(system, 1, 1)
+    at = kr.margins(system, feedback.gain)
+    assert at.lag.value == pytest.approx(kr.margins(feedback).lag.value)
+    wanted = kr.loop_shaping(A, B, C).least
+    assert kr.loop_shaping(system).least == pytest.approx(wanted, rel=1e-6)
+    report = kr.design(system).report
+    assert [mode.pole for mode in report.modes] == pytest.approx([poles[1]])
+
+
+def test_a_system_with_its_noise_is_a_model():
+    times, readings = np.arange(50) * 0.1, np.sin(np.arange(50) * 0.1)
+    model, sensor = kr.continuous_model(A, B, W), (C, 0.1)
+    pair = (signal.lti(A, B, C, D), W)
+    wanted = kr.filter(model, sensor, times, readings, initial=([0, 0], 1))
+    found = kr.filter(pair, sensor, times, readings, initial=([0, 0], 1))
+    np.testing.assert_array_equal(found.mean, wanted.mean)
+    belief = kr.KalmanFilter(pair).predict(([0, 0], 1), dt=0.3)
+    np.testing.assert_array_equal(
+        belief.covariance, kr.KalmanFilter(model).predict(([0, 0], 1), dt=0.3).covariance
+    )
+    assert kr.make_scenario(pair, sensor, rate=10).model.A.tolist() == A
+    with pytest.raises(ValueError, match=r'^model: expected a pair \(system, W\), with the noise'):
+        kr.filter(pair[0], sensor, times, readings, initial=([0, 0], 1))
+    sampled = (signal.dlti(A, B, C, D, dt=0.1), W)
+    assert kr.KalmanFilter(sampled).model.period == 0.1
+
+
+def test_a_design_of_a_system_alone():
+    """It is that of a loop with noise and costs of 1."""
+    report = kr.design(signal.lti(A, B, C, D)).report
+    scenario = kr.make_scenario(
+        kr.continuous_model(A, B, np.array(B) @ np.transpose(B)), (C, 1.0), rate=20 * np.sqrt(2)
+    )
+    wanted = kr.design(scenario).report
+    np.testing.assert_allclose(report.regulator.feedback.gain, wanted.regulator.feedback.gain)
+    np.testing.assert_allclose(report.estimator.gains['y'], wanted.estimator.gains['y'])
+    with pytest.raises(ValueError, match='^scenario: expected readings of the state alone'):
+        kr.design(signal.lti(A, B, C, [[1]]))
+    with pytest.raises(ValueError, match='^model: the theory of a loop needs one in continuous'):
+        kr.design(signal.dlti(A, B, C, D, dt=0.1))
 
 
 @pytest.mark.parametrize(
     'wrong',
-    [signal.lti([1], [1, 1]), signal.lti([], [-1], 1), kr.Model, kr.continuous_model(0, W=1)],
+    [kr.Model, kr.continuous_model(0, W=1)],
 )
 def test_what_is_no_function_of_the_state_is_refused(wrong):
     with pytest.raises(ValueError, match='^A: expected a'):
@@ -207,8 +281,7 @@ STEP = signal.dlti([[1, 0.1], [-0.2, 0.95]], B, C, D, dt=0.1)
         (lambda: kr.dlqr(STEP, 1, 1, dt=0.7), 'dt: the system has samples of 0.1 s, got 0.7'),
         (lambda: kr.place(STEP, [-1, -2], dt=0.5), 'dt: the system has samples of 0.1 s, got'),
         (lambda: kr.margins(STEP, dt=0.5), 'dt: the system has samples of 0.1 s, got 0.5'),
-        (lambda: kr.margins(STEP, [1, 1]), 'B: expected nothing beside a loop'),
-        (lambda: kr.margins(signal.lti(A, B, C, D), None, [[9, 9]]), 'B: expected nothing beside'),
+        (lambda: kr.margins(STEP, [1, 1], [1, 1], [0]), 'B: expected none'),
         (lambda: kr.margins(kr.lqr(A, B, 1, 1), [1, 2]), 'B: expected nothing beside a gain'),
         (
             lambda: kr.margins(kr.continuous_model(A, B, W), [1, 1], [1, 1], [0]),

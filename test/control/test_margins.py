@@ -124,7 +124,7 @@ def test_textbook_third_order():
     np.testing.assert_allclose(found.lag.frequency, 1.7844, atol=5e-5)
     np.testing.assert_allclose(found.delay.value, 0.2847, atol=5e-5)
     assert (found.lower_gain.value, found.lead.value) == (0.0, np.inf)
-    text = 'gain 0 to 3.6, phase -inf to +29.1 deg, delay 0.285 s, disk 0.458, min|1 + L| 0.402'
+    text = 'gain 0 to 3.6, lead any, lag 29.1 deg, delay 0.285 s, disk 0.458, min|1 + L| 0.402'
     assert str(found) == text
 
 
