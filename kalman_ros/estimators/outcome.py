@@ -26,6 +26,7 @@ class Outcome(Enum):
     FIRST_POSE = 'kept: others are compared with it'
     NO_TRANSFORM = 'dropped: no transform of its frame'
     MOVING = 'not used: not at rest'
+    SWITCHED_OFF = 'not used: fusion is switched off'
     OTHER_FRAME = 'dropped: in another frame than declared'
     DUPLICATE = 'dropped: duplicate stamp'
     TOO_OLD = 'dropped: older than the window'

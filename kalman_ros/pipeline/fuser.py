@@ -40,6 +40,12 @@ class Received(NamedTuple):
     sample: Sample | Reading
     refused: Outcome | None = None
 
+    def set_aside(self) -> Received:
+        """Return a reading that is not to be used, and an input as it is."""
+        if isinstance(self.channel, InputReader):
+            return self
+        return self._replace(refused=Outcome.SWITCHED_OFF)
+
 
 class Fused(NamedTuple):
     """A reading with the time at which it was taken, its outcome, and its correction if any."""
@@ -96,6 +102,8 @@ class Fuser:
         self._judged = online.restarts
         #: Number of resets that a person or a program has requested.
         self.resets = 0
+        #: Whether readings are fused; inputs always are, since the plant obeys them.
+        self.fusing = True
         #: Stamp of the newest reading that moved the estimate, in nanoseconds.
         self.fused_at: int | None = None
 
@@ -109,6 +117,8 @@ class Fuser:
         """Fuse messages received by ``now``, and return the readings with their outcomes."""
         # in the order of the stamps: no message is too old because of another of the same batch
         batch = sorted(received, key=itemgetter(0))
+        if not self.fusing:
+            batch = [each.set_aside() for each in batch]
         arrivals = [
             Arrival(channel.name, time, sample.values, sample.covariance)
             for time, channel, sample, refused in batch
@@ -144,7 +154,7 @@ class Fuser:
         return ended
 
     def _account_for_reading(self, channel: SensorReader, time: int, outcome: Outcome) -> None:
-        if outcome not in (Outcome.FUSED, Outcome.MOVING):
+        if outcome not in (Outcome.FUSED, Outcome.MOVING, Outcome.SWITCHED_OFF):
             why = f': {channel.trouble}' if outcome.explained and channel.trouble else ''
             self.warn(f'reading of {channel.name} {outcome.value}{why}')
         if outcome.accepted:

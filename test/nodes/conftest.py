@@ -36,6 +36,10 @@ class Pair:
             assert time.monotonic() < end, complaint
             self._executor.spin_until_future_complete(Future(), 0.01)
 
+    def spin_peer(self):
+        """Let the peer take what has come, such as the answer of a service."""
+        rclpy.spin_once(self.peer, timeout_sec=0.0)
+
     def close(self):
         self._executor.shutdown()
         self.node.destroy_node()

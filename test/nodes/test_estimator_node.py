@@ -3,10 +3,11 @@
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TwistWithCovarianceStamped
+from geometry_msgs.msg import TwistWithCovarianceStamped, WrenchStamped
+from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.codecs.layout import Sample
 from kalman_ros.codecs.messages import nanoseconds, write_stamp
@@ -14,6 +15,7 @@ from kalman_ros.estimators.instants import Instants
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.estimators.smoother import smooth
 from kalman_ros.nodes.estimator.node import EstimatorNode
+from kalman_ros.nodes.middleware.connections import Connections
 from kalman_ros.nodes.middleware.diagnostics import Level
 from kalman_ros.pipeline.fuser import Received
 
@@ -72,6 +74,52 @@ def test_after_a_reset_the_readings_used_before_are_not_reported_as_unusable(pai
     found.node._on_reset(None, Trigger.Response())
     wanted = 'no reading could be used since the last reset; in total: 1 of velocity fused'
     assert found.node.report()[1] == wanted
+
+
+def test_fusion_is_switched_off_and_on_and_each_reading_is_counted(pair, monkeypatch):
+    found = pair(EstimatorNode, rest_until_input='false')
+    velocity = found.publisher(TwistWithCovarianceStamped, 'velocity')
+    force = found.publisher(WrenchStamped, 'force')
+    counts, inputs = found.node._online.counts['velocity'], found.node._fuser.inputs
+    estimates = record(found, monkeypatch)
+
+    def toggle(data):
+        return found.node._on_toggle(SetBool.Request(data=data), SetBool.Response())
+
+    first = found.node.get_clock().now().nanoseconds
+    send(velocity, [first])
+    found.until(lambda: counts[Outcome.FUSED] == 1, 'no reading came')
+    assert toggle(False).message == 'readings are not fused'
+    before = found.node._online.time, found.node._online.belief.mean.tolist()
+    send(velocity, [first + STEP, first + 2 * STEP])
+    found.until(lambda: counts[Outcome.SWITCHED_OFF] == 2, 'the readings are not counted')
+    assert (found.node._online.time, found.node._online.belief.mean.tolist()) == before
+    assert len(estimates) == 1
+    level, words, _ = found.node.report()
+    assert level is Level.WARN and words == 'fusion is switched off by ~/toggle'
+    message = WrenchStamped()
+    write_stamp(message.header.stamp, first + 3 * STEP)
+    force.publish(message)  # inputs are kept: the plant obeys them
+    found.until(lambda: inputs[Outcome.FUSED] == 1, 'the input is not used')
+    assert toggle(True).success
+    send(velocity, [first + 4 * STEP])
+    found.until(lambda: counts[Outcome.FUSED] == 2, 'the reading is not fused')
+    assert 'switched off' not in found.node.report()[1]
+    toggle(False)
+    found.node.trigger_deactivate()
+    found.node.trigger_activate()
+    assert found.node._fuser.fusing
+
+
+def test_a_second_publisher_of_an_output_is_named(pair):
+    found = pair(EstimatorNode, rest_until_input='false')
+    connections = Connections(found.node)
+    assert [*connections._of_publisher('/estimate')] == []
+    second = found.peer.create_publisher(Odometry, 'estimate', 10)
+    wanted = ['/estimate: /peer publishes here, too']
+    found.until(lambda: [*connections._of_publisher('/estimate')] == wanted, 'not named')
+    found.peer.destroy_publisher(second)
+    found.until(lambda: [*connections._of_publisher('/estimate')] == [], 'not forgotten')
 
 
 def test_of_readings_that_are_too_many_the_newest_are_used(pair, monkeypatch):

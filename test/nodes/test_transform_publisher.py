@@ -12,9 +12,11 @@ pytest.importorskip('rclpy')
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
+from static_frames import message
 
-from kalman_ros.codecs.messages import write_stamp
+from kalman_ros.codecs.messages import STAMP, split, write_stamp
 from kalman_ros.core import Gaussian
+from kalman_ros.nodes.estimator import transform_publisher
 from kalman_ros.nodes.estimator.transform_publisher import TransformPublisher
 from kalman_ros.nodes.middleware.diagnostics import Level
 from kalman_ros.pipeline.settings import settings
@@ -192,3 +194,39 @@ def test_without_tf2_msgs_one_line_says_so(monkeypatch):
     known = settings(GIVEN)
     with pytest.raises(ValueError, match="the message package 'tf2_msgs' is not installed"):
         TransformPublisher(Node(), known.scenario, known.options)
+
+
+def serialised(time, parent='odom', child='base_link', count=1):
+    """Return the bytes of a message of transforms at a time, as on /tf."""
+    data = message(*[(parent, child, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))] * count)
+    return data[:8] + STAMP.pack(*split(time)) + data[16:]
+
+
+def test_another_publisher_of_the_same_transform_is_named():
+    node, publish, belief = built()
+    receive = node.subscriptions['/tf']
+    for step in range(20):
+        time = NOW + step * SECOND // 10
+        node.now = time
+        publish(time, belief, time)
+        receive(serialised(time))  # its own comes back
+    assert publish.report(Level.OK, 'consistent', {})[0] is Level.OK and not node.said
+    for step in range(3):  # the same stamps once more, as of a second estimator of the same data
+        assert not node.said
+        receive(serialised(NOW + step * SECOND // 10))
+    wanted = "the transform 'odom' to 'base_link' is published by another node, too"
+    assert node.said == [wanted]
+    level, said, _ = publish.report(Level.OK, 'consistent', {})
+    assert level is Level.WARN and said == wanted
+    assert publish.report(Level.WARN, 'no readings', {})[1] == 'no readings'
+
+
+def test_another_publisher_that_is_gone_is_forgotten(monkeypatch):
+    seconds = [100.0]
+    monkeypatch.setattr(transform_publisher, 'monotonic', lambda: seconds[0])
+    node, publish, _ = built()
+    for step in range(3):
+        node.subscriptions['/tf'](serialised(NOW + step))
+    assert publish.report(Level.OK, 'consistent', {})[0] is Level.WARN
+    seconds[0] += 5.1
+    assert publish.report(Level.OK, 'consistent', {})[0] is Level.OK

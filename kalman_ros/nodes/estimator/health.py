@@ -70,7 +70,8 @@ class Health:
         sources = scenario.sensors
         silent = [name for name, found in channels.items() if found.silent(sources[name])]
         doubtful = [name for name, found in channels.items() if not found.nis.inside()]
-        wrong = ahead
+        wrong = '' if fuser.fusing else 'fusion is switched off by ~/toggle'
+        wrong = wrong or ahead
         if not wrong and online.time is None:
             wrong = self._unstarted()
         if not wrong and silent and not lockstep:

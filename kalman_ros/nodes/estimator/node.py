@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from kalman_ros.analysis.observability import observability
 from kalman_ros.codecs.messages import message_type
@@ -20,6 +20,7 @@ from kalman_ros.pipeline import transforms
 from kalman_ros.pipeline.estimator_options import EstimatorOptions
 from kalman_ros.pipeline.fuser import Fused, Fuser
 from kalman_ros.pipeline.fusion import check_start, fusion
+from kalman_ros.pipeline.global_topics import uses_fixes
 from kalman_ros.pipeline.initial_pose import POSES, PoseReader
 from kalman_ros.pipeline.mounts import TOPIC, Mounts
 from kalman_ros.pipeline.named_state import StateReader
@@ -28,6 +29,7 @@ from kalman_ros.scenario import Scenario
 
 from .changeover import Changeover
 from .channel import InputChannel, SensorChannel
+from .geographic import GeographicServer
 from .health import Health
 from .intake import LockstepIntake, RealTimeIntake
 from .publisher import EstimatePublisher
@@ -52,7 +54,8 @@ class EstimatorNode(runtime.ScenarioNode):
             expected = f'0 or at least {_SLOWEST:g} Hz'
             raise ValueError(f'publish_rate: expected {expected}, got {options.publish_rate:g}')
         settings = Settings(scenario, options, self.extra)
-        found, origin = settings.fusion(wait=options.lockstep), settings.origin()
+        found = settings.fusion(wait=options.lockstep)
+        origin = self._origin = settings.origin()
         self._online, self._estimation = settings.estimator(found), found
         seen = observability(scenario)
         self._publish = EstimatePublisher(self, scenario, options, origin)
@@ -96,6 +99,7 @@ class EstimatorNode(runtime.ScenarioNode):
         An earlier belief is useless: the inputs in the meantime are unknown.
         """
         self._fuser.reset(self.scenario.believed.initial)
+        self._fuser.fusing = True
         if self.options.lockstep:
             LockstepIntake(self, self._fuser)
         else:
@@ -108,6 +112,9 @@ class EstimatorNode(runtime.ScenarioNode):
             self._take_belief(topic, self._read_pose)
         self._take_belief('~/set_state', self._read_state)
         self.create_service(Trigger, '~/reset', self._on_reset)
+        self.create_service(SetBool, '~/toggle', self._on_toggle)
+        if uses_fixes(self.scenario) or self._origin.plane is not None:
+            GeographicServer(self, self.options.frame, self._origin)
 
     def publish(self, time: int, belief: Gaussian) -> None:
         """Publish the belief at ``time``, in nanoseconds."""
@@ -154,6 +161,14 @@ class EstimatorNode(runtime.ScenarioNode):
     def _on_reset(self, _: Any, response: Any) -> Any:
         self._fuser.reset(self.scenario.believed.initial)
         response.success, response.message = True, 'back at the initial belief'
+        return response
+
+    def _on_toggle(self, request: Any, response: Any) -> Any:
+        self._fuser.fusing = request.data
+        self.diagnostics.soon()
+        response.success = True
+        response.message = 'readings are fused' if request.data else 'readings are not fused'
+        self.get_logger().info(response.message, throttle_duration_sec=1.0)
         return response
 
     def prepare(

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import struct
+from collections import deque
 from collections.abc import Mapping
+from time import monotonic
 from typing import Any
 
 from rclpy.qos import QoSProfile
 
-from kalman_ros.codecs.messages import UndecodableError, decode, frame_and_end
+from kalman_ros.codecs.messages import STAMP, UndecodableError, decode, frame_and_end
 from kalman_ros.core import Gaussian
 from kalman_ros.nodes.middleware.diagnostics import Level, Report
 from kalman_ros.nodes.middleware.host import Host
@@ -26,6 +28,10 @@ _QUEUE = QoSProfile(depth=100)
 #: nanoseconds: a parent is named again and again.
 _SAMPLED = 20_000_000
 _MOST_LENGTHS = 1000
+#: The number of sent transforms that may be under way.
+_MOST_SENT = 1000
+#: Number of transforms of someone else, and seconds since the last one, that are a publisher.
+_FOREIGN, _RECENTLY = 3, 5.0
 #: The number of transforms in a message of one.
 _ONE = (b'\1\0\0\0', b'\0\0\0\1')
 
@@ -57,6 +63,10 @@ class TransformPublisher:
         self._publisher = node.create_publisher(self._write.message_type, _TF, _QUEUE)
         #: When the next message of a length is read, in nanoseconds.
         self._due: dict[int, int] = {}
+        #: Stamps of the last transforms, as bytes, that have not come back yet.
+        self._sent: deque[bytes] = deque(maxlen=_MOST_SENT)
+        #: When transforms of these frames came that someone else published.
+        self._foreign: deque[float] = deque(maxlen=_FOREIGN)
         self.count = 0
         #: Why the last one was not published; '' if it was.
         self.refusal = ''
@@ -79,17 +89,39 @@ class TransformPublisher:
             self.refusal = self.refusal or 'no odometry near the time of the estimate'
             self._warn(f'no transform: {self.refusal}')
             return
+        stamp = message.transforms[0].header.stamp
+        self._sent.append(STAMP.pack(stamp.sec, stamp.nanosec))
         self._publisher.publish(message)
         self.count += 1
 
     def report(self, level: Level, message: str, values: Mapping[str, Any]) -> Report:
         """Return the report of the estimator, with what became of the transforms."""
         values = {**values, 'transforms published': self.count}
-        if not self.refusal:
+        wrong = self._rivalry()
+        if self.refusal:
+            values['no transform'] = self.refusal
+            wrong = f'no transform: {self.refusal}'
+        if not wrong:
             return level, message, values
-        values['no transform'] = self.refusal
-        found = f'no transform: {self.refusal}' if level is Level.OK else message
-        return Level.WARN, found, values
+        return Level.WARN, wrong if level is Level.OK else message, values
+
+    def _rivalry(self) -> str:
+        """Return that someone else publishes the same transform; '' if not."""
+        times = self._foreign
+        if len(times) < _FOREIGN or monotonic() - times[-1] > _RECENTLY:
+            return ''
+        found = f"the transform '{self._options.frame}' to '{self._write.child}'"
+        return f'{found} is published by another node, too'
+
+    def _recognise(self, stamp: bytes) -> None:
+        """Note whether a transform of these frames is one of those that were sent."""
+        try:
+            self._sent.remove(stamp)
+        except ValueError:
+            self._foreign.append(monotonic())
+            rivalry = self._rivalry()
+            if rivalry:
+                self._warn(rivalry)
 
     def _now(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
@@ -106,6 +138,7 @@ class TransformPublisher:
 
     def _on_tf(self, data: bytes) -> None:
         if self._is_own(data):
+            self._recognise(data[8 : 8 + STAMP.size])
             return
         now = self._now()
         due = self._due.get(len(data), now)

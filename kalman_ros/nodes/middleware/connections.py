@@ -16,6 +16,8 @@ PATIENCE = 3.0
 #: otherwise checks are rare.
 _SOON, _LATER = 1.0, 30.0
 _ROS_OWN = ('/rosout', '/parameter_events', '/diagnostics')
+#: Topics that several nodes publish together.
+_SHARED = ('/tf', '/tf_static')
 
 
 class Connections:
@@ -108,7 +110,12 @@ class Connections:
 
     def _of_publisher(self, topic: str) -> Iterator[str]:
         node = self._node
-        for here in self._ours(node.get_publishers_info_by_topic(topic)):
+        publishers = node.get_publishers_info_by_topic(topic)
+        ours = self._ours(publishers)
+        others = sorted({_name(each) for each in publishers} - {_name(each) for each in ours})
+        if others and topic not in _SHARED:
+            yield f'{topic}: {" and ".join(others)} publishes here, too'
+        for here in ours:
             for there in node.get_subscriptions_info_by_topic(topic):
                 why = _mismatch(here, there, here.qos_profile, there.qos_profile)
                 if why:

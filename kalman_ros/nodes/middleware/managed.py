@@ -65,6 +65,9 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
     def activate(self) -> None:
         """Create the entities that last until the node is deactivated."""
 
+    def accompany(self) -> None:
+        """Create what an active node has whatever it does; nothing by default."""
+
     def deactivate(self) -> None:
         """Publish the last messages before the node is deactivated.
 
@@ -184,6 +187,7 @@ class ManagedNode(LifecycleNode):  # type: ignore[misc]
             with ExitStack() as self._entering:
                 create()
                 if phase == ACTIVE:
+                    self.accompany()
                     self.at_the_end(self.deactivate)
                 self._lifetimes.append(self._entering.pop_all())
         finally:

@@ -26,7 +26,7 @@ from kalman_ros.pipeline.settings import Chosen, choose
 from kalman_ros.scenario import Scenario, shipped
 from kalman_ros.scenario.parameter_files import own_section
 
-from . import parameters, topics
+from . import bond, parameters, topics
 from .diagnostics import Diagnostics, Level, Report
 from .file_arguments import hint, readable
 from .interruption import Interruption
@@ -108,6 +108,11 @@ class ScenarioNode(WatcherNode, ManagedNode):
         found = super().on_activate(state)
         self._prioritize()
         return found
+
+    def accompany(self) -> None:
+        """Create the bond with a manager, which there is if the node does not start alone."""
+        if parameters.given(self).get('autostart') is False and bond.has_type():
+            bond.Bond(self, self.get_name())
 
     def own_process(self) -> None:
         """Record that this node owns the process, so that it may raise its priority."""

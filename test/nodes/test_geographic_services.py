@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The services of robot_localization, with its types where they are installed."""
+
+import importlib.util
+
+import pytest
+
+from kalman_ros.nodes.estimator.node import EstimatorNode
+from kalman_ros.scenario import shipped
+
+INSTALLED = importlib.util.find_spec('robot_localization') is not None
+
+
+@pytest.mark.skipif(not INSTALLED, reason='robot_localization is not installed')
+def test_the_services_have_the_names_and_types_that_nav2_calls(pair):
+    from geographic_msgs.msg import GeoPoint
+    from geometry_msgs.msg import Point
+    from robot_localization.srv import FromLL, FromLLArray, ToLL, ToLLArray
+
+    found = pair(EstimatorNode, file=str(shipped.file('navsat')))
+
+    def call(kind, name, **request):
+        client = found.peer.create_client(kind, name)
+        found.until(client.service_is_ready, f'no service {name}')
+        future = client.call_async(kind.Request(**request))
+        found.until(lambda: (found.spin_peer(), future.done())[1], f'no answer of {name}')
+        return future.result()
+
+    datum = GeoPoint(latitude=49.8728, longitude=8.6512, altitude=144.0)
+    point = call(FromLL, '/fromLL', ll_point=datum).map_point
+    assert (point.x, point.y, point.z) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    place = call(ToLL, '/toLL', map_point=Point(x=0.0, y=0.0, z=1.0)).ll_point
+    assert place.altitude == pytest.approx(145.0, abs=1e-6)
+    assert place.latitude == pytest.approx(datum.latitude, abs=1e-9)
+    points = call(FromLLArray, '/fromLLArray', ll_points=[datum] * 3).map_points
+    assert len(points) == 3
+    places = call(ToLLArray, '/toLLArray', map_points=points).ll_points
+    assert [each.altitude for each in places] == pytest.approx([144.0] * 3, abs=1e-6)
