@@ -125,7 +125,8 @@ def _complete(signal: Signal) -> tuple[str, ...]:
     if not groups:
         listed = ', '.join(signal.fields)
         raise ValueError(
-            f"signal '{signal.topic}': mount.rotation, convention: no axes to turn in {listed}"
+            f"signal '{signal.topic}': mount.rotation, mount.heading, convention: no axes to "
+            f'turn in {listed}'
         )
     siblings = [field for group in groups for field in group.siblings()]
     return tuple(dict.fromkeys((*signal.fields, *siblings)))

@@ -36,6 +36,9 @@ class Mounting(NamedTuple):
         Whether place or rotation of the sensor is configured.
     from_tf
         Whether place and rotation are taken from transforms, and are not known yet.
+    heading
+        Heading, in rad counter-clockwise from east, that the messages call zero: the declination
+        of a compass, or the offset of a gyro that starts anywhere.
     """
 
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -43,11 +46,12 @@ class Mounting(NamedTuple):
     frame: str = ''
     placed: bool = False
     from_tf: bool = False
+    heading: float = 0.0
 
     @property
     def turned(self) -> bool:
         """Whether the axes differ from those of the body and the world."""
-        return any(self.rotation) or self.convention != 'enu'
+        return any(self.rotation) or self.convention != 'enu' or self.heading != 0.0
 
     @property
     def body_from_sensor(self) -> Array:
@@ -58,7 +62,8 @@ class Mounting(NamedTuple):
     @property
     def world_from_reported(self) -> Array:
         """Rotation (3, 3) of places from the axes of the messages to east, north, up."""
-        return _ENU_FROM_NED if self.convention == 'ned' else np.eye(3)
+        R = so3.exp(np.array([0.0, 0.0, self.heading]))
+        return np.asarray(R @ _ENU_FROM_NED if self.convention == 'ned' else R)
 
 
 #: Mounting along the axes of the body, with the frame of the first message.
@@ -71,6 +76,7 @@ def mounting(
     frame: str,
     translation: Sequence[float],
     from_tf: bool = False,
+    heading: float = 0.0,
 ) -> Mounting:
     """Return the mounting by the options of a sensor.
 
@@ -90,4 +96,4 @@ def mounting(
     placed = any(rotation) or any(translation)
     if placed and from_tf:
         raise ValueError('mount.tf: expected no mount.translation and mount.rotation beside it')
-    return Mounting((roll, pitch, yaw), convention, frame, placed or from_tf, from_tf)
+    return Mounting((roll, pitch, yaw), convention, frame, placed or from_tf, from_tf, heading)

@@ -176,6 +176,7 @@ def _source(
     wire = {key: given.pop(key) for key in ('topic', 'type', 'fields', 'covariance')}
     arm, gravity = given.pop('mount.translation'), given.pop('mount.gravity')
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
+    heading = given.pop('mount.heading')
     frame, pose, from_tf = given.pop('frame'), given.pop('pose'), given.pop('mount.tf')
     zero, std, density = given.pop('zero'), given.pop('bias_std'), given.pop('bias_noise')
     small, watched = given.pop('still.below'), given.pop('still.fields')
@@ -191,7 +192,7 @@ def _source(
         if pose != POSES[0] and any(arm):
             raise ValueError(f'mount.translation: expected none with pose: {pose}')
         _check_units(sensor, wire['fields'], pose)
-        mount = mounting(rotation, convention, frame, arm, from_tf)
+        mount = mounting(rotation, convention, frame, arm, from_tf, heading)
         still = stand_still(wire['fields'], small, watched, duration)
         if any(arm) or gravity:
             body = body_of(model.state, state)
@@ -251,7 +252,8 @@ def placed(
     # a fix has no axes, and neither has a pressure
     has_axes = signal.type != _FIX and any(map(quantity, signal.fields))
     angles = rotation.tolist() if has_axes else [0.0] * 3
-    mount = mounting(angles, signal.mounting.convention, frame, arm)
+    reported = signal.mounting
+    mount = mounting(angles, reported.convention, frame, arm, heading=reported.heading)
     if signal.pose != POSES[0] and any(arm):
         raise ValueError(f'{name}.mount.tf: expected no translation with pose: {signal.pose}')
     if any(arm):

@@ -75,6 +75,16 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
             About('forward, left, up of the body', 'm', -_FARTHEST, _FARTHEST, feature=_FRAMES),
         ),
         'mount.rotation': AXES['mount.rotation'],
+        'mount.heading': (
+            0.0,
+            About(
+                'heading of the body where the messages have 0, from east',
+                'rad',
+                -2.0 * pi,
+                2.0 * pi,
+                feature=_FRAMES,
+            ),
+        ),
         'mount.gravity': (
             0.0,
             About(

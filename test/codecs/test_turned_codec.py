@@ -186,3 +186,24 @@ def test_only_minus_one_says_that_there_is_no_reading(first):
     for values, name in (([-1.0, first], 'a'), ([first, -1.0], 'b')):
         with pytest.raises(AbsentError, match=rf'^{name}\[0\] is -1$'):
             refuse_absent(ways, values)
+
+
+@pytest.mark.parametrize('convention', ['enu', 'ned'])
+def test_a_heading_offset_turns_the_world_of_the_messages(convention):
+    """A compass that calls d zero reads R of a body whose attitude is Rz(d) W R B'."""
+    rng, d = np.random.default_rng(4), 0.7
+    attitude, rate, C = Rotation.random(random_state=3), rng.normal(size=3), spd(rng)
+    mounting = Mounting((0.1, -0.2, 0.3), convention, heading=d)
+    data = imu(rate, attitude, C)
+    W = Rotation.from_euler('z', d).as_matrix() @ (NED if convention == 'ned' else np.eye(3))
+    B = euler(mounting.rotation).as_matrix() @ (FRD if convention == 'ned' else np.eye(3))
+    sample = read_twice(Signal('imu', IMU, VECTOR, mounting=mounting), data)
+    wanted = Rotation.from_matrix(W @ attitude.as_matrix() @ B.T).as_rotvec()
+    np.testing.assert_allclose(sample.values, wanted, atol=1e-12)
+    np.testing.assert_allclose(sample.covariance, W @ C @ W.T, atol=1e-12)
+    # what is in the axes of the body is not turned by it
+    sample = read_twice(Signal('imu', IMU, RATES, mounting=mounting), data)
+    np.testing.assert_allclose(sample.values, B @ rate, atol=1e-12)
+    yaw = Signal('imu', IMU, ANGLES[2:], mounting=Mounting(heading=d))
+    data = imu(rate, euler((0.0, 0.0, 0.4)), C)
+    np.testing.assert_allclose(read_twice(yaw, data).values, [1.1], atol=1e-12)

@@ -245,7 +245,28 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
     assert alone.values['odom1_position.topic'] == 'odometry/gps'
     assert any('it takes navsat_transform' in row.what for row in alone.rows)
     (row,) = (row for row in navigation.rows if row.name == 'yaw_offset')
-    assert not row.carried and '[0.0, 0.0, -1.5]' in row.what
+    assert row.carried and row.what == 'no heading of an IMU is read'
+
+
+@pytest.mark.parametrize('planar', [True, False])
+def test_declination_and_offset_turn_the_heading_of_the_imu(tmp_path, planar):
+    file = tmp_path / 'dual.yaml'
+    file.write_text(
+        f'ekf:\n  ros__parameters:\n    two_d_mode: {str(planar).lower()}\n    world_frame: map\n'
+        f'    odom0: odometry/gps\n    odom0_config: {config("x", "y")}\n'
+        f'    imu0: imu\n    imu0_config: {config("roll", "pitch", "yaw", "wz")}\n'
+        f'    imu1: imu1\n    imu1_config: {config("yaw")}\n    imu1_differential: true\n'
+        'navsat_transform:\n  ros__parameters:\n    yaw_offset: 1.5\n'
+        '    magnetic_declination_radians: 0.04\n'
+    )
+    ours, navigation = translated(their_nodes(file))
+    turned = {key: value for key, value in ours.values.items() if key.endswith('mount.heading')}
+    assert turned == {'imu0_orientation.mount.heading': pytest.approx(1.54)}
+    rows = {row.name: row for row in navigation.rows}
+    for name in ('yaw_offset', 'magnetic_declination_radians'):
+        assert rows[name].carried and rows[name].what == 'imu0_orientation.mount.heading: 1.54'
+    signal = settings(ours.values).scenario.sensors['imu0_orientation'].signal
+    assert signal.mounting.heading == pytest.approx(1.54) and signal.mounting.turned
 
 
 @pytest.mark.parametrize(

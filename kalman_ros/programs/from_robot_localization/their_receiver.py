@@ -45,12 +45,6 @@ def receiver(
     parameters['publish_fix'] = navigation.value('publish_filtered_gps', False)
     for key, outcome in _NAVIGATION.items():
         navigation.note(key, outcome)
-    turns = 'magnetic_declination_radians', 'yaw_offset'
-    total = sum(navigation.value(key, 0.0) for key in turns)
-    why = f'set mount.rotation of the sensor of the heading to [0.0, 0.0, {-total:g}]'
-    for key in turns:
-        off = navigation.value(key, 0.0) == 0.0
-        navigation.note(key, 'zero: nothing to do' if off else why, carried=off)
     return {
         f'{name}_fix': {
             **{key: value for key, value in position.items() if key == 'gate'},
@@ -60,10 +54,33 @@ def receiver(
     }  # fmt: skip
 
 
+def turn_headings(sensors: Mapping[str, dict[str, Any]], navigation: TheirNode) -> None:
+    """Add declination and offset, which navsat_transform adds to an IMU's heading, to that.
+
+    There the fixes are turned into the map of the IMU; here the map is east and north.
+    """
+    total = sum(navigation.value(key, 0.0) for key in _TURNS)
+    headings = [
+        name
+        for name, sensor in sensors.items()
+        if sensor['type'] == 'sensor_msgs/Imu'
+        and 'pose' not in sensor
+        and any(field in ('orientation.yaw', 'orientation.rz') for field in sensor['fields'])
+    ]
+    for name in headings if total else ():
+        sensors[name]['mount.heading'] = total
+    listed = ', '.join(f'{name}.mount.heading' for name in headings)
+    for key in _TURNS:
+        off = navigation.value(key, 0.0) == 0.0
+        what = f'{listed}: {total:g}' if headings else 'no heading of an IMU is read'
+        navigation.note(key, 'zero: nothing to do' if off else what)
+
+
 def _flat_ground(navigation: TheirNode) -> bool:
     return bool(navigation.value('zero_altitude', False))
 
 
+_TURNS = 'magnetic_declination_radians', 'yaw_offset'
 _NAVIGATION = {
     'frequency': 'not needed: there is no second node',
     'delay': 'not needed: there is no second node',

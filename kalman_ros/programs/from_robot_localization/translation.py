@@ -13,7 +13,7 @@ from kalman_ros.core import Array
 from kalman_ros.core import rotations as so3
 
 from .their_file import SENSOR, Row, TheirNode
-from .their_receiver import receiver
+from .their_receiver import receiver, turn_headings
 from .their_sensors import Sensors, sensors_of
 
 #: Parameters without a counterpart that need none, with the reason.
@@ -157,6 +157,8 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
             else:
                 made = receiver(node, name, made, navigation, parameters)
         sensors.update(made)
+    if navigation is not None and any(name.endswith('_fix') for name in sensors):
+        turn_headings(sensors, navigation)
     if not sensors:
         whys = [
             f'line {row.line}: {row.name}: {row.what}'
