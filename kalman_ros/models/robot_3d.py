@@ -52,6 +52,9 @@ class Robot3D(Model):
         acceleration_noise: Annotated[
             Sequence[float], About('spectral densities of the jerk', 'm^2/s^5', minimum=0.0)
         ] = (0.05, 0.05, 0.01),
+        noise_by_speed: Annotated[
+            bool, About('multiply the noise of the pose by the square of the speed')
+        ] = False,
     ) -> None:
         self._noise = np.diag(
             spectral_densities(
@@ -63,6 +66,7 @@ class Robot3D(Model):
                 acceleration_noise=acceleration_noise,
             )
         )
+        self._moving = np.diag(np.repeat([1.0, 0.0], (6, 9))) if noise_by_speed else None
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return velocity and angular rate in the world, and the change of velocity."""
@@ -84,7 +88,10 @@ class Robot3D(Model):
 
     def noise_density(self, x: Array) -> Array:
         """Return the noise of each state."""
-        return self._noise
+        if self._moving is None:
+            return self._noise
+        squared = (x[..., 6:12] ** 2).sum(axis=-1)[..., np.newaxis, np.newaxis]
+        return np.asarray(self._noise + (squared - 1.0) * (self._noise * self._moving))
 
 
 MODEL = Robot3D

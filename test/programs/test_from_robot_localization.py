@@ -248,6 +248,28 @@ def test_fixes_are_read_without_navsat_transform(tmp_path):
     assert row.carried and row.what == 'no heading of an IMU is read'
 
 
+def test_dynamic_noise_and_limits_are_carried_over(tmp_path):
+    speeding = 'acceleration_limits: [1.0, 0.5, 0.0, 0.0, 0.0, 2.0]'
+    braking = 'deceleration_limits: [1.5, 0.25, 0.0, 0.0, 0.0, 2.0]'
+    lines = [
+        'odom0: odom', f'odom0_config: {config("vx", "wz")}', 'two_d_mode: true',
+        'use_control: true', 'dynamic_process_noise_covariance: true',
+    ]  # fmt: skip
+    values, rows = one(tmp_path, *lines, speeding)
+    assert values['model_parameters.noise_by_speed'] is True
+    assert values['model_parameters.acceleration_limits'] == [1.0, 0.5, 2.0]
+    assert rows['dynamic_process_noise_covariance'].carried and rows['acceleration_limits'].carried
+    settings(values).fusion()
+    values, rows = one(tmp_path, *lines, speeding, braking)
+    assert values['model_parameters.acceleration_limits'] == [1.5, 0.5, 2.0]
+    assert not rows['deceleration_limits'].carried
+    assert 'the larger of both' in rows['acceleration_limits'].what
+    values, rows = one(tmp_path, *lines, 'acceleration_limits: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]')
+    assert 'model_parameters.acceleration_limits' not in values
+    row = rows['acceleration_limits']
+    assert not row.carried and 'expected positive numbers' in row.what
+
+
 @pytest.mark.parametrize('planar', [True, False])
 def test_declination_and_offset_turn_the_heading_of_the_imu(tmp_path, planar):
     file = tmp_path / 'dual.yaml'

@@ -33,12 +33,9 @@ _NOT_NEEDED = {
 _NOT_CARRIED = {
     'debug': 'there is no such file; record the topics, and replay them',
     'debug_out_file': 'there is no such file; record the topics, and replay them',
-    'dynamic_process_noise_covariance': 'the noise does not depend on the speed',
     'permit_corrected_publication': 'estimates are published as they are at the time',
     'base_link_frame_output': 'the estimate is that of child_frame',
     'disabled_at_startup': 'start with autostart: false, and configure on ~/change_state',
-    'acceleration_limits': 'the lag command_time limits the acceleration',
-    'deceleration_limits': 'the lag command_time limits the acceleration',
     'acceleration_gains': 'the lag command_time limits the acceleration',
     'deceleration_gains': 'the lag command_time limits the acceleration',
 }
@@ -57,6 +54,9 @@ _PROCESS: Mapping[bool, Mapping[str, Any]] = {
 _UNSCENTED = {'alpha', 'beta', 'kappa'}
 _PLANAR = [0, 1, 5, 6, 7, 11, 12, 13]
 _STATES, _YAW = 15, 5
+#: Limits of accelerations by commands, of six axes, of which three are in the plane.
+_LIMITS = 'acceleration_limits', 'deceleration_limits'
+_AXES, _PLANAR_AXES = 6, [0, 1, 5]
 #: Values without the parameter: those of robot_localization's own file of defaults.
 _FREQUENCY, _RATE = 30.0, 100.0
 _CONTROL_TIMEOUT = 0.2
@@ -171,6 +171,9 @@ def _filter(node: TheirNode, navigation: TheirNode | None) -> dict[str, Any]:
         parameters.update({f'{name}.{key}': value for key, value in values.items()})
         parameters[f'{name}.rate'] = 50.0
     _noise(node, parameters, sensors, planar=planar)
+    if node.value('dynamic_process_noise_covariance', False):
+        parameters['model_parameters.noise_by_speed'] = True
+    node.note('dynamic_process_noise_covariance', 'model_parameters.noise_by_speed')
     _window(node, parameters)
     _commands(node, parameters, planar=planar)
     node.note('use_sim_time', 'use_sim_time')
@@ -265,6 +268,8 @@ def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> N
     if not control or not planar:
         why = 'robot_3d has no input; robot_2d has (two_d_mode)' if control else 'not used'
         node.note('use_control', why, carried=not control)
+        for name in _LIMITS:
+            node.note(name, why, carried=not control)
         return
     lag = node.value('control_timeout', _CONTROL_TIMEOUT)
     if lag < 0.0:
@@ -274,6 +279,7 @@ def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> N
     parameters['model_parameters.command_time'] = parameters['input_timeout'] = lag
     node.note('use_control', 'model_parameters.command_time: cmd_vel is the input')
     node.note('control_timeout', 'model_parameters.command_time and input_timeout')
+    _limits(node, parameters)
     flags = node.values['control_config'].value if 'control_config' in node.values else None
     used = isinstance(flags, list) and len(flags) == 6 and flags[0] and flags[1] and flags[5]
     all_used = 'commands of forward, sideways and turn are all used'
@@ -282,6 +288,24 @@ def _commands(node: TheirNode, parameters: dict[str, Any], *, planar: bool) -> N
         fields = [f'twist.{field}' for field in ('linear.x', 'linear.y', 'angular.z')]
         parameters.update({'input.type': 'geometry_msgs/TwistStamped', 'input.fields': fields})
     node.note('stamped_control', 'input.type')
+
+
+def _limits(node: TheirNode, parameters: dict[str, Any]) -> None:
+    """Limit the acceleration by commands; a robot that brakes harder has the larger of both."""
+    given = [node.numbers(name, (_AXES,)) for name in _LIMITS]
+    known = [np.array(numbers)[_PLANAR_AXES] for numbers in given if numbers is not None]
+    if not known:
+        return
+    largest = np.max(known, axis=0)
+    if not np.all(largest > 0.0):
+        for name in _LIMITS:
+            node.leave_out(name, 'expected positive numbers forward, left and about z')
+        return
+    parameters['model_parameters.acceleration_limits'] = largest.tolist()
+    both = len(known) == 2 and bool(np.any(known[0] != known[1]))
+    lost = ', the larger of both' if both else ''
+    for name in _LIMITS:
+        node.note(name, f'model_parameters.acceleration_limits{lost}', carried=not both)
 
 
 def _window(node: TheirNode, parameters: dict[str, Any]) -> None:
