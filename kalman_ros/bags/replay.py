@@ -24,6 +24,7 @@ from .blocks import Message
 from .collecting import EstimateRecording, seconds
 from .columns import Rows
 from .feed import TICK, Feed, resolver
+from .pose_topics import PoseReader, has_poses
 from .reading import Bag
 from .recording_writer import RecordingWriter
 from .replayed import Replayed, Truth
@@ -72,6 +73,7 @@ def replay(
     end: float = inf,
     smooth: bool = False,
     truth: str = '',
+    against: str = '',
     namespace: str = '/',
     out: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
@@ -94,7 +96,10 @@ def replay(
     smooth
         Whether to compute the states given all readings, including later ones.
     truth
-        Topic with the true state, of the type and fields that the estimate has.
+        Topic with the true state, of the type and fields that the estimate has, or with true
+        poses: an odometry or a pose.
+    against
+        Topic with the poses of another estimator: an odometry or a pose.
     namespace
         Namespace of the topics of the scenario.
     out
@@ -111,7 +116,7 @@ def replay(
     configured = estimator_settings(scenario, overrides)
     return replay_bag(
         Bag(bag), configured, start=start, end=end, smooth=smooth, truth=truth,
-        namespace=namespace, out=out, progress=progress,
+        against=against, namespace=namespace, out=out, progress=progress,
     )  # fmt: skip
 
 
@@ -123,6 +128,7 @@ def replay_bag(
     end: float = inf,
     smooth: bool = False,
     truth: str = '',
+    against: str = '',
     namespace: str = '/',
     out: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
@@ -141,8 +147,10 @@ def replay_bag(
         if smooth
         else None
     )
-    known = _TruthReader(feed.settings, bag, resolve(truth)) if truth else None
-    topics = [*feed.topics, *([resolve(truth)] if known else [])]
+    known = _truth_reader(feed.settings, bag, resolve(truth)) if truth else None
+    other = PoseReader(bag, resolve(against), 'against') if against else None
+    readers = [reader for reader in (known, other) if reader is not None]
+    topics = [*feed.topics, *(reader.topic for reader in readers)]
     count, received = 0, 0
     with ExitStack() as stack:
         if out is not None:
@@ -158,11 +166,11 @@ def replay_bag(
             received = message.time
             if feed.start is None:
                 feed.start = steps.origin
-            if known is not None and message.topic == known.topic:
-                known(message.data)
-                if message.topic not in feed.topics:
-                    continue
-            feed(message)
+            for reader in readers:
+                if message.topic == reader.topic:
+                    reader(message.data)
+            if not readers or message.topic in feed.topics:
+                feed(message)
             if progress is not None and count % _REPORT == 0:
                 progress(seconds(received, bag.start) - start)
     beliefs = feed.beliefs.result()
@@ -185,10 +193,21 @@ def replay_bag(
         repairs=feed.online.repairs,
         smoothed=None if final is None else final.smoothed(feed.start, believed.own),
         biases=believed.biases(feed.online.belief),
-        truth=None if known is None else known.result(feed.start),
+        truth=known.result(feed.start) if isinstance(known, _TruthReader) else None,
+        true_poses=known.result(feed.start) if isinstance(known, PoseReader) else None,
+        against=None if other is None else other.result(feed.start),
+        frame=feed.settings.options.frame,
         notes=(*bag.damage, *feed.notes),
         arithmetic=feed.fuser.arithmetic,
     )
+
+
+def _truth_reader(settings: Settings, bag: Bag, topic: str) -> _TruthReader | PoseReader:
+    """Return the reader of true states, or of poses where a topic has another type that is one."""
+    state = full_type(settings.scenario.state.type)
+    if has_poses(bag, topic) and bag.topics[topic] != {state}:
+        return PoseReader(bag, topic, 'truth')
+    return _TruthReader(settings, bag, topic)
 
 
 def _limits(bag: Bag, start: float, end: float) -> tuple[float, float]:

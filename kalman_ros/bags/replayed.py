@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kalman_ros.analysis.pose_paths import PosePath, path_of_states
 from kalman_ros.analysis.records import Beliefs, InputRecord, SensorRecord
 from kalman_ros.core import Array, Gaussian
 from kalman_ros.estimators.outcome import Outcome
@@ -97,6 +98,12 @@ class Replayed:
         Sentences about what is missing or damaged.
     arithmetic
         Arithmetic of the model and the sensors: C, CasADi or numpy, with the reason.
+    true_poses
+        True poses, if their topic was named as that of the truth.
+    against
+        Poses of another estimator, if their topic was named.
+    frame
+        Frame of the estimates.
     """
 
     scenario: Scenario
@@ -113,6 +120,25 @@ class Replayed:
     truth: Truth | None
     notes: tuple[str, ...]
     arithmetic: str = 'numpy'
+    true_poses: PosePath | None = None
+    against: PosePath | None = None
+    frame: str = ''
+
+    def poses(self) -> PosePath | None:
+        """Return the poses of the estimates; None if the state has none."""
+        return self._path(self.beliefs.time, self.beliefs.mean, self.beliefs.covariance)
+
+    def reference(self) -> PosePath | None:
+        """Return the true poses, if they are known."""
+        if self.true_poses is not None or self.truth is None:
+            return self.true_poses
+        return self._path(self.truth.time, self.truth.state, None)
+
+    def _path(self, time: Array, mean: Array, covariance: Array | None) -> PosePath | None:
+        scenario = self.scenario
+        return path_of_states(
+            scenario.model.state, scenario.state, time, mean, covariance, self.frame
+        )
 
     def __repr__(self) -> str:
         rows = (f'{name}: {s.fused} of {len(s.nis)} fused' for name, s in self.sensors.items())

@@ -61,7 +61,8 @@ class LeverArm(Sensor):
     ) -> None:
         self._at_centre, self._body = sensor, body
         self._arm = vector('mount.translation', arm, 3)
-        self._up = np.array([0.0, 0.0, gravity])
+        # whether there is gravity is no number that a compiled sensor may change
+        self._up, self._weighs = np.array([0.0, 0.0, gravity]), bool(gravity)
         self.output, self.covariance = sensor.output, sensor.covariance
         self._effects = [_effect(field) for field in fields]
         kinds = {kind for kind, _ in self._effects}
@@ -133,7 +134,7 @@ class LeverArm(Sensor):
         """Return w x (w x l) + R' (0, 0, g)."""
         rate = self._rate(x)
         drawn = np.cross(rate, np.cross(rate, self._arm))
-        if not self._up.any():
+        if not self._weighs:
             return np.asarray(drawn)
         return np.asarray(drawn + so3.rotate_back(self._body.attitude(x), self._up))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from kalman_ros.bags.reading import Bag
 from kalman_ros.core.one_line import one_line
 from kalman_ros.pipeline.settings import settings
 from kalman_ros.pipeline.transforms import check_frames
@@ -41,6 +43,17 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--out', type=Path, metavar='FILE',
         help='our file (default: FILE_kalman_ros.yaml here); with several filters, one each',
     )  # fmt: skip
+    parser.add_argument(
+        '--compare', metavar='BAG',
+        help='replay a recording with our files, beside the output of the old filter in it',
+    )  # fmt: skip
+    parser.add_argument(
+        '--against', default='', metavar='TOPIC',
+        help=f'of that output (default: /{_THEIRS}, where it is recorded)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--truth', default='', metavar='TOPIC', help='of true poses in that recording'
+    )
     return parser.parse_args(argv)
 
 
@@ -131,7 +144,10 @@ def _table(title: str, rows: Sequence[Row]) -> Table:
 def main(argv: Sequence[str] | None = None) -> None:
     """Translate a parameter file, and print what is carried over."""
     options = arguments(argv)
+    if (options.against or options.truth) and not options.compare:
+        refuse(PROGRAM, ValueError('--against, --truth: expected a recording, --compare BAG'))
     try:
+        recorded = Bag(options.compare).topics if options.compare else {}
         translations = translated(their_nodes(options.file))
         filters = [translation for translation in translations if translation.values]
         files = written(filters, options.file, options.out)
@@ -158,3 +174,21 @@ def main(argv: Sequence[str] | None = None) -> None:
         'Places of sensors: by /tf_static (mount.tf), as with robot_localization; without it, set '
         'SENSOR.mount.'
     )
+    if options.compare:
+        against = options.against or (f'/{_THEIRS}' if f'/{_THEIRS}' in recorded else '')
+        sys.exit(max(compared(file, options, against) for file in files))
+
+
+def compared(file: Path, options: argparse.Namespace, against: str) -> int:
+    """Replay the recording with one of our files beside the old filter; return the exit code."""
+    from kalman_ros.programs.replay.program import main as replay  # matplotlib is slow to load
+
+    words = [options.compare, '--params-file', str(file)]
+    words += ['--out', f'out/replay/{file.stem}']
+    for name, topic in (('--against', against), ('--truth', options.truth)):
+        words += [name, topic] if topic else []
+    try:
+        replay(words)
+    except SystemExit as end:
+        return int(end.code or 0) if isinstance(end.code, (int, type(None))) else 2
+    return 0

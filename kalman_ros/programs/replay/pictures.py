@@ -24,6 +24,7 @@ from kalman_ros.report.style import (
     picture,
 )
 
+from .comparison import Comparison
 from .statistics import LAGS, autocorrelation, normalised_innovations, plane, whiteness_bound
 
 SIGMAS = 3.0
@@ -186,3 +187,39 @@ def plan_view(replayed: Replayed, path: Path) -> None:
         axis.set_ylabel('y [m]')
         axis.set_title('The path')
         legend_below(figure, axis)
+
+
+def against(replayed: Replayed, found: Comparison, path: Path) -> None:
+    """Draw two estimates in the plane, and their distance in time."""
+    ours, other, truth = replayed.poses(), found.other, replayed.reference()
+    apart = found.apart
+    assert ours is not None and apart is not None
+    shown = ours.within(other)
+    there = other.at(shown.time)
+    if apart.aligned:
+        shown = shown.aligned_with(there)
+    with figure_with(path, 1, 2, (11.0, 5.0)) as (figure, axes):
+        left, right = axes[0]
+        for each, color, label in (
+            (truth, TRUTH, 'truth'), (other, READING, found.topic), (shown, ESTIMATE, 'estimate'),
+        ):  # fmt: skip
+            if each is not None and len(each.time):
+                some = _every_kth(len(each.time))
+                place = each.position[some]
+                left.plot(place[:, 0], place[:, 1], color=color, lw=1.0, label=label)
+        left.set_aspect('equal', 'datalim')
+        left.set_xlabel('x [m]')
+        left.set_ylabel('y [m]')
+        left.set_title('The path')
+        some = _every_kth(len(apart.time))
+        right.plot(apart.time[some], apart.distance[some], color=ESTIMATE, lw=1.0)
+        if shown.covariance is not None:
+            spread = SIGMAS * np.sqrt(np.trace(shown.covariance, axis1=1, axis2=2))
+            right.fill_between(
+                shown.time[some], 0.0, spread[some], color=BOUND, alpha=0.35, lw=0,
+                label=f'{SIGMAS:g} sigma of the estimate',
+            )  # fmt: skip
+        right.set_xlabel('time [s]')
+        right.set_ylabel('distance [m]')
+        right.set_title(f'From {found.topic}')
+        legend_below(figure, left, right)

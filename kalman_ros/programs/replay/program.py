@@ -25,7 +25,7 @@ from kalman_ros.programs.refusal import interruptible, refuse
 from kalman_ros.programs.results import ready
 from kalman_ros.scenario.parameter_files import overrides
 
-from . import statistics, tables
+from . import comparison, statistics, tables
 
 
 def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -56,8 +56,13 @@ def arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--to', type=float, default=inf, metavar='S', dest='end', help='the same for the end'
     )
     parser.add_argument(
-        '--truth', default='', metavar='TOPIC', help='true states, as the estimate has them'
-    )
+        '--truth', default='', metavar='TOPIC',
+        help='true states, as the estimate has them, or true poses',
+    )  # fmt: skip
+    parser.add_argument(
+        '--against', default='', metavar='TOPIC',
+        help='poses of another estimator: an odometry, or a pose',
+    )  # fmt: skip
     parser.add_argument(
         '--namespace', default='/', metavar='NAME', help='of the topics in the parameter file'
     )
@@ -91,6 +96,7 @@ def replayed_with_progress(
             end=options.end,
             smooth=options.smooth,
             truth=options.truth,
+            against=options.against,
             namespace=options.namespace,
             out=folder / 'estimate',
             progress=lambda done: bar.update(task, completed=done),
@@ -120,8 +126,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     mode = 'lockstep' if run.lockstep else 'real time'
     title = f'{Path(options.bag).name}, {mode}: gaps in s, delays in ms'
     sheet.show(console, [(title, tables.sensor_sheet(run))])
+    beside = comparison.comparison(run, options.against)
+    if beside is not None:
+        sheet.show(console, [comparison.sheet(beside)])
     console.print()
     for sentence in tables.sentences(run, errors):
+        console.print(sentence, markup=False)
+    if beside is not None and (sentence := comparison.parting(run, beside)):
         console.print(sentence, markup=False)
     if checks:
         console.print(checks_table('Consistency', checks))
@@ -133,11 +144,16 @@ def main(argv: Sequence[str] | None = None) -> None:
     # the summary last: if it exists, the results are complete
     with deferred():
         drawn = pictures.draw_all(run, folder)
+        if beside is not None and beside.apart is not None:
+            drawn.append(folder / 'against.png')
+            pictures.against(run, beside, drawn[-1])
         if run.smoothed is not None:
             s = run.smoothed
             np.savez(folder / 'smoothed.npz', time=s.time, mean=s.mean, covariance=s.covariance)
             drawn.append(folder / 'smoothed.npz')
         summary = tables.summary(run, errors, checks, passed)
+        if beside is not None:
+            summary['against'] = comparison.summary(beside)
         (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     files = ', '.join(['summary.json', 'estimate', *(path.name for path in drawn)])
     console.print(f'In {folder}: {files}')
