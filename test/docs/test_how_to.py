@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter files of the how-to pages that are whole are what the estimator takes."""
+"""Parameter files of the pages, whole or laid over others, are what the estimator takes."""
 
 import re
 from pathlib import Path
@@ -10,26 +10,67 @@ pytest.importorskip('rclpy')
 
 from kalman_ros.pipeline.reading_reader import ReadingReader
 from kalman_ros.pipeline.settings import settings
+from kalman_ros.programs.from_robot_localization.program import main as from_robot_localization
 from kalman_ros.scenario.parameter_files import from_file
 
-PAGES = Path(__file__).parents[2] / 'docs' / 'how_to'
+ROOT = Path(__file__).parents[2]
+PAGES = ROOT / 'docs' / 'how_to'
+_BLOCK = re.compile(r'```yaml\n(.*?)```', re.DOTALL)
+#: The first line of a block that is laid over another file.
+_OVER = re.compile(r'# over ([^\s,]+)')
 BLOCKS = [
     pytest.param(block, id=f'{page.stem}-{number}')
-    for page in sorted(PAGES.glob('*.md'))
-    for number, block in enumerate(re.findall(r'```yaml\n(.*?)```', page.read_text(), re.DOTALL))
-    if 'model:' in block and block.startswith('/**:')
+    for page in sorted([ROOT / 'README.md', *(ROOT / 'docs').rglob('*.md')])
+    for number, block in enumerate(_BLOCK.findall(page.read_text()))
 ]
+#: What robot_localization's own test of that robot has.
+JACKAL = """\
+ekf_se_node:
+  ros__parameters:
+    odom0: /jackal_velocity_controller/odom
+    odom0_config: [false, false, false, false, false, false, true, true, true,
+                   false, false, false, false, false, false]
+    imu0: /imu/data
+    imu0_config: [false, false, false, true, true, true, false, false, false,
+                  false, false, false, false, false, false]
+    publish_tf: false
+"""
+
+
+def under(block, folder):
+    """Return the parameters that a block of a page is laid over, as its first line says."""
+    over = _OVER.match(block)
+    if over is None:
+        return {}
+    if over[1].startswith('config/'):
+        return from_file(ROOT / over[1], 'estimator')
+    if over[1] == 'the':
+        (whole,) = _BLOCK.findall((ROOT / 'README.md').read_text())
+        return read(whole, folder / 'whole.yaml')
+    assert over[1] == 'robot.yaml'
+    theirs, ours = folder / 'theirs.yaml', folder / 'robot.yaml'
+    theirs.write_text(JACKAL)
+    from_robot_localization([str(theirs), '--out', str(ours)])
+    return from_file(ours, 'estimator')
+
+
+def read(block, file):
+    file.write_text(block)
+    (name,) = re.findall(r'^(?:/\*\*/)?(estimator_map|demo):', block, re.M) or ['estimator']
+    values = from_file(file, name)
+    return {} if name == 'demo' else values
 
 
 def test_there_are_some():
-    assert len(BLOCKS) >= 3
+    assert len(BLOCKS) >= 15
 
 
 @pytest.mark.parametrize('block', BLOCKS)
-def test_a_whole_file_is_one(block, tmp_path):
-    file = tmp_path / 'robot.yaml'
-    file.write_text(block)
-    found = settings(from_file(file, 'estimator'))
+def test_a_block_is_a_file_or_is_laid_over_one_that_it_names(block, tmp_path, monkeypatch):
+    """Whoever pastes it into a file has what the estimator takes."""
+    monkeypatch.syspath_prepend(str(ROOT / 'test' / 'packages' / 'pendulum_robot'))
+    given = {**under(block, tmp_path), **read(block, tmp_path / 'block.yaml')}
+    found = settings(given)
     found.estimator()
     for source in found.scenario.enabled.values():
         ReadingReader(source.signal)
