@@ -2,6 +2,7 @@
 """package.xml names every ROS package whose modules or messages are used."""
 
 import ast
+import json
 import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -35,3 +36,13 @@ def test_every_package_that_is_used_is_a_dependency():
     named = {each.text for each in tree.iter('exec_depend')}
     assert {*used()} - OPTIONAL - named == set()
     assert {'tf2_msgs', 'visualization_msgs', 'rosidl_generator_py'} <= named
+
+
+def test_the_container_installs_what_package_xml_names_and_builds_the_checkout():
+    lines = (ROOT / 'Dockerfile').read_text().splitlines()
+    copied = [line.split()[1] for line in lines if line.startswith('COPY')]
+    assert copied == ['package.xml', '.'] and lines[4].startswith('FROM ros:jazzy')
+    assert any('rosdep install' in line for line in lines)
+    settings = json.loads((ROOT / '.devcontainer' / 'devcontainer.json').read_text())
+    assert (ROOT / '.devcontainer' / settings['build']['dockerfile']).resolve().is_file()
+    assert {'.venv', 'install', 'out'} <= {*(ROOT / '.dockerignore').read_text().split()}
