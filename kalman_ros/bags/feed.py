@@ -78,7 +78,7 @@ class Feed:
             name: SensorReader(name, source, self.origin, frames, note, mounts)
             for name, source in scenario.sensors.items()
         }
-        input = InputReader(scenario.input, frames, note)
+        input = InputReader(scenario.input, frames, note, mounts)
         timeout = settings.input_timeout()
         self.fuser = Fuser(
             scenario, self.online, channels, input, lambda _: None, timeout, estimation.arithmetic

@@ -15,7 +15,7 @@ _P, _R, _V, _G, _B = (slice(3 * k, 3 * k + 3) for k in range(5))
 
 
 class Inertial(Model):
-    """p' = v, R' = R [w - b_g]x, v' = R (f - b_a) - (0, 0, g), with noise on all but p.
+    """p' = v, R' = R [s_g w - b_g]x, v' = R (s_a f - b_a) - (0, 0, g), with noise on all but p.
 
     R turns the axes of the body into those of the world, in which position and velocity are. The
     biases forget their value with a time constant (P. Groves, Principles of GNSS, Inertial, and
@@ -51,30 +51,44 @@ class Inertial(Model):
         gravity: Annotated[
             float, About('acceleration of gravity', 'm/s^2', minimum=0.0)
         ] = 9.80665,
+        gyro_scale: Annotated[
+            float,
+            About('true rates by those of the readings', minimum=0.1, maximum=10.0),
+        ] = 1.0,
+        accelerometer_scale: Annotated[
+            float, About('the same of the specific forces', minimum=0.1, maximum=10.0)
+        ] = 1.0,
     ) -> None:
         noise = (0.0, gyro_noise, accelerometer_noise, gyro_bias_noise, accelerometer_bias_noise)
         self._noise = np.diag(np.repeat(noise, 3))
         self._gravity = np.array([0.0, 0.0, gravity])
         self._decay = 1.0 / bias_time
+        self._gyro_scale, self._accelerometer_scale = gyro_scale, accelerometer_scale
 
     @property
     def equilibrium(self) -> OperatingPoint:
         """Equilibrium at rest and level, where the accelerometer reads gravity, upwards."""
-        return OperatingPoint(np.zeros(15), np.concatenate((np.zeros(3), self._gravity)))
+        force = self._gravity / self._accelerometer_scale
+        return OperatingPoint(np.zeros(15), np.concatenate((np.zeros(3), force)))
 
     def derivative(self, x: Array, u: Array) -> Array:
         """Return velocity, angular rate and acceleration in the world; the biases decay."""
         R = so3.exp(x[..., _R])
-        rate, force = u[..., :3] - x[..., _G], u[..., 3:] - x[..., _B]
+        rate, force = self._measured(x, u)
         turned = (R @ rate[..., np.newaxis])[..., 0]
         pushed = (R @ force[..., np.newaxis])[..., 0] - self._gravity
         biases = -self._decay * x[..., 9:]
         return np.concatenate((x[..., _V], turned, pushed, biases), axis=-1)
 
+    def _measured(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the angular rate and the specific force (..., 3) in the axes of the body."""
+        rate = self._gyro_scale * u[..., :3] - x[..., _G]
+        return rate, self._accelerometer_scale * u[..., 3:] - x[..., _B]
+
     def state_jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives of errors; an error of the rotation turns the specific force."""
         R = so3.exp(x[..., _R])
-        force = (R @ (u[..., 3:] - x[..., _B])[..., np.newaxis])[..., 0]
+        force = (R @ self._measured(x, u)[1][..., np.newaxis])[..., 0]
         A = np.zeros((*x.shape, 15))
         A[..., _P, _V] = np.eye(3)
         A[..., _R, _G] = A[..., _V, _B] = -R
@@ -85,7 +99,8 @@ class Inertial(Model):
     def input_jacobian(self, x: Array, u: Array) -> Array:
         """Return the derivatives by rates and forces of the body, in the world."""
         B = np.zeros((*x.shape, 6))
-        B[..., _R, :3] = B[..., _V, 3:] = so3.exp(x[..., _R])
+        R = so3.exp(x[..., _R])
+        B[..., _R, :3], B[..., _V, 3:] = self._gyro_scale * R, self._accelerometer_scale * R
         return B
 
     def noise_density(self, x: Array) -> Array:

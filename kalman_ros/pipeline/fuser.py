@@ -22,7 +22,7 @@ from kalman_ros.scenario import Scenario
 from kalman_ros.scenario.estimation import Estimation
 
 from .input_timeout import InputTimeout
-from .reading_reader import InputReader, OtherFrameError, Reading, SensorReader
+from .reading_reader import InputReader, Reading, SensorReader, UnusableInputError
 from .throttle import Throttle
 
 #: Reader of the messages of a sensor, or of the input.
@@ -183,9 +183,9 @@ class Fuser:
         """Return the input in a message, or None with a warning if the message has no input."""
         try:
             sample: Sample = self.input.read(data)
-        except OtherFrameError as error:
-            self.inputs[Outcome.OTHER_FRAME] += 1
-            self.warn(f'{self.scenario.input.topic} {Outcome.OTHER_FRAME.value}: {error}')
+        except UnusableInputError as error:
+            self.inputs[error.outcome] += 1
+            self.warn(f'{self.scenario.input.topic} {error.outcome.value}: {error}')
             return None
         except (LookupError, ValueError) as error:
             self.warn(f'{self.scenario.input.topic}: {error}')

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kalman_ros.codecs.transform_list import transforms_in
-from kalman_ros.core import Array, is_finite
+from kalman_ros.core import Array, Signal, is_finite
 from kalman_ros.core import rotations as so3
 from kalman_ros.scenario import Scenario, SensorSource
 from kalman_ros.scenario.building import placed
@@ -115,6 +115,8 @@ class Mounts:
         self._frames = StaticFrames()
         #: Frame and placement of each sensor that is mounted.
         self._mounted: dict[str, tuple[str, Placement]] = {}
+        #: Those of the input, if it is mounted.
+        self._input: tuple[str, Placement] | None = None
         #: Sensors whose transform has changed since the mounting, which is logged once.
         self._changed: set[str] = set()
         #: Called with the scenario whenever a sensor is mounted.
@@ -122,13 +124,15 @@ class Mounts:
 
     @property
     def needed(self) -> bool:
-        """Whether any sensor takes its place from transforms."""
-        return any(source.signal.mounting.from_tf for source in self._scenario.sensors.values())
+        """Whether any sensor, or the input, takes its place from transforms."""
+        signals = [source.signal for source in self._scenario.sensors.values()]
+        return any(each.mounting.from_tf for each in (*signals, self._scenario.input))
 
     def on_static(self, data: bytes) -> None:
         """Take a message of ``/tf_static``; UndecodableError if it is not one."""
         self._frames.add(data)
-        for name, (frame, before) in self._mounted.items():
+        placed = {**self._mounted, **({'input': self._input} if self._input else {})}
+        for name, (frame, before) in placed.items():
             now = self._frames.placement(frame, self._base) or before
             if name not in self._changed and now.differs_from(before):
                 self._changed.add(name)
@@ -146,6 +150,30 @@ class Mounts:
         ValueError
             If the place is not known, or the model cannot use it; one line gives the reason.
         """
+        placement = self._known(frame)
+        source = self._placed(name, self._scenario.sensors[name], frame, placement)
+        self._mounted[name] = frame, placement
+        self.on_mounted(self.applied(self._scenario))
+        return source
+
+    def mount_input(self, frame: str) -> Signal:
+        """Return the signal of the input, turned by the frame of its messages.
+
+        Its place is that of the state.
+
+        Raises
+        ------
+        ValueError
+            If the place is not known; one line gives the reason.
+        """
+        placement, signal = self._known(frame), self._scenario.input
+        self._input = frame, placement
+        roll, pitch, yaw = so3.to_euler(placement.rotation).tolist()
+        mount = signal.mounting._replace(rotation=(roll, pitch, yaw), from_tf=False)
+        return replace(signal, mounting=mount)
+
+    def _known(self, frame: str) -> Placement:
+        """Return the placement of a frame; ValueError if it is not known."""
         if not frame:
             raise ValueError('mount.tf: the messages name no frame')
         placement = self._frames.placement(frame, self._base)
@@ -155,10 +183,7 @@ class Mounts:
             )
         if placement is None:
             raise ValueError(f"no transform from '{self._base}' to '{frame}' on {TOPIC} yet")
-        source = self._placed(name, self._scenario.sensors[name], frame, placement)
-        self._mounted[name] = frame, placement
-        self.on_mounted(self.applied(self._scenario))
-        return source
+        return placement
 
     def applied(self, scenario: Scenario) -> Scenario:
         """Return a scenario with the sensors that are mounted."""

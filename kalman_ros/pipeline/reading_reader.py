@@ -152,8 +152,20 @@ class ReadingReader:
         return Reading(time, np.empty(0), None, outcome)
 
 
-class OtherFrameError(ValueError):
-    """Error of an input in another frame than declared."""
+class UnusableInputError(ValueError):
+    """Error of an input that is in another frame than declared, or in one without a transform.
+
+    Parameters
+    ----------
+    outcome
+        What it is counted as.
+    reason
+        One line.
+    """
+
+    def __init__(self, outcome: Outcome, reason: str) -> None:
+        super().__init__(reason)
+        self.outcome = outcome
 
 
 class InputReader:
@@ -172,9 +184,15 @@ class InputReader:
     name: None = None
 
     def __init__(
-        self, signal: Signal, frames: Sequence[str] = (), warn: Callable[[str], object] = str
+        self,
+        signal: Signal,
+        frames: Sequence[str] = (),
+        warn: Callable[[str], object] = str,
+        mounts: Mounts | None = None,
     ) -> None:
         self._read = WireReader(codec_of(signal))
+        #: Mounting of the sensor whose readings are the input, until its place is known.
+        self._mounts = mounts if signal.mounting.from_tf else None
         self.message_type: Any = self._read.message_type
         self._guard = FrameGuard(
             signal, self.message_type, frames, lambda why: warn(f'input: {why}')
@@ -186,8 +204,8 @@ class InputReader:
 
         Raises
         ------
-        OtherFrameError
-            If it is in another frame than declared.
+        UnusableInputError
+            If it is in another frame than declared, or in one without a transform.
         UndecodableError, LookupError, ValueError
             If the bytes are not those of such a message, or the input is not in it.
         """
@@ -195,8 +213,15 @@ class InputReader:
         if not data.startswith(self._guard.accepted, FRAME_START):
             other = self._guard(data)
             if other and self._declared:
-                raise OtherFrameError(other)
-        return sample
+                raise UnusableInputError(Outcome.OTHER_FRAME, other)
+        if self._mounts is None:
+            return sample
+        try:
+            signal = self._mounts.mount_input(self._guard.frame)
+        except ValueError as error:
+            raise UnusableInputError(Outcome.NO_TRANSFORM, str(error)) from None
+        self._read, self._mounts = WireReader(codec_of(signal)), None
+        return self._read(data)
 
 
 class SensorReader:

@@ -271,7 +271,9 @@ def _input(given: dict[str, Any], size: int) -> Signal:
     """Return the signal of the input, whose axes may be turned against the body's."""
     rotation, convention = given.pop('mount.rotation'), given.pop('convention')
     try:
-        mount = mounting(rotation, convention, given.pop('frame'), (0.0, 0.0, 0.0))
+        mount = mounting(
+            rotation, convention, given.pop('frame'), (0.0, 0.0, 0.0), given.pop('mount.tf')
+        )
     except ValueError as error:
         raise ValueError(f'input.{error}') from None
     return replace(_signal('input', given, size), mounting=mount)

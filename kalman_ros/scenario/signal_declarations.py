@@ -27,6 +27,10 @@ AXES: Mapping[str, tuple[Value, About]] = {
         [0.0, 0.0, 0.0],
         About('roll, pitch, yaw on the body', 'rad', -2.0 * pi, 2.0 * pi, feature=_FRAMES),
     ),
+    'mount.tf': (
+        False,
+        About('place and rotation by the transform of frame on /tf_static', feature=_FRAMES),
+    ),
     'convention': (
         'enu',
         About("axes of the messages: 'enu', or 'ned' and forward, right, down", feature=_FRAMES),
@@ -95,10 +99,7 @@ def sensor_options(name: str, setup: SensorSetup) -> dict[str, Option]:
                 feature=_FRAMES,
             ),
         ),
-        'mount.tf': (
-            False,
-            About('both by the transform of frame on /tf_static', feature=_FRAMES),
-        ),
+        'mount.tf': AXES['mount.tf'],
         'convention': AXES['convention'],
         'pose': (
             'absolute',

@@ -36,6 +36,22 @@ def test_biases_are_taken_off_and_axes_are_those_of_the_body():
     np.testing.assert_allclose(rate[6:9], [0.0, 1.0, 0.0], atol=1e-15)
 
 
+def test_scales_multiply_what_is_read_and_jacobians_follow():
+    model, rng = Inertial(gyro_scale=1.03, accelerometer_scale=0.98), np.random.default_rng(3)
+    x, u = rng.normal(size=15), rng.normal(size=6)
+    scaled = u * np.repeat([1.03, 0.98], 3)
+    np.testing.assert_allclose(model.derivative(x, u), MODEL.derivative(x, scaled), atol=1e-14)
+    np.testing.assert_allclose(
+        model.state_jacobian(x, u), Model.state_jacobian(model, x, u), atol=1e-7
+    )
+    scale = np.repeat([1.03, 0.98], 3)
+    np.testing.assert_allclose(
+        model.input_jacobian(x, u), MODEL.input_jacobian(x, u) * scale, atol=1e-14
+    )
+    rest = model.equilibrium
+    np.testing.assert_allclose(model.step(rest.state, rest.input, 2.0), 0.0, atol=1e-12)
+
+
 def drives():
     """Yield the time, the input with the biases of each run, the truth, and fixes."""
     rng = np.random.default_rng(8)

@@ -15,7 +15,7 @@ from kalman_ros.codecs.messages import write_stamp
 from kalman_ros.core import rotations as so3
 from kalman_ros.estimators.outcome import Outcome
 from kalman_ros.pipeline.mounts import Mounts, StaticFrames
-from kalman_ros.pipeline.reading_reader import SensorReader
+from kalman_ros.pipeline.reading_reader import InputReader, SensorReader, UnusableInputError
 from kalman_ros.pipeline.settings import settings
 
 TURN = Rotation.from_euler('xyz', [np.pi / 2, 0.3, -1.0])
@@ -195,3 +195,56 @@ def test_a_transform_that_changes_is_named():
 def test_a_mounting_beside_that_of_transforms_is_refused():
     with pytest.raises(ValueError, match=r'imu.mount.tf: expected no mount.translation and'):
         settings({**DRIVE, 'imu.mount.rotation': [0.1, 0.0, 0.0]})
+
+
+INERTIAL = {
+    'model': 'inertial', 'sensors': ['position'], 'input.mount.tf': True,
+    'position.measures': ['x', 'y', 'z'], 'position.noise': [0.5, 0.5, 0.5],
+    'position.type': 'geometry_msgs/PoseWithCovarianceStamped',
+    'position.fields': [f'pose.pose.position.{axis}' for axis in 'xyz'],
+}  # fmt: skip
+
+
+def imu_of(rate, force, frame='imu_link'):
+    reading = Imu()
+    reading.header.frame_id = frame
+    write_stamp(reading.header.stamp, 5_000_000_000)
+    for vector, values in ((reading.angular_velocity, rate), (reading.linear_acceleration, force)):
+        vector.x, vector.y, vector.z = map(float, values)
+    return bytes(serialize_message(reading))
+
+
+def test_the_imu_that_is_the_input_is_turned_by_its_transform():
+    scenario, warned = settings(INERTIAL).scenario, []
+    mounts = Mounts(scenario, 'base_link', warned.append)
+    assert mounts.needed
+    reader = InputReader(scenario.input, ('map', 'base_link'), warned.append, mounts)
+    rate, force = np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0])
+    data = imu_of(rate, force)
+    with pytest.raises(UnusableInputError, match="no transform from 'base_link' to") as error:
+        reader.read(data)
+    assert error.value.outcome is Outcome.NO_TRANSFORM
+    for each in CHAIN:
+        mounts.on_static(message(each))
+    turn = QUARTER * TURN
+    for _ in range(2):
+        found = reader.read(data).values
+        np.testing.assert_allclose(found, [*turn.apply(rate), *turn.apply(force)], atol=1e-12)
+    assert not warned
+    mounts.on_static(message(('base_link', 'mast', numbers([0.0, 0.0, 1.0], TURN))))
+    assert warned == ['input: the transform of imu_link has changed: restart the estimator']
+
+
+def test_an_input_without_a_frame_is_not_used_and_one_of_the_body_is_as_it_is():
+    scenario = settings(INERTIAL).scenario
+    mounts = Mounts(scenario, 'base_link', str)
+    reader = InputReader(scenario.input, ('map', 'base_link'), str, mounts)
+    with pytest.raises(UnusableInputError, match=r'mount.tf: the messages name no frame'):
+        reader.read(imu_of([1, 2, 3], [4, 5, 6], ''))
+    found = reader.read(imu_of([1, 2, 3], [4, 5, 6], 'base_link')).values
+    np.testing.assert_allclose(found, [1, 2, 3, 4, 5, 6])
+
+
+def test_a_place_of_the_input_is_from_one_source_alone():
+    with pytest.raises(ValueError, match=r'^input.mount.tf: expected no mount.translation and'):
+        settings({**INERTIAL, 'input.mount.rotation': [0.1, 0.0, 0.0]})

@@ -48,9 +48,9 @@ class Health:
         topic = scenario.input.topic
         values[f'{topic}: used'] = fuser.inputs[Outcome.FUSED]
         values[f'{topic}: received'] = fuser.inputs.total()
-        other = Outcome.OTHER_FRAME
-        if fuser.inputs[other]:
-            values[f'{topic}: {other.value}'] = fuser.inputs[other]
+        for outcome in (Outcome.OTHER_FRAME, Outcome.NO_TRANSFORM):
+            if fuser.inputs[outcome]:
+                values[f'{topic}: {outcome.value}'] = fuser.inputs[outcome]
         values['estimates published'] = published
         believed = scenario.believed
         values.update(fuser.observability.report(fuser.estimate()))

@@ -77,7 +77,7 @@ class EstimatorNode(runtime.ScenarioNode):
             name: SensorChannel(self, name, source, scenario.state, origin, mounts)
             for name, source in scenario.sensors.items()
         }
-        input = InputChannel(scenario.input, own, warn)
+        input = InputChannel(scenario.input, own, warn, mounts)
         self._fuser = Fuser(
             scenario,
             self._online,
